@@ -130,8 +130,9 @@ class LimitCycles(Result):
         if self.basin is not None:
             yield Row("basin", self.basin, unit, "error at breakaway beyond which it does not rest")
         for name, values in self.critical.items():
-            said = ", ".join(f"{v:.4g}" for v in values) or "does not change the answer"
-            yield Row("critical", f"{name}: {said}")
+            said = ", ".join(f"{v:.4g}" for v in values)
+            said = f"begins or ends at {name} {said}" if values else f"is the same at each {name}"
+            yield Row("hunting", said)
         if self.proof:
             yield Row("proof", self.proof)
         yield from noticed(self.messages, "messages")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .canvas import drawn, headed
+from .canvas import drawn, empty, headed
 from .loop_plots import COLOURS
 from .wording import readable
 
@@ -40,6 +40,8 @@ def dared(made: Any, ax: Axes) -> Axes:
 def hunting(made: Any, ax: Axes) -> Axes:
     """Amplitude over period of the members that hunt."""
     ax.plot(made.periods, made.amplitudes, "o", color=COLOURS["before"], label="drives that hunt")
+    if not len(made.periods):
+        empty(ax, "none of the drives hunts")
     ax.set(xlabel="period [s]", ylabel=f"amplitude [{made.unit}]")
     headed(ax, made._title().capitalize())
     return ax

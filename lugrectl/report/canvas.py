@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -99,13 +99,20 @@ def style() -> Any:
     return matplotlib.rc_context(_RC)
 
 
-def headed(ax: Axes, title: str) -> None:
-    """Set the title, with the legend in lines of three between it and the axes."""
-    lines = -(-len(ax.get_legend_handles_labels()[0]) // 3)
-    ax.set_title(title, pad=8 + 14 * lines)
-    if not lines:
+def empty(ax: Axes, said: str) -> None:
+    """Say why there is nothing to draw."""
+    ax.text(0.5, 0.6, said, ha="center", transform=ax.transAxes, color="0.4")
+
+
+def headed(ax: Axes, title: str, marks: Sequence[Any] = ()) -> None:
+    """Set the title, with the legend, of all that has a label or of ``marks``, in lines of three
+    between it and the axes."""
+    known = marks or ax.get_legend_handles_labels()[0]
+    ax.set_title(title, pad=8 + 14 * -(-len(known) // 3))
+    if not known:
         return
     ax.legend(
+        handles=known,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
         ncols=3,

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .canvas import drawn, headed
+from .canvas import drawn, empty, headed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +34,8 @@ def growth(found: Any, ax: Axes) -> Axes:
             ax.plot(sizes, np.ones(len(sizes)), "o", color=colour, mfc=fill, label=name)
     if found.basin:
         ax.axvline(found.basin, color=UNSTABLE, ls="--", label="border of rest")
+    if found.curve is None and not found.cycles:
+        empty(ax, "no cycle was found")
     ax.set(xlabel=f"error at breakaway [{unit}]", ylabel="error at the next turn / error")
     headed(ax, found._title()[:1].upper() + found._title()[1:])
     return ax
@@ -48,11 +50,11 @@ def regions(found: Any, ax: Axes) -> Axes:
     (one, two), (first, second) = found.names, found.values
     colours = ListedColormap(REGION_COLOURS)
     ax.pcolormesh(first, second, found.region.T, cmap=colours, vmin=0, vmax=2, shading="nearest")
-    marks = [Patch(color=c, label=n) for c, n in zip(REGION_COLOURS, NAMES, strict=True)]
+    both = zip(REGION_COLOURS, NAMES, strict=True)
+    marks = [Patch(facecolor=c, edgecolor="0.5", label=n) for c, n in both]
     if one in found.gains and two in found.gains:
         at = ([found.gains[one]], [found.gains[two]])
         marks += ax.plot(*at, "k*", ms=12, label="your gains")
     ax.set(xscale="log", yscale="log", xlabel=one, ylabel=AXES.get(two, two))
-    ax.legend(handles=marks, loc="upper left")
-    ax.set_title("Where the loop hunts")
+    headed(ax, "Where the loop hunts", marks)
     return ax
