@@ -69,7 +69,15 @@ def test_a_notch_where_it_pays(quick):
 @pytest.mark.slow
 @pytest.mark.sample
 def test_twenty_more_drives():
-    made = [judged(d, lg.tune(response(d), notch=False)) for d in map(drives.draw, SLOW)]
+    """Gains are refused only where most of the response is not certain."""
+    made, refused = [], []
+    for drive in map(drives.draw, SLOW):
+        known = response(drive)
+        try:
+            made.append(judged(drive, lg.tune(known, notch=False)))
+        except lg.Refused:
+            refused.append(known.certain.mean())
+    assert len(refused) <= 1 and all(share < 0.5 for share in refused)
     stable, peak, share = map(np.array, zip(*made, strict=True))
     assert stable.all() and np.mean(peak <= 2) >= 0.95 and np.quantile(share, 0.2) >= 0.85
 
