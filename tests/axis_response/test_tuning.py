@@ -67,7 +67,6 @@ def test_a_notch_where_it_pays(quick):
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_ten_more_drives():
     """Gains are refused only where most of the response is not certain."""
     made, refused = [], []
