@@ -22,7 +22,7 @@ from ..linear import linearize
 from ..linear.measured import response
 from .effects import LINEAR
 from .modes import Mechanics
-from .result import FrequencyResponse
+from .result import UNIT, FrequencyResponse
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
@@ -165,7 +165,7 @@ def _measured(
         dt,
         late,
         _peaks(w, P),
-        (TOP.format(w[-1] / 2 / np.pi, most / w[-1], "(rad/s)/(N m)"),),
+        (TOP.format(w[-1] / 2 / np.pi, most / w[-1], UNIT[motion]),),
         motion,
     )
 

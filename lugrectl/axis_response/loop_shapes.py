@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
+from ..hunting.hunt import cascade_as_pid
 from .loop_axis import Axis
 
 STRUCTURES = ("P-PI", "PID", "PI")
@@ -75,8 +76,7 @@ class Cascade(NamedTuple):
 
     def pid(self, dt: float | None) -> Gains:
         """The PID that it is; sampled, w is a difference and the integral that of trapezoids."""
-        late = 0.0 if dt is None else 0.5 * dt
-        return Gains(self.kp * self.kv + self.ki, self.ki * self.kv, self.kp - late * self.ki)
+        return Gains(*cascade_as_pid(*self, dt or 0.0))
 
 
 class Shape(NamedTuple):

@@ -28,6 +28,7 @@ RECORD = (
 )
 THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little."
 FEW = 0.5  # of the points: with fewer certain ones that is said
+UNIT = {"rotary": "(rad/s)/(N m)", "linear": "(m/s)/N"}  # of a response
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -101,6 +102,11 @@ class FrequencyResponse(Result):
     def raw_phase(self) -> np.ndarray:
         """The phase of ``raw`` in rad, within half a turn of ``phase``."""
         return self.phase + np.angle(np.ravel(self.raw.frdata) / np.ravel(self.frd.frdata))
+
+    @property
+    def unit(self) -> str:
+        """Of the magnitude."""
+        return UNIT[self.motion]
 
     def plot(self) -> Sequence[Any]:
         """Draw magnitude, phase and coherence, with the band; uncertain points are faint.

@@ -32,7 +32,6 @@ QUIETER = (
 )
 PLAIN = "Any integral action hunts: it is left out, and a load moves the axis by {:.3g} {} a {}."
 UNSEEN = "Limit cycles were not searched: {}"
-UNDECIDED = "neither came to rest"
 MORE = "The search for limit cycles is without {}."
 
 
@@ -167,7 +166,7 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     if axis.dt is None or not given["ki"]:
         return limit_cycles(model, **given)
     found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
-    if found and any(UNDECIDED in said for said in found.messages):
+    if found and found.undecided:
         exact = limit_cycles(model, **given)
         return found if exact else exact
     return found

@@ -157,12 +157,21 @@ def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
     if kv is not None:
         if kd is not None:
             raise InputError("with kv the loop is a cascade, which has no kd: give one of them.")
-        outer, p, i = number(kv, "kv"), gains["kp"], gains["ki"]
-        gains = {"kp": p * outer + i, "ki": i * outer, "kd": p}
+        p, i, d = cascade_as_pid(number(kv, "kv"), gains["kp"], gains["ki"])
+        gains = {"kp": p, "ki": i, "kd": d}
     for k, v in gains.items():
         if v < 0.0 or (k == "kp" and v == 0.0):
             raise InputError(f"{k} = {v:g}: a position loop needs kp above 0, ki and kd from 0 on.")
     return gains
+
+
+def cascade_as_pid(kv: Any, kp: Any, ki: Any, dt: float = 0.0) -> tuple[Any, Any, Any]:
+    """kp, ki and kd of the PID that u = -(kp + ki int)(kv e + w) is.
+
+    With a step ``dt``, where w is a difference and the integral that of trapezoids,
+    int w = e - w dt/2.
+    """
+    return kp * kv + ki, ki * kv, kp - 0.5 * dt * ki
 
 
 def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | None:
@@ -200,6 +209,7 @@ def searched(model: Model, gains: Mapping[str, float], sensing: Sensing | None) 
         tuple(answer.messages),
         curve=answer.curve,
         motion=model.motion,
+        undecided=answer.undecided,
     )
 
 
@@ -255,4 +265,4 @@ def _watched(run: Run, starts: Any, lengths: tuple[int, ...]) -> Answer:
     grows = sum(s.fate == GROWS for s in seen)
     if grows:
         said.append(f"from {grows} of {len(starts)} starts the loop grows without bound")
-    return Answer(cycles_of(seen), basin, None, bool(grows), said, None)
+    return Answer(cycles_of(seen), basin, None, bool(grows), said, None, left)

@@ -65,6 +65,8 @@ class LimitCycles(Result):
         other side; 50 and -50 stand for growth without a stick and for rest.
     motion : "rotary" or "linear"
         Of the drive.
+    undecided : int
+        Starts of a search by simulation that neither came to rest nor repeated.
 
     Examples
     --------
@@ -84,6 +86,7 @@ class LimitCycles(Result):
     critical: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     curve: tuple[np.ndarray, np.ndarray] | None = None
     motion: str = "rotary"
+    undecided: int = 0
 
     def __bool__(self) -> bool:
         return not (self.cycles or self.diverges)
@@ -103,6 +106,7 @@ class LimitCycles(Result):
             "proof": self.proof,
             "diverges": self.diverges,
             "loop": self.loop,
+            "undecided": self.undecided,
             "critical": {k: list(v) for k, v in self.critical.items()},
             "messages": list(self.messages),
         }

@@ -27,7 +27,7 @@ STARTS = 3  # from which T itself is iterated
 
 
 class Answer(NamedTuple):
-    """What was found in a rigid loop; errors in rad."""
+    """What was found in a loop; errors in rad. ``undecided`` starts neither rested nor repeated."""
 
     cycles: list[Cycle]
     basin: float | None
@@ -35,6 +35,7 @@ class Answer(NamedTuple):
     diverges: bool
     messages: list[str]
     curve: tuple[np.ndarray, np.ndarray] | None
+    undecided: int = 0
 
 
 def proven(loop: Loop) -> str | None:

@@ -23,7 +23,7 @@ def bode(found: Any) -> Sequence[Axes]:
     f = found.frequency / (2.0 * np.pi)
     sure = np.where(found.certain, 1.0, np.nan)
     raw = np.asarray(found.raw.frdata)[0, 0]
-    unit = "(rad/s)/(N m)" if found.motion == "rotary" else "(m/s)/N"
+    unit = found.unit
 
     def magnitude(ax: Axes) -> None:
         with np.errstate(divide="ignore"):
