@@ -1,0 +1,40 @@
+"""Derivatives and noise of sampled signals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+STRETCH = 25  # samples over which noise is one number
+
+
+def slope(x: np.ndarray, dt: float) -> np.ndarray:
+    """Central differences of fourth order: at 200 Hz plain ones take 3 % off 10 Hz."""
+    d = np.gradient(x, dt)
+    if len(x) > 8:
+        d[2:-2] = (8 * (x[3:-1] - x[1:-3]) - x[4:] + x[:-4]) / (12 * dt)
+    return d
+
+
+def bend(x: np.ndarray, dt: float) -> np.ndarray:
+    """Second derivative, of fourth order."""
+    d = np.gradient(np.gradient(x, dt), dt)
+    if len(x) > 8:
+        inner = 16 * (x[3:-1] + x[1:-3]) - 30 * x[2:-2] - x[4:] - x[:-4]
+        d[2:-2] = inner / (12 * dt * dt)
+    return d
+
+
+def local_noise(x: np.ndarray, pieces: Sequence[slice], quantile: float) -> float:
+    """A quantile, over short stretches, of the spread of third differences."""
+    thirds = [np.diff(x[at], 3) for at in pieces]
+    spread = [y[: len(y) // STRETCH * STRETCH].reshape(-1, STRETCH).std(axis=1) for y in thirds]
+    return float(np.quantile(np.concatenate(spread), quantile))
+
+
+def half_response(kernel: np.ndarray) -> float:
+    """Frequency (rad per sample) at which a kernel's response falls to one half."""
+    H = np.abs(np.fft.rfft(kernel, 4096))
+    low = np.flatnonzero(H < 0.5 * H[0])
+    return np.pi * (int(low[0]) if len(low) else 2048) / 2048

@@ -1,0 +1,136 @@
+"""The sound samples of a log: runs of one rate and one set of channels, as the reader leaves them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.errors import Refused
+from ..record.record import smallest_step
+from ..record.stretches import Stretch
+
+SHORTEST = 40  # samples: a shorter piece is left out
+SAME_RATE = 0.01  # relative difference of two sample times that are one
+EVEN = 0.02  # RMS distance of stamps from even ones, in samples, that is none
+ON_LATTICE = 0.9  # share of changes that are whole steps of an encoder
+
+Function = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Channels of one rate, piece after piece.
+
+    ``t`` (s), ``u`` (N m), ``theta`` (rad) and ``w`` (rad/s) are (n,), theta or w None where not
+    recorded, ``d`` (N m) the measured load torque. ``ok`` (n,) marks sound samples, ``run`` (n,)
+    the log they come from. ``pieces`` are slices of even time with the step ``dt`` (s).
+    """
+
+    dt: float
+    t: np.ndarray
+    u: np.ndarray
+    theta: np.ndarray | None
+    w: np.ndarray | None
+    d: np.ndarray
+    ok: np.ndarray
+    run: np.ndarray
+    pieces: tuple[slice, ...]
+    even: bool
+
+    @classmethod
+    def of(cls, stretches: Sequence[Stretch], times: Sequence[np.ndarray]) -> Samples:
+        """The samples of stretches of one rate, at the given times."""
+        ends = np.cumsum([0, *(len(s.u) for s in stretches)]).tolist()
+        first = stretches[0]
+
+        def joined(key: str) -> np.ndarray | None:
+            return None if getattr(first, key) is None else np.concatenate(
+                [getattr(s, key) for s in stretches]
+            )  # fmt: skip
+
+        loads = [np.zeros(len(s.u)) if s.d is None else s.d for s in stretches]
+        return cls(
+            dt=float(np.median([s.dt for s in stretches])),
+            t=np.concatenate(times),
+            u=np.concatenate([s.u for s in stretches]),
+            theta=joined("theta"),
+            w=joined("w"),
+            d=np.concatenate(loads),
+            ok=np.concatenate([s.ok for s in stretches]),
+            run=np.repeat([s.run for s in stretches], np.diff(ends)),
+            pieces=tuple(map(slice, ends[:-1], ends[1:])),
+            even=all(s.jitter < EVEN for s in stretches),
+        )
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def each(self, function: Function, x: np.ndarray) -> np.ndarray:
+        """A function of each piece of x (n,), put together: nothing looks across a cut."""
+        return np.concatenate([function(x[at]) for at in self.pieces])
+
+    @property
+    def count(self) -> float:
+        """The step of the encoder, rad; 0 where theta lies on no lattice."""
+        return 0.0 if self.theta is None else lattice_step(self.theta)
+
+    def some(self, most: int) -> Samples:
+        """Evenly spread parts of a long log, ``most`` samples in all; itself where it is short."""
+        if len(self) <= most:
+            return self
+        size = max(most // 12, 10 * SHORTEST)
+        period = int(size * len(self) / most)
+        at = [slice(a, min(a + size, p.stop)) for p in self.pieces
+              for a in range(p.start, p.stop, period)]  # fmt: skip
+        at = [one for one in at if one.stop - one.start >= SHORTEST]
+        ends = np.cumsum([0, *(one.stop - one.start for one in at)]).tolist()
+
+        def part(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([x[one] for one in at])
+
+        theta, w = (None if x is None else part(x) for x in (self.theta, self.w))
+        made = {k: part(getattr(self, k)) for k in ("t", "u", "d", "ok", "run")}
+        pieces = tuple(map(slice, ends[:-1], ends[1:]))
+        return replace(self, theta=theta, w=w, pieces=pieces, **made)
+
+
+def lattice_step(x: np.ndarray) -> float:
+    """The step of the lattice that values (n,) lie on; 0 if they lie on none."""
+    step = smallest_step(x)
+    changes = np.abs(np.diff(x))
+    changes = changes[changes > 0.5 * step] / step if step > 0 else changes[:0]
+    on = np.abs(changes - np.round(changes)) < EVEN
+    return step if len(on) and np.mean(on) > ON_LATTICE else 0.0
+
+
+def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
+    """The stretches of a log by rate and channels; runs follow one another in time.
+
+    Raises Refused where no stretch is long enough.
+    """
+    long = [s for s in stretches if len(s.u) >= SHORTEST and s.ok.any()]
+    if not long:
+        raise Refused(f"no {SHORTEST} sound samples stand in a row.", "Record a longer run.")
+    times = list(_in_turn(long))
+    groups: dict[tuple, list[int]] = {}
+    for i, s in enumerate(long):
+        kind = next((k for k in groups if _alike(k, s)), (s.dt, s.theta is None, s.w is None))
+        groups.setdefault(kind, []).append(i)
+    return [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
+
+
+def _alike(kind: tuple[float, bool, bool], s: Stretch) -> bool:
+    same = (s.theta is None, s.w is None) == kind[1:]
+    return same and abs(s.dt / kind[0] - 1.0) < SAME_RATE
+
+
+def _in_turn(stretches: Sequence[Stretch]) -> Iterator[np.ndarray]:
+    """The times of each stretch: those of the first run as recorded, others behind it."""
+    shift, end, run = 0.0, float(stretches[0].t[0]), stretches[0].run
+    for s in stretches:
+        if s.run != run:
+            shift, run = end + s.dt - float(s.t[0]), s.run
+        end = float(s.t[-1]) + shift
+        yield s.t + shift

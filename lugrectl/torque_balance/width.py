@@ -1,0 +1,266 @@
+"""How wide the windows are: as narrow as the noise in the acceleration allows.
+
+Errors in the acceleration take inertia away, and less so in wider windows. Where no inertia is
+declared, windows are as narrow as those that agree on it with wider ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import ndimage
+
+from ..core.errors import Refused
+from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, NOISY, WIDE, WIDTHS
+from .motion import Motion, SmoothRuns
+from .rows import averages, bump, centres, half_samples
+
+ORDERS = 400  # per turn: the finest wave over the angle that is looked for
+
+
+@dataclass(frozen=True, eq=False)
+class Declared:
+    """What is declared of the drive: J and Fc where given, and the columns (n, k) of gravity, or
+    of a spring, that every plain balance has beside friction. ``weight`` says that it is gravity.
+    """
+
+    J: float | None
+    Fc: float | None
+    place: np.ndarray
+    weight: bool
+
+
+class Probe:
+    """A quick robust balance in windows of half-width ``h`` (s): what it says of the inertia.
+
+    ``J`` with its standard error, ``lost`` the share of it that noise takes away, ``noisy`` the
+    noise of J a over what is small enough, ``left`` the residual over all torque, ``drag`` the
+    share of the torque by which friction opposes the motion.
+    """
+
+    def __init__(self, motion: Motion, h: float, declared: Declared) -> None:
+        self.h, self.declared = h, declared
+        parts = [self._windows(r) for r in motion.runs]
+        first = [at.start for at in motion.at]
+        rows = []
+        for (a, variance, K, thin), start in zip(parts, first, strict=True):
+            rows.append((a, variance, K, start, thin))
+        self._fit(motion, rows)
+
+    @property
+    def enough(self) -> bool:
+        return self.rows >= 3 * (5 + self.declared.place.shape[1])
+
+    def _windows(self, runs: SmoothRuns) -> tuple[np.ndarray, float, object, int]:
+        """Acceleration, its noise (variance) and the averages in the windows of one rate, and every
+        how many windows are independent."""
+        samples, s, dt = runs.samples, runs.sensors, runs.dt
+        half = half_samples(self.h, dt)
+        phi = bump(half)
+        second = np.convolve(phi, [1, -2, 1]) / dt**2
+        first = np.convolve(phi, [0.5, 0, -0.5]) / dt
+        of_theta = s.theta_variance * float(np.sum(second**2))
+        of_w = s.w_variance * float(np.sum(first**2)) if s.w is not None else np.inf
+        if s.filtered:  # a filtered difference of theta tells little more than theta
+            of_w = max(of_w, 0.25 * of_theta)
+        variance = 1 / (1 / of_theta + 1 / of_w)
+        step = max(1, int(0.55 * half))
+        at = centres(samples.pieces, half, step)
+        K = averages(phi, at, len(samples))
+        a = np.zeros(len(at))
+        if s.theta is not None:
+            a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
+        if s.w is not None:
+            a += variance / of_w * (K @ runs.slope(s.w))
+        return a, variance, K, max(1, round(half / step))
+
+    def _fit(self, motion: Motion, rows: list) -> None:
+        direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
+        late = motion.slope(motion.u)
+        signals = np.column_stack(
+            [direction, motion.w, np.ones(len(motion)), late, self.declared.place]
+        )
+        X, y, moves, variance, thin = [], [], [], [], []
+        for a, own, K, start, every in rows:
+            at = slice(start, start + K.shape[1])
+            X.append(np.column_stack([a, K @ signals[at]]))
+            y.append(K @ motion.u[at])
+            moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
+            variance.append(np.full(len(a), own))
+            thin.append(a[::every])
+        moving = np.concatenate(moves)
+        self.rows = int(moving.sum())
+        if self.enough:
+            noise = np.concatenate(variance)[moving]
+            self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
+            self._judge(motion, np.concatenate(thin), float(noise.mean()))
+
+    def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
+        k, size = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + 1e-300
+        X = X / size
+        for _ in range(6):
+            G = X.T @ (X * k[:, None]) + 1e-9 * k.sum() * np.eye(len(size))
+            b = np.linalg.solve(G, X.T @ (y * k))
+            r = y - X @ b
+            scale = 1.5 * np.median(np.abs(r)) + 1e-300
+            k = 5 / (4 + (r / scale) ** 2)
+        self._X, self._b, self._r, self._scale, self._size = X, b, r, scale, size
+        self._inverse = np.linalg.inv(G)
+        self.rms = float(np.sqrt(np.mean(y**2))) + 1e-300
+        told = self._inverse[0, 0] / size[0] ** 2
+        self.J = float(b[0] / size[0])
+        self.error = float(scale * np.sqrt(self._memory * told))
+        self.lost = float(noise.mean() * k.sum() * told)
+        self.residual = float(np.sqrt(np.mean(r**2)))
+        self.left = self.residual / self.rms
+
+    @cached_property
+    def _memory(self) -> float:
+        """Rows that tell as much as one that knows nothing of its neighbours."""
+        r = self._r
+        c = [float(np.mean(r[j:] * r[:-j]) / np.mean(r * r)) for j in range(1, 8)]
+        return 1 + 2 * sum(max(0.0, one) for one in c)
+
+    def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
+        b, size, w = self._b, self._size, np.abs(motion.w)
+        friction = float(np.sqrt(np.mean((self._X[:, 1:3] @ b[1:3]) ** 2))) + 1e-12 * self.rms
+        work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
+        self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
+        self.heavy = self.declared.weight and self._heavy(friction)
+        self.noisy = self._noise(motion, friction, thin, variance)
+
+    def _heavy(self, friction: float) -> bool:
+        """Gravity that is large and certain beside everything that is linear."""
+        b, inverse, X = self._b[5:], self._inverse[5:, 5:], self._X[:, 5:]
+        chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory)
+        return bool(np.sqrt(np.mean((X @ b) ** 2)) > HEAVY * friction and chi2 > 50)
+
+    def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
+        """Noise of J a in a row over what is small enough."""
+        J, known = self.declared.J, self.declared.J is not None
+        small = NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
+        if J is None:
+            J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
+        noisy = J * np.sqrt(variance) / small
+        if known and len(thin) > 2:  # what the acceleration itself shows where it is calm
+            calm = np.quantile(np.abs(np.diff(thin, 2)), 0.15) / 0.189 / 2.45
+            noisy = max(noisy, J * calm / (2 * small))
+        return float(noisy)
+
+
+class Width:
+    """The narrowest windows that will do: ``h`` (s).
+
+    ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
+    it is free. ``impossible``: the torque follows the motion, or has the wrong sign;
+    ``backward``: friction would drive. ``heavy``: gravity that is large.
+    """
+
+    def __init__(self, motion: Motion, declared: Declared) -> None:
+        self.motion, self.declared = motion, declared
+        longest = max((at.stop - at.start) * dt for at, dt in motion.pieces)
+        few = 3 * max(r.dt for r in motion.runs)
+        grid = sorted({max(h, few) for h in WIDTHS if 8 * max(h, few) < longest}) or [few]
+        self.sure, self.range = True, None
+        self.tried: list[Probe] = []
+        self._try(grid, declared.J is not None)
+        if not self.tried:
+            raise Refused(
+                "too few windows in which something moves.",
+                "Record a longer run in which the drive moves.",
+            )
+        good = [p for p in self.tried if self._calm(p) and p.lost < LOST]
+        good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
+        last = self.tried[-5:]
+        self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
+        self.backward = all(p.drag < -0.1 and p.left < 0.7 for p in self.tried[-3:])
+        p = good[0] if good else min(self.tried, key=self._cost)
+        if not self.sure:  # waves over the angle want narrow windows
+            p = next((q for q in self.tried if q.noisy < 3), p)
+        self.h, self.left, self.heavy = p.h, p.left, p.heavy
+
+    def _try(self, grid: list[float], stop: bool) -> None:
+        for h in grid:
+            p = Probe(self.motion, h, self.declared)
+            if not p.enough:
+                continue
+            self.tried.append(p)
+            if stop and p.lost < LOST and self._calm(p):
+                break
+
+    def _calm(self, p: Probe) -> bool:
+        return p.noisy < 1 or self.declared.J is not None and p.h > WIDE
+
+    def _cost(self, p: Probe) -> float:
+        return max(p.noisy, p.lost / LOST, 1.0 - 0.5 * (p.h < 0.1))
+
+    def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
+        """A declared inertia is held where the log does not tell it; where narrow windows lose it
+        to noise, wider ones are asked as if it was not declared."""
+        J, p = self.declared.J, good[0] if good else self.tried[-1]
+        assert J is not None
+        lost = p.J + 3 * p.error < 0.7 * J
+        if lost or not any(q.error < 0.3 * J for q in self.tried):
+            self._try([h for h in grid if h > self.tried[-1].h], False)
+            wide = self._undeclared(self.tried)
+            if self.sure:
+                return wide
+            self.range = J / 1.4, 1.4 * J
+        return good
+
+    def _undeclared(self, good: list[Probe]) -> list[Probe]:
+        known = [p for p in self.tried if p.J > 0 and p.error < 0.3 * p.J]
+        best = max((p.J - p.error for p in known if p.error < 0.15 * p.J), default=0.0)
+        good = [p for p in good if p in known and p.J > 0.9 * best]
+        self.sure = bool(good) and best > 0 and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
+        if self.sure:
+            first = good[0]
+            near = [p.J for p in known if first.h <= p.h < 3 * first.h]
+            half = max(3 * first.error, float(np.ptp(near)), 0.05 * first.J)
+            if half < 0.3 * first.J:
+                self.range = first.J - half, first.J + half
+        return good
+
+
+def fine_wave(motion: Motion, h: float) -> float:
+    """Waves per radian of the strongest wave over the angle that windows of h would hide.
+
+    Of a drive that turns steadily; 0 where there is none.
+    """
+    steady = _steady_parts(motion) if motion.span >= 2 * np.pi else []
+    if not steady:
+        return 0.0
+    wide = max(3, int(2 * h / motion.dt))
+    fast, theta, w = [], [], []
+    for at, on in steady:
+        u = motion.u[at]
+        fast.append((u - ndimage.uniform_filter1d(u, wide, mode="nearest"))[on])
+        theta.append(motion.theta[at][on])
+        w.append(motion.w[at][on])
+    r, th = (np.concatenate(x)[:ENOUGH] for x in (fast, theta))
+    speed = float(np.median(np.abs(np.concatenate(w))))
+    n = np.arange(1, ORDERS + 1)
+    n = n[(n * speed * motion.dt < 1.2) & (n * speed * h > 5)]
+    if not len(n):
+        return 0.0
+    turn, r, power = np.exp(1j * th), r - r.mean(), np.var(r) + 1e-300
+    wave, part = turn ** n[0], []
+    for _ in n:
+        part.append(2 * abs(np.mean(r * wave)) ** 2 / power)
+        wave = wave * turn
+    best = int(np.argmax(part))
+    clear = part[best] > FINE_WAVE and part[best] > 20 * np.median(part)
+    return float(n[best]) if clear else 0.0
+
+
+def _steady_parts(motion: Motion) -> list[tuple[slice, np.ndarray]]:
+    """The pieces that turn at about one speed, with the samples that do; none unless most do."""
+    keep = []
+    for at, _ in motion.pieces:
+        w = np.median(motion.w[at])
+        on = np.abs(motion.w[at] - w) < 0.5 * abs(w)
+        if on.mean() > 0.6:
+            keep.append((at, on))
+    return keep if sum(on.sum() for _, on in keep) >= 0.6 * len(motion) else []
