@@ -9,13 +9,46 @@ the coefficient does not shrink.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 NU = 4.0  # degrees of freedom of Student's t: a few bad rows cannot rule
 TINY = 1e-300
 CLIPS = (3.0, 10.0, 30.0)  # nats: a gain must also stand when no block counts for more
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is known of coefficients (k,) beforehand: ``precision`` 1/sigma^2 around ``centre``,
+    and the bounds ``low``, ``high``."""
+
+    precision: np.ndarray
+    centre: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    @classmethod
+    def free(cls, k: int, **known: Any) -> Prior:
+        """Nothing is known of k coefficients but ``known``, a number or (k,) by name."""
+        made = {"precision": 0.0, "centre": 0.0, "low": -np.inf, "high": np.inf} | known
+        return cls(**{name: np.broadcast_to(np.asarray(x, float), k) for name, x in made.items()})
+
+    @classmethod
+    def joined(cls, *parts: Prior) -> Prior:
+        names = ("precision", "centre", "low", "high")
+        return cls(*(np.concatenate([getattr(p, k) for p in parts]) for k in names))
+
+    def __len__(self) -> int:
+        return len(self.precision)
+
+    def but(self, at: Any, **known: Any) -> Prior:
+        """The same, with other things known of the coefficients ``at``."""
+        made = {k: getattr(self, k).copy() for k in known}
+        for k, value in known.items():
+            made[k][at] = value
+        return replace(self, **made)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,27 +98,22 @@ def bounded(
 
 
 def normal_equations(
-    X: np.ndarray, y: np.ndarray, w: np.ndarray, precision: np.ndarray, scale: float, noise: float
+    X: np.ndarray, y: np.ndarray, w: np.ndarray, prior: Prior, scale: float, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """X'WX and X'Wy with the ``precision`` (k,) of priors around 0.
-
-    ``noise`` is the variance of column 0 in each row.
-    """
+    """X'WX and X'Wy with their prior; ``noise`` is the variance of column 0 in each row."""
     weighted = X * w[:, None]
     G, g = weighted.T @ X, weighted.T @ y
     size = np.diag(G).copy()
     G[0, 0] -= min(noise * w.sum(), 0.3 * size[0])
     rounding = 1e-12 * size + 1e-18 * size.max() * (size < 1e-24 * size.max())
-    G[np.diag_indices(len(size))] += precision * scale**2 + rounding
-    return G, g
+    G[np.diag_indices(len(size))] += prior.precision * scale**2 + rounding
+    return G, g + prior.precision * scale**2 * prior.centre
 
 
 def robust(
     X: np.ndarray,
     y: np.ndarray,
-    precision: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    prior: Prior,
     scale: float,
     noise: float = 0.0,
     weights: np.ndarray | None = None,
@@ -95,9 +123,9 @@ def robust(
     w = np.ones(len(y)) if weights is None else weights
     fixed = None
     for _ in range(turns):
-        G, g = normal_equations(X, y, w, precision, scale, noise)
-        b, free = bounded(G, g, lower, upper, fixed)
-        fixed = ~free & (b != upper)
+        G, g = normal_equations(X, y, w, prior, scale, noise)
+        b, free = bounded(G, g, prior.low, prior.high, fixed)
+        fixed = ~free & (b != prior.high)
         r = (y - X @ b) / scale
         w = (NU + 1) / (NU + r * r)
     return Fit(b, r, free, w)
@@ -127,7 +155,7 @@ class Blocks:
         return total[self.cut[1:]] - total[self.cut[:-1]]
 
     def left_out(
-        self, fit: Fit, X: np.ndarray, precision: np.ndarray, scale: float, stretch: float
+        self, fit: Fit, X: np.ndarray, prior: Prior, scale: float, stretch: float
     ) -> np.ndarray:
         """Log density of each block (number,) under the fit without it.
 
@@ -139,7 +167,7 @@ class Blocks:
         H = own.T @ weighted
         size = np.diag(H).copy()
         rounding = 1e-9 * size + size.max() * (size < 1e-24 * size.max())
-        H[np.diag_indices(len(H))] += precision[fit.free] + rounding
+        H[np.diag_indices(len(H))] += prior.precision[fit.free] + rounding
         M = np.stack([H - own[k].T @ weighted[k] for _, k in self.parts])
         S = np.stack([score[k].sum(axis=0) for _, k in self.parts])
         try:
@@ -181,7 +209,7 @@ def left_out_covariance(
     X: np.ndarray,
     y: np.ndarray,
     fit: Fit,
-    precision: np.ndarray,
+    prior: Prior,
     scale: float,
     noise: float,
     blocks: Sequence[np.ndarray],
@@ -191,7 +219,7 @@ def left_out_covariance(
     What the rows do not determine stays as wide as its prior.
     """
     w, k = fit.w / scale**2, X.shape[1]
-    G, _ = normal_equations(X, y, fit.w, precision, scale, noise)
+    G, _ = normal_equations(X, y, fit.w, prior, scale, noise)
     inverse = np.linalg.inv(G / scale**2)
     score = X * (w * (y - X @ fit.b))[:, None]
     taken = min(noise * w.sum(), 0.3 * float(np.sum(w * X[:, 0] ** 2)))
@@ -206,7 +234,7 @@ def left_out_covariance(
         new = d.T @ d * (len(first) - 1) / len(first)
         V = new if V is None else widest(V, new)
     assert V is not None
-    P = np.diag(precision)
+    P = np.diag(prior.precision)
     return V + inverse @ P @ inverse
 
 

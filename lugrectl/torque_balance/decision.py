@@ -1,0 +1,237 @@
+"""One decision from the table: which effects are missing, and what stands beside them.
+
+Effects are added while they are proven and large enough; where no name comes near what an unknown
+torque explains, two are tried at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from ..blocks.block import members
+from ..core.regression import Prior, paired
+from .constants import (
+    FAR,
+    FLOOR,
+    HEAVY,
+    LATE_FLOOR,
+    LESS,
+    MOST,
+    NATS,
+    NEAR,
+    REST,
+    RIVAL,
+    SECOND,
+    TOGETHER,
+    Z_EQUAL,
+    Z_NOTHING,
+)
+from .friction import Term, View
+from .search import Search
+from .table import Contender, Table
+from .unknown import Unknown
+from .width import Width
+
+ODDS = 20.0  # to one: what a gain must be worth beside NATS
+SURELY = 20.0  # nats: a contender with more may shape the friction of the base
+WEIGHT = "gravity"
+
+
+class Decision:
+    """``verdict``, ``table.chosen`` (the likeliest first), ``alternatives`` to the first of them,
+    ``depends_on`` of an unknown torque.
+
+    ``joined`` are effects so large that they became part of the base before anything was judged,
+    with ``heavy``, the names that explain them as well. ``named``, ``unknown`` are the rows of the
+    table beside the base, ``never`` names that are not to be tried.
+    """
+
+    def __init__(self, view: View, width: Width, never: Collection[str] = ()) -> None:
+        self.view, self.width, self.never = view, width, frozenset(never)
+        self.notes: list[str] = []
+        self.joined: list[Term] = []
+        self.heavy: list[str] = []
+        self.linear = view.model.motion == "linear"
+        self.table = table = Table(view)
+        self.strangers = Unknown(table, self.linear, width.sure)
+        self._look()
+        self._weight_first()
+        if self.named and self.named[0].gain > SURELY:
+            table.restart(self.named[0])
+        table.richest(self.named, self.unknown)
+        self._look()
+        self.e0, self.left, self.rest, self.J0 = table.e, table.left, table.rest, table.J
+        self.before = table.mark()
+        self.decide(frozenset())
+
+    def _look(self) -> None:
+        """The rows of the table beside the base as it stands."""
+        self.search = Search(self.table, self.width.sure, self.never)
+        self.named, self.unknown = self.search.rows(), self.strangers.rows()
+
+    # ---- a load that hides everything else
+    def _weight_first(self) -> None:
+        """Gravity so large that nothing else can be seen before it is in the model joins the base.
+
+        It may be hidden itself by an inertia that plays its part: then the whole base is settled
+        again with it.
+        """
+        known = {t.name for t in self.view.terms}
+        if WEIGHT in known or WEIGHT in self.never or self.linear or self.view.motion.span < 0.8:
+            return
+        weight = next((c for c in self.named if c.name == WEIGHT), None)
+        if not (self.width.heavy or weight is not None and weight.share > HEAVY):
+            return
+        if weight is None or weight.gain < SURELY:
+            if self.width.heavy:
+                self._join(LESS)
+            return
+        if self.width.heavy or self._beside_the_likeliest(weight):
+            rivals = (c for c in self.named if c.name in ("constant_torque", "return_spring"))
+            alike = [c.name for c in rivals if c.gain > 0.97 * weight.gain
+                     or not self.better(weight, c, least=0.0)]  # fmt: skip
+            self._join(np.inf)
+            self.heavy = alike
+
+    def _join(self, less: float) -> None:
+        """Gravity becomes part of the base, unless that leaves more than ``less`` of before."""
+        v, table = self.view, self.table
+        before = table.left * v.size
+        term = Term(members("effect")[WEIGHT], WEIGHT, {}, np.zeros(2))
+        v.terms.append(term)
+        table.restart()
+        if table.left * v.size < less * before:
+            self.joined = [term]
+            self._look()
+        else:
+            v.terms.remove(term)
+            table.restart()
+
+    def _beside_the_likeliest(self, weight: Contender) -> bool:
+        """Is it still there beside the likeliest contender, whatever that is?"""
+        top = self.named[0]
+        if weight.gain >= 0.5 * top.gain:
+            return True
+        if top.C is None or weight.C is None:
+            return False
+        C, prior = np.column_stack([top.C, weight.C]), Prior.joined(top.prior, weight.prior)
+        both = self.table.enter(Contender(WEIGHT, {}, top.block, C=C, prior=prior))
+        torque = weight.C @ both.b[-2:]
+        large = float(np.sqrt(np.mean(torque**2))) > HEAVY * self.view.size
+        return both.gain - top.gain > max(SURELY, 0.2 * weight.gain) and large
+
+    # ---- what is proven, what is large enough, what is better
+    def proven(self, c: Contender, e0: np.ndarray) -> bool:
+        gain, error = paired(c.e, e0)
+        return gain > np.log(ODDS) + NATS and gain > Z_NOTHING * error
+
+    def floor(self, c: Contender) -> float:
+        """The least share of friction that is worth a name: a delay is known as a time."""
+        late = c.lateness and max(c.q.values()) > self.view.longest_hold + 1e-3
+        return LATE_FLOOR * FLOOR if late else FLOOR
+
+    def better(self, a: Contender, b: Contender, least: float = 3.0) -> bool:
+        gain, error = paired(a.e, b.e)
+        return gain > max(Z_EQUAL * error, least)
+
+    # ---- the verdict
+    def decide(self, banned: Collection[str]) -> None:
+        """From the table without the banned names: the best, its rivals, what stands beside it."""
+        self.banned = frozenset(banned)
+        self.verdict, self.alternatives, self.depends_on = "adequate", [], []
+        self.table.back(self.before)
+        large = [c for c in self.named if c.name not in banned
+                 and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
+        good = [c for c in large if self.proven(c, self.e0)]
+        self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * FLOOR]
+        if good:
+            best = good[0]
+            rivals = [c.name for c in good[1:] if c.gain > RIVAL * best.gain]
+            rivals = [n for n in rivals if not self.better(best, self._row(n))][:3]
+            self.alternatives = rivals
+            self.verdict = "ambiguous" if rivals else "found"
+            self._extend(best)
+        elif self.odd:
+            self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
+        if self.verdict == "unexplained" and self.odd and large:
+            self._two_at_once(large[:TOGETHER])
+
+    def _row(self, name: str) -> Contender:
+        return next(c for c in self.named if c.name == name)
+
+    def _extend(self, c: Contender) -> None:
+        """c joins the base; then what is left decides: a further name, an unknown torque that no
+        name comes near, or the end."""
+        table = self.table
+        table.extend(c)
+        named, unknown = Search(table, self.width.sure, self.never).rows(), self.strangers.rows()
+        rest = [g for g in unknown if self.proven(g, table.e)]
+        more = [n for n in named if self.proven(n, table.e) and n.name not in self._taken()]
+        odd, far = self._stranger(rest, more)
+        if odd is not None:
+            self.verdict, self.alternatives = "unexplained", []
+            self.depends_on = sorted(odd.depends_on)
+            if far:  # no name comes near: none is given
+                table.back(self.before)
+            return
+        second = next((n for n in more if n.share > SECOND * self.floor(n)), None)
+        if second is not None and len(table.chosen) < MOST:
+            self._extend(second)
+
+    def _taken(self) -> set[str]:
+        """Names that cannot be added: chosen, struck, or another word for a chosen one."""
+        chosen = [c for c in self.table.chosen if c.block is not None]
+        names = {c.name for c in self.table.chosen} | self.banned
+        effects = members("effect")
+        if any(c.lateness for c in chosen):  # one drive has one of them
+            names |= {n for n, b in effects.items() if Contender(n, {}, b).lateness}
+        if any("twist" in c.block.states for c in chosen if c.block is not None):
+            names |= {n for n, b in effects.items() if "twist" in b.states}
+        return names
+
+    def _stranger(
+        self, rest: list[Contender], more: list[Contender]
+    ) -> tuple[Contender | None, bool]:
+        """An unknown torque that takes much of what the named ones took and that no further name
+        comes near; or one that does more than all names together. And whether by far."""
+        first = self.table.chosen[0]
+        gained = float(np.sum(self.table.e - self.e0))
+        best, top, odd = more[0].gain if more else 0.0, self.odd[0] if self.odd else None, None
+        large = [g for g in rest if g.share > max(2 * FLOOR, REST * first.share)]
+        if large and large[0].gain > REST * first.gain and best < NEAR * large[0].gain:
+            odd = top or large[0]
+        if top is None or not any(g.share > 2 * FLOOR for g in rest):
+            return odd, False
+        if not self.better(top, first):
+            return odd, False
+        if more and top.gain > max(gained + best, (1 + REST) * first.gain):
+            odd = top
+        far = top.gain > FAR * (gained + best)
+        return (top if far else odd), far
+
+    def _two_at_once(self, firsts: list[Contender]) -> None:
+        """One unknown torque may be two that have names: the pair that explains more than it."""
+        table, pairs = self.table, []
+        saved = self.verdict, self.alternatives, self.depends_on, list(table.chosen)
+        for c in firsts:
+            table.back(self.before)
+            table.extend(c)
+            named = Search(table, self.width.sure, self.never).rows()
+            more = [n for n in named if n.name not in self._taken() and n.share > self.floor(n)]
+            if more:
+                pairs.append((float(np.sum(more[0].e - self.e0)), c, more[0]))
+        table.back(self.before)
+        if pairs:
+            total, c, n = max(pairs, key=lambda p: p[0])
+            if total > self.odd[0].gain and self.proven(n, self.e0):
+                self.verdict, self.alternatives, self.depends_on, self.odd = "found", [], [], []
+                table.extend(c)
+                self._extend(n)
+                return
+        for c in saved[3]:
+            table.extend(c)
+        self.verdict, self.alternatives, self.depends_on = saved[:3]
+
+

@@ -1,0 +1,315 @@
+"""The declared model as a row of the table: inertia, friction as far as it may be declared wrongly,
+declared effects, and what differs between runs.
+
+    K u = J K a + late K (h du/dt) + K F(w, z) + declared effects + offsets of runs + residual
+
+Friction has more shapes than its declared law: what the law imitates is told apart from what it
+does not (IMITATES).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..blocks.block import Block, members
+from ..blocks.friction import free_level, level
+from ..blocks.measured_bristle import along as bristle
+from ..blocks.measured_bristle import strokes
+from ..blocks.model import Model
+from ..core.regression import Blocks, Prior, robust
+from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
+from .constants import (
+    BETWEEN,
+    BLOCK,
+    FEWEST_BLOCKS,
+    FREE_LATE,
+    GREASE,
+    MOST_BLOCKS,
+    TAIL,
+)
+from .motion import Motion
+from .rows import Rows
+
+FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
+IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
+FREE_SIGNS = {"late", "smear", "run"}
+LARGE = 30.0  # times all torque: no term is larger, whatever the log tells of it
+ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its limit
+
+
+@dataclass
+class Term:
+    """An effect in a regression: its block, nonlinear values ``q``, linear coefficients ``b``.
+
+    ``key`` is its name in a model, ``declared`` says that the model has it.
+    """
+
+    block: Block
+    key: str
+    q: dict[str, float]
+    b: np.ndarray
+    declared: bool = False
+
+    def copy(self) -> Term:
+        return replace(self, q=dict(self.q), b=self.b.copy())
+
+    @property
+    def name(self) -> str:
+        return self.block.name
+
+    @property
+    def on_input(self) -> bool:
+        return "input" in self.block.acts
+
+
+class View:
+    """One description of a log, as one regression sees it: motion, windows, a friction law.
+
+    ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
+    ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
+    """
+
+    def __init__(
+        self,
+        motion: Motion,
+        rows: Rows,
+        model: Model,
+        J_range: tuple[float, float] | None = None,
+        terms: Sequence[Term] = (),
+    ) -> None:
+        self.motion, self.rows, self.model, self.K = motion, rows, model, rows.K
+        self.J_range, self.sure = J_range, True
+        self.declared = model.known()
+        self.terms = [t.copy() for t in terms]
+        hold = np.concatenate(
+            [np.full(len(r.samples), 0.5 * r.dt + FREE_LATE) for r in motion.runs]
+        )
+        self.hold = hold  # the torque may be this late or early for nothing
+        self.longest_hold = float(hold.max())
+        self.noise = float(np.mean(rows.shake**2))
+        number = int(np.clip(motion.duration / BLOCK, FEWEST_BLOCKS, MOST_BLOCKS))
+        self.blocks = Blocks(rows.t, motion.duration, number)
+        self.typical = float(np.median(rows.w))
+        self.u = motion.u
+        self.J = self.declared.get("J", 0.0)
+        self.load = motion.d
+        self._path = strokes(motion.fine_steps)
+        self._bristles: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+
+    # ---- the law
+    def deflection(self, x0: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A bristle of length x0 (rad) over its level: between the samples, at them, and in the
+        rows (m, 3) with its rate and what a reversal inside a window blurs of it."""
+        if x0 not in self._bristles:
+            m = self.motion
+            fine = np.r_[0.0, bristle(*self._path, x0)]
+            z = m.coarse(fine)
+            blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
+            rows = self.K @ np.column_stack([z, m.slope(z), blurred])
+            self._bristles[x0] = fine, z, rows
+        return self._bristles[x0]
+
+    def follows(self, x0: float) -> np.ndarray:
+        """How the bristle (n,) follows an asymmetry of its level."""
+        up, down = (bristle(*self._path, x0, side * ASYMMETRY) for side in (1, -1))
+        return self.motion.coarse(np.r_[0.0, (up - down) / (2 * ASYMMETRY)])
+
+    def stribeck(self, x0: float, vs: float) -> np.ndarray:
+        """Columns (n, 4) that depend on the Stribeck speed: bump, short and long tail, bend."""
+        fine, m = self.deflection(x0)[0], self.motion
+        bump = level(m.fine_w, 0.0, 1.0, vs)
+        tails = [free_level(m.fine_w, 0.0, 1.0, v, 1.0) for v in (1.5 * vs, self.tail(vs))]
+        made = [fine * bump, *(fine * tail for tail in tails), m.fine_w * bump]
+        return m.coarse(np.column_stack(made))
+
+    def tail(self, vs: float) -> float:
+        return min(5 * vs, max(TAIL * self.motion.top, 1.5 * vs))
+
+    def grease(self, exponent: float) -> np.ndarray:
+        """|w|^exponent sign(w), (n,)."""
+        made = members("effect")["sublinear_viscous"]
+        return made(self.motion.w, coefficient=1.0, exponent=exponent)[0]
+
+    # ---- the rows
+    def start(self) -> None:
+        """Columns that no law changes; names and priors of all coefficients."""
+        m = self.motion
+        self.u = self._changed(m.u)
+        fixed = [self.K @ np.column_stack([m.w, self.grease(GREASE[0])])]
+        names: list[Any] = ["J", "late", *FRICTION]
+        priors = [Prior.free(len(names), low=[self._least(n) for n in names])]
+        for term in self.terms:
+            if not term.on_input:
+                made = self.columns(term.block, term.q)
+                fixed.append(self.in_rows(made))
+                names += [(term.key, k) for k in range(len(made.low))]
+                priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
+        self.y = self.K @ (self.u - m.d)
+        self.force = float(np.sqrt(np.mean(self.y**2))) + 1e-300
+        for run in np.unique(m.run)[1:]:  # each run has its own offset
+            fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
+            names.append("run")
+            most = BETWEEN * self.force
+            priors.append(Prior.free(1, low=-most, high=most))
+        self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
+        self.bounds = self.bounds.but(1, low=-1.0, high=1.0)
+        if self.J_range:
+            self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
+        self.late = self.K @ (self.hold * m.slope(self.u))
+
+    def _least(self, name: str) -> float:
+        """One direction: Coulomb friction and an offset are one."""
+        free = name in FREE_SIGNS or name == "Fc" and self.motion.one_way
+        return -np.inf if free else 0.0
+
+    def _changed(self, u: np.ndarray) -> np.ndarray:
+        """The torque after the terms that act on it."""
+        for term in self.terms:
+            if term.on_input:
+                u = changed_input(term.block, term.q, self.along(u=u))
+        return u
+
+    def base(self, x0: float, vs: float) -> np.ndarray:
+        """Rows (m, k) of the declared model for one bristle length and one Stribeck speed."""
+        z, law = self.deflection(x0)[2], self.K @ self.stribeck(x0, vs)
+        w, rest = self.fixed[:, :2], self.fixed[:, 2:]
+        return np.column_stack(
+            [self.rows.a, self.late, z[:, 0], law[:, :3], w, law[:, 3], z[:, 1:], rest]
+        )
+
+    def prior(self, B: np.ndarray) -> Prior:
+        """No term is larger than LARGE times all torque; the lateness is held to its bound."""
+        precision = np.zeros(B.shape[1])
+        precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (LARGE * self.force) ** 2
+        precision[1] = 0.1
+        return replace(self.bounds, precision=precision)
+
+    def grids(self) -> tuple[np.ndarray, np.ndarray]:
+        """Bristle lengths and Stribeck speeds to try, around declared ones."""
+        known, top = self.declared, self.motion.top
+        reach, count = float(np.ptp(self.motion.theta)), self.motion.count
+        if known.get("sigma0"):
+            lengths = known.get("Fc", 1.0) / known["sigma0"] * np.array([0.5, 1, 2, 4, 8])
+        else:
+            longest = 2e-3 * min(reach, 12.6) + 1e-9
+            lengths = np.geomspace(max(0.5 * count, 1e-5 * reach), longest, 6)
+        speeds = known.get("vs", 0.01 * top) * np.array([0.5, 0.8, 1.2, 2, 4])
+        return lengths, np.unique(np.clip(speeds, 1e-4 * top, 0.3 * top))
+
+    def choose(self, scale: float | None, beside: Any = None) -> float:
+        """Settle bristle length and Stribeck speed, one at a time until neither moves.
+
+        ``beside``: with that contender in the model. Returns the scale of the residual.
+        """
+        lengths, speeds = self.grids()
+        seen: dict[tuple[int, int], float] = {}
+        found = [scale]
+
+        def likelihood(i: int, j: int) -> float:
+            if (i, j) not in seen:
+                B = self.base(lengths[i], speeds[j])
+                X, y, prior = B, self.y, self.prior(B)
+                if beside is not None:
+                    X, y, prior = beside.added(self, X, y, prior)
+                if found[0] is None:
+                    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+                    found[0] = 1.4826 * float(np.median(np.abs(r)))
+                fit = robust(X, y, prior, found[0], self.noise, turns=3)
+                seen[i, j] = -float(np.sum(np.log1p(fit.r**2 / 4)))
+            return seen[i, j]
+
+        i, j = len(lengths) // 2, len(speeds) // 2
+        for _ in range(3):
+            old = i, j
+            j = max(range(len(speeds)), key=lambda k: likelihood(i, k))
+            i = max(range(len(lengths)), key=lambda k: likelihood(k, j))
+            if (i, j) == old:
+                break
+        self.set_law(float(lengths[i]), float(speeds[j]))
+        assert found[0] is not None
+        return found[0]
+
+    def set_law(self, x0: float, vs: float) -> None:
+        self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
+        _, self.z, _ = self.deflection(x0)
+        self.law = self.stribeck(x0, vs)
+
+    # ---- along the log
+    def torques(self, b: np.ndarray) -> None:
+        """Friction and load along the log from the coefficients of the base."""
+        m, k = self.motion, dict(zip(self.names, b, strict=False))
+        self.coulomb = k["Fc"] * self.z
+        self.coulomb = self.coulomb + self.law[:, :3] @ [k["bump"], k["short_tail"], k["long_tail"]]
+        self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(GREASE[0])
+        self.viscous = self.viscous + k["bend"] * self.law[:, 3]
+        self.friction, self.J = self.coulomb + self.viscous, float(b[0])
+        for term in self.terms:
+            if not term.on_input:
+                term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
+        self.set_load(self.terms)
+        self.level = self._level(k)
+        sliding = float(np.sqrt(np.mean((self.K @ self.friction) ** 2)))
+        self.size = max(sliding, 0.05 * self.force)
+
+    def set_load(self, terms: Sequence[Term]) -> None:
+        """The load torque (n,): measured, and of terms that are loads."""
+        loads = [self.columns(t.block, t.q).wide @ t.b for t in terms if t.block.load]
+        self.load = self.motion.d + sum(loads)
+
+    def _level(self, k: Mapping[Any, float]) -> np.ndarray:
+        """The level of sliding friction (n,), as it is declared where it is."""
+        m, known = self.motion, self.declared
+        if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
+            scale = max(k["Fc"], 0.3 * float(np.sqrt(np.mean(self.coulomb**2))))
+            return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
+        made = k["Fc"] + k["bump"] * level(m.w, 0.0, 1.0, self.vs)
+        for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
+            made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)
+        return made
+
+    def along(self, **other: Any) -> Along:
+        """The signals of the log for blocks, some of them replaced."""
+        m = self.motion
+        zero = np.zeros(1)
+        known = {k: getattr(self, k, zero) for k in ("z", "coulomb", "level", "viscous", "load")}
+        made = {
+            "t": m.t, "theta": m.theta, "w": m.w, "acceleration": m.acceleration, "path": m.path,
+            "pieces": m.pieces, "u": self.u, "J": self.J, "values": self.declared,
+            "follows": self.follows(self.x0) if hasattr(self, "x0") else zero, **known,
+        }  # fmt: skip
+        return Along(**{**made, **other})
+
+    def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
+        """The columns of an effect along the log."""
+        return columns(block, q, self.along())
+
+    def in_rows(self, made: Columns) -> np.ndarray:
+        """Columns along the log -> in the rows (m, k)."""
+        parts = [] if made.wide is None else [self.K @ made.wide]
+        parts += [] if made.narrow is None else [self.rows.narrow @ made.narrow]
+        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+    def changed(self, block: Block, q: Mapping[str, float]) -> np.ndarray:
+        """What an effect on the torque makes of it (n,)."""
+        return changed_input(block, q, self.along())
+
+
+def declared_terms(model: Model, along: Along) -> list[Term]:
+    """The declared effects with their values; their strength is where a fit starts."""
+    made = []
+    for part in model.effects:
+        known = {k: v for k, v in part.values.items() if v is not None}
+        own = linear(part.block)
+        strength = known.get(part.block.gain)
+        per = scaled(part.block) or ()
+        q = {k: v / strength if k in per and strength else v
+             for k, v in known.items() if k not in own}  # fmt: skip
+        full = set(own) <= known.keys()
+        b = to_coefficients(part.block, known, along) if full else np.zeros(len(own))
+        made.append(Term(part.block, part.key, q, b, declared=True))
+    return made

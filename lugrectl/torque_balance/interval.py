@@ -1,0 +1,193 @@
+"""The intervals of the last fit.
+
+Blocks are left out; laws that the log does not tell apart count by their likelihood; other
+descriptions of the same drive, a stiffer and a softer motion in wider windows and the drive with an
+alternative in place of a name, count by how far their values lie apart; and no sensor is better
+than SCALE.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core.errors import Refused
+from ..core.regression import left_out_covariance, memory_blocks, robust
+from .constants import GREASE, ONE_MORE, SCALE, VIEWS, WHOLE, Z95
+from .friction import View
+from .last_fit import KAPPA, LastFit, State, quantities
+from .rows import Rows
+from .table import is_lateness
+
+FEWEST = 15  # blocks
+SPEEDS = (0.35, 0.6, 1.0, 1.7, 3.0)  # Stribeck speeds that are tried, over the fitted one
+EXPONENTS = (1.0, 2.0)  # of the Stribeck curve
+STEP = 0.3  # standard deviations of a coefficient, for the slopes of what is reported
+WITHOUT_SCALE = ("phase", "harmonic", "side")
+
+Value = tuple[float, float, float]
+
+
+class Law(NamedTuple):
+    """A friction law beside the fitted one: likelihood less the price of its parameters,
+    coefficients, Stribeck speed, its exponent, exponent of grease (0: none)."""
+
+    likelihood: float
+    b: np.ndarray
+    vs: float
+    exponent: float
+    grease: float
+
+
+@dataclass(eq=False)
+class Interval:
+    """Covariance of what a last fit reports, and the friction laws beside its own."""
+
+    last: LastFit
+
+    @cached_property
+    def blocks(self) -> list[np.ndarray]:
+        fit = self.last.fit
+        return memory_blocks(fit.r * fit.w**0.5, FEWEST)
+
+    @cached_property
+    def kappa(self) -> float:
+        """Rows that tell as much as one that knows nothing of its neighbours."""
+        return max(KAPPA, len(self.last.fit.r) / (4 * (self.blocks[0][-1] + 1)))
+
+    @property
+    def likelihood(self) -> float:
+        own = ONE_MORE * self.kappa if self.last.state.grease else 0.0
+        return self.last.score(self.last.fit.r) - own
+
+    @cached_property
+    def laws(self) -> list[Law]:
+        """Other Stribeck speeds and exponents, then with and without grease."""
+        last, state = self.last, self.last.state
+        v, d = last.view, last.design
+        m, fine = v.motion, v.deflection(v.x0)[0]
+        shapes = [(share * v.vs, e) for share in SPEEDS for e in EXPONENTS]
+        falls = [state.copy(vs=vs, exponent=e).fall(m.fine_w) for vs, e in shapes]
+        dips = v.K @ m.coarse(np.column_stack([fine * fall for fall in falls]))
+        dip, grease = d.names.index("dip"), d.names.index("grease")
+        made, X = [], d.X.copy()
+
+        def fit(j: int, exponent: float, turns: int = 2) -> None:
+            X[:, dip] = dips[:, j]
+            if exponent and exponent != state.grease:
+                X[:, grease] = v.K @ v.grease(exponent)
+            prior = d.prior.but(grease, high=np.inf if exponent else 0.0)
+            f = robust(X, d.y, prior, last.scale, v.noise, last.fit.w, turns)
+            price = ONE_MORE * self.kappa if exponent else 0.0
+            made.append(Law(last.score(f.r) - price, f.b, *shapes[j], exponent))
+
+        for j in range(len(shapes)):
+            fit(j, state.grease)
+        best = max(range(len(shapes)), key=lambda j: made[j].likelihood)
+        if "sublinear_viscous" not in {t.name for t in state.terms}:
+            for exponent in (0.0, *GREASE):
+                if exponent != state.grease:
+                    fit(best, exponent, 3)
+        return made
+
+    @cached_property
+    def _of_coefficients(self) -> np.ndarray:
+        """Covariance (k, k) of the coefficients: blocks left out, and laws by likelihood."""
+        last, d = self.last, self.last.design
+        v, b = last.view, last.fit.b
+        size = np.mean(d.X**2, axis=0) * len(d.y)
+        at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
+        told = last.fit.free | np.isin(np.arange(len(b)), [at[k] for k in ("J", "Fc", "Fv")])
+        precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
+        if v.J_range and not v.sure:  # a declared J that is held is known that well
+            precision[0] = 16 / max(float(np.ptp(v.J_range)), 1e-300) ** 2
+        prior = d.prior.but(slice(None), precision=precision)
+        V = left_out_covariance(d.X, d.y, last.fit, prior, last.scale, v.noise, self.blocks)
+        laws = self.laws
+        score = np.array([law.likelihood for law in laws] + [self.likelihood]) / self.kappa
+        share = np.exp(score - score.max())
+        share /= share.sum()
+        apart = np.array([law.b for law in laws] + [b]) - b
+        return WHOLE**2 * V + (share[:, None] * apart).T @ apart
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """Derivatives (values, k) of what is reported by the coefficients."""
+        d, b = self.last.design, self.last.fit.b
+        sd = np.sqrt(np.maximum(np.diag(self._of_coefficients), 0.0)) + 1e-300
+        made = np.zeros((len(self.names), len(b)))
+        for j in range(len(b)):
+            step = np.zeros(len(b))
+            step[j] = STEP * sd[j]
+            up, down = quantities(d, b + step), quantities(d, b - step)
+            made[:, j] = [wrapped(up[k] - down[k], k) / (2 * step[j]) for k in self.names]
+        return made
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        return tuple(self.last.values)
+
+    def covariance(self, others: Sequence[LastFit] = ()) -> np.ndarray:
+        """Covariance (values, values) of ``names``, with other descriptions of the drive."""
+        V = self._slopes @ self._of_coefficients @ self._slopes.T
+        own = self.last.values
+        for i, k in enumerate(self.names):
+            if k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE:
+                V[i, i] += (SCALE * own[k]) ** 2
+        for term in self.last.state.terms:  # a delay is known but for half a hold
+            if is_lateness(term.block):
+                i = self.names.index(f"{term.key}.{term.block.gain}")
+                V[i, i] += (self.last.view.longest_hold / Z95) ** 2
+        for other in others:
+            apart = [wrapped(other.values.get(k, own[k]) - own[k], k) for k in self.names]
+            V += np.outer(apart, apart)
+        return V
+
+    def values(self, V: np.ndarray) -> dict[str, Value]:
+        """(value, low, high) of each."""
+        half = Z95 * np.sqrt(np.maximum(np.diag(V), 0.0))
+        own = self.last.values
+        return {k: (own[k], own[k] - h, own[k] + h)
+                for k, h in zip(self.names, half.tolist(), strict=True)}  # fmt: skip
+
+
+def wrapped(x: float, key: str) -> float:
+    """A difference of phases lies between -pi and pi."""
+    is_phase = key.rpartition(".")[2].startswith("phase")
+    return (x + np.pi) % (2 * np.pi) - np.pi if is_phase else x
+
+
+def best_law(view: View, state: State, scale: float, straight: bool = False) -> LastFit:
+    """The fit at its best friction law; ``straight``: without grease."""
+    last = LastFit(view, state, scale)
+    interval = Interval(last)
+    laws = [law for law in interval.laws if not (straight and law.grease)]
+    best = max(laws, key=lambda law: law.likelihood)
+    if best.likelihood <= interval.likelihood + 1:
+        return last
+    moved = last.state.updated(last.design.names, best.b, view)
+    moved = moved.copy(vs=best.vs, exponent=best.exponent, grease=best.grease)
+    return LastFit(view, moved, scale, turns=2)
+
+
+def other_views(last: LastFit, widest: float = np.inf) -> list[LastFit]:
+    """The same drive by a stiffer and a softer motion, in wider windows.
+
+    ``widest``: over the width of the first view; a window that hides a wave tells nothing of it.
+    """
+    made, view = [], last.view
+    for stiffer, wider in VIEWS:
+        try:
+            motion = view.motion.varied(stiffer)
+            rows = Rows(motion, max(1.0, min(wider, widest)) * view.rows.h)
+            other = View(motion, rows, view.model, view.J_range, view.terms)
+            other.sure, other.x0, other.vs, other.size = view.sure, view.x0, view.vs, view.size
+            other.force = view.force
+            made.append(LastFit(other, last.state.copy(), last.scale, turns=2))
+        except (Refused, np.linalg.LinAlgError):
+            continue
+    return made

@@ -1,0 +1,333 @@
+"""The last fit: named and declared effects with a plain friction law and what every drive has, in
+one regression. Every value of an answer comes from it.
+
+    u = J a + Fc z + (Fs - Fc) z exp(-|w/vs|^delta) + Fv w + effects + nuisances + residual
+
+What a value is not linear in has a column of slopes, and the fit is repeated at the value that it
+says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..blocks.block import Block, members
+from ..blocks.friction import free_level
+from ..core.regression import Prior, log_density, robust
+from .columns import (
+    changed_input,
+    columns,
+    linear,
+    nonlinear,
+    scaled,
+    slopes,
+    step_of,
+    to_values,
+)
+from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST, Z95
+from .friction import LARGE, Term, View
+from .table import is_lateness
+
+Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
+FURTHEST = 10.0  # steps by which a value that is not linear moves at most at a time ...
+PART = 0.3  # ... and of itself
+DIP = 2.0  # times all torque: no Stribeck dip is larger
+KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
+
+
+@dataclass
+class State:
+    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape.
+
+    ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
+    drive has is held to its size.
+    """
+
+    k: dict[str, float]
+    terms: list[Term]
+    vs: float
+    exponent: float = 2.0
+    grease: float = 0.0
+    bare: bool = False
+
+    def copy(self, **other: Any) -> State:
+        made = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
+        own = {k: getattr(self, k) for k in ("vs", "exponent", "grease", "bare")}
+        return State(**{**made, **own, **other})
+
+    def apply(self, view: View) -> None:
+        """Friction and load along the log, which effects scale."""
+        m, k = view.motion, self.k
+        fine, view.z, _ = view.deflection(view.x0)
+        dip = m.coarse(fine * self.fall(m.fine_w))
+        view.coulomb = k["Fc"] * view.z + k["dip"] * dip
+        level = k["Fc"] + k["dip"] * self.fall(m.w)
+        view.level = np.maximum(level, 0.1 * abs(k["Fc"]))
+        view.viscous = k["Fv"] * m.w
+        if self.grease:
+            view.viscous = view.viscous + k.get("grease", 0.0) * view.grease(self.grease)
+        view.friction, view.J = view.coulomb + view.viscous, k["J"]
+        view.set_load(self.terms)
+        self.dip = dip
+
+    def fall(self, w: np.ndarray) -> np.ndarray:
+        """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
+        return free_level(w, 0.0, 1.0, self.vs, self.exponent)
+
+    def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
+        """The state that a fit says. Values that are not linear move by a part at most."""
+        new = self.copy()
+        along = view.along()
+        for name, x in zip(names, b, strict=True):
+            if isinstance(name, str):
+                new.k[name] = float(x)
+            elif isinstance(name[1], int):
+                new.terms[name[0]].b[name[1]] = x
+            else:
+                term, key = new.terms[name[0]], name[1]
+                step, p = step_of(term.block, key, term.q[key], along), term.block.own[key]
+                most = FURTHEST * step if term.block.states else room(term, key, step)
+                moved = term.q[key] + float(np.clip(x, -most, most))
+                term.q[key] = float(np.clip(moved, p.low, p.high))
+        return new
+
+
+@dataclass
+class _Columns:
+    """Columns of a design as they are collected."""
+
+    force: float
+    names: list[Name] = field(default_factory=list)
+    parts: list[np.ndarray] = field(default_factory=list)
+    known: dict[str, list[float]] = field(
+        default_factory=lambda: {k: [] for k in ("precision", "centre", "low", "high")}
+    )
+
+    def add(
+        self,
+        name: Name,
+        column: np.ndarray,
+        sd: float = np.inf,
+        low: float = -np.inf,
+        high: float = np.inf,
+        centre: float = 0.0,
+    ) -> None:
+        """A column with what is known of its coefficient; no term is larger than LARGE times all
+        torque."""
+        rms = float(np.sqrt(np.mean(column**2))) + 1e-300
+        self.names.append(name)
+        self.parts.append(column)
+        most = LARGE * self.force / rms
+        for key, x in (("precision", 1 / min(sd, most) ** 2), ("centre", centre),
+                       ("low", low), ("high", high)):  # fmt: skip
+            self.known[key].append(x)
+
+
+class Design:
+    """Rows of the last fit on one view: ``X`` (m, k), ``y`` (m,), ``names``, ``prior``."""
+
+    def __init__(self, view: View, state: State) -> None:
+        self.view, self.state = view, state
+        v, m = view, view.motion
+        state.apply(v)
+        v.u = m.u
+        self.inputs: dict[int, np.ndarray] = {}  # torque before each effect on it
+        for i, term in enumerate(state.terms):
+            if term.on_input and not linear(term.block):
+                self.inputs[i] = v.u
+                v.u = changed_input(term.block, term.q, v.along())
+        self.y = v.K @ (v.u - m.d)
+        self.level = max(abs(state.k["Fc"]), 0.1 * v.force)
+        self._made = _Columns(v.force)
+        self._plant()
+        self._friction()
+        self._background()
+        for i, term in enumerate(state.terms):
+            self._effect(i, term)
+        self.names, self.X = self._made.names, np.column_stack(self._made.parts)
+        self.prior = Prior.free(len(self.names), **self._made.known)
+
+    def _plant(self) -> None:
+        v, add = self.view, self._made.add
+        if v.J_range and not v.sure:  # a declared J holds where the log does not tell
+            add("J", v.rows.a, low=v.J_range[0], high=v.J_range[1])
+        else:
+            add("J", v.rows.a, low=0.0)
+        own = any(is_lateness(t.block) for t in self.state.terms)  # a delay has its own column
+        most = 0.0 if own else 1.0 if self.state.bare else np.inf
+        late = v.K @ (v.hold * v.motion.slope(v.u))
+        add("late", late, sd=1 / Z95, low=-most, high=most)
+
+    def _friction(self) -> None:
+        v, m, s, add = self.view, self.view.motion, self.state, self._made.add
+        add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
+        add("dip", v.K @ s.dip, low=-DIP * v.force, high=DIP * v.force)
+        add("Fv", v.K @ m.w, low=0.0)
+        grease = v.K @ v.grease(s.grease or GREASE[0])
+        add("grease", grease, low=0.0, high=np.inf if s.grease else 0.0)
+        add("damping", v.K @ m.slope(v.z))
+        fine = last = v.deflection(v.x0)[0]
+        for kind, x, share in NEAR_REST:
+            if kind == "turn":
+                new = v.deflection(x * m.top * v.rows.h + v.x0)[0]
+                shape, last = new - last, new
+            else:
+                shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
+            add("~", v.K @ m.coarse(shape), sd=share * self.level)
+
+    def _background(self) -> None:
+        """Every drive has a little of an offset, warming, unbalance: BACKGROUND of friction."""
+        v, m, add = self.view, self.view.motion, self._made.add
+        here = {t.name for t in self.state.terms}
+        warming = v.z * (m.elapsed / m.duration - 0.5) * np.sqrt(12.0)
+        rows = [("offset", np.ones(len(m))), ("~", warming)]
+        if v.model.motion == "linear" or np.ptp(m.theta) < 2:
+            rows.append(("~", m.theta - m.theta.mean()))
+        elif "gravity" not in here:
+            weight = columns(members("effect")["gravity"], {}, v.along()).wide
+            rows += [("~", x) for x in weight.T]
+        for name, x in rows:
+            if name == "offset" and "constant_torque" in here:
+                continue
+            x = v.K @ x
+            little = BACKGROUND * self.level / (float(np.sqrt(np.mean(x**2))) + 1e-300)
+            most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
+            add(name, x, sd=little, low=-most, high=most)
+        most = BETWEEN * v.force
+        for run in np.unique(m.run)[1:]:
+            add("run", v.K @ (1.0 * (m.run == run)), low=-most, high=most)
+
+    def _effect(self, i: int, term: Term) -> None:
+        """Linear columns, and of each other value the slope of the torque over it."""
+        v, add, block = self.view, self._made.add, term.block
+        keys = [k for k in nonlinear(block, v.model.motion) if k in term.q]
+        along = v.along()
+        if linear(block):
+            made = columns(block, term.q, along)
+            C = v.in_rows(made)
+            for k in range(C.shape[1]):
+                add((i, k), C[:, k])
+            values = {**term.q, **to_values(block, term.b, term.q, along)}
+        else:
+            along, values = v.along(u=self.inputs.get(i, v.u)), term.q
+        if not keys:
+            return
+        step = {k: step_of(block, k, term.q[k], along) for k in keys}
+        # those that count per unit of strength move by so much more
+        per = {k: term.b[0] if k in (scaled(block) or ()) else 1.0 for k in keys}
+        S = v.in_rows(slopes(block, values, along, keys, {k: step[k] * (per[k] or 1.0) for k in keys}))
+        for j, key in enumerate(keys):
+            add((i, key), S[:, j] * per[key], sd=room(term, key, step[key]))
+
+
+def room(term: Term, key: str, step: float) -> float:
+    """How far a value that is not linear may lie from where a search found it."""
+    if term.block.own[key].low < 0.0:
+        return FURTHEST * step
+    return max(PART * abs(term.q[key]), step)
+
+
+class LastFit:
+    """A fit at a state, repeated ``turns`` times at what it says.
+
+    ``values`` are all that is reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum"
+    and "key.parameter" of each effect.
+    """
+
+    def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
+        self.view, self.scale, w = view, scale, None
+        for turn in range(turns):
+            d = self.design = Design(view, state)
+            self.fit = robust(d.X, d.y, d.prior, self.scale, view.noise, w, 4 if turn == 0 else 2)
+            w = self.fit.w
+            spread = 1.4826 * float(np.median(np.abs(self.fit.r))) * self.scale
+            self.scale = max(scale, spread)
+            if turn < turns - 1:
+                state = state.updated(d.names, self.fit.b, view)
+        self.state = state
+        self.values = quantities(self.design, self.fit.b)
+
+    @cached_property
+    def torque(self) -> dict[int, np.ndarray]:
+        """The torque (m,) of each effect in the rows."""
+        d, v, made = self.design, self.view, {}
+        for i, term in enumerate(self.state.terms):
+            if i in d.inputs:
+                after = changed_input(term.block, term.q, v.along(u=d.inputs[i]))
+                made[i] = v.K @ (d.inputs[i] - after)
+            else:
+                at = places(d, i)
+                made[i] = d.X[:, at] @ self.fit.b[at]
+        return made
+
+    def score(self, r: np.ndarray) -> float:
+        return float(np.sum(log_density(r)))
+
+    def bend(self) -> float:
+        """RMS torque of the grease beside Fc, the Stribeck dip and Fv, as a share of friction."""
+        d, at = self.design, self.design.names.index("grease")
+        tau = d.X[:, at] * self.fit.b[at]
+        return self._beside(tau, {"J", "Fc", "dip", "Fv", "run", "offset"})
+
+    def share(self, i: int) -> float:
+        """RMS torque of effect i beside what the plain law and declared effects can imitate, as a
+        share of friction."""
+        law = {"J", "Fc", "dip", "Fv", "damping", "run"}
+        return self._beside(self.torque[i], law)
+
+    def _beside(self, tau: np.ndarray, law: set[str]) -> float:
+        d = self.design
+        known = [j for j, t in enumerate(self.state.terms) if t.declared]
+        at = [j for j, n in enumerate(d.names)
+              if n in law or isinstance(n, tuple) and n[0] in known]  # fmt: skip
+        X = d.X[:, at]
+        tau = tau - X @ np.linalg.lstsq(X, tau, rcond=None)[0]
+        return float(np.sqrt(np.mean(tau**2))) / self.view.size
+
+
+def places(design: Design, i: int) -> list[int]:
+    """The places of the linear coefficients of effect i."""
+    return [j for j, n in enumerate(design.names)
+            if isinstance(n, tuple) and n[0] == i and isinstance(n[1], int)]  # fmt: skip
+
+
+def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
+    """Everything that is reported, from the coefficients."""
+    state, v = design.state, design.view
+    at, w, m = dict(zip(design.names, b, strict=True)), v.typical, v.motion
+    held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
+    made = {k: float(at[k]) for k in ("J", "Fc", "Fv", "grease")}
+    made |= {"Fs": at["Fc"] + at["dip"], "offset": at.get("offset", 0.0), "late": at["late"]}
+    made["Fc + constant"] = at["Fc"] + held
+    made["sum"] = (
+        at["Fc"] + at["dip"] * float(state.fall(np.array(w))) + at["Fv"] * w + held
+        + at["grease"] * w ** (state.grease or GREASE[0])
+    )  # fmt: skip
+    along = v.along()
+    for i, term in enumerate(state.terms):
+        q = {k: x + at.get((i, k), 0.0) for k, x in term.q.items()}
+        own = np.array([at[i, k] for k in range(len(linear(term.block)))])
+        c = own * _of_fitted(term.block, state, at)
+        values = to_values(term.block, c, q, along)
+        made |= {f"{term.key}.{k}": float(x) for k, x in values.items()}
+    return made
+
+
+def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
+    """Shares of a quantity were taken of the state's; they count of the fitted one."""
+    acts = {a for a in block.acts if not a.startswith("+")}
+    if acts & {"J", "sensor"}:
+        key = "J"
+    elif acts & {"Fc", "Fs"}:
+        key = "Fc"
+    elif "Fv" in acts and not state.grease:
+        key = "Fv"
+    else:
+        return 1.0
+    return state.k[key] / at[key] if at[key] else 1.0
+

@@ -1,0 +1,407 @@
+"""Contenders for the table: every effect of the catalogue at its most promising values.
+
+What an effect is not linear in is searched on what the base leaves, by what its declaration says
+of it: an order of the angle, a frequency, an instant, a duration, a place, a load behind a spring,
+a change of the torque itself; anything else by a grid around its default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import product
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ..blocks.block import Block, P, members
+from ..core.regression import Prior
+from .columns import Along, columns, lanes, linear, needs_inertia, refused, searched
+from .constants import MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
+from .table import Contender, Table
+from .unknown import likeliest
+
+OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
+ORDERS = 200  # per turn: the highest order of the angle
+ORDER_WAYS = {"torque_ripple": 2}  # how many orders of an effect are entered; else one
+GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
+RINGING = (4.0, 60.0)  # Hz: resonances of a load that are looked for
+
+Values = dict[str, float]
+
+
+def polish(
+    gain: Callable[[np.ndarray], float], x: Sequence[float], step: Sequence[float], most: int
+) -> np.ndarray:
+    """The largest gain near x, by Nelder and Mead."""
+    start = np.asarray(x, float)
+    corners = np.vstack([start, start + np.diag(step)])
+    options = {"initial_simplex": corners, "maxfev": most}
+    return minimize(lambda p: -gain(p), start, method="Nelder-Mead", options=options).x
+
+
+def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
+    """The largest gain between a and b, by golden sections."""
+    for _ in range(turns):
+        x, y = a + 0.382 * (b - a), a + 0.618 * (b - a)
+        a, b = (a, y) if gain(x) > gain(y) else (x, b)
+    return 0.5 * (a + b)
+
+
+class Search:
+    """All contenders beside one base.
+
+    ``sure`` says that the log determines the inertia; else only what does not depend on it is
+    tried. ``never`` are names that are left out.
+    """
+
+    def __init__(self, table: Table, sure: bool, never: Collection[str] = ()) -> None:
+        self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
+        self.linear = self.view.model.motion == "linear"
+        self.motion = "linear" if self.linear else "rotary"
+        self.span = float(np.ptp(self.view.motion.theta))
+        self.along = self.view.along()
+        self.few = self._at_rows()
+
+    def rows(self) -> list[Contender]:
+        """The likeliest first; only those that the screening promises something are entered."""
+        made = [c for c in self._contenders() if not self._there(c)]
+        worth = [c for c in made if self.table.promise(c) > SCREEN]
+        entered = [self.table.enter(c) for c in worth]
+        return likeliest([c for c in entered if self._possible(c)])
+
+    def _contenders(self) -> Iterator[Contender]:
+        for name, block in members("effect").items():
+            if name in self.never | OF_THE_LAW or refused(block):
+                continue
+            if needs_inertia(block) and not self.sure or "sensor" in block.acts and block.states:
+                continue
+            if self.linear and any(p.angle and p.unit == "rad" and "harmonic" not in block.own
+                                   and "frequency" not in block.own
+                                   for p in block.own.values()):  # fmt: skip
+                continue
+            yield from self._of(block)
+
+    def _of(self, block: Block) -> Iterator[Contender]:
+        keys = searched(block)
+        own = block.own
+        if "input" in block.acts and not linear(block):
+            yield from self._of_input(block, keys) if self.sure else ()
+        elif not keys:
+            yield from self._plainly(block)
+        elif any(own[k].whole for k in keys):
+            yield from self._of_orders(block, keys)
+        elif len(keys) == 1 and own[keys[0]].unit == "Hz":
+            yield from self._of_frequency(block, keys[0])
+        elif own[block.gain].unit == "kg m2" and {"stiffness", "damping"} <= {*keys}:
+            yield from self._of_spring(block, keys)
+        elif any(own[k].passed for k in keys):
+            yield from self._of_place(block, keys)
+        elif len(keys) == 1 and own[keys[0]].unit == "s":
+            yield from self._of_time(block, keys[0])
+        else:
+            yield from self._of_any(block, keys)
+
+    # ---- what the rows show of an effect
+    def _at_rows(self) -> Along:
+        """The signals at the rows, for screening: quicker than columns of every sample."""
+        v, a = self.view, self.along
+        at, K = v.rows.at, v.K
+        means = {k: K @ getattr(a, k) for k in ("z", "follows", "coulomb", "viscous", "load", "u")}
+        ends = [*np.flatnonzero(np.diff(v.motion.run[at])) + 1, len(at)]
+        pieces = tuple((slice(0 if i == 0 else ends[i - 1], e), v.rows.step)
+                       for i, e in enumerate(ends))  # fmt: skip
+        return Along(
+            t=a.t[at], theta=a.theta[at], w=a.w[at], acceleration=v.rows.a, path=a.path[at],
+            pieces=pieces, level=a.level[at], J=a.J, values=a.values, d=v.K @ v.motion.d, **means,
+        )  # fmt: skip
+
+    def _screened(self, block: Block, sets: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """Columns of an effect at each set of values, in the rows (m, k sets)."""
+        if block.states or block.exact is not None:
+            return self.view.in_rows(lanes(block, sets, self.along))
+        made = lanes(block, sets, self.few)
+        parts = [x for x in (made.wide, made.narrow) if x is not None]
+        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+
+    def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
+        """Gain of each set of values."""
+        if len(linear(block)) == 2:
+            return self.table.gains_of_pairs(X)
+        gain, b = self.table.gains(X)
+        p = block.own[block.gain]
+        return np.where((b >= p.low) & (b <= p.high), gain, 0.0)
+
+    def _gain(self, block: Block, q: Mapping[str, float]) -> float:
+        """Gain at one set of values, from all samples."""
+        own = block.own
+        if any(not own[k].low <= x <= own[k].high for k, x in q.items()):
+            return -1.0
+        made = self.view.in_rows(columns(block, q, self.along))
+        return float(self._gains(block, made)[0]) if np.all(np.isfinite(made)) else -1.0
+
+    def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
+        """The contender of one effect, or of several of its kind at once."""
+        made = [columns(block, q, self.along) for q in each]
+        C = np.column_stack([self.view.in_rows(one) for one in made])
+        low, high = (np.concatenate([getattr(one, k) for one in made]) for k in ("low", "high"))
+        prior = Prior.free(C.shape[1], low=low, high=high)
+        return Contender(block.name, each[0], block, C=C, prior=prior, cost=cost,
+                         more=each[1:], **other)  # fmt: skip
+
+    def _there(self, c: Contender) -> bool:
+        """Whether it has joined the base already, at these values."""
+        def place(one: Contender) -> tuple:
+            whole = [v for k, v in one.q.items() if one.block and one.block.own[k].whole]
+            hertz = [round(v, 1) for k, v in one.q.items()
+                     if one.block and one.block.own[k].unit == "Hz"]  # fmt: skip
+            return one.name, *whole, *hertz
+        return place(c) in {place(one) for one in self.table.chosen}
+
+    def _possible(self, c: Contender) -> bool:
+        """The rest of a spring lies within reach of the travel."""
+        if c.block is None or c.C is None or len(linear(c.block)) < 2:
+            return True
+        if c.block.own[linear(c.block)[1]].angle:
+            return True
+        return c.b[0] > 0 and abs(c.b[1] / c.b[0]) < 0.7 * self.span
+
+    # ---- by what is to be searched
+    def _plainly(self, block: Block) -> Iterator[Contender]:
+        yield self._contender(block, {})
+        if set(block.inputs) == {"w"} and set(block.acts) == {"torque"}:
+            # a long tail of the Stribeck curve bends as a drag does
+            tail = self.view.names.index("long_tail")
+            yield self._contender(block, {}, cost=np.log(2), drop=(tail,))
+
+    def _of_orders(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
+        """Waves over theta, all orders at once: what the rows leave of a wave passed at speed w."""
+        v, rows = self.view, self.view.rows
+        (key,) = (k for k in keys if block.own[k].whole)
+        if len(keys) > 1:
+            return
+        N = np.arange(1, ORDERS + 1.0)
+        if self.linear:
+            N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
+        N = N[(N * self.span > 4) & (N * np.median(rows.w) * rows.h < 6)]
+        least = 2 if set(block.acts) == {"torque"} and not self.linear else 1
+        N = N[N >= least]  # a torque of order 1 is gravity
+        if not len(N):
+            return
+        m = v.motion.main
+        passed = rows.w[:, None] * N
+        seen = np.exp(-((passed * rows.h) ** 2) / 18) / (1 + (passed * m.dt * m.spread) ** 6)
+        X = self._screened(block, [{key: n} for n in N]) * np.repeat(seen, 2, axis=1)
+        gains = self.table.gains_of_pairs(X)
+        cost = float(np.log(len(N)))
+        for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
+            n = float(N[i])
+            if self.linear:
+                step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * n
+                n = float(polish(lambda p: self._gain(block, {key: p[0]}), [n], [step], 25)[0])
+            yield self._contender(block, {key: n}, cost=cost)
+        if set(block.acts) == {"torque"} and not self.linear:
+            yield from self._of_waves(block, key, N, gains, X)
+
+    def _of_waves(
+        self, block: Block, key: str, N: np.ndarray, gains: np.ndarray, X: np.ndarray
+    ) -> Iterator[Contender]:
+        """A ripple of several waves is one effect: one after the other, each for what it still
+        explains."""
+        table, chosen = self.table, []
+        pool = [i for i in np.argsort(gains)[::-1] if N[i] * self.span > 2 * np.pi][:32]
+        W = {i: table.beside(X[:, 2 * i : 2 * i + 2]) for i in pool}
+        left, least = table.rest_of_y.copy(), 2 * (SCREEN + np.log(len(N)))
+        whole = float(np.sum((table.y * table.root) ** 2))
+        while len(chosen) < WAVES_AT_ONCE:
+            # waves over less than a turn imitate one another
+            W = {i: w for i, w in W.items()
+                 if all(abs(N[i] - N[j]) * self.span > 4 for j in chosen)}  # fmt: skip
+            if not W:
+                break
+            fits = {i: w @ np.linalg.lstsq(w, left, rcond=None)[0] for i, w in W.items()}
+            i = max(fits, key=lambda k: float(fits[k] @ fits[k]))
+            power = float(fits[i] @ fits[i])
+            if power / table.scale**2 < max(least, 0.01 * gains.max()):
+                break
+            if not chosen and power < MAIN_WAVE * whole:
+                return  # a series of small waves is any function of the angle
+            chosen.append(i)
+            q, _ = np.linalg.qr(W.pop(i))
+            left = left - q @ (q.T @ left)
+            W = {j: w - q @ (q.T @ w) for j, w in W.items()}
+        if len(chosen) > 1:
+            cost = len(chosen) * float(np.log(len(N)))
+            yield self._contender(block, *({key: float(N[i])} for i in chosen), cost=cost)
+
+    def _of_time(self, block: Block, key: str) -> Iterator[Contender]:
+        """From an instant on, or with a time constant."""
+        t, T = self.along.t, self.view.motion.duration
+        instant = not np.isfinite(block.own[key].low)
+        grid = t.min() + np.linspace(0.04, 0.96, 93) * T if instant else T * np.geomspace(
+            0.05, 3, 16
+        )  # fmt: skip
+        gains = self._gains(block, self._screened(block, [{key: x} for x in grid]))
+        best, cost = float(grid[int(np.argmax(gains))]), np.log(len(grid) if instant else 4)
+        if instant:
+            best = float(polish(lambda p: self._gain(block, {key: p[0]}), [best], [0.004 * T],
+                                12)[0])  # fmt: skip
+        yield self._contender(block, {key: best}, cost=float(cost))
+
+    def _of_frequency(self, block: Block, key: str) -> Iterator[Contender]:
+        """All frequencies by the Fourier transform of what the base leaves, over what the base
+        leaves of each frequency. At one speed a wave over time is one over the angle."""
+        v, table = self.view, self.table
+        if v.motion.steady:
+            return
+        step, T = v.rows.step, v.motion.duration
+        at = np.round(v.rows.t / step).astype(int)
+        n = 1 << int(np.ceil(np.log2(2 * (at[-1] + 1))))
+        f = np.fft.rfftfreq(n, step)
+
+        def spectrum(x: np.ndarray) -> np.ndarray:
+            return np.abs(np.fft.rfft(np.bincount(at, x * table.root, minlength=n))) ** 2
+
+        room = float(np.sum(table.root**2)) - sum(spectrum(q) for q in table.Q.T)
+        # a wave of few periods is any course in time
+        seen = (f > max(0.2, PERIODS / T)) & (f < min(60.0, 0.4 / step))
+        if not seen.any():
+            return
+        power = spectrum(table.rest_of_y) / np.maximum(room, 1e-3 * room.max()) * seen
+        best = f[int(np.argmax(power))]
+        best = float(polish(lambda p: self._gain(block, {key: p[0]}), [best], [0.15 / T], 20)[0])
+        if best * T > PERIODS:
+            yield self._contender(block, {key: best}, cost=float(np.log(seen.sum() / 2)))
+
+    def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
+        """The torque itself is another one: what fits the acceleration best, whatever J is."""
+        (key,) = keys if len(keys) == 1 else (None,)
+        grid = None if key is None else self._input_grid(block.own[key])
+        if key is None or grid is None:
+            return
+        probe, table, v = Contender(block.name, {}, block), self.table, self.view
+        on = table.fit.free.copy()
+        on[0], on[1] = False, on[1] and not probe.lateness
+        Q, _ = np.linalg.qr(table.X[:, on] * table.root[:, None])
+        y = table.X[:, 0] * table.root
+        y = y - Q @ (Q.T @ y)
+
+        def gain(x: float) -> float:
+            made = v.K @ v.changed(block, {key: x}) * table.root
+            made = made - Q @ (Q.T @ made)
+            return float((made @ y) ** 2 / (made @ made + 1e-300))
+
+        i = int(np.argmax([gain(x) for x in grid]))
+        best = golden(gain, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
+        q = {key: float(best)}
+        yield Contender(block.name, q, block, u=v.changed(block, q), cost=float(np.log(8)))
+
+    def _input_grid(self, p: P) -> np.ndarray | None:
+        """Values of a delay, a limit, or a torque that is lost."""
+        size = np.abs(self.view.u)
+        if p.unit == "s":
+            beyond = min(self.view.longest_hold, 0.5 * self.view.motion.dt + 5e-4)
+            return np.r_[1e-6, beyond + np.geomspace(3e-4, 0.05, 15)]
+        if p.unit != "N m":
+            return None
+        if p.neutral == np.inf:
+            shares = [0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99, 0.995, 0.999, 1.0]
+            return np.quantile(size, shares)
+        return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
+
+    def _of_place(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
+        """A place beyond which a minority of the samples lies, on either side."""
+        (key,) = (k for k in keys if block.own[k].passed)
+        rest = [k for k in keys if k != key]
+        if any(not block.own[k].choices for k in rest):
+            yield from self._of_any(block, keys)
+            return
+        th = self.view.motion.theta
+        shares = np.r_[np.linspace(0.003, 0.3, 20), np.linspace(0.7, 0.997, 20)]
+        inner = self.span * np.linspace(0.02, 0.35, 15)
+        places = np.unique(np.r_[np.quantile(th, shares), th.min() + inner, th.max() - inner])
+        others = [dict(zip(rest, x, strict=True))
+                  for x in product(*(block.own[k].choices for k in rest))]  # fmt: skip
+        sets = [{key: float(p)} | other for p in places for other in others]
+        X = self.view.in_rows(lanes(block, sets, self.along))
+        few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < 0.5
+        best = sets[int(np.argmax(np.where(few, self._gains(block, X), 0.0)))]
+        x = polish(lambda p: self._gain(block, best | {key: p[0]}), [best[key]],
+                   [0.01 * self.span], 15)[0]  # fmt: skip
+        cost = float(np.log(len(sets) / len(others)))
+        yield self._contender(block, best | {key: float(x)}, cost=cost)
+
+    def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
+        """A load behind a spring or a gap, driven by the measured motion."""
+        fast = min(RINGING[1], 0.3 / self.view.motion.dt)
+        gaps: Iterable[float] = [0.0]
+        frequencies, dampings = np.geomspace(RINGING[0], fast, 22), [0.03, 0.1, 0.3]
+        if "gap" in keys:
+            reach, count = min(self.span, 6.28), self.view.motion.count
+            gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, GAPS)
+            # where the gap lies depends little on the spring behind it
+            first = [self._load(keys, 80.0, 0.3, g) for g in gaps]
+            known = self.view.rows
+            at = int(np.argmax(self._loads(block, first)))
+            gaps = list(gaps)[max(at - 1, 0) : at + 2]
+            frequencies, dampings = np.array([45.0, 80.0, 140.0]), [0.3]
+            del known
+        tried = [(f, z, g) for f in frequencies for z in dampings for g in gaps]
+        gains = self._loads(block, [self._load(keys, *one) for one in tried])
+        best = tried[int(np.argmax(gains))]
+        if gains.max() < 2 * SCREEN:
+            return
+        many = 2 if "gap" not in keys else 3
+
+        def gain(p: np.ndarray) -> float:
+            f, z, *gap = np.exp(p)
+            if not 0.8 * frequencies[0] < f < 400 or z > 1:
+                return -1.0
+            return float(self._loads(block, [self._load(keys, f, z, *gap)])[0])
+
+        steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
+        f, z, *gap = np.exp(polish(gain, np.log(best[:many]), steps[:many], 40))
+        if f < 0.84 * frequencies[0] or z > 0.95:
+            return  # at the edge of what a resonance may be: J that falls with frequency
+        cost = np.log(22 * 3) if many == 2 else np.log(3 * GAPS)
+        yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
+
+    def _load(self, keys: Sequence[str], f: float, z: float, gap: float = 0.0) -> Values:
+        """Values of a load of 1 kg m2 with this frequency (Hz), damping ratio and gap (rad)."""
+        omega = 2 * np.pi * f
+        made = {"stiffness": omega**2, "damping": 2 * z * omega}
+        return made | ({"gap": float(gap)} if "gap" in keys else {})
+
+    def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
+        return self._gains(block, self.view.in_rows(lanes(block, sets, self.along)))
+
+    def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
+        """A grid of all values around their defaults, the best of it polished."""
+        many = (24, 9, 5, 3)[min(len(keys), 4) - 1]
+        grids = [self._grid(block.own[k], many) for k in keys]
+        sets = [dict(zip(keys, map(float, x), strict=True)) for x in product(*grids)]
+        X = self._screened(block, sets)
+        best = sets[int(np.argmax(self._gains(block, np.nan_to_num(X))))]
+        steps = [0.3 * float(np.min(np.diff(g))) if len(g) > 1 else 0.1 for g in grids]
+        x = polish(lambda p: self._gain(block, dict(zip(keys, p, strict=True))),
+                   [best[k] for k in keys], steps, 40 * len(keys))  # fmt: skip
+        q = dict(zip(keys, map(float, x), strict=True))
+        yield self._contender(block, q, cost=float(np.log(len(sets))))
+
+    def _grid(self, p: P, many: int) -> np.ndarray:
+        """Values of any parameter, within its bounds."""
+        m = self.view.motion
+        if p.choices:
+            return np.array(p.choices)
+        if p.unit == "rad":
+            grid = np.quantile(m.theta, (np.arange(many) + 0.5) / many)
+        elif p.unit == "rad/s":
+            grid = m.top * np.geomspace(0.003, 1.0, many)
+        elif p.unit == "s":
+            grid = m.duration * np.geomspace(1e-3, 1.0, many)
+        elif np.isfinite(p.low) and np.isfinite(p.high) and not 0 < 100 * p.low < p.high:
+            grid = np.linspace(p.low, p.high, many)
+        else:
+            grid = (abs(p.value) or 1.0) * np.geomspace(1 / 30, 30, many)
+            grid = grid if p.low >= 0 or p.value > 0 else np.r_[-grid[::-1], grid]
+        return np.unique(np.clip(grid, p.low, p.high))

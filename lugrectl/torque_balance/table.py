@@ -1,0 +1,290 @@
+"""The table: one base row and one row for each contender, every row a regression of its own.
+
+A row counts by the density of the motion given the torque, block by block under fits that have not
+seen the block: the residual over the inertia, so that what imitates u, and takes the inertia with
+it, gains nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..blocks.block import Block
+from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
+from .constants import GROWN, SCREEN
+from .friction import IMITATES, View
+
+NEW = 1e-3  # of a column: what must be left of it beside the base
+KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large is not identified
+
+
+def is_lateness(block: Block | None) -> bool:
+    """Whether an effect is itself a delay of the torque: beside it none is left for nothing."""
+    return block is not None and "input" in block.acts and block.own[block.gain].unit == "s"
+
+
+def has_inertia(block: Block | None) -> bool:
+    """Whether an effect has an inertia of its own, so that J is not held."""
+    return block is not None and ("J" in block.acts or block.own[block.gain].unit == "kg m2")
+
+
+class Contender:
+    """One row of the table: an effect with its nonlinear values, or an unknown torque.
+
+    ``C`` (m, k) are its columns, ``u`` (n,) what it makes of the torque; one of them is given.
+    ``cost`` are nats for values that were searched, ``drop`` columns of the base that it replaces,
+    ``depends_on`` the signals of an unknown torque; ``each`` are the values of several effects of one
+    name at once. Once entered: ``gain`` in nats, ``share`` of
+    friction that it adds to what the declared law can imitate, ``tau`` (m,) that torque, ``J``.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        q: Mapping[str, float],
+        block: Block | None = None,
+        C: np.ndarray | None = None,
+        u: np.ndarray | None = None,
+        prior: Prior | None = None,
+        cost: float = 0.0,
+        depends_on: Collection[str] = (),
+        drop: Collection[int] = (),
+        more: Collection[Mapping[str, float]] = (),
+    ) -> None:
+        self.name, self.q, self.block, self.C, self.u = name, dict(q), block, C, u
+        self.each = (self.q, *map(dict, more))
+        self.k = 0 if C is None else C.shape[1]
+        self.prior = Prior.free(self.k) if prior is None else prior
+        self.cost, self.depends_on, self.drop = cost, set(depends_on), tuple(drop)
+        self.lateness, self.inertial = is_lateness(block), has_inertia(block)
+        self.gain, self.share, self.b = 0.0, 0.0, np.zeros(self.k)
+
+    def added(
+        self, view: View, X: np.ndarray, y: np.ndarray, prior: Prior
+    ) -> tuple[np.ndarray, np.ndarray, Prior]:
+        """Rows, torque and prior of a base with this contender."""
+        if self.u is not None:
+            X, y = X.copy(), view.K @ (self.u - view.motion.d)
+            X[:, 1] = view.K @ (view.hold * view.motion.slope(self.u))
+            X[:, 1] *= 1e-9 if self.lateness else 1.0
+        if self.C is not None:
+            X, prior = np.column_stack([X, self.C]), Prior.joined(prior, self.prior)
+        if self.drop:  # it takes the place of what imitates it
+            X = X.copy()
+            X[:, list(self.drop)] = 0.0
+        return X, y, prior
+
+
+class Table:
+    """The base as it stands (the declared model and what was chosen) and scores beside it.
+
+    ``quick`` is the first pass, in which fits are scored on the rows that they have seen. ``e``
+    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain.
+    """
+
+    def __init__(self, view: View) -> None:
+        self.view, self.scale, self.weights, self.scale_J = view, None, None, None
+        self.quick, self.chosen = True, []
+        self.restart()
+
+    def restart(self, beside: Contender | None = None) -> None:
+        """The base without any chosen effect, friction's shape settled (beside the likeliest)."""
+        v = self.view
+        v.start()
+        found = v.choose(self.scale, beside)
+        self.scale = found if self.scale is None else self.scale
+        self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
+        joined = {t.key for t in v.terms}
+        self.imitates = np.array(
+            [n in IMITATES or isinstance(n, tuple) and n[0] in joined for n in v.names]
+        )
+        self.own = np.array([n != "late" for n in v.names])
+        self.settle()
+
+    def settle(self) -> None:
+        v = self.view
+        fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
+        size = float(np.sqrt(np.mean(v.rows.a**2))) + TINY
+        self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
+        if not self.chosen:  # what effects scale is the friction of the declared model
+            v.torques(fit.b)
+        v.J = self.J
+        if self.quick or self.scale_J is None:
+            self.scale_J = self.J
+        r = np.abs(self.y - self.X @ fit.b)
+        self.left = float(np.sqrt(np.mean(np.minimum(r, 5 * np.median(r)) ** 2))) / v.size
+        self.e = self._score(fit, self.X, self.prior, 0.0, self.J)
+        self.e_seen = v.blocks.seen(fit.r, self._stretch(self.J))
+        # weights of the richest description: only true outliers lose weight
+        self.root = np.sqrt(fit.w if self.weights is None else self.weights)
+        self.Q, _ = np.linalg.qr(self.X[:, fit.free] * self.root[:, None])
+        rooted = self.y * self.root
+        self.rest_of_y = rooted - self.Q @ (self.Q.T @ rooted)
+
+    def _stretch(self, J: float) -> float:
+        """The residual is one of the motion: over J. Where J is not told, one of the torque."""
+        if not (self.scale_J and self.view.sure):
+            return 1.0
+        return max(1.0, self.scale_J / max(J, 1e-3 * self.scale_J))
+
+    def _score(
+        self, fit: Fit, X: np.ndarray, prior: Prior, cost: float, J: float
+    ) -> np.ndarray:
+        """Log density of the motion given the torque, block by block."""
+        blocks, stretch = self.view.blocks, self._stretch(J)
+        if self.quick:
+            told = np.sum(X[:, fit.free] ** 2, axis=0) / self.scale**2
+            cost = cost + float(np.sum(prior.precision[fit.free] < 1e-3 * told))
+            return blocks.seen(fit.r, stretch) - cost / blocks.number
+        left_out = blocks.left_out(fit, X, prior, self.scale, stretch)
+        return left_out - cost / blocks.number
+
+    # ---- screening on what the base leaves
+    def beside(self, C: np.ndarray) -> np.ndarray:
+        """Weighted columns without what the base explains of them."""
+        W = C * self.root[:, None]
+        before = (W * W).sum(axis=0)
+        W = W - self.Q @ (self.Q.T @ W)
+        new = (W * W).sum(axis=0) > NEW**2 * before  # else the base has it already
+        return W * new
+
+    def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What each column would take off the weighted sum of squares (in nats of a normal
+        distribution, doubled), and its coefficient."""
+        W = self.beside(C)
+        c, n = W.T @ self.rest_of_y, (W * W).sum(axis=0) + TINY
+        return c**2 / n / self.scale**2, c / n
+
+    def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
+        """The same for columns two by two."""
+        W = self.beside(C)
+        c, n = W.T @ self.rest_of_y, (W * W).sum(axis=0) + TINY
+        x = (W[:, ::2] * W[:, 1::2]).sum(axis=0)
+        det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
+        both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
+        return both / det / self.scale**2
+
+    def promise(self, c: Contender) -> float:
+        """Screened gain in nats: all of its columns at once, at the weights of the base."""
+        if c.C is None:
+            return np.inf
+        W = self.beside(c.C)
+        G, g = W.T @ W, W.T @ self.rest_of_y
+        own = c.prior.precision * self.scale**2
+        G[np.diag_indices(c.k)] += own + 1e-9 * np.diag(G) + TINY
+        return float(g @ np.linalg.solve(G, g)) / self.scale**2 / 2
+
+    # ---- one row
+    def enter(self, c: Contender) -> Contender:
+        """The whole model settled again with this contender: score, gain, torque."""
+        v = self.view
+        X, y, prior = c.added(v, self.X, self.y, self.prior)
+        if c.inertial:
+            prior = prior.but(0, low=0.0, high=np.inf)
+        fit = robust(X, y, prior, self.scale, v.noise, weights=self.root**2)
+        c.fit, c.X, c.y, c.full = fit, X, y, prior
+        c.b = fit.b[len(self.prior) :]
+        c.J = float(fit.b[0]) + (self._inertia_of(c) if c.inertial else 0.0)
+        seen = v.blocks.seen(fit.r, self._stretch(c.J))
+        hopeless = not self.quick and float(np.sum(seen - self.e_seen)) < SCREEN
+        none = self.e - 1.0 / len(self.e)
+        c.e = none if hopeless else self._score(fit, X, prior, c.cost, c.J)
+        self._measure(c)
+        c.e = none if self._unidentified(c) else c.e
+        c.gain = float(np.sum(c.e - self.e))
+        return c
+
+    def _inertia_of(self, c: Contender) -> float:
+        """The part of the inertia that an effect of its own inertia has taken."""
+        a = self.view.rows.a
+        return float(c.fit.b[-1] * (c.X[:, -1] @ a) / (a @ a))
+
+    def _measure(self, c: Contender) -> None:
+        """Its torque beside what the declared law can imitate; of an unknown torque, beside the
+        law's extensions too."""
+        v, own = self.view, len(self.own)
+        tau = c.X[:, len(self.prior) :] @ c.b if c.k else np.zeros(len(self.y))
+        if c.u is not None:
+            late = 0.0 if c.lateness is False else self.X[:, 1] * self.fit.b[1]
+            tau = tau + self.y - c.y - late
+        law = (self.own if c.depends_on else self.imitates) & self.fit.free[:own]
+        at = np.flatnonzero(np.r_[law, self.fit.free[own:]])
+        B = self.X[:, at]
+        c.tau = tau - B @ np.linalg.lstsq(B, tau, rcond=None)[0]
+        c.share = float(np.sqrt(np.mean(c.tau**2))) / v.size
+        J = v.declared.get("J")
+        if c.inertial and J and self.J > GROWN * J > c.fit.b[0]:
+            # the inertia that was not declared is its trace as well
+            whole = float(np.sqrt(np.mean((c.X[:, -1] * c.fit.b[-1]) ** 2)))
+            c.share = max(c.share, whole / v.size)
+
+    def _unidentified(self, c: Contender) -> bool:
+        """More torque than friction and another inertia: what such a term does is not identified;
+        nor is what takes the inertia through u."""
+        if not self.view.sure:
+            return False
+        load = c.block is not None and c.block.load
+        other = not KEPT < c.J / self.J < 1 / KEPT
+        return c.share > 1 and not load and other or "u" in c.depends_on and c.J < 0.6 * self.J
+
+    def extend(self, c: Contender) -> None:
+        """The chosen contender becomes part of the base."""
+        self.X, self.y, self.prior = c.X, c.y, c.full
+        if c.u is not None:
+            self.view.u = c.u
+            if c.lateness:
+                self.prior = self.prior.but(1, low=-1e-12, high=1e-12)
+        self.chosen.append(c)
+        self.settle()
+
+    def mark(self) -> tuple[Any, ...]:
+        return self.X, self.y, self.prior, self.view.u
+
+    def back(self, mark: tuple[Any, ...]) -> None:
+        """The base as it was before anything was chosen."""
+        if self.chosen:
+            self.X, self.y, self.prior, self.view.u = mark
+            self.chosen = []
+            self.settle()
+
+    def richest(self, named: Collection[Contender], unknown: Collection[Contender]) -> None:
+        """Scale and weights from everything at once, each term with its prior; the inertia stays
+        what the base says beside the likeliest effect."""
+        v = self.view
+        columns, priors = [self.X], [self.prior]
+        for c in named:
+            if c.gain > 2 and c.share > 0.002:
+                C = (self.y - v.K @ (c.u - v.motion.d))[:, None] if c.C is None else c.C
+                columns.append(C)
+                precision = np.mean(C**2, axis=0) / (0.3 * v.size) ** 2
+                priors.append(Prior.free(C.shape[1], precision=precision))
+        for c in unknown:
+            if c.gain > 2:
+                columns.append(c.C)
+                priors.append(Prior.free(c.k, precision=c.prior.precision))
+        X = np.column_stack(columns)
+        own = Prior.joined(*priors)
+        prior = own.but(0, precision=1 / (0.03 * self.J) ** 2, low=-np.inf, high=np.inf)
+        fit = robust(X, self.y - self.J * X[:, 0], prior, self.scale, v.noise, turns=4)
+        r = self.y - self.J * X[:, 0] - X @ fit.b
+        self.scale_J = max(float(fit.b[0]) + self.J, 0.5 * self.J)
+        self.quick = False
+        self._weigh(X, r, prior)
+        self.settle()
+
+    def _weigh(self, X: np.ndarray, r: np.ndarray, prior: Prior) -> None:
+        """Scale of the residual, and weights, as a fit without the row would leave it."""
+        most = 5 * 1.4826 * np.median(np.abs(r))
+        r = np.clip(r, -most, most)
+        spread = np.sqrt(1 + min(0.5, X.shape[1] / len(r)))
+        scale = 1.38 * float(np.median(np.abs(r))) * spread + TINY
+        w = (NU + 1) / (NU + (r / scale) ** 2)
+        G, _ = normal_equations(X, r, w, prior, scale, 0.0)
+        lever = np.einsum("ij,ij->i", X, np.linalg.solve(G, X.T).T) * w
+        alone = np.abs(r) / np.maximum(1 - lever, 0.05)
+        self.scale = max(scale, 1.38 * float(np.median(alone)))
+        self.rest = float(np.sqrt(np.mean(r**2))) / self.view.size
+        self.weights = (NU + 1) / (NU + (r / self.scale) ** 2)

@@ -1,0 +1,118 @@
+"""Unknown torques: smooth functions of each set of signals, as rows of the table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+from ..core.regression import TINY, Prior
+from .constants import SCREEN
+from .table import Contender, Table
+
+SIZES = (0.04, 0.2)  # of friction: standard deviations that an unknown torque may have
+QUICK = 0.1  # the same in the first pass
+Signals = tuple[str, ...]
+
+
+class Unknown:
+    """Unknown torques beside one base: penalised columns over sets of signals."""
+
+    def __init__(self, table: Table, linear: bool, sure: bool) -> None:
+        self.table, self.view, self.sure = table, table.view, sure
+        m = self.view.motion
+        turns = float(np.ptp(m.theta)) > 6.5 and not linear
+        x = (m.theta - m.theta.min()) / (float(np.ptp(m.theta)) + 1e-12)
+        w = 0.5 + 0.5 * np.clip(m.w / m.top, -1, 1)
+        time = m.elapsed / m.duration
+        K = self.view.K
+        self.place = waves(m.theta, 12) if turns else spline(x, 16)
+        self.coarse = waves(m.theta, 6) if turns else spline(x, 8)
+        self.times = spline(time, 10)
+        shapes = [K @ self.place, K @ spline(x, 16)] if turns else [K @ self.place]
+        sided = spline(np.abs(m.w) / m.top, 16) * np.sign(m.w)[:, None]
+        self.still: dict[Signals, list[np.ndarray]] = {
+            ("theta",): shapes,
+            ("w",): [K @ sided],
+            ("t",): [K @ spline(time, 24)],
+        }
+        self.mixed = K @ product(spline(w, 6), self.coarse)
+
+    def _bases(self) -> Iterator[tuple[Signals, list[np.ndarray]]]:
+        """Columns (m, k) over each set of signals; what depends on u or the law is made anew."""
+        v, m, K, u = self.view, self.view.motion, self.view.K, self.view.u
+        yield from self.still.items()
+        size = max(np.quantile(np.abs(u), 0.995), 0.1 * np.abs(u).max(), TINY)
+        of_u = spline(0.5 + 0.5 * np.clip(u / size, -1, 1), 12)
+        friction = np.column_stack([v.z, m.w / m.top])
+        if self.sure:  # without J any function of u is u
+            yield ("u",), [K @ without_line(often(of_u), u)]
+        yield ("theta", "w"), [K @ (v.z[:, None] * self.place), self.mixed]
+        yield ("t", "w"), [K @ product(self.times, friction)]
+        if self.sure:
+            yield ("t", "u"), [K @ without_line(u[:, None] * self.times, u)]
+            yield ("theta", "u"), [K @ without_line(u[:, None] * self.coarse, u)]
+
+    def rows(self) -> list[Contender]:
+        """The contenders, the likeliest first; in the first pass by their promise alone."""
+        made, quick = [], self.table.quick
+        for depends_on, bases in self._bases():
+            for C in bases:
+                for size in (QUICK,) if quick else SIZES:
+                    c = self._contender(depends_on, C, size, len(bases))
+                    c.gain = self.table.promise(c) - c.cost
+                    if quick:
+                        made.append(c)
+                    elif c.gain > 2 * SCREEN:
+                        made.append(self.table.enter(c))
+        return likeliest(made)
+
+    def _contender(
+        self, depends_on: Signals, C: np.ndarray, size: float, many: int
+    ) -> Contender:
+        rms = np.sqrt(np.mean(C**2, axis=0))
+        least = 1e-3 * float(np.sqrt(np.mean(rms**2))) + TINY
+        sigma = size * self.view.size / np.maximum(rms, least)
+        prior = Prior.free(C.shape[1], precision=1 / sigma**2)
+        name = f"g({','.join(depends_on)})"
+        cost = float(np.log(3 * many))
+        return Contender(name, {}, C=C, prior=prior, cost=cost, depends_on=depends_on)
+
+
+def likeliest(contenders: list[Contender]) -> list[Contender]:
+    """The best of each name, the likeliest first."""
+    best: dict[str, Contender] = {}
+    for c in contenders:
+        if c.name not in best or c.gain > best[c.name].gain:
+            best[c.name] = c
+    return sorted(best.values(), key=lambda c: -c.gain)
+
+
+def waves(theta: np.ndarray, n: int) -> np.ndarray:
+    """The first n harmonics of an angle, (m, 2 n)."""
+    turns = np.exp(1j * theta[:, None] * np.arange(1, n + 1))
+    return np.stack([turns.imag, turns.real], axis=2).reshape(len(theta), -1)
+
+
+def spline(x: np.ndarray, n: int) -> np.ndarray:
+    """n cubic B-splines over [0, 1] at x."""
+    knots = np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3]
+    return BSpline.design_matrix(np.clip(x, 0, 1 - 1e-12), knots, 3).toarray()
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Every column of A times every column of B."""
+    return (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
+
+
+def without_line(X: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """X without what 1 and u explain of it."""
+    A = np.column_stack([np.ones(len(u)), u])
+    return X - A @ np.linalg.lstsq(A, X, rcond=None)[0]
+
+
+def often(X: np.ndarray) -> np.ndarray:
+    """Columns that are not zero on 2 % of the samples at least: a rare one, made orthogonal to u,
+    is u everywhere else."""
+    return X[:, np.mean(X > 0.05, axis=0) > 0.02]
