@@ -10,6 +10,7 @@ does not (IMITATES).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -99,25 +100,52 @@ class View:
         self.J = self.declared.get("J", 0.0)
         self.load = motion.d
         self._path = strokes(motion.fine_steps)
-        self._bristles: dict[float, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        self._follows: dict[float, np.ndarray] = {}
+        self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        self._in_rows: dict[float, np.ndarray] = {}
+
+    def on(self, mask: np.ndarray) -> View:
+        """The same motion and law on some of the rows."""
+        made = copy(self)
+        made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
+        made.K, made._in_rows = made.rows.K, {}
+        made.noise = float(np.mean(made.rows.shake**2))
+        made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.number)
+        return made
+
+    def torque(self, u: np.ndarray) -> np.ndarray:
+        """A torque (n,) that is held from sample to sample, in the rows (m,)."""
+        return self.K @ self.motion.held(u)
+
+    def rid(self, name: str) -> View:
+        """The same without an effect."""
+        made = copy(self)
+        made.terms = [t.copy() for t in self.terms if t.name != name]
+        return made
 
     # ---- the law
-    def deflection(self, x0: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """A bristle of length x0 (rad) over its level: between the samples, at them, and in the
-        rows (m, 3) with its rate and what a reversal inside a window blurs of it."""
+    def deflection(self, x0: float) -> tuple[np.ndarray, np.ndarray]:
+        """A bristle of length x0 (rad) over its level: between the samples, and at them."""
         if x0 not in self._bristles:
-            m = self.motion
             fine = np.r_[0.0, bristle(*self._path, x0)]
-            z = m.coarse(fine)
-            blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
-            rows = self.K @ np.column_stack([z, m.slope(z), blurred])
-            self._bristles[x0] = fine, z, rows
+            self._bristles[x0] = fine, self.motion.coarse(fine)
         return self._bristles[x0]
+
+    def bristle_rows(self, x0: float) -> np.ndarray:
+        """The bristle in the rows (m, 3), its rate, and what a reversal inside a window blurs."""
+        if x0 not in self._in_rows:
+            (fine, z), m = self.deflection(x0), self.motion
+            blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
+            self._in_rows[x0] = self.K @ np.column_stack([z, m.slope(z), blurred])
+        return self._in_rows[x0]
 
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
-        up, down = (bristle(*self._path, x0, side * ASYMMETRY) for side in (1, -1))
-        return self.motion.coarse(np.r_[0.0, (up - down) / (2 * ASYMMETRY)])
+        if x0 not in self._follows:
+            up, down = (bristle(*self._path, x0, side * ASYMMETRY) for side in (1, -1))
+            made = self.motion.coarse(np.r_[0.0, (up - down) / (2 * ASYMMETRY)])
+            self._follows[x0] = made
+        return self._follows[x0]
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
         """Columns (n, 4) that depend on the Stribeck speed: bump, short and long tail, bend."""
@@ -149,7 +177,7 @@ class View:
                 fixed.append(self.in_rows(made))
                 names += [(term.key, k) for k in range(len(made.low))]
                 priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
-        self.y = self.K @ (self.u - m.d)
+        self.y = self.torque(self.u) - self.K @ m.d
         self.force = float(np.sqrt(np.mean(self.y**2))) + 1e-300
         for run in np.unique(m.run)[1:]:  # each run has its own offset
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
@@ -160,7 +188,7 @@ class View:
         self.bounds = self.bounds.but(1, low=-1.0, high=1.0)
         if self.J_range:
             self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
-        self.late = self.K @ (self.hold * m.slope(self.u))
+        self.late = self.K @ (self.hold * m.slope(m.held(self.u)))
 
     def _least(self, name: str) -> float:
         """One direction: Coulomb friction and an offset are one."""
@@ -176,7 +204,7 @@ class View:
 
     def base(self, x0: float, vs: float) -> np.ndarray:
         """Rows (m, k) of the declared model for one bristle length and one Stribeck speed."""
-        z, law = self.deflection(x0)[2], self.K @ self.stribeck(x0, vs)
+        z, law = self.bristle_rows(x0), self.K @ self.stribeck(x0, vs)
         w, rest = self.fixed[:, :2], self.fixed[:, 2:]
         return np.column_stack(
             [self.rows.a, self.late, z[:, 0], law[:, :3], w, law[:, 3], z[:, 1:], rest]
@@ -236,7 +264,7 @@ class View:
 
     def set_law(self, x0: float, vs: float) -> None:
         self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
-        _, self.z, _ = self.deflection(x0)
+        _, self.z = self.deflection(x0)
         self.law = self.stribeck(x0, vs)
 
     # ---- along the log
@@ -286,7 +314,7 @@ class View:
 
     def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
         """The columns of an effect along the log."""
-        return columns(block, q, self.along())
+        return columns(block, q, self.along(u=self.motion.held(self.u)))
 
     def in_rows(self, made: Columns) -> np.ndarray:
         """Columns along the log -> in the rows (m, k)."""

@@ -1,28 +1,90 @@
-"""What a fit leaves on rows that it has not seen."""
+"""Rows that no step of a fit or a choice sees, and what models leave on them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
 import numpy as np
 
-from ..core.regression import robust
-from .last_fit import LastFit
+from .constants import LEAST_ROWS
+from .friction import View
+from .last_fit import Design, LastFit
+from .rows import Rows
 
 PART = 2.0  # s: length of alternate parts
+PARTS = 8  # of a short log
 OUTLIER = 10.0  # robust standard deviations beyond which a row counts no more
 
 
-def unseen(last: LastFit) -> np.ndarray:
-    """Residual (m,) of every row under a fit to the other half of the record."""
-    d, t = last.design, last.view.rows.t
-    r = np.zeros(len(d.y))
-    part = (t / min(PART, (t[-1] - t[0]) / 8)).astype(int) % 2
-    for own in (0, 1):
-        on, off = part == own, part != own
-        if off.sum() < d.X.shape[1] + 5:
-            return d.y * np.nan
-        fit = robust(d.X[off], d.y[off], d.prior, last.scale, last.view.noise)
-        r[on] = d.y[on] - d.X[on] @ fit.b
-    return r
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Rows to fit and choose on, and rows to judge on: masks (m,) that share no sample."""
+
+    train: np.ndarray
+    test: np.ndarray
+
+    @classmethod
+    def of(cls, view: View, held_out: Sequence[Any] = ()) -> Split:
+        """``held_out`` are (run, start, end) in the stamps of the logs, s; every other part of the
+        log where it is empty."""
+        rows, m = view.rows, view.motion
+        t, run = m.stamp[rows.at], m.run[rows.at]
+        if not len(held_out):
+            return cls._alternate(rows)
+        train, test = np.ones(len(rows), bool), np.zeros(len(rows), bool)
+        for own, start, end in held_out:
+            here = run == own
+            test |= here & (t >= start + rows.reach) & (t <= end - rows.reach)
+            train &= ~(here & (t >= start - rows.reach) & (t <= end + rows.reach))
+        return cls(train, test) if cls._enough(train, test) else cls._alternate(rows)
+
+    @classmethod
+    def _alternate(cls, rows: Rows) -> Split:
+        length = min(PART, (rows.t[-1] - rows.t[0]) / PARTS)
+        place = rows.t / max(length, 1e-12)
+        odd = place.astype(int) % 2 == 1
+        edge = np.abs(place - np.round(place)) * length < min(rows.reach, 0.1 * length)
+        return cls(~odd & ~edge, odd & ~edge)
+
+    @staticmethod
+    def _enough(train: np.ndarray, test: np.ndarray) -> bool:
+        return train.sum() >= 2 * LEAST_ROWS and test.sum() >= LEAST_ROWS
+
+
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """What a fit to other rows leaves on held-out rows: ``r`` (m,) at ``t`` (m,), N m.
+
+    ``error`` is its RMS, ``stays`` the RMS of what lasts longer than a window: torque that nothing
+    explains.
+    """
+
+    r: np.ndarray
+    t: np.ndarray
+    error: float
+    stays: float
+
+    @classmethod
+    def of(cls, last: LastFit, test: View) -> Unseen:
+        """``last`` is a fit to other rows of the same log."""
+        design = Design(test, last.state)
+        return cls.left(design.y - design.X @ last.fit.b, test.rows)
+
+    @classmethod
+    def left(cls, r: np.ndarray, rows: Rows) -> Unseen:
+        r = clipped(r)
+        size = float(np.sqrt(np.mean(r**2)))
+        return cls(r, rows.t, size, structured(r, rows.t, rows.step, rows.h))
+
+
+def gain(without: Unseen, other: Unseen, duration: float) -> float:
+    """By how many standard errors the squared error of ``other`` is smaller, over stretches."""
+    stretch = (without.t / max(0.3, duration / 60)).astype(int)
+    lower = np.bincount(stretch, without.r**2 - other.r**2)
+    lower = lower[np.bincount(stretch) > 0]
+    return float(lower.sum() / (np.sqrt(len(lower)) * lower.std() + 1e-300))
 
 
 def clipped(r: np.ndarray) -> np.ndarray:
@@ -31,14 +93,9 @@ def clipped(r: np.ndarray) -> np.ndarray:
     return np.clip(r, -far, far)
 
 
-def size(r: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(clipped(r) ** 2)))
-
-
 def structured(r: np.ndarray, t: np.ndarray, step: float, h: float) -> float:
-    """RMS of what of a residual lasts longer than a window: torque that nothing explains."""
+    """RMS of what of a residual lasts longer than a window, by its correlation beyond one."""
     first, found = max(4, int(np.ceil(2 * h / max(step, 1e-9)))), 0.0
-    r = clipped(r)
     for k in {first, int(1.5 * first), 2 * first, 3 * first}:
         if len(r) < 4 * k:
             continue

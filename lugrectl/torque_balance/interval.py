@@ -27,6 +27,7 @@ FEWEST = 15  # blocks
 SPEEDS = (0.35, 0.6, 1.0, 1.7, 3.0)  # Stribeck speeds that are tried, over the fitted one
 EXPONENTS = (1.0, 2.0)  # of the Stribeck curve
 STEP = 0.3  # standard deviations of a coefficient, for the slopes of what is reported
+PART_OF_SAMPLE = 0.1  # standard deviation of a delay, in samples
 WITHOUT_SCALE = ("phase", "harmonic", "side")
 
 Value = tuple[float, float, float]
@@ -138,10 +139,10 @@ class Interval:
         for i, k in enumerate(self.names):
             if k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE:
                 V[i, i] += (SCALE * own[k]) ** 2
-        for term in self.last.state.terms:  # a delay is known but for half a hold
+        for term in self.last.state.terms:  # no clock of two channels is better
             if is_lateness(term.block):
                 i = self.names.index(f"{term.key}.{term.block.gain}")
-                V[i, i] += (self.last.view.longest_hold / Z95) ** 2
+                V[i, i] += (PART_OF_SAMPLE * self.last.view.motion.dt) ** 2
         for other in others:
             apart = [wrapped(other.values.get(k, own[k]) - own[k], k) for k in self.names]
             V += np.outer(apart, apart)

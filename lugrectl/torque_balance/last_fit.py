@@ -10,7 +10,7 @@ says.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -63,7 +63,7 @@ class State:
     def apply(self, view: View) -> None:
         """Friction and load along the log, which effects scale."""
         m, k = view.motion, self.k
-        fine, view.z, _ = view.deflection(view.x0)
+        fine, view.z = view.deflection(view.x0)
         dip = m.coarse(fine * self.fall(m.fine_w))
         view.coulomb = k["Fc"] * view.z + k["dip"] * dip
         level = k["Fc"] + k["dip"] * self.fall(m.w)
@@ -141,7 +141,7 @@ class Design:
             if term.on_input and not linear(term.block):
                 self.inputs[i] = v.u
                 v.u = changed_input(term.block, term.q, v.along())
-        self.y = v.K @ (v.u - m.d)
+        self.y = v.torque(v.u) - v.K @ m.d
         self.level = max(abs(state.k["Fc"]), 0.1 * v.force)
         self._made = _Columns(v.force)
         self._plant()
@@ -160,7 +160,7 @@ class Design:
             add("J", v.rows.a, low=0.0)
         own = any(is_lateness(t.block) for t in self.state.terms)  # a delay has its own column
         most = 0.0 if own else 1.0 if self.state.bare else np.inf
-        late = v.K @ (v.hold * v.motion.slope(v.u))
+        late = v.K @ (v.hold * v.motion.slope(v.motion.held(v.u)))
         add("late", late, sd=1 / Z95, low=-most, high=most)
 
     def _friction(self) -> None:
@@ -206,7 +206,7 @@ class Design:
         """Linear columns, and of each other value the slope of the torque over it."""
         v, add, block = self.view, self._made.add, term.block
         keys = [k for k in nonlinear(block, v.model.motion) if k in term.q]
-        along = v.along()
+        along = v.along(u=v.motion.held(v.u))
         if linear(block):
             made = columns(block, term.q, along)
             C = v.in_rows(made)
@@ -220,7 +220,11 @@ class Design:
         step = {k: step_of(block, k, term.q[k], along) for k in keys}
         # those that count per unit of strength move by so much more
         per = {k: term.b[0] if k in (scaled(block) or ()) else 1.0 for k in keys}
-        S = v.in_rows(slopes(block, values, along, keys, {k: step[k] * (per[k] or 1.0) for k in keys}))
+        steps = {k: step[k] * (per[k] or 1.0) for k in keys}
+        made = slopes(block, values, along, keys, steps)
+        if i in self.inputs and made.wide is not None:
+            made = replace(made, wide=v.motion.held(made.wide))
+        S = v.in_rows(made)
         for j, key in enumerate(keys):
             add((i, key), S[:, j] * per[key], sd=room(term, key, step[key]))
 
@@ -259,7 +263,7 @@ class LastFit:
         for i, term in enumerate(self.state.terms):
             if i in d.inputs:
                 after = changed_input(term.block, term.q, v.along(u=d.inputs[i]))
-                made[i] = v.K @ (d.inputs[i] - after)
+                made[i] = v.torque(d.inputs[i] - after)
             else:
                 at = places(d, i)
                 made[i] = d.X[:, at] @ self.fit.b[at]

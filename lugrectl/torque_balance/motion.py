@@ -198,9 +198,9 @@ class Motion:
         self.runs = tuple(runs)
         self.main = max(self.runs, key=lambda r: len(r.samples))
         self.dt, self.sensors = self.main.dt, self.main.sensors
-        self.t, self.u, self.d, self.ok, self.run = (
+        self.t, self.stamp, self.u, self.d, self.ok, self.run = (
             np.concatenate([getattr(r.samples, k) for r in self.runs])
-            for k in ("t", "u", "d", "ok", "run")
+            for k in ("t", "stamp", "u", "d", "ok", "run")
         )
         self.theta, self.w, self.acceleration, self.path, self.shake = (
             np.concatenate([getattr(r, k) for r in self.runs])
@@ -235,6 +235,13 @@ class Motion:
             return function(self.main, x)
         pairs = zip(self.runs, self.at, strict=True)
         return np.concatenate([function(r, x[at]) for r, at in pairs])
+
+    def held(self, u: np.ndarray) -> np.ndarray:
+        """Mean (n,) or (n, k) around each sample of a torque held from each to the next."""
+        made = u.copy()
+        for at, _ in self.pieces:
+            made[at][1:] = 0.5 * (u[at][1:] + u[at][:-1])
+        return made
 
     def slope(self, x: np.ndarray) -> np.ndarray:
         """dx/dt (n,), piece by piece."""

@@ -7,6 +7,7 @@ the smoothing did to the motion.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from scipy.sparse import block_diag, csr_matrix
@@ -67,6 +68,7 @@ class _Windows:
         if not samples.ok.all():
             keep &= K @ (~samples.ok).astype(float) < 1e-9
         self.at, self.K, self.step = at[keep], K[keep], step * runs.dt
+        self.reach = len(kernel) // 2 * runs.dt
         self.narrow = averages(phi, self.at, n)
         self.smear = np.full(n * runs.between, 3 * noise + 1e-12)
 
@@ -87,7 +89,7 @@ class Rows:
     ``K`` (m, n) averages a signal as the motion was averaged, ``narrow`` (m, n) what is linear in
     the smooth motion. ``t`` (m,) are times from the start, ``w`` the speeds, ``a`` the
     accelerations, ``shake`` their noise; ``smear`` (between samples) is the speed near which a
-    reversal is blurred.
+    reversal is blurred, ``reach`` (s) how far a window looks to each side.
     """
 
     def __init__(self, motion: Motion, h: float) -> None:
@@ -108,10 +110,17 @@ class Rows:
         one = len(parts) == 1
         self.K = parts[0].K if one else block_diag([p.K for p in parts], "csr")
         self.narrow = parts[0].narrow if one else block_diag([p.narrow for p in parts], "csr")
-        self.step = min(p.step for p in parts)
+        self.step, self.reach = min(p.step for p in parts), max(p.reach for p in parts)
         self.smear = np.concatenate([p.smear for p in parts])
         self.t, self.w = motion.elapsed[self.at], np.abs(motion.w[self.at])
         self.a, self.shake = self.narrow @ motion.acceleration, self.narrow @ motion.shake
 
     def __len__(self) -> int:
         return len(self.at)
+
+    def only(self, mask: np.ndarray) -> Rows:
+        """The same without some rows."""
+        made = copy(self)
+        for key in ("at", "K", "narrow", "t", "w", "a", "shake"):
+            setattr(made, key, getattr(self, key)[mask])
+        return made

@@ -23,13 +23,15 @@ Function = Callable[[np.ndarray], np.ndarray]
 class Samples:
     """Channels of one rate, piece after piece.
 
-    ``t`` (s), ``u`` (N m), ``theta`` (rad) and ``w`` (rad/s) are (n,), theta or w None where not
+    ``t`` (s) are times with the runs one after the other, ``stamp`` (s) those of each log, ``u``
+    (N m), ``theta`` (rad) and ``w`` (rad/s) are (n,), theta or w None where not
     recorded, ``d`` (N m) the measured load torque. ``ok`` (n,) marks sound samples, ``run`` (n,)
     the log they come from. ``pieces`` are slices of even time with the step ``dt`` (s).
     """
 
     dt: float
     t: np.ndarray
+    stamp: np.ndarray
     u: np.ndarray
     theta: np.ndarray | None
     w: np.ndarray | None
@@ -54,6 +56,7 @@ class Samples:
         return cls(
             dt=float(np.median([s.dt for s in stretches])),
             t=np.concatenate(times),
+            stamp=np.concatenate([s.t for s in stretches]),
             u=np.concatenate([s.u for s in stretches]),
             theta=joined("theta"),
             w=joined("w"),
@@ -91,7 +94,7 @@ class Samples:
             return np.concatenate([x[one] for one in at])
 
         theta, w = (None if x is None else part(x) for x in (self.theta, self.w))
-        made = {k: part(getattr(self, k)) for k in ("t", "u", "d", "ok", "run")}
+        made = {k: part(getattr(self, k)) for k in ("t", "stamp", "u", "d", "ok", "run")}
         pieces = tuple(map(slice, ends[:-1], ends[1:]))
         return replace(self, theta=theta, w=w, pieces=pieces, **made)
 

@@ -60,7 +60,7 @@ class Search:
         self.linear = self.view.model.motion == "linear"
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
-        self.along = self.view.along()
+        self.along = self.view.along(u=self.view.motion.held(self.view.u))
         self.few = self._at_rows()
 
     def rows(self) -> list[Contender]:
@@ -287,7 +287,7 @@ class Search:
         y = y - Q @ (Q.T @ y)
 
         def gain(x: float) -> float:
-            made = v.K @ v.changed(block, {key: x}) * table.root
+            made = v.torque(v.changed(block, {key: x})) * table.root
             made = made - Q @ (Q.T @ made)
             return float((made @ y) ** 2 / (made @ made + 1e-300))
 

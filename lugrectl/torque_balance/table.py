@@ -67,8 +67,9 @@ class Contender:
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
         """Rows, torque and prior of a base with this contender."""
         if self.u is not None:
-            X, y = X.copy(), view.K @ (self.u - view.motion.d)
-            X[:, 1] = view.K @ (view.hold * view.motion.slope(self.u))
+            m = view.motion
+            X, y = X.copy(), view.torque(self.u) - view.K @ m.d
+            X[:, 1] = view.K @ (view.hold * m.slope(m.held(self.u)))
             X[:, 1] *= 1e-9 if self.lateness else 1.0
         if self.C is not None:
             X, prior = np.column_stack([X, self.C]), Prior.joined(prior, self.prior)
@@ -257,7 +258,7 @@ class Table:
         columns, priors = [self.X], [self.prior]
         for c in named:
             if c.gain > 2 and c.share > 0.002:
-                C = (self.y - v.K @ (c.u - v.motion.d))[:, None] if c.C is None else c.C
+                C = (self.y - c.y)[:, None] if c.C is None else c.C
                 columns.append(C)
                 precision = np.mean(C**2, axis=0) / (0.3 * v.size) ** 2
                 priors.append(Prior.free(C.shape[1], precision=precision))

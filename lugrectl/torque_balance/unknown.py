@@ -41,7 +41,8 @@ class Unknown:
 
     def _bases(self) -> Iterator[tuple[Signals, list[np.ndarray]]]:
         """Columns (m, k) over each set of signals; what depends on u or the law is made anew."""
-        v, m, K, u = self.view, self.view.motion, self.view.K, self.view.u
+        v, m, K = self.view, self.view.motion, self.view.K
+        u = m.held(v.u)
         yield from self.still.items()
         size = max(np.quantile(np.abs(u), 0.995), 0.1 * np.abs(u).max(), TINY)
         of_u = spline(0.5 + 0.5 * np.clip(u / size, -1, 1), 12)

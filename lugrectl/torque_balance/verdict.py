@@ -1,9 +1,13 @@
-"""The answer of the torque balance: decision and last fit, until the fit holds what is named."""
+"""The answer of the torque balance: what is missing, and every value, from one last fit.
+
+Names are chosen on training rows. They stand where the last fit holds them and where the torque
+error of rows falls that no fit and no choice has seen; then all rows give the values.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,58 +15,69 @@ from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..record.stretches import Stretch
-from .columns import columns, linear, nonlinear, to_coefficients
-from .constants import (
-    BENT,
-    CLEAR,
-    FLOOR,
-    MOSTLY,
-    SURE,
-    Z95,
-    Z_LOWER,
-)
+from .columns import Along, columns, linear
+from .constants import BENT, CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
 from .friction import Term, View, declared_terms
+from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
 from .last_fit import LastFit, State
 from .motion import Motion
 from .rows import Rows
 from .samples import sampled
+from .sensors import Sensors
+from .table import Contender
 from .width import Declared, Width, fine_wave
 
+GREASE_NAME = "sublinear_viscous"
+LAG_NAME = "velocity_sensor_lag"
+HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
-@dataclass
+
+@dataclass(eq=False)
 class Answer:
     """What the torque balance says of a log.
 
-    ``values`` are (value, low, high) by name with their ``covariance``, all from ``last``.
+    ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
+    it by name with their ``covariance`` over ``interval.names``. ``named`` are the effects beside
+    the declared ones, ``alternatives`` explain as much as the first of them, ``candidates`` were
+    named and are not held. ``without`` and ``with_names`` are the errors of held-out rows.
     """
 
     verdict: str
     decision: Decision
+    view: View
+    split: Split
     last: LastFit
     interval: Interval
     values: dict[str, Value]
     covariance: np.ndarray
+    without: Unseen
+    with_names: Unseen
     alternatives: list[str] = field(default_factory=list)
+    candidates: list[str] = field(default_factory=list)
     depends_on: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    errors: dict[str, float] = field(default_factory=dict)
+    lag: Value | None = None
+    only_inertia: bool = False
 
     @property
     def named(self) -> list[Term]:
         return [t for t in self.last.state.terms if not t.declared]
 
+    @property
+    def sure(self) -> bool:
+        """Whether the log determines the inertia."""
+        return self.decision.width.sure
 
-def first_view(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
-    """The log as the table sees it."""
-    motion = Motion.of(sampled(stretches))
-    known = model.known()
-    turns = motion.span > 2 and model.motion != "linear"
-    if turns:
-        place = columns(members("effect")["gravity"], {}, _places(motion)).wide
-    else:
-        place = (motion.theta - motion.theta.mean())[:, None]
+
+def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
+    """The log as the table sees it: motion, windows, declared effects."""
+    motion, known = Motion.of(sampled(stretches)), model.known()
+    here, turns = places(motion), motion.span > 2 and model.motion != "linear"
+    weight = columns(members("effect")["gravity"], {}, here).wide
+    level = motion.theta - motion.theta.mean()
+    place = weight if turns and weight is not None else level[:, None]
     width = Width(motion, Declared(known.get("J"), known.get("Fc"), place, turns))
     J = known.get("J")
     if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
@@ -73,182 +88,300 @@ def first_view(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
         width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
         width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
-    terms = declared_terms(model, _places(motion))
+    terms = declared_terms(model, here)
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
     return view, width
 
 
-def _places(motion: Motion):
-    from .columns import Along
+def places(motion: Motion) -> Along:
+    """The motion alone, before anything is known of the drive."""
+    none = np.zeros(len(motion))
+    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
+    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
+                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
+                 **unknown)  # fmt: skip
 
-    z = np.zeros(len(motion))
-    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=z, path=motion.path,
-                 pieces=motion.pieces, u=motion.u, z=z, follows=z, coulomb=z, level=z, viscous=z,
-                 load=z, J=0.0, values={})  # fmt: skip
 
-
-def answer(stretches: Sequence[Stretch], model: Model) -> Answer:
-    """Verdict, names and values; Refused where nothing can be learnt."""
-    view, width = first_view(stretches, model)
-    if np.ptp(view.u) == 0:
+def refuse_dead(view: View, width: Width) -> None:
+    """Refused where the torque has nothing to do with the motion."""
+    if np.ptp(view.motion.u) == 0:
         raise Refused("u is the same in every row: the torque channel is dead.")
-    if width.impossible and not model.known().get("J"):
-        raise Refused("inertia negative and no friction: u follows the motion, or has the wrong sign.")
-    decision = Decision(view, width)
-    return settled(decision)
+    if width.impossible and not view.declared.get("J"):
+        raise Refused(
+            "the inertia comes out negative and there is no friction: u follows the motion, or has "
+            "the wrong sign.",
+            "Log the commanded torque, positive where it speeds up positive motion.",
+        )
+
+
+def answer(
+    stretches: Sequence[Stretch], model: Model, held_out: Sequence[tuple[int, float, float]] = ()
+) -> Answer:
+    """Verdict, names and values; Refused where nothing can be learnt.
+
+    ``held_out`` are (run, start, end), in s of the logs: what no fit and no choice may see.
+    """
+    view, width = seen(stretches, model)
+    refuse_dead(view, width)
+    split = Split.of(view, held_out)
+    train, test = view.on(split.train), view.on(split.test)
+    decision = Decision(train, width)
+    return _Judge(view, train, test, split, decision).answer()
+
+
+class _Judge:
+    """The last fit and the errors of held-out rows, until both hold what is named."""
+
+    def __init__(
+        self, view: View, train: View, test: View, split: Split, decision: Decision
+    ) -> None:
+        self.view, self.train, self.test, self.split = view, train, test, split
+        self.decision = decision
+        self.struck: set[str] = set()
+        self.candidates: list[tuple[float, str]] = []
+        self.notes: list[str] = []
+
+    def answer(self) -> Answer:
+        last = self._held()
+        without = self._without(last.state)
+        plain = Unseen.of(without, self.test)
+        full = Unseen.of(last, self.test)
+        verdict, state = self._verdict(last, full, plain)
+        shown, V, interval = self._on_all_rows(state, last.scale)
+        d = self.decision
+        made = Answer(
+            verdict, d, self.view, self.split, shown, interval, interval.values(V), V, plain,
+            full if state.terms or state.grease else plain, d.alternatives, [], d.depends_on,
+        )  # fmt: skip
+        made.candidates = [n for _, n in sorted(self.candidates)]
+        made.notes = [*d.notes, *self.notes]
+        self._late_speed(made)
+        self._whole_inertia(made)
+        return made
+
+    # ---- what the last fit holds
+    def _held(self) -> LastFit:
+        """The last fit to training rows, with the names that it holds."""
+        for _ in range(12):
+            self._share()
+            last = best_law(self.train, first_state(self.decision), self.decision.table.scale)
+            interval = Interval(last)
+            values = interval.values(interval.covariance())
+            last = self._bent(last, values)
+            stays = Unseen.of(last, self.test).stays
+            terms = [(i, t) for i, t in enumerate(last.state.terms) if not t.declared]
+            names = {c.name for c in self.decision.table.chosen} | {GREASE_NAME}
+            names |= {t.name for t in self.decision.joined}
+            lost = [
+                i for j, (i, t) in enumerate(terms) if t.name in names and t.name != GREASE_NAME
+                and not (holds(last, values, i) and self._matters(last, i)
+                         and (j == 0 or last.share(i) * self.train.size > stays))
+            ]  # fmt: skip
+            if not lost:
+                break
+            self._strike(last, lost[-1])
+        return last
+
+    def _strike(self, last: LastFit, i: int) -> None:
+        name = last.state.terms[i].name
+        self.notes.append(f"{name} is not held by the last fit.")
+        if last.share(i) > 2 * FLOOR:  # it is large, but not sure, or more than it explains stays
+            self.candidates.append((-last.share(i), name))
+        self.struck.add(name)
+        d = self.decision
+        if name in {t.name for t in d.joined}:
+            self.view, self.train, self.test = (v.rid(name) for v in
+                                                (self.view, self.train, self.test))  # fmt: skip
+            self.decision = Decision(self.train, d.width, never={*d.never, name})
+        else:
+            d.decide(self.struck)
+
+    def _matters(self, last: LastFit, i: int) -> bool:
+        name = last.state.terms[i].name
+        chosen = (c for c in self.decision.table.chosen if c.name == name)
+        c = next(chosen, None)
+        return c is None or last.share(i) > HELD * self.decision.floor(c)
+
+    def _bent(self, last: LastFit, values: dict[str, Value]) -> LastFit:
+        """A bend of the friction curve that is worth a name is an effect; else it is no part of the
+        model."""
+        state = last.state
+        if not state.grease:
+            return last
+        b, x = last.fit.b, values["grease"]
+        stays = Unseen.of(last, self.test).stays / self.train.size
+        bend = last.bend()
+        sure = x[0] > 4 * (x[0] - x[1]) / Z95 and bend > max(FLOOR / 3, stays)
+        names = not self.view.motion.one_way and x[1] > 0 and (bend > BENT or sure)
+        plain = state.copy(grease=0.0)
+        if names and GREASE_NAME not in self.struck:
+            block = members("effect")[GREASE_NAME]
+            c = np.array([b[last.design.names.index("grease")]])
+            term = Term(block, GREASE_NAME, {"exponent": state.grease}, c)
+            plain.terms.append(term)
+        return LastFit(self.train, plain, last.scale)
+
+    # ---- held-out rows
+    def _share(self) -> None:
+        """What the table has settled of friction holds on all rows."""
+        for other in (self.view, self.test):
+            for key in ("x0", "vs", "z", "size", "force"):
+                setattr(other, key, getattr(self.train, key))
+
+    def _without(self, state: State) -> LastFit:
+        """The same without names, and with what every drive has held to its size."""
+        declared = [t for t in state.terms if t.declared]
+        bare = state.copy(terms=[t.copy() for t in declared], grease=0.0, bare=True)
+        return best_law(self.train, bare, self.decision.table.scale, straight=True)
+
+    def _verdict(self, last: LastFit, full: Unseen, plain: Unseen) -> tuple[str, State]:
+        """The verdict with the held-out error, and the model that is shown."""
+        d, v, state = self.decision, self.train, last.state
+        named = [i for i, t in enumerate(state.terms) if not t.declared]
+        verdict = d.verdict
+        if not named:
+            if verdict in ("found", "ambiguous"):
+                verdict = "adequate"
+            if d.rest > 0.5:
+                verdict = "unexplained"
+                self.notes.append("Most of the torque has nothing to do with the motion.")
+            return verdict, state
+        if verdict == "adequate":  # a bend, or a load that joined the base
+            d.alternatives = list(d.heavy)
+            verdict = "ambiguous" if d.alternatives else "found"
+        shares = [last.share(i) for i in named]
+        stays = full.stays / v.size
+        explained = float(np.sqrt(np.sum(np.square(shares))))
+        lower = gain(plain, full, v.motion.duration) > Z_LOWER
+        much = full.error < MOSTLY * v.force
+        if not (lower and explained > stays):
+            return self._no_names(last, named, verdict)
+        if not much:
+            return "unexplained", state
+        clear = min(shares) > CLEAR * stays and full.error < plain.error / 1.1 and d.rest < 0.5
+        if verdict == "unexplained" and clear:
+            d.depends_on = []
+            verdict = "ambiguous" if d.alternatives else "found"
+        return verdict, state
+
+    def _no_names(
+        self, last: LastFit, named: Collection[int], verdict: str
+    ) -> tuple[str, State]:
+        """What could be named is no more than a candidate."""
+        d, state = self.decision, last.state
+        self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
+        if d.unknown and not d.depends_on:
+            d.depends_on = sorted(d.unknown[0].depends_on)
+        d.alternatives = []
+        self.notes.append(
+            "What could be named does not lower the torque error on rows that the fit has not seen, "
+            "or leaves more than it explains."
+        )
+        return "unexplained", self._without(state).state.copy(bare=False)
+
+    # ---- all rows
+    def _on_all_rows(self, state: State, scale: float) -> tuple[LastFit, np.ndarray, Interval]:
+        """Values and intervals of the model that is shown, from all rows."""
+        last = LastFit(self.view, state.copy(), scale)
+        interval = Interval(last)
+        orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
+        widest = np.inf  # a window that hides a wave tells nothing of it
+        if orders:
+            slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
+            widest = 5 / (max(orders) * slow) / self.view.rows.h
+        others = [*other_views(last, widest), *self._rivals(last)]
+        V = interval.covariance(others)
+        last.state.apply(self.view)
+        return last, V, interval
+
+    def _rivals(self, last: LastFit) -> list[LastFit]:
+        """The drive with an alternative in place of the one named effect: J, Fc, Fv are as
+        uncertain as the name."""
+        own, d = [t for t in last.state.terms if not t.declared], self.decision
+        made = []
+        for c in d.named if len(own) == 1 else ():
+            if c.name in d.alternatives and c.name != own[0].name:
+                terms = [t.copy() for t in last.state.terms if t.declared]
+                other = last.state.copy(terms=[*terms, *terms_of(c, ())])
+                fit = LastFit(self.view, other, last.scale, turns=2)
+                fit.values = {k: fit.values[k] for k in ("J", "Fc", "Fv")}
+                made.append(fit)
+        return made
+
+    # ---- sensors, and loads that only the inertia shows
+    def _late_speed(self, made: Answer) -> None:
+        """w that lags theta is named where theta shows it."""
+        sensors: Sensors = self.view.motion.sensors
+        lag, error = sensors.lag, sensors.lag_error
+        declared = {t.name for t in self.view.terms}
+        if not (lag > max(LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1):
+            return
+        if LAG_NAME in declared:
+            return
+        made.lag = lag, lag - Z95 * error, lag + Z95 * error
+        made.verdict = "found" if made.verdict == "adequate" else made.verdict
+
+    def _whole_inertia(self, made: Answer) -> None:
+        """An inertia far above the declared one that nothing named explains: a load."""
+        J, d = self.view.declared.get("J"), self.decision
+        told = any(c.inertial for c in d.table.chosen)
+        strange = made.verdict == "unexplained" and bool(d.unknown) and d.unknown[0].gain > 300
+        if not J or not made.sure or told or strange or made.values["J"][1] < GROWN * J:
+            return
+        made.only_inertia, made.verdict, made.depends_on = True, "ambiguous", []
+        made.alternatives = ["backlash", *made.alternatives][:3]
+        made.notes.append("J is that of drive and load together; the drive's own lies below.")
+
+
+def terms_of(c: Contender, used: Collection[str]) -> list[Term]:
+    """The effects of a contender, with names of their own beside those that are used."""
+    assert c.block is not None
+    many = len(linear(c.block)) if c.C is not None else 0
+    count, made = list(used).count(c.name), []
+    for i, q in enumerate(c.each):
+        n = count + i + 1
+        key = c.name if n == 1 else f"{c.name}_{n}"
+        made.append(Term(c.block, key, dict(q), np.array(c.b[i * many : (i + 1) * many])))
+    return made
 
 
 def first_state(decision: Decision) -> State:
     """The last fit begins where the table ended."""
     table, v = decision.table, decision.view
     b = dict(zip(v.names, table.fit.b, strict=False))
+    Fc, Fv = b["Fc"] + 0.5 * (b["short_tail"] + b["long_tail"]), b["Fv"]
     k = {
         "J": table.J,
-        "Fc": b["Fc"] + 0.5 * (b["short_tail"] + b["long_tail"]),
+        "Fc": Fc if Fc > 0 else 0.3 * v.size,
         "dip": b["bump"] + 0.5 * b["short_tail"],
-        "Fv": b["Fv"],
+        "Fv": Fv if Fv > 0 else 0.01 * v.size / max(v.motion.top, 1e-12),
     }
-    k["Fc"] = k["Fc"] if k["Fc"] > 0 else 0.3 * v.size
-    k["Fv"] = k["Fv"] if k["Fv"] > 0 else 0.01 * v.size / max(v.motion.top, 1e-12)
     terms = [t.copy() for t in v.terms]
     for term in terms:
         if (term.key, 0) in b:
             term.b = np.array([b[term.key, i] for i in range(len(linear(term.block)))])
-    used = [t.name for t in terms]
     for c in table.chosen:
-        many = len(linear(c.block)) if c.C is not None else 0
-        for i, q in enumerate(c.each):
-            used.append(c.name)
-            n = used.count(c.name)
-            key = c.name if n == 1 else f"{c.name}_{n}"
-            terms.append(Term(c.block, key, dict(q), np.array(c.b[i * many : (i + 1) * many])))
+        terms += terms_of(c, [t.name for t in terms])
     return State(k, terms, v.vs)
 
 
-def settled(d: Decision) -> Answer:
-    """The last fit; a name that it does not hold is struck and the verdict decided again."""
-    struck: set[str] = set()
-    candidates: list[tuple[float, str]] = []
-    notes: list[str] = []
-    while True:
-        last = best_law(d.view, first_state(d), d.table.scale)
-        a = _with_intervals(d, last, struck)
-        terms = last.state.terms
-        lost = [i for i, t in enumerate(terms) if not t.declared
-                and not (holds(a, i) and (_first(a, i) or stands(a, i)))]  # fmt: skip
-        if not lost or len(struck) > 8:
-            break
-        i = lost[-1]
-        name = terms[i].name
-        notes.append(f"{name} is not held by the last fit")
-        if last.share(i) > 2 * FLOOR:
-            candidates.append((-last.share(i), name))
-        struck.add(name)
-        if any(t.name == name for t in d.joined):
-            d = Decision(d.view, d.width, never={*d.never, name})
-            d.view.terms = [t for t in d.view.terms if t.name != name]
-            d = Decision(d.view, d.width, never={*d.never, name})
-            continue
-        d.decide(struck)
-    if last.state.grease and not bent(a):
-        last = LastFit(d.view, last.state.copy(grease=0.0), d.table.scale)
-        a = _with_intervals(d, last, struck)
-    a.notes = notes
-    if a.verdict == "unexplained":
-        a.alternatives = list(dict.fromkeys([*a.alternatives, *(n for _, n in sorted(candidates))]))
-    return a
-
-
-def _with_intervals(d: Decision, last: LastFit, struck: set[str]) -> Answer:
-    interval = Interval(last)
-    orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
-    widest = np.inf
-    if orders:
-        widest = 5 / (max(orders) * float(np.quantile(d.view.rows.w, 0.2)) + 1e-9) / d.width.h
-    V = interval.covariance([*other_views(last, widest), *rivals(d, last)])
-    return Answer(d.verdict, d, last, interval, interval.values(V), V, list(d.alternatives), list(d.depends_on))
-
-
-def rivals(d: Decision, last: LastFit) -> list[LastFit]:
-    """The drive with an alternative in place of the named effect."""
-    own = [t for t in last.state.terms if not t.declared]
-    if len(own) != 1:
-        return []
-    made = []
-    for c in d.named:
-        if c.name not in d.alternatives or c.name == own[0].name or c.block is None:
-            continue
-        many = len(linear(c.block)) if c.C is not None else 0
-        terms = [t for t in last.state.terms if t.declared]
-        terms += [Term(c.block, f"rival.{c.name}", dict(q), np.array(c.b[i * many:(i + 1) * many]))
-                  for i, q in enumerate(c.each)]
-        other = LastFit(d.view, last.state.copy(terms=[t.copy() for t in terms]), last.scale, 2)
-        other.values = {k: other.values[k] for k in ("J", "Fc", "Fv")}
-        made.append(other)
-    last.state.apply(d.view)
-    return made
-
-
-def _first(a: Answer, i: int) -> bool:
-    return next(j for j, t in enumerate(a.last.state.terms) if not t.declared) == i
-
-
-def stands(a: Answer, i: int) -> bool:
-    """A further effect explains more torque than all that stays."""
-    return a.last.share(i) > check(a.last).stays / a.decision.view.size
-
-
-def holds(a: Answer, i: int) -> bool:
-    """Its interval excludes no effect, its torque matters."""
-    term, x = a.last.state.terms[i], a.values
-    own, key = term.block.own, f"{term.key}.{term.block.gain}"
-    mine = {k: v for k, v in x.items() if k.startswith(f"{term.key}.")}
-    gain = mine[key]
-    if own[term.block.gain].unit == "kg m2" and (x["J"][1] <= 0 or gain[2] - gain[1] > abs(gain[0])):
+def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:
+    """Whether the interval of an effect excludes that there is none, and is inside its bounds."""
+    term, v = last.state.terms[i], last.view
+    own = {k: values[f"{term.key}.{k}"] for k in term.block.own if f"{term.key}.{k}" in values}
+    gain, p = own[term.block.gain], term.block.own[term.block.gain]
+    if not np.isfinite([*own.values()]).all():
+        return False
+    if p.unit == "kg m2" and (values["J"][1] <= 0 or gain[2] - gain[1] > abs(gain[0])):
         return False  # which inertia is whose?
-    if not all(np.isfinite(v).all() for k, v in mine.items()):
-        return False
-    for k, v in mine.items():
-        p = own[k.removeprefix(f"{term.key}.")]
-        if p.unit == "s" and p.low < 0 and v[2] - v[1] > 0.5 * a.decision.view.motion.duration:
+    for k, x in own.items():  # an instant must be known to within half of the log
+        q = term.block.own[k]
+        if q.unit == "s" and q.low < 0 and x[2] - x[1] > 0.5 * v.motion.duration:
             return False
-    neutral = own[term.block.gain].neutral
-    if neutral is not None and np.isfinite(neutral) and gain[1] <= neutral <= gain[2]:
+    if p.neutral is not None and np.isfinite(p.neutral) and gain[1] <= p.neutral <= gain[2]:
         return False
-    high = own[term.block.gain].high
-    if np.isfinite(high) and own[term.block.gain].unit == "1" and gain[0] > 0.99 * high:
-        return False
-    c = next((c for c in a.decision.table.chosen if c.name == term.name), None)
-    return c is None or a.last.share(i) > 0.7 * a.decision.floor(c)
+    ratio = p.unit == "1" and np.isfinite(p.high)
+    return not (ratio and max(abs(gain[1]), abs(gain[2])) >= p.high and abs(gain[0]) > 0.9 * p.high)
 
 
-def bent(a: Answer) -> float:
-    """The bend of the friction curve where it is worth a name; else 0."""
-    last, x = a.last, a.values["grease"]
-    if not last.state.grease or a.decision.view.motion.one_way or x[1] <= 0:
-        return 0.0
-    bend = last.bend()
-    sure = x[0] > 4 * (x[0] - x[1]) / Z95
-    least = max(FLOOR / 3, check(last).stays / a.decision.view.size)
-    return bend if bend > BENT or sure and bend > least else 0.0
-
-
-@dataclass
-class Check:
-    unseen: np.ndarray
-    error: float
-    stays: float
-
-
-def check(last: LastFit) -> Check:
-    """Residual on the half that it has not seen, and what of it is torque."""
-    made = getattr(last, "_check", None)
-    if made is None:
-        from .held_out import size, structured, unseen
-
-        rows = last.view.rows
-        r = unseen(last)
-        made = Check(r, size(r), structured(r, rows.t, rows.step, rows.h))
-        last._check = made
-    return made
