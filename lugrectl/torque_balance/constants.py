@@ -9,7 +9,9 @@ FEWEST_BLOCKS, MOST_BLOCKS = 12, 600
 
 # the motion
 SOFT = 1e-2  # stiffness of the motion for friction over that of the motion for acceleration
-NOISE_FIT = 1.15  # a motion is smooth enough when its residual is so many times the noise (variance)
+NOISE_FIT = (
+    1.15  # a motion is smooth enough when its residual is so many times the noise (variance)
+)
 FINE = 1e-3  # friction is evaluated at least this often: reversals do not wait for a sample
 FREE_LATE = 5e-4  # beside half a hold: how late or early the torque may be for nothing
 LATE_W = 3e-3  # a w that lags by more is named

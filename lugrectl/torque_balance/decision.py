@@ -63,7 +63,7 @@ class Decision:
         table.richest(self.named, self.unknown)
         self._look()
         self.e0, self.left, self.rest, self.J0 = table.e, table.left, table.rest, table.J
-        self.before = table.mark()
+        self.before, self.free_of_base = table.mark(), int(table.fit.free.sum())
         self.decide(frozenset())
 
     def _look(self) -> None:
@@ -233,5 +233,3 @@ class Decision:
         for c in saved[3]:
             table.extend(c)
         self.verdict, self.alternatives, self.depends_on = saved[:3]
-
-

@@ -96,7 +96,7 @@ class Interval:
         return made
 
     @cached_property
-    def _of_coefficients(self) -> np.ndarray:
+    def coefficients(self) -> np.ndarray:
         """Covariance (k, k) of the coefficients: blocks left out, and laws by likelihood."""
         last, d = self.last, self.last.design
         v, b = last.view, last.fit.b
@@ -119,7 +119,7 @@ class Interval:
     def _slopes(self) -> np.ndarray:
         """Derivatives (values, k) of what is reported by the coefficients."""
         d, b = self.last.design, self.last.fit.b
-        sd = np.sqrt(np.maximum(np.diag(self._of_coefficients), 0.0)) + 1e-300
+        sd = np.sqrt(np.maximum(np.diag(self.coefficients), 0.0)) + 1e-300
         made = np.zeros((len(self.names), len(b)))
         for j in range(len(b)):
             step = np.zeros(len(b))
@@ -134,7 +134,7 @@ class Interval:
 
     def covariance(self, others: Sequence[LastFit] = ()) -> np.ndarray:
         """Covariance (values, values) of ``names``, with other descriptions of the drive."""
-        V = self._slopes @ self._of_coefficients @ self._slopes.T
+        V = self._slopes @ self.coefficients @ self._slopes.T
         own = self.last.values
         for i, k in enumerate(self.names):
             if k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE:

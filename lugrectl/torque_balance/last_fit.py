@@ -334,4 +334,3 @@ def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
     else:
         return 1.0
     return state.k[key] / at[key] if at[key] else 1.0
-

@@ -72,9 +72,7 @@ class _Windows:
         self.narrow = averages(phi, self.at, n)
         self.smear = np.full(n * runs.between, 3 * noise + 1e-12)
 
-    def _slowest(
-        self, runs: SmoothRuns, h: float, half: int, top: float
-    ) -> tuple[float, float]:
+    def _slowest(self, runs: SmoothRuns, h: float, half: int, top: float) -> tuple[float, float]:
         """Noise of the speed in a window, and the speed that a row must have: at rest friction is
         anything."""
         s = runs.sensors

@@ -51,7 +51,7 @@ def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -
 class Search:
     """All contenders beside one base.
 
-    ``sure`` says that the log determines the inertia; else only what does not depend on it is
+    ``tried`` are all of them, whether they promise something or not. ``sure`` says that the log determines the inertia; else only what does not depend on it is
     tried. ``never`` are names that are left out.
     """
 
@@ -65,8 +65,8 @@ class Search:
 
     def rows(self) -> list[Contender]:
         """The likeliest first; only those that the screening promises something are entered."""
-        made = [c for c in self._contenders() if not self._there(c)]
-        worth = [c for c in made if self.table.promise(c) > SCREEN]
+        self.tried = [c for c in self._contenders() if not self._there(c)]
+        worth = [c for c in self.tried if self.table.promise(c) > SCREEN]
         entered = [self.table.enter(c) for c in worth]
         return likeliest([c for c in entered if self._possible(c)])
 
@@ -151,11 +151,13 @@ class Search:
 
     def _there(self, c: Contender) -> bool:
         """Whether it has joined the base already, at these values."""
+
         def place(one: Contender) -> tuple:
             whole = [v for k, v in one.q.items() if one.block and one.block.own[k].whole]
             hertz = [round(v, 1) for k, v in one.q.items()
                      if one.block and one.block.own[k].unit == "Hz"]  # fmt: skip
             return one.name, *whole, *hertz
+
         return place(c) in {place(one) for one in self.table.chosen}
 
     def _possible(self, c: Contender) -> bool:
@@ -341,11 +343,9 @@ class Search:
             gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, GAPS)
             # where the gap lies depends little on the spring behind it
             first = [self._load(keys, 80.0, 0.3, g) for g in gaps]
-            known = self.view.rows
             at = int(np.argmax(self._loads(block, first)))
             gaps = list(gaps)[max(at - 1, 0) : at + 2]
             frequencies, dampings = np.array([45.0, 80.0, 140.0]), [0.3]
-            del known
         tried = [(f, z, g) for f in frequencies for z in dampings for g in gaps]
         gains = self._loads(block, [self._load(keys, *one) for one in tried])
         best = tried[int(np.argmax(gains))]

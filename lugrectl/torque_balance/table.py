@@ -131,9 +131,7 @@ class Table:
             return 1.0
         return max(1.0, self.scale_J / max(J, 1e-3 * self.scale_J))
 
-    def _score(
-        self, fit: Fit, X: np.ndarray, prior: Prior, cost: float, J: float
-    ) -> np.ndarray:
+    def _score(self, fit: Fit, X: np.ndarray, prior: Prior, cost: float, J: float) -> np.ndarray:
         """Log density of the motion given the torque, block by block."""
         blocks, stretch = self.view.blocks, self._stretch(J)
         if self.quick:

@@ -69,9 +69,7 @@ class Unknown:
                         made.append(self.table.enter(c))
         return likeliest(made)
 
-    def _contender(
-        self, depends_on: Signals, C: np.ndarray, size: float, many: int
-    ) -> Contender:
+    def _contender(self, depends_on: Signals, C: np.ndarray, size: float, many: int) -> Contender:
         rms = np.sqrt(np.mean(C**2, axis=0))
         least = 1e-3 * float(np.sqrt(np.mean(rms**2))) + TINY
         sigma = size * self.view.size / np.maximum(rms, least)

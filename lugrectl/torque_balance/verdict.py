@@ -265,9 +265,7 @@ class _Judge:
             verdict = "ambiguous" if d.alternatives else "found"
         return verdict, state
 
-    def _no_names(
-        self, last: LastFit, named: Collection[int], verdict: str
-    ) -> tuple[str, State]:
+    def _no_names(self, last: LastFit, named: Collection[int], verdict: str) -> tuple[str, State]:
         """What could be named is no more than a candidate."""
         d, state = self.decision, last.state
         self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
@@ -383,5 +381,3 @@ def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:
         return False
     ratio = p.unit == "1" and np.isfinite(p.high)
     return not (ratio and max(abs(gain[1]), abs(gain[2])) >= p.high and abs(gain[0]) > 0.9 * p.high)
-
-

@@ -1,0 +1,209 @@
+"""The answer of the torque balance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..core.display import Row, between, estimated, noticed
+from ..core.result import Result, library
+from ..core.views import view
+from .bench_test import BenchTest
+from .findings import Estimate
+from ..record.stretches import Stretch
+
+LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
+NEEDS = {"J": "faster changes of speed", "Fc": "both directions, or rests", "Fv": "other speeds"}
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A sum of parameters that is certain where its parts are not.
+
+    ``ci95`` is None where nothing is left to tell its error. ``parts`` are its factors by name.
+    """
+
+    text: str
+    value: float
+    unit: str
+    ci95: tuple[float, float] | None
+    to_separate: str
+    parts: Mapping[str, float] = field(default_factory=dict, hash=False)
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """Mean friction torque in a bin of speeds, or of a run at steady speed.
+
+    ``ci95`` is None where nothing is left to tell its error.
+    """
+
+    w: float
+    torque: float
+    ci95: tuple[float, float] | None
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """What remains of u in each window: time, run, torque; ``sliding`` is False near rest."""
+
+    t: np.ndarray
+    run: np.ndarray
+    value: np.ndarray
+    sliding: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Balance(Result):
+    """The plain answer of a torque balance.
+
+    Attributes
+    ----------
+    parameters, uncertain : dict of Estimate
+        The certain parameters, and those whose interval is too wide to be an answer.
+    combinations : tuple of Combination
+        Sums that are certain where their parts are not.
+    curve : tuple of CurvePoint
+        Friction torque over speed, in both directions.
+    left : float or None
+        RMS of the residual as a share of the RMS torque.
+    notes, reading : tuple of str
+        What the balance noticed, and how the logs were read, in sentences.
+    names, covariance : tuple of str, ndarray
+        All parameters, certain or not, and their joint covariance.
+    is_map : bool
+        True if the runs keep one speed each.
+    stretches : tuple of Stretch
+        The samples that it was computed from.
+    refused : str
+        Why nothing can be learnt of the drive; empty where something can.
+    blind : str
+        Why the motion tells nothing of what is missing, though the balance has an answer.
+    unlike : tuple of str
+        A sentence for each run in another unit or sign than the others. These runs are left out.
+    against : tuple of str
+        A sentence for each held or bounded value of the model that the log contradicts by far.
+    hopeless : bool
+        With these values nothing can be answered.
+    together : dict of Combination
+        Of a log in one direction: values that it shows only in a sum with a constant torque.
+    bench_tests : tuple of BenchTest
+        The standard tests that the logs hold, each with its answer.
+    """
+
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    uncertain: Mapping[str, Estimate] = field(default_factory=dict)
+    combinations: tuple[Combination, ...] = ()
+    curve: tuple[CurvePoint, ...] = ()
+    left: float | None = None
+    seconds: float = 0.0
+    notes: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    is_map: bool = False
+    half_width: float | None = None
+    residual: Residual | None = None
+    stretches: tuple[Stretch, ...] = ()
+    motion: str = "rotary"
+    reading: tuple[str, ...] = ()
+    unlike: tuple[str, ...] = ()
+    refused: str = ""
+    blind: str = ""
+    against: tuple[str, ...] = ()
+    hopeless: bool = False
+    together: Mapping[str, Combination] = field(default_factory=dict)
+    bench_tests: tuple[BenchTest, ...] = ()
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """All sentences: how the logs were read, and what the balance noticed."""
+        return (*self.reading, *self.notes)
+
+    @property
+    def why_not(self) -> tuple[str, ...]:
+        """Why the log does not give an inertia or a friction that stands in no sum, either."""
+        in_sums = {k for c in self.combinations for k in c.parts}
+        wide = {k: self.uncertain[k] for k in LEVELS if k in self.uncertain and k not in in_sums}
+        return tuple(
+            f"{k} is not certain, {between(e.ci95)} {e.unit}: that needs {NEEDS[k]}."
+            for k, e in wide.items()
+            if e.ci95 is not None
+        )
+
+    def values(self) -> dict[str, float]:
+        """The best value of every parameter, certain or not: start values for a finer fit."""
+        both = {**self.uncertain, **self.parameters}
+        return {k: both[k].value for k in self.names if k in both}
+
+    def written_late(self, dt: float) -> float:
+        """By how much u was written down after the motion that it causes, s; 0 where that is not
+        certainly more than a sample of ``dt`` s."""
+        delay = self.parameters.get("u_delay")
+        if delay is None or delay.ci95 is None or delay.ci95[1] > -dt:
+            return 0.0
+        return -delay.value
+
+    @property
+    def speed_offset(self) -> float:
+        """By how much w is above 0 where the drive stands, rad/s; 0 where that is not certain."""
+        offset = self.parameters.get("w_offset")
+        return 0.0 if offset is None or offset.may_be(0.0) else offset.value
+
+    def summary(self) -> dict[str, Any]:
+        """The answer as plain Python values, as under "plain" in the JSON document."""
+        known, sums = self.parameters.items(), self.combinations
+        return {
+            "parameters": {k: _fields(e, "value", "unit", "ci95") for k, e in known},
+            "combinations": [
+                _fields(c, "text", "value", "unit", "ci95", "to_separate") for c in sums
+            ],
+            "curve": [_fields(p, "w", "torque", "ci95", "samples") for p in self.curve],
+            **_fields(self, "left", "seconds"),
+            **(
+                {"bench_tests": [b.summary() for b in self.bench_tests]} if self.bench_tests else {}
+            ),
+        }
+
+    def to_frame(self) -> Any:
+        """A DataFrame of the certain parameters: value, low, high, unit."""
+        rows = {
+            k: {"value": e.value, "low": ends[0], "high": ends[1], "unit": e.unit}
+            for k, e in self.parameters.items()
+            if (ends := e.ci95 or (None, None))
+        }
+        return library("pandas").DataFrame.from_dict(rows, orient="index")
+
+    def plot(self) -> Any:
+        """Draw the log as it was read, the friction curve and the fit; returns the Axes."""
+        return view("log_plot.plot")(self)
+
+    def _title(self) -> str:
+        return "Plain torque balance"
+
+    def _rows(self) -> Iterable[Row]:
+        rows = [Row(test.kind, test.text) for test in self.bench_tests]
+        rows += [estimated(k, e) for k, e in self.parameters.items()]
+        for c in self.combinations:
+            rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
+        if self.left is not None:
+            rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
+        return [*rows, *noticed((*self.why_not, *self.notes, *self.reading), "said")]
+
+
+def _fields(x: Any, *names: str) -> dict[str, Any]:
+    """Some fields of a result as plain Python values."""
+    return {name: _plain(getattr(x, name)) for name in names}
+
+
+def _plain(x: Any) -> Any:
+    """What JSON holds: no tuple, no NaN, no number of numpy."""
+    if isinstance(x, tuple):
+        return [_plain(one) for one in x]
+    if isinstance(x, float):
+        return float(x) if math.isfinite(x) else None
+    return x

@@ -1,0 +1,76 @@
+"""The result of a comparison: verdict, table, budget, limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Share:
+    """Where a part of the torque goes.
+
+    ``rms`` in N m, ``share`` of the RMS friction torque with its 95 % interval, ``signals`` on
+    which it depends.
+    """
+
+    term: str
+    rms: float
+    share: float
+    ci95: tuple[float, float] | None
+    signals: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        own = {"term": self.term, "rms": self.rms, "share": self.share}
+        return own | {"ci95": self.ci95 and list(self.ci95), "signals": list(self.signals)}
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A row of the table: how much better it predicts left-out blocks than the declared model.
+
+    ``elpd``: log predictive density relative to it, nats, with its paired standard error ``se``.
+    ``torque``: RMS of what it adds, as a share of friction. ``parameters``: its free ones.
+    """
+
+    model: str
+    elpd: float
+    se: float
+    torque: float
+    parameters: int
+
+    def summary(self) -> dict[str, Any]:
+        keys = ("model", "elpd", "se", "torque", "parameters")
+        return {k: getattr(self, k) for k in keys}
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The smallest share of friction at which an effect would have been seen."""
+
+    name: str
+    share: float
+
+    def summary(self) -> dict[str, Any]:
+        return {"name": self.name, "share": self.share}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What the table says of a record.
+
+    ``rows`` are the models that were compared, ``budget`` says where the torque goes,
+    ``detectable`` how small an effect would have been seen. ``least`` is the smallest torque that
+    matters, as a share of ``friction``, the RMS friction torque (N m). ``events`` are the times (s)
+    of torques that nothing in the table predicts. ``stretches`` counts the independent parts of the
+    motion that were compared; None if that is not known.
+    """
+
+    verdict: str
+    rows: tuple[Compared, ...] = ()
+    budget: tuple[Share, ...] = ()
+    detectable: tuple[Detectable, ...] = ()
+    least: float = 0.0
+    friction: float = 0.0
+    events: tuple[float, ...] = ()
+    stretches: int | None = None

@@ -1,0 +1,147 @@
+"""Where the torque goes, which models were compared, and how small an effect would have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from statistics import NormalDist
+
+import numpy as np
+
+from ..blocks.block import Block
+from ..core.regression import paired
+from ..estimates.comparison import Compared, Comparison, Detectable, Share
+from .constants import Z95
+from .decision import Decision
+from .interval import Interval
+from .last_fit import LastFit, Name
+from .search import Search
+from .table import Contender
+from .verdict import Answer
+
+POWER = 0.8
+FRICTION = {"coulomb": ("Fc", "dip", "damping"), "viscous": ("Fv", "grease")}
+Term = tuple[str, np.ndarray, list[int], tuple[str, ...]]
+
+
+def comparison(made: Answer, least: float, alpha: float) -> Comparison:
+    """The comparison behind an answer."""
+    d = made.decision
+    return Comparison(
+        made.verdict,
+        rows=tuple(_rows(d)),
+        budget=tuple(budget(made)),
+        detectable=tuple(detectable(d, least, alpha)) if made.verdict == "adequate" else (),
+        least=least,
+        friction=made.view.size,
+        stretches=len(made.interval.blocks[0]) and int(made.interval.blocks[0][-1]) + 1,
+    )
+
+
+def signals(block: Block) -> tuple[str, ...]:
+    """The signals on which the torque of an effect depends."""
+    level = {"Fc", "Fs", "Fv", "+Fc"} & set(block.acts)
+    own = [k for k in ("t", *block.inputs) if k != "t" or block.timed]
+    return tuple(dict.fromkeys([*own, *(["w"] if level else [])]))
+
+
+def budget(made: Answer) -> list[Share]:
+    """Each term with its RMS in the rows, as a share of friction, largest first."""
+    last, size = made.last, made.view.size
+    shares = [_share(last, made.interval, size, *term) for term in _terms(last)]
+    shares = [s for s in shares if s.rms > 0]
+    if made.verdict == "unexplained" and made.depends_on:
+        shares += _unknown(made)
+    shares.sort(key=lambda s: -s.rms)
+    r = last.design.y - last.design.X @ last.fit.b
+    left = float(np.sqrt(np.mean(r**2)))
+    noise = min(float(np.sqrt(made.view.noise)) * abs(last.values["J"]), left)
+    return [*shares, Share("left", left, left / size, None, ()),
+            Share("noise", noise, noise / size, None, ())]  # fmt: skip
+
+
+def _terms(last: LastFit) -> Iterator[Term]:
+    """Name, torque in the rows, coefficients and signals of each term."""
+    d, b = last.design, last.fit.b
+
+    def of(name: str, at: list[int], *on: str) -> Term:
+        return name, d.X[:, at] @ b[at], at, on
+
+    def places(*names: Name) -> list[int]:
+        return [j for j, n in enumerate(d.names) if n in names]
+
+    yield of("inertia", places("J"), "a")
+    for name, parts in FRICTION.items():
+        yield of(name, places(*parts), "w")
+    yield of("offset and unbalance", places("offset", "run"), "theta")
+    for i, term in enumerate(last.state.terms):
+        at = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and n[0] == i]
+        linear = [j for j in at if isinstance(d.names[j][1], int)]
+        yield term.key, last.torque[i], linear, signals(term.block)
+
+
+def _share(
+    last: LastFit, interval: Interval, friction: float,
+    name: str, torque: np.ndarray, at: list[int], on: tuple[str, ...],
+) -> Share:  # fmt: skip
+    size = float(np.sqrt(np.mean(torque**2)))
+    ends = None
+    if at and size > 0:
+        X = last.design.X[:, at]
+        slope = X.T @ torque / (len(torque) * size)
+        V = interval.coefficients[np.ix_(at, at)]
+        half = Z95 * float(np.sqrt(max(slope @ V @ slope, 0.0)))
+        ends = max(size - half, 0.0) / friction, (size + half) / friction
+    return Share(name, size, size / friction, ends, on)
+
+
+def _unknown(made: Answer) -> list[Share]:
+    """The unknown torque that the verdict is about."""
+    on = set(made.depends_on)
+    odd = next((c for c in made.decision.unknown if c.depends_on == on), None)
+    if odd is None:
+        return []
+    size = odd.share * made.view.size
+    return [Share("unknown torque", size, odd.share, None, tuple(sorted(on)))]
+
+
+def _rows(d: Decision) -> list[Compared]:
+    free = int(d.free_of_base)
+    rows = [Compared("declared", 0.0, 0.0, 0.0, free)]
+    others = []
+    for c in (*d.named, *d.unknown):
+        elpd, error = paired(c.e, d.e0)
+        name = f"unknown({', '.join(sorted(c.depends_on))})" if c.depends_on else c.name
+        own = sum(map(len, c.each)) + c.k
+        others.append(Compared(name, elpd, error, c.share, free + own))
+    return rows + sorted(others, key=lambda row: -row.elpd)
+
+
+def detectable(d: Decision, least: float, alpha: float) -> list[Detectable]:
+    """The smallest share of friction at which each effect would have been seen, 80 % power.
+
+    (z_alpha/K + z_0.8) standard errors of its strength, with K contenders; at least ``least``.
+    """
+    tried = d.search.tried
+    normal = NormalDist()
+    z = normal.inv_cdf(1 - alpha / max(len(tried), 1) / 2) + normal.inv_cdf(POWER)
+    best: dict[str, float] = {}
+    for c in tried:
+        seen = max(least, z * _error(d, c))
+        best[c.name] = min(seen, best.get(c.name, np.inf))
+    made = [Detectable(k, x) for k, x in best.items() if np.isfinite(x)]
+    return sorted(made, key=lambda one: one.share)
+
+
+def _error(d: Decision, c: Contender) -> float:
+    """Standard error of its strength, as a share of friction."""
+    table, m = d.table, len(d.table.y)
+    memory = np.sqrt(max(1.0, m / max(4.0 * d.view.blocks.number, 1.0)))
+    usual = table.scale * memory / np.sqrt(m) / d.view.size
+    if c.C is None:
+        return usual
+    W = table.beside(c.C)
+    left = float(np.sqrt(np.sum(W**2)))
+    law = table.X[:, np.r_[table.imitates, np.zeros(table.X.shape[1] - len(table.imitates), bool)]]
+    beside = c.C - law @ np.linalg.lstsq(law, c.C, rcond=None)[0]
+    seen = float(np.sqrt(np.sum(beside**2)))
+    return usual * seen / left if left > 0 else np.inf

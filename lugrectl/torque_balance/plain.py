@@ -1,0 +1,191 @@
+"""The plain part of an answer: what is certain of the drive, each value once, from the last fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..blocks.block import unit_for
+from ..blocks.model import Model
+from ..estimates.balance import Balance, Combination, CurvePoint, Residual
+from ..estimates.findings import Estimate
+from ..record.stretches import Stretch
+from .constants import ONE_SPEED, Z95
+from .interval import Interval, Value
+from .last_fit import LastFit
+
+CERTAIN = 0.5  # half-width over value up to which an inertia is given
+BINS = 8  # of speed in each direction, for the friction curve
+UNITS = {"J": "kg m2", "Fc": "N m", "Fv": "N m s/rad", "Fs": "N m", "constant_torque": "N m",
+         "u_delay": "s", "w_lag": "s", "w_gain": "1"}  # fmt: skip
+OTHER_WAY = "record the other direction"
+OTHER_SPEEDS = "record other speeds"
+NO_J = "J is not determined by this log: that needs faster changes of speed."
+ONE_WAY = "The drive moves in one direction: Fc and a constant torque are one number."
+BACKWARD = (
+    "Friction would drive the motion ({:.3g} {} at {:.3g} {}): u has the wrong sign, or a load "
+    "drives."
+)
+
+
+def plain_balance(
+    last: LastFit,
+    interval: Interval,
+    values: Mapping[str, Value],
+    V: np.ndarray,
+    sure: bool,
+    stretches: Sequence[Stretch],
+) -> Balance:
+    """The plain answer of a last fit with its intervals; ``sure``: the log determines J."""
+    v = last.view
+    known, names, C = _by_plain_names(last, interval, values, V)
+    certain = _certain(last, known, values, sure)
+    made = {k: _estimate(k, x, v.model) for k, x in known.items()}
+    own = {"J", "Fc", "Fv"}
+    parameters = {k: made[k] for k in known if k in certain or k not in own}
+    return Balance(
+        parameters=parameters,
+        uncertain={k: made[k] for k in known if k not in parameters},
+        combinations=tuple(_sums(last, values, certain)),
+        curve=tuple(friction_curve(last)),
+        left=_left(last),
+        notes=tuple(_notes(last, values, certain, sure)),
+        names=names,
+        covariance=C,
+        half_width=v.rows.h,
+        residual=_residual(last),
+        stretches=tuple(stretches),
+        motion=v.model.motion,
+    )
+
+
+def _by_plain_names(
+    last: LastFit, interval: Interval, values: Mapping[str, Value], V: np.ndarray
+) -> tuple[dict[str, Value], tuple[str, ...], np.ndarray]:
+    """Values with their covariance under the names of the plain answer."""
+    v = last.view
+    has = {t.name: t.key for t in last.state.terms}
+    scale = {"late": v.longest_hold}
+    names = {"J": "J", "Fc": "Fc", "Fv": "Fv"}
+    if "constant_torque" in has:
+        names[f"{has['constant_torque']}.torque"] = "constant_torque"
+    elif not v.motion.one_way:
+        names["offset"] = "constant_torque"
+    lateness = [t for t in last.state.terms if t.name == "input_delay"]
+    names[f"{lateness[0].key}.delay" if lateness else "late"] = "u_delay"
+    for term in last.state.terms:
+        own = {f"{term.key}.{k}" for k in term.block.own}
+        names |= {k: k for k in interval.names if k in own and k not in names}
+    at = [interval.names.index(k) for k in names]
+    size = np.array([scale.get(k, 1.0) for k in names])
+    found = {}
+    for (k, name), s in zip(names.items(), size, strict=True):
+        found[name] = (s * values[k][0], s * values[k][1], s * values[k][2])
+    return found, tuple(names.values()), V[np.ix_(at, at)] * np.outer(size, size)
+
+
+def _estimate(name: str, x: Value, model: Model) -> Estimate:
+    if name in UNITS:
+        unit = unit_for(UNITS[name], model.motion)
+    else:
+        declared = model.declarations()
+        key, _, parameter = name.rpartition(".")
+        unit = model.unit(name) if name in declared else _unit_of(key, parameter, model)
+    return Estimate(x[0], unit, (x[1], x[2]))
+
+
+def _unit_of(key: str, parameter: str, model: Model) -> str:
+    from ..blocks.block import members
+
+    block = members("effect").get(key.rstrip("0123456789").rstrip("_"))
+    p = block.own.get(parameter) if block is not None else None
+    if p is None:
+        return "1"
+    return p.unit if p.angle else unit_for(p.unit, model.motion)
+
+
+def _certain(
+    last: LastFit, known: Mapping[str, Value], values: Mapping[str, Value], sure: bool
+) -> set[str]:
+    """Which of J, Fc and Fv are an answer alone."""
+    v, w = last.view, last.view.typical
+    slow, fast = np.quantile(v.rows.w, [0.05, 0.95])
+    several = fast - slow > ONE_SPEED * w  # at one speed only the sum is known
+    level = abs(values["sum"][0]) + 1e-300
+
+    def wide(name: str) -> float:
+        return known[name][2] - known[name][1]
+
+    made = set()
+    J = known["J"]
+    if sure and J[0] > 0 and wide("J") < 2 * CERTAIN * J[0]:
+        made.add("J")
+    if several and wide("Fc") < level and not v.motion.one_way:
+        made.add("Fc")
+    if several and wide("Fv") * w < level:
+        made.add("Fv")
+    return made
+
+
+def _sums(last: LastFit, values: Mapping[str, Value], certain: set[str]) -> list[Combination]:
+    """What is certain together: in one direction Fc and a constant, at one speed all friction."""
+    v, made = last.view, []
+    unit = unit_for("N m", v.model.motion)
+    if v.motion.one_way and "Fv" in certain:
+        x = values["Fc + constant"]
+        parts = {"Fc": 1.0, "constant_torque": 1.0}
+        made.append(Combination("Fc + constant_torque", x[0], unit, (x[1], x[2]), OTHER_WAY, parts))
+    elif not {"Fc", "Fv"} <= certain:
+        x, w = values["sum"], v.typical
+        text = f"Fc + {w:.3g} Fv" + " + constant_torque" * v.motion.one_way
+        how = OTHER_WAY if v.motion.one_way else OTHER_SPEEDS
+        parts = {"Fc": 1.0, "Fv": w}
+        made.append(Combination(text, x[0], unit, (x[1], x[2]), how, parts))
+    return made
+
+
+def friction_curve(last: LastFit) -> list[CurvePoint]:
+    """Mean friction torque in bins of speed: what the other terms leave of u."""
+    d, v = last.design, last.view
+    at = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
+    friction = d.X[:, at] @ last.fit.b[at]
+    r = d.y - d.X @ last.fit.b
+    w, made = v.motion.w[v.rows.at], []
+    for side in (-1.0, 1.0):
+        own = np.flatnonzero(side * w > 0)
+        if len(own) < 2 * BINS:
+            continue
+        own = own[np.argsort(np.abs(w[own]))]
+        for part in np.array_split(own, BINS):
+            torque = friction[part] + r[part]
+            half = Z95 * float(np.std(r[part])) / np.sqrt(max(len(part) / 4, 1.0))
+            x = float(np.mean(torque))
+            made.append(CurvePoint(float(np.mean(w[part])), x, (x - half, x + half), len(part)))
+    return sorted(made, key=lambda p: p.w)
+
+
+def _left(last: LastFit) -> float:
+    d = last.design
+    r = d.y - d.X @ last.fit.b
+    return float(np.sqrt(np.mean(r**2)) / (np.sqrt(np.mean(d.y**2)) + 1e-300))
+
+
+def _residual(last: LastFit) -> Residual:
+    d, v = last.design, last.view
+    m, at = v.motion, v.rows.at
+    order = np.lexsort((m.stamp[at], m.run[at]))
+    r = d.y - d.X @ last.fit.b
+    return Residual(m.stamp[at][order], m.run[at][order], r[order], np.ones(len(at), bool))
+
+
+def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: bool) -> list[str]:
+    v, made = last.view, []
+    if not sure or "J" not in certain:
+        made.append(NO_J)
+    if v.motion.one_way:
+        made.append(ONE_WAY)
+    if values["sum"][2] < 0 and not v.motion.one_way:
+        torque, speed = (unit_for(u, v.model.motion) for u in ("N m", "rad/s"))
+        made.append(BACKWARD.format(values["sum"][0], torque, v.typical, speed))
+    return made
