@@ -21,7 +21,7 @@ from .decision import Decision
 from .friction import Term, View, declared_terms
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
-from .last_fit import LastFit, State
+from .last_fit import LastFit, State, state_of, terms_of
 from .motion import Motion
 from .rows import Rows
 from .samples import sampled
@@ -165,7 +165,7 @@ class _Judge:
         """The last fit to training rows, with the names that it holds."""
         for _ in range(12):
             self._share()
-            last = best_law(self.train, first_state(self.decision), self.decision.table.scale)
+            last = best_law(self.train, state_of(self.decision.table), self.decision.table.scale)
             interval = Interval(last)
             values = interval.values(interval.covariance())
             last = self._bent(last, values)
@@ -330,38 +330,6 @@ class _Judge:
         made.only_inertia, made.verdict, made.depends_on = True, "ambiguous", []
         made.alternatives = ["backlash", *made.alternatives][:3]
         made.notes.append("J is that of drive and load together; the drive's own lies below.")
-
-
-def terms_of(c: Contender, used: Collection[str]) -> list[Term]:
-    """The effects of a contender, with names of their own beside those that are used."""
-    assert c.block is not None
-    many = len(linear(c.block)) if c.C is not None else 0
-    count, made = list(used).count(c.name), []
-    for i, q in enumerate(c.each):
-        n = count + i + 1
-        key = c.name if n == 1 else f"{c.name}_{n}"
-        made.append(Term(c.block, key, dict(q), np.array(c.b[i * many : (i + 1) * many])))
-    return made
-
-
-def first_state(decision: Decision) -> State:
-    """The last fit begins where the table ended."""
-    table, v = decision.table, decision.view
-    b = dict(zip(v.names, table.fit.b, strict=False))
-    Fc, Fv = b["Fc"] + 0.5 * (b["short_tail"] + b["long_tail"]), b["Fv"]
-    k = {
-        "J": table.J,
-        "Fc": Fc if Fc > 0 else 0.3 * v.size,
-        "dip": b["bump"] + 0.5 * b["short_tail"],
-        "Fv": Fv if Fv > 0 else 0.01 * v.size / max(v.motion.top, 1e-12),
-    }
-    terms = [t.copy() for t in v.terms]
-    for term in terms:
-        if (term.key, 0) in b:
-            term.b = np.array([b[term.key, i] for i in range(len(linear(term.block)))])
-    for c in table.chosen:
-        terms += terms_of(c, [t.name for t in terms])
-    return State(k, terms, v.vs)
 
 
 def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:

@@ -1,0 +1,103 @@
+"""What a user asks about: logs, a model, what is held out; read once, and answered plainly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from time import perf_counter
+from typing import Any
+
+from ..bench_tests import bench_tests
+from ..blocks.model import Model, as_model
+from ..core.errors import Refused
+from ..core.validation import positive, whole
+from ..estimates.balance import Balance
+from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
+from ..record.as_record import as_holdout, as_logs
+from ..torque_balance.base import base_row
+from .swapped import refuse_swapped
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The logs of one drive, the declared model, and what is held out, as the user gave it.
+
+    ``several`` says that a list of runs was given. ``reading`` are the options of
+    :func:`lugrectl.read_record`. ``seen`` holds the records read so far.
+    """
+
+    logs: tuple[Log | Record, ...]
+    several: bool
+    model: Model
+    held_out: Any = None
+    reading: Mapping[str, Any] = field(default_factory=dict)
+    seen: list[Record] = field(default_factory=list)
+
+    @classmethod
+    def of(cls, record: Any, model: Any, holdout: Any = None, **reading: Any) -> Asked:
+        """What is meant; InputError where an argument or a file cannot be understood."""
+        refuse_swapped([record], model)
+        made = as_model(model)
+        logs, several = as_logs(record, made.motion, **reading)
+        return cls(logs, several, made, holdout, reading)
+
+    @cached_property
+    def _read(self) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
+        parts, said = stretches([log for log in logs if log is not None])
+        return tuple(parts), tuple(said)
+
+    @property
+    def stretches(self) -> tuple[Stretch, ...]:
+        """The logs as they were recorded, on even time."""
+        return self._read[0]
+
+    @property
+    def noticed(self) -> tuple[str, ...]:
+        """What was noticed when the logs were read."""
+        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
+        logs = [log for log in logs if log is not None]
+        common = set(logs[0].messages).intersection(*(log.messages for log in logs))
+        reading = [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
+        return tuple(dict.fromkeys([*reading, *self._read[1]]))
+
+    @cached_property
+    def plain(self) -> Balance:
+        """The torque balance of the declared model: the base row of the table, alone."""
+        start = perf_counter()
+        try:
+            made = base_row(self.stretches, self.model)
+        except Refused as no:
+            made = Balance(refused=str(no), motion=self.model.motion, stretches=self.stretches)
+        return self.completed(made, perf_counter() - start)
+
+    def completed(self, plain: Balance, seconds: float) -> Balance:
+        """A plain answer with bench tests and what was noticed when the logs were read."""
+        return replace(plain, seconds=seconds, reading=self.noticed, bench_tests=self.bench_tests)
+
+    @cached_property
+    def bench_tests(self) -> Any:
+        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
+        return bench_tests([log for log in logs if log is not None], self.model)
+
+    def records(self) -> Record | list[Record]:
+        """The logs on uniform time: one record, or a list; Refused where one has no motion."""
+        for log in self.logs[len(self.seen) :]:
+            self.seen.append(record_of(log, alone=len(self.logs) == 1))
+        return self.seen if self.several else self.seen[0]
+
+    def holdout(self) -> str | Record | None:
+        """None, "last" or a record of its own."""
+        return as_holdout(self.held_out, self.seen, self.model.motion, **self.reading)
+
+    def refuse_open_time(self) -> None:
+        """Raise Refused where t has no unit, and no drive writes a log at that rate in s."""
+        for part in self.stretches:
+            log = self.logs[part.run]
+            refuse_open_time(log.source, getattr(log, "labels", {}), part.dt)
+
+
+def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
+    """The time between restarts in s, and the seed."""
+    return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
