@@ -12,14 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...blocks.model import Model
-from .drive import WORST, Drive, Values
-from .prepared import Prepared
+from ...core.errors import InputError
+from .drive import Drive, Values
+from .prepared import Prepared, spread
 from .runs import Run, Windows
 
 ENOUGH = 20_000  # samples on which the noise of the torque is found
-COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the typical dw/dt ...
+COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
 FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
-USUAL = 0.02  # s, over which dw/dt is typical
+USUAL = 0.02  # s, over which dw/dt is usual
+WORST = 1e100  # innovation of a model that diverges; its square can still be added up
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,42 +34,38 @@ class Fit:
 
 
 def fitted(ready: Prepared, model: Model) -> Fit:
-    """The model as it is, with its noise; computed once for each model of a study.
-
-    Raises InputError where a value is missing.
-    """
-    model = model.with_defaults()
+    """The model as it is, with its noise; once for each in a study. InputError where a value is
+    missing."""
+    model, memory = model.with_defaults(), ready.memory
     values = model.known()
-    parts = (model.friction, *model.effects)
-    structure = tuple((part.key, id(part.block)) for part in parts)
-    if structure not in ready.memory:
-        ready.memory[structure] = Drive(model)
-    drive, key = ready.memory[structure], (structure, *values.values())
-    if key not in ready.memory:
-        ready.memory[key] = Fit(drive, values, tuned(ready, drive, values))
-    return ready.memory[key]
+    if missing := [k for k in model.values() if k not in values]:
+        raise InputError(f"{model.name}: {', '.join(missing)} has no value to simulate with.")
+    structure = tuple((part.key, id(part.block)) for part in (model.friction, *model.effects))
+    if structure not in memory:
+        memory[structure] = Drive(model), model
+    drive, key = memory[structure][0], (structure, *values.values())
+    if key not in memory:
+        memory[key] = Fit(drive, values, tuned(ready, drive, values))
+    return memory[key]
 
 
 def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
-    """The noise of dw/dt, rad/s2, that makes the predictions of some training windows likeliest."""
-    usual = max(_typical(run) for run in ready.runs)
-    few = ready.fewer(ENOUGH)
+    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely."""
+    usual, few = max(map(_usual, ready.runs)), spread(ready.train, ENOUGH)
 
     def totals(logs: np.ndarray) -> np.ndarray:
-        jumps = [usual * float(np.exp(x)) for x in logs]
-        made = loglik(ready, drive, [values] * len(jumps), jumps, few)
+        made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
         return np.nan_to_num(made.sum(axis=1), nan=-np.inf)
 
     best = COARSE[np.argmax(totals(COARSE))]
-    points = best + FINE
-    a, b, _ = np.polyfit(points - best, totals(points), 2)
-    peak = float(np.clip(-0.5 * b / a, FINE[0], FINE[-1])) if a < 0 else 0.0
+    a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
+    peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
     return usual * float(np.exp(best + peak))
 
 
-def _typical(run: Run) -> float:
+def _usual(run: Run) -> float:
     """The usual size of dw/dt, rad/s2."""
-    w, n = run.speed(), min(run.samples(USUAL), len(run.t) // 3)
+    w, n = run.speed, min(run.count(USUAL), len(run.t) // 3)
     return max(float(np.std(w[n:] - w[:-n])) / (n * run.dt), 1e-12)
 
 
@@ -75,48 +73,48 @@ def loglik(
     ready: Prepared,
     drive: Drive,
     sets: Sequence[Values],
-    jumps: Sequence[float],
+    jumps: Sequence[float] | np.ndarray,
     windows: Sequence[Windows],
 ) -> np.ndarray:
-    """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows).
+    """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
+    made = [
+        likelihoods(run, *whitened(drive, run, sets, jumps, where))
+        for run, where in zip(ready.runs, windows, strict=True)
+        if where.start.size
+    ]
+    return np.concatenate(made, axis=1)
+
+
+def likelihoods(run: Run, e: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """That of each window, (sets, windows), from scaled innovations and what divided them."""
+    constant = e.shape[2] * (np.log(size) @ run.weight)
+    return -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant[:, None]
+
+
+def whitened(
+    drive: Drive,
+    run: Run,
+    sets: Sequence[Values],
+    jumps: Sequence[float] | np.ndarray,
+    where: Windows,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations scaled to unit covariance for a correct model (sets, windows, length, 2), and
+    the diagonal of what they were divided by (sets, 2).
 
     Samples that repeat one count weigh less: they are not independent, and predicting them is no
     merit of a model.
     """
-    made = []
-    for run, where in zip(ready.runs, windows, strict=True):
-        if len(where.start):
-            e, size = whitened(drive, run, sets, jumps, where)
-            each = -0.5 * np.sum(e**2, axis=(2, 3))
-            made.append(each - where.length * (np.log(size) @ run.weight_seen)[:, None])
-    return np.concatenate(made, axis=1)
-
-
-def whitened(
-    drive: Drive, run: Run, sets: Sequence[Values], jumps: Sequence[float], where: Windows
-) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations scaled to unit covariance for a correct model, and what they were divided by.
-
-    Returns
-    -------
-    e : (sets, windows, length, 2) array
-        Times the root of the sensors' weights; 0 where nothing was recorded.
-    size : (sets, 2) array
-        The diagonal of the root of their covariance.
-    """
-    y, _ = drive.observe(run, sets, jumps, where)
-    e = innovations(run.y[where.counted], y)
-    size = np.empty((len(sets), 2))
+    y, _ = drive.observe(run, sets, [float(q) for q in jumps], where)
+    e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
     for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
-        root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
-        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(run.weight_seen)
+        root = np.linalg.cholesky(drive.gain(run, values, float(jump))[1])
+        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(run.weight)
         size[i] = np.diag(root)
     return e, size
 
 
 def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-    """Measured minus predicted values: 0 where nothing was recorded, ``WORST`` if the prediction
-    is not a number."""
+    """Measured minus predicted: 0 where nothing was recorded, ``WORST`` if it is not a number."""
     e = np.clip(np.nan_to_num(measured - predicted, nan=WORST), -WORST, WORST)
     e[..., np.isnan(measured)] = 0.0
     return e

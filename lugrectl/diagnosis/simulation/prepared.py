@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -14,21 +14,20 @@ from ...core.errors import InputError, Refused
 from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from ...record import Record, consistent, long_enough_to_judge
-from .runs import Run, Windows, run_of
+from .runs import Range, Run, Windows, run_of
 
 BLOCK = 2.0  # s, least length of a held-out block
 GAP = 0.25  # s, between training and held-out samples
 WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
-MOST = 100_000  # samples that are judged, and as many that are trained on, spread evenly
-
-Range = tuple[int, int]
-SPREAD = "Of {:.3g} held-out samples {:.3g}, in evenly spread windows, were simulated."
+MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
+SPREAD = "Of {} held-out samples {}, in evenly spread windows, were simulated."
+Parts = tuple[list[list[Range]], list[list[Range]]]
 
 
 class HeldOut(NamedTuple):
-    """A stretch of a run that nothing may be fitted to or chosen by, from and to a time in s."""
+    """A stretch of a run that nothing may be fitted to or chosen by, between two times in s."""
 
     run: int
     start: float
@@ -39,26 +38,11 @@ class HeldOut(NamedTuple):
 class Prepared:
     """Records prepared for judging and polishing.
 
-    Attributes
-    ----------
-    records : tuple of Record
-        The training records.
-    model : Model
-        The declared one.
-    runs : tuple of Run
-        Those of the records, then that of a record held out as a whole.
-    train, test : tuple of Windows
-        For each run: windows to fit on, and windows to judge, each a horizon long.
-    held_out : tuple of HeldOut
-        The stretches of ``test``.
-    free : tuple of tuple of Windows
-        For each run: stretches simulated without a restart, one in each.
-    in_sample : bool
-        Whether those hold training samples.
-    horizon : float
-        Time from restart to restart in s, as asked for.
-    messages : tuple of str
-        What was noticed.
+    ``records`` are the training ones, ``runs`` these and then one held out as a whole. By run:
+    ``train`` are windows to fit on, ``test`` those that are judged, a horizon long, and ``free``
+    stretches simulated without a restart, ``in_sample`` where these hold training samples.
+    ``held_out`` are all stretches set apart, whether judged or not. ``horizon`` in s. ``memory``
+    keeps what was computed of models.
     """
 
     records: tuple[Record, ...]
@@ -66,12 +50,32 @@ class Prepared:
     runs: tuple[Run, ...]
     train: tuple[Windows, ...]
     test: tuple[Windows, ...]
-    held_out: tuple[HeldOut, ...]
     free: tuple[tuple[Windows, ...], ...]
     in_sample: bool
+    held_out: tuple[HeldOut, ...]
     horizon: float
     messages: tuple[str, ...] = ()
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def channel(self) -> int:
+        """What errors are computed on: 1 for w, 0 for theta where more held-out samples have it."""
+        many = [where.samples for where in self.test]
+        theta, w = many @ np.isfinite([run.own for run in self.runs])
+        return int(w >= theta)
+
+    @property
+    def signal(self) -> str:
+        return ("theta", "w")[self.channel]
+
+    @property
+    def unit(self) -> str:
+        return unit_for(("rad", "rad/s")[self.channel], self.model.motion)
+
+    @property
+    def noise_floor(self) -> float:
+        """Standard deviation of that channel's own noise, the largest of all runs."""
+        return float(np.nanmax([run.own[self.channel] for run in self.runs]))
 
     @property
     def t(self) -> np.ndarray:
@@ -80,59 +84,26 @@ class Prepared:
 
     @property
     def everywhere(self) -> tuple[Windows, ...]:
-        """For each run: windows over all of it but its beginning."""
-        made = [
-            _cut(run.pieces, run.samples(GAP, 2), run.samples(WINDOWS[0], FEWEST))
-            for run in self.runs
-        ]
-        return _spread(made, MOST)[0]
-
-    def fewer(self, most: int) -> tuple[Windows, ...]:
-        """The training windows, or of many so many samples, evenly spread."""
-        return _spread(self.train, most)[0]
+        """For each run: windows over all of it but the beginnings of its pieces."""
+        return spread([_windows(run, run.pieces, WINDOWS[0]) for run in self.runs], MOST)
 
     def along(
-        self, windows: Sequence[Windows], signal: Callable[[Run, Windows], np.ndarray]
+        self,
+        windows: Sequence[Windows],
+        signals: Callable[[Run, Windows], np.ndarray],
+        columns: int = 1,
     ) -> np.ndarray:
-        """A signal (windows, samples) along all runs one after the other, (N,); nan elsewhere."""
-        made = []
-        for run, where in zip(self.runs, windows, strict=True):
-            own = np.full(len(run.t), np.nan)
-            if len(where.start):
-                own[where.counted] = signal(run, where)
-            made.append(own)
-        return np.concatenate(made)
+        """Signals (windows, samples, columns) along all runs one after the other, (columns, N);
+        nan elsewhere."""
+        made = [np.full((len(run.t), columns), np.nan) for run in self.runs]
+        for run, where, own in zip(self.runs, windows, made, strict=True):
+            if where.start.size:
+                own[where.counted] = signals(run, where)
+        return np.concatenate(made).T
 
-    @property
-    def channel(self) -> int:
-        """0 for theta, 1 for w: what errors are computed on."""
-        seen = [
-            sum(w.start.size * np.isfinite(r.own[k]) for r, w in zip(self.runs, self.test))  # noqa: B905
-            for k in (0, 1)
-        ]
-        return 1 if seen[1] >= seen[0] else 0
-
-    @property
-    def signal(self) -> str:
-        """The channel on which errors are computed: w, or theta if only that was recorded."""
-        return ("theta", "w")[self.channel]
-
-    @property
-    def unit(self) -> str:
-        """Its unit."""
-        return unit_for(("rad", "rad/s")[self.channel], self.model.motion)
-
-    @property
-    def noise_floor(self) -> float:
-        """Standard deviation of that channel's own noise, the largest of all runs."""
-        return float(np.nanmax([run.own[self.channel] for run in self.runs]))
-
-    def known(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
-        """The same with the torque as it acted.
-
-        An offset of its column (N m) by number of the run is taken off; positive ``u_delay`` (s)
-        moves it later, a negative one earlier.
-        """
+    def with_torque(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
+        """The same with the torque as it acted: an offset (N m) of the column of a run, by its
+        number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0."""
         runs = tuple(
             replace(run, u=run.torque(run_offsets.get(i, 0.0), u_delay))
             for i, run in enumerate(self.runs)
@@ -147,189 +118,131 @@ def prepared(
     horizon: float,
     memory: float = 0.0,
 ) -> Prepared:
-    """Split records into training windows and held-out windows.
+    """Split records, whose rates and channels may differ, into training and held-out windows.
 
-    Parameters
-    ----------
-    records : Record or sequence of Record
-        Runs of one drive; rates and channels may differ.
-    model : Model
-        The declared model.
-    holdout : None, "last" or Record
-        Every other block is held out, or the last half of the recorded time, or this record.
-    horizon : float
-        Time from restart to restart, s.
-    memory : float
-        Time over which the residual depends on itself, s: blocks are longer.
+    ``holdout`` None sets every other block apart, "last" the last half of the recorded time, a
+    Record itself. ``horizon`` is the time from restart to restart, ``memory`` that over which the
+    residual depends on itself: blocks are longer than both, s.
 
     Raises
     ------
     Refused
         If the records are too short or too slow for both parts.
     InputError
-        If the records are of different kinds of motion.
+        If they are of different kinds of motion.
     """
     given = (records,) if isinstance(records, Record) else tuple(records)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     every = [consistent(r) for r in (*given, *apart)]
-    _alike(every)
-    _long_enough(every)
-    runs = tuple(run_of(r) for r in every)
-    train, test = _parts(runs, len(given) if apart else None, holdout == "last", horizon, memory)
-    fitting, judging = _training(runs, train), _judging(runs, test, horizon)
-    judged = sum(w.start.size for w in judging)
-    if sum(w.start.size for w in fitting) < LEAST or not judged:
+    _usable(every)
+    runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
+    if apart:
+        whole_runs = [[*run.pieces] for run in runs]
+        parts = whole_runs[:-1] + [[]], [[] for _ in given] + whole_runs[-1:]
+    else:
+        parts = _halves(runs) if whole else _alternate(runs, horizon, memory)
+    train = _training(runs, parts[0])
+    test = [_windows(run, own, horizon, 1) for run, own in zip(runs, parts[1], strict=True)]
+    if sum(w.start.size for w in train) < LEAST or not any(w.start.size for w in test):
         raise _too_short(runs, horizon)
-    whole = bool(apart) or holdout == "last"
-    free = [
-        tuple(_whole(run, a, b) for a, b in (own if whole else run.pieces) if b - a > 1)
-        for run, own in zip(runs, test, strict=True)
+    both = [*zip(runs, parts[1], strict=True)]
+    free = [tuple(_all_of(run, own if whole else run.pieces)) for run, own in both]
+    held_out = [
+        HeldOut(i, float(run.t[a + run.count(GAP, 2)]), float(run.t[b - 1]))
+        for i, (run, own) in enumerate(both)
+        for a, b in own
+        if b - a > run.count(GAP, 2)
     ]
-    spread, said = _spread(judging, MOST)
-    noticed = dict.fromkeys([run.said for run in runs if run.said] + said)
+    judged, samples = spread(test, MOST), [sum(w.samples for w in test)]
+    samples.append(sum(w.samples for w in judged))
+    said = [*dict.fromkeys(run.said for run in runs if run.said)]
+    said += [SPREAD.format(*samples)] if samples[1] < samples[0] else []
     return Prepared(
-        tuple(every[: len(given)]), model, runs, _spread(fitting, MOST)[0], spread,
-        _held_out(runs, judging), tuple(free), not whole, horizon, tuple(noticed),
+        tuple(every[: len(given)]), model, runs, spread(train, MOST), judged, tuple(free),
+        not whole, tuple(held_out), horizon, tuple(said),
     )  # fmt: skip
 
 
-def _alike(records: Sequence[Record]) -> None:
-    for r in records[1:]:
-        if r.motion != records[0].motion:
-            raise InputError(
-                f"{r.source} is {r.motion} and {records[0].source} {records[0].motion}: give runs "
-                "of one drive."
-            )
+def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
+    """As many windows of all runs as have so many samples, evenly spread."""
+    share = most / max(sum(w.samples for w in windows), 1)
+    return tuple(w if share >= 1.0 else w.spread(share) for w in windows)
 
 
-def _long_enough(records: Sequence[Record]) -> None:
-    """Refused where no record is; a shorter one beside others gives fewer windows or none."""
+def _usable(records: Sequence[Record]) -> None:
+    """Refused where every record is too short: one beside longer ones only has fewer windows."""
     faults = []
     for r in records:
+        if r.motion != records[0].motion:
+            kinds = f"{r.source} is {r.motion} and {records[0].source} {records[0].motion}"
+            raise InputError(f"{kinds}: give runs of one drive.")
         try:
-            return long_enough_to_judge(r)
+            long_enough_to_judge(r)
         except Refused as fault:
             faults.append(fault)
-    raise faults[0]
+    if len(faults) == len(records):
+        raise faults[0]
 
 
-def _parts(
-    runs: Sequence[Run], apart: int | None, last: bool, horizon: float, memory: float
-) -> tuple[list[list[Range]], list[list[Range]]]:
-    """Ranges to fit on and to judge, for each run."""
-    if apart is not None:
-        whole = [list(run.pieces) for run in runs]
-        none: list[list[Range]] = [[] for _ in runs]
-        return whole[:apart] + none[apart:], none[:apart] + whole[apart:]
-    return _halves(runs) if last else _alternate(runs, horizon, memory)
-
-
-def _halves(runs: Sequence[Run]) -> tuple[list[list[Range]], list[list[Range]]]:
+def _halves(runs: Sequence[Run]) -> Parts:
     """The first and the last half of the recorded time."""
-    train, test = [], []
+    parts: Parts = [], []
     left = 0.5 * sum(len(run.t) * run.dt for run in runs)
     for run in runs:
         cut = int(np.clip(round(left / run.dt), 0, len(run.t)))
-        train.append([(a, min(b, cut)) for a, b in run.pieces if a < cut])
-        test.append([(max(a, cut), b) for a, b in run.pieces if b > cut])
         left -= len(run.t) * run.dt
-    return train, test
-
-
-def _alternate(
-    runs: Sequence[Run], horizon: float, memory: float
-) -> tuple[list[list[Range]], list[list[Range]]]:
-    """Alternating blocks of whole horizons; each starts with a gap.
-
-    The last block of a piece extends to its end; a piece shorter than a block is one.
-    """
-    parts: tuple[list[list[Range]], list[list[Range]]] = ([], [])
-    turn = 0
-    for run in runs:
-        gap, span = run.samples(GAP, 2), run.samples(horizon)
-        length = gap + span * max(1, -(-run.samples(max(BLOCK, memory)) // span))
-        own: tuple[list[Range], list[Range]] = ([], [])
-        for a, b in run.pieces:
-            if b - a < gap + span:
-                continue
-            starts = range(a, max(b - length, a) + 1, length)
-            for s in starts:
-                own[turn].append((s, b if s == starts[-1] else s + length))
-                turn = 1 - turn
-        for part, ranges in zip(parts, own, strict=True):
-            part.append(ranges)
+        parts[0].append([(a, min(b, cut)) for a, b in run.pieces if a < cut])
+        parts[1].append([(max(a, cut), b) for a, b in run.pieces if b > cut])
     return parts
 
 
-def _cut(ranges: Sequence[Range], gap: int, length: int) -> Windows:
-    starts: list[int] = []
-    for a, b in ranges:
-        starts += range(a + gap, b - length + 1, length)
-    return Windows(np.array(starts, dtype=int), length)
+def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> Parts:
+    """Alternating blocks of whole horizons behind a gap; a piece's last one extends to its end."""
+    parts: Parts = [[] for _ in runs], [[] for _ in runs]
+    turn = 0
+    for i, run in enumerate(runs):
+        gap, span = run.count(GAP, 2), run.count(horizon)
+        length = gap + span * max(1, -(-run.count(max(BLOCK, memory)) // span))
+        for a, b in run.pieces:
+            starts = range(a, max(b - length, a) + 1, length) if b - a >= gap + span else ()
+            for s in starts:
+                parts[turn][i].append((s, b if s == starts[-1] else s + length))
+                turn = 1 - turn
+    return parts
+
+
+def _windows(run: Run, ranges: Sequence[Range], seconds: float, least: int = FEWEST) -> Windows:
+    return Windows.over([*ranges], run.count(GAP, 2), run.count(seconds, least))
 
 
 def _training(runs: Sequence[Run], parts: Sequence[Sequence[Range]]) -> list[Windows]:
     """Windows in motion, the longest that are enough."""
     made: list[Windows] = []
     for seconds in WINDOWS if compiler() else WINDOWS[-1:]:  # NumPy is slow per step, not per lane
-        made = [
-            run.moving(_cut(part, run.samples(GAP, 2), run.samples(seconds, FEWEST)))
-            for run, part in zip(runs, parts, strict=True)
-        ]
+        both = zip(runs, parts, strict=True)
+        made = [run.moving(_windows(run, part, seconds)) for run, part in both]
         if sum(w.start.size for w in made) >= ENOUGH:
             break
     return made
 
 
-def _judging(
-    runs: Sequence[Run], parts: Sequence[Sequence[Range]], horizon: float
-) -> list[Windows]:
-    return [
-        _cut(part, run.samples(GAP, 2), run.samples(horizon))
-        for run, part in zip(runs, parts, strict=True)
-    ]
-
-
-def _whole(run: Run, start: int, end: int) -> Windows:
-    """One window over a range but its beginning, in which an observer finds the state."""
-    gap = min(run.samples(GAP, 2), end - start - 1)
-    return Windows(np.array([start + gap]), end - start - gap)
-
-
-def _spread(windows: Sequence[Windows], most: int) -> tuple[tuple[Windows, ...], list[str]]:
-    """As many windows as have so many samples, and a sentence where some were left out."""
-    whole = sum(w.start.size * w.length for w in windows)
-    share = min(1.0, most / max(whole, 1))
-    kept = tuple(w.spread(max(1, round(share * w.start.size))) for w in windows)
-    used = sum(w.start.size * w.length for w in kept)
-    return kept, [SPREAD.format(whole, used)] if used < whole else []
-
-
-def _held_out(runs: Sequence[Run], windows: Sequence[Windows]) -> tuple[HeldOut, ...]:
-    """The windows in time, joined where one follows another."""
-    made: list[HeldOut] = []
-    for i, (run, where) in enumerate(zip(runs, windows, strict=True)):
-        for s in where.start:
-            start, end = float(run.t[s]), float(run.t[s + where.length - 1])
-            before = made[-1] if made and made[-1].run == i else None
-            if before is not None and abs(start - before.end - run.dt) < 0.5 * run.dt:
-                made[-1] = before._replace(end=end)
-            else:
-                made.append(HeldOut(i, start, end))
-    return tuple(made)
+def _all_of(run: Run, ranges: Sequence[Range]) -> Iterator[Windows]:
+    """One window over each range but its beginning, in which an observer finds the state."""
+    for a, b in ranges:
+        gap = min(run.count(GAP, 2), b - a - 1)
+        yield Windows(np.array([a + gap]), b - a - gap)
 
 
 def _too_short(runs: Sequence[Run], horizon: float) -> Refused:
     """What is missing for both parts: seconds, or samples in so many seconds."""
     needed, dt = 8 * (max(BLOCK, horizon) + GAP), max(run.dt for run in runs)
-    if sum(b - a for run in runs for a, b in run.pieces) * dt < needed:
+    if sum((b - a) * run.dt for run in runs for a, b in run.pieces) < needed:
         what, record = "The record is", f"at least {needed:.0f} s of motion"
     else:
         what = f"At {1 / dt:.4g} Hz the record's pieces without loss are"
         record = f"{needed:.0f} s without loss at {FEWEST / min(WINDOWS):.0f} Hz or more"
+    shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
     return Refused(
         f"{what} too short to fit the model and to check it on held-out samples.",
-        f"Record {record}"
-        + (f", shorten {option('horizon')}" if horizon > BLOCK else "")
-        + f", or give a second run with {option('holdout')}.",
+        f"Record {record}{shorter}, or give a second run with {option('holdout')}.",
     )
