@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...blocks.effects.actuator import held_late
 from ...blocks.embedding import Part as Placed
 from ...blocks.model import Model, Part
-from ...blocks.plant import assemble, stage
+from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
 from ...engine.runtime.batch_run import Lanes
 from .observer import Rows, Sensing, observer_gain
@@ -25,15 +26,13 @@ DIRECT: Sensing = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
 class Drive:
     """One model structure, traced once, for any values of its parameters.
 
-    Effects on the command without a state, and those with an exact form along a log, act on the
-    recorded torque; from the first other one on, all are inside the traced plant.
+    A delay acts on the recorded torque, before anything else: that makes no difference to effects
+    that do not change in time. All others are inside the traced plant.
     """
 
     def __init__(self, model: Model) -> None:
-        command = [p for p in model.effects if stage(p.block) == "command"]
-        within = [bool(p.block.states) and p.block.exact is None for p in command]
-        self.before = tuple(command[: (*within, True).index(True)])
-        inside = tuple(p for p in model.effects if p not in self.before)
+        self.late = tuple(p for p in model.effects if p.block.exact is held_late)
+        inside = tuple(p for p in model.effects if p not in self.late)
         self.system = assemble(replace(model, effects=inside), sensed=True).bare()
         self.lanes = Lanes(self.system, outputs=["theta_m", "w_m"])
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
@@ -46,14 +45,9 @@ class Drive:
     def series(self, run: Run, values: Values) -> np.ndarray:
         """Torque and load torque along a run, (N, 2), N m."""
         u = run.u.copy()
-        for part in self.before:
-            own = {k: values[f"{part.key}.{k}"] for k in part.block.own}
-            for a, b in run.pieces:
-                if part.block.exact is not None:
-                    u[a:b] = part.block.exact(u[a:b], run.dt, **own)
-                else:
-                    signals = {"t": run.t[a:b], "u": u[a:b]}
-                    u[a:b] = part.block(*(signals[k] for k in part.block.reads), **own)[0]
+        for a, b in run.pieces if self.late else ():
+            delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
+            u[a:b] = held_late(u[a:b], run.dt, delay)
         return np.column_stack([u, run.d])
 
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
@@ -106,12 +100,7 @@ class Drive:
 
         The state at its start is that of the observer, by samples before it only.
         """
-        leads = run.before(where.start, run.count(LEAD))
-        x = np.empty((len(where.start), len(self.lanes.states)))
-        for lead in set(leads.tolist()):
-            some = leads == lead
-            early = Windows(where.start[some] - lead, lead)
-            x[some] = self.observe(run, [values], [jump], early)[1][0]
+        x = self.observe(run, [values], [jump], Windows(where.start, 0))[1][0]
         return self._run(run, [values], x, where)[0][0]
 
     def _run(
@@ -124,7 +113,7 @@ class Drive:
     ) -> tuple[np.ndarray, np.ndarray]:
         check_time()
         many, n, start = len(sets), len(where.start), np.tile(where.start, len(sets))
-        own = sets if self.before else sets[:1]
+        own = sets if self.late else sets[:1]
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(

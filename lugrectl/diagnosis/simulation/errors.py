@@ -14,7 +14,7 @@ from ...core.errors import InputError
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
 from .likelihood import Fit, fitted, innovations, whitened
-from .prepared import Prepared
+from .prepared import GAP, Prepared
 from .runs import Run, Windows
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
@@ -49,11 +49,10 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     last = [*fits.values()][-1]
     jump, channel = fits.get("refitted", last).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
-    simulated = {k: ready.along(ready.test, _restarted(f, channel))[0] for k, f in fits.items()}
-    seen = {k: ready.along(ready.everywhere, _observed(f, jump), 3) for k, f in fits.items()}
+    simulated = {k: ready.along(ready.test, 1, _restarted(f, channel))[0] for k, f in fits.items()}
+    seen = {k: ready.along(ready.everywhere, 3, _observed(f, jump)) for k, f in fits.items()}
     residual = {k: x[0] for k, x in seen.items()}
-    held_out = np.isfinite(ready.along(ready.test, lambda _, where: where.counted[..., None])[0])
-    held_out &= np.isfinite(measured)
+    held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
     both, said = held_out & np.isfinite(residual[[*fits][-1]]), list(ready.messages)
     error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))
     free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
@@ -62,12 +61,14 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     unit = {"signal": ready.signal, "unit": ready.unit}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
-    motion = _signals(ready, *[*seen.values()][-1][1:])
+    t, u, dt = (np.concatenate(x) for x in zip(*((r.t, r.u, r.dt + 0.0 * r.t) for r in ready.runs)))  # noqa: B905
+    theta, w = seen[[*fits][-1]][1:]
+    motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
     return Judged(
         {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
         {**unit, "in_sample": ready.in_sample, **free},
         {"unit": unit_for("N m", ready.model.motion), **torque},
-        Traces(ready.t, measured, held_out, simulated, residual, motion),
+        Traces(t, measured, held_out, simulated, residual, motion),
         tuple(said),
     )
 
@@ -112,36 +113,25 @@ def _observed(fit: Fit, jump: float) -> Signal:
 
 def _free(ready: Prepared, fit: Fit) -> float:
     """RMS error of the simulation without restarts."""
-    missed = [
-        (run.recorded[where.counted] - fit.drive.simulate(run, fit.values, fit.jump, where))
-        for run, stretches in zip(ready.runs, ready.free, strict=True)
-        for where in stretches
-        if np.isfinite(run.own[ready.channel])
-    ]
-    return _rms(np.concatenate([e[0, :, ready.channel] for e in missed]))
-
-
-def _signals(ready: Prepared, theta: np.ndarray, w: np.ndarray) -> dict[str, np.ndarray]:
-    """The motion without noise, as an observer has it, nan where it has none, and the torque."""
-    dt = np.concatenate([np.full(len(run.t), run.dt) for run in ready.runs])
-    u = np.concatenate([run.u for run in ready.runs])
-    return {"t": ready.t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
+    missed = [np.zeros((0, 2))]
+    for run, ranges in zip(ready.runs, ready.free, strict=True):
+        for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
+            start = a + min(run.count(GAP, 2), b - a - 1)  # an observer finds the state before
+            simulated = fit.drive.simulate(
+                run, fit.values, fit.jump, Windows(np.array([start]), b - start)
+            )
+            missed.append(run.recorded[start:b] - simulated[0])
+    return _rms(np.concatenate(missed)[:, ready.channel])
 
 
 def residuals(ready: Prepared, model: Model) -> Residuals:
-    """The tests of what one-step predictions leave of w, or theta where w is no sensor's.
-
-    Over the training windows of those runs that have the rate and the channel of most of them.
-    """
-    fit, found = fitted(ready, model), {}
-    for run, where in zip(ready.runs, ready.train, strict=True):
-        if where.start.size:
-            channel = int(run.weight[1] > 0)
-            e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
-            found.setdefault((channel, where.length), []).append((e, run.u[where.counted]))
-    (channel, _), most = max(found.items(), key=lambda own: sum(e.size for e, _ in own[1]))
-    e, u = map(np.concatenate, zip(*most, strict=True))
-    return residuals_of(("theta", "w")[channel], e, u)
+    """The tests of what one-step predictions leave of w, or theta where w is no sensor's, over the
+    training windows of the run that has most of them."""
+    fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
+    run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
+    channel = int(run.weight[1] > 0)
+    e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
+    return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
 
 
 def torque_noise(ready: Prepared, model: Model) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -70,47 +71,35 @@ def _usual(run: Run) -> float:
 
 
 def loglik(
-    ready: Prepared,
-    drive: Drive,
-    sets: Sequence[Values],
-    jumps: Sequence[float] | np.ndarray,
-    windows: Sequence[Windows],
+    ready: Prepared, drive: Drive, sets: Sequence[Values], jumps: Any, windows: Sequence[Windows]
 ) -> np.ndarray:
     """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
     made = [
-        likelihoods(run, *whitened(drive, run, sets, jumps, where))
+        whitened(drive, run, sets, jumps, where)[1]
         for run, where in zip(ready.runs, windows, strict=True)
         if where.start.size
     ]
     return np.concatenate(made, axis=1)
 
 
-def likelihoods(run: Run, e: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """That of each window, (sets, windows), from scaled innovations and what divided them."""
-    constant = e.shape[2] * (np.log(size) @ run.weight)
-    return -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant[:, None]
-
-
 def whitened(
-    drive: Drive,
-    run: Run,
-    sets: Sequence[Values],
-    jumps: Sequence[float] | np.ndarray,
-    where: Windows,
+    drive: Drive, run: Run, sets: Sequence[Values], jumps: Any, where: Windows
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Innovations scaled to unit covariance for a correct model (sets, windows, length, 2), and
-    the diagonal of what they were divided by (sets, 2).
+    """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
+    the log-likelihood of each window, (sets, windows).
 
     Samples that repeat one count weigh less: they are not independent, and predicting them is no
     merit of a model.
     """
-    y, _ = drive.observe(run, sets, [float(q) for q in jumps], where)
+    jumps = [float(jump) for jump in jumps]
+    y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
     for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
-        root = np.linalg.cholesky(drive.gain(run, values, float(jump))[1])
+        root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
         e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(run.weight)
         size[i] = np.diag(root)
-    return e, size
+    constant = where.length * (np.log(size) @ run.weight)
+    return e, -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant[:, None]
 
 
 def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:

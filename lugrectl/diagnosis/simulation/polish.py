@@ -11,7 +11,7 @@ from ...blocks.declared_values import Stated
 from ...blocks.model import Model
 from ...core.errors import InputError
 from ...estimates.covariance import Joint
-from .likelihood import Fit, fitted, likelihoods, loglik, tuned, whitened
+from .likelihood import Fit, fitted, loglik, tuned, whitened
 from .prepared import Prepared, spread
 
 ENOUGH = 40_000  # samples of training windows that are used, evenly spread
@@ -165,11 +165,10 @@ class _Climb:
         sets = [fit.values, *(self.values(x + STEP * row) for row in np.eye(n))]
         both = zip(self.ready.runs, spread(self.ready.train, ENOUGH), strict=True)
         for run, where in ((run, where) for run, where in both if where.start.size):
-            white, size = whitened(fit.drive, run, sets, [fit.jump] * (n + 1), where)
+            white, each = whitened(fit.drive, run, sets, [fit.jump] * (n + 1), where)
             e = white.reshape(n + 1, len(where.start), -1).swapaxes(0, 1)
             A = (e[:, :1] - e[:, 1:]) / STEP
-            each = likelihoods(run, white[:1], size[:1])[0]
-            made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each))
+            made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each[0]))
         parts, scores, each = map(np.concatenate, zip(*made, strict=True))
         return parts, scores, each
 

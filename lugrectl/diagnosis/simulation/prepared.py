@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -22,8 +22,8 @@ WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
 MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
-SPREAD = "Of {} held-out samples {}, in evenly spread windows, were simulated."
-Parts = tuple[list[list[Range]], list[list[Range]]]
+SPREAD = "Not all {} held-out samples were simulated, but evenly spread windows of {}."
+Parts = list[list[Range]]
 
 
 class HeldOut(NamedTuple):
@@ -40,7 +40,7 @@ class Prepared:
 
     ``records`` are the training ones, ``runs`` these and then one held out as a whole. By run:
     ``train`` are windows to fit on, ``test`` those that are judged, a horizon long, and ``free``
-    stretches simulated without a restart, ``in_sample`` where these hold training samples.
+    ranges simulated without a restart, ``in_sample`` where these hold training samples.
     ``held_out`` are all stretches set apart, whether judged or not. ``horizon`` in s. ``memory``
     keeps what was computed of models.
     """
@@ -50,7 +50,7 @@ class Prepared:
     runs: tuple[Run, ...]
     train: tuple[Windows, ...]
     test: tuple[Windows, ...]
-    free: tuple[tuple[Windows, ...], ...]
+    free: tuple[Sequence[Range], ...]
     in_sample: bool
     held_out: tuple[HeldOut, ...]
     horizon: float
@@ -60,7 +60,7 @@ class Prepared:
     @property
     def channel(self) -> int:
         """What errors are computed on: 1 for w, 0 for theta where more held-out samples have it."""
-        many = [where.samples for where in self.test]
+        many = [where.counted.size for where in self.test]
         theta, w = many @ np.isfinite([run.own for run in self.runs])
         return int(w >= theta)
 
@@ -78,23 +78,15 @@ class Prepared:
         return float(np.nanmax([run.own[self.channel] for run in self.runs]))
 
     @property
-    def t(self) -> np.ndarray:
-        """The time of all runs one after the other, s."""
-        return np.concatenate([run.t for run in self.runs])
-
-    @property
     def everywhere(self) -> tuple[Windows, ...]:
         """For each run: windows over all of it but the beginnings of its pieces."""
-        return spread([_windows(run, run.pieces, WINDOWS[0]) for run in self.runs], MOST)
+        return spread([_windows(run, run.pieces, WINDOWS[0], FEWEST) for run in self.runs], MOST)
 
     def along(
-        self,
-        windows: Sequence[Windows],
-        signals: Callable[[Run, Windows], np.ndarray],
-        columns: int = 1,
+        self, windows: Sequence[Windows], columns: int, signals: Callable[[Run, Windows], Any]
     ) -> np.ndarray:
-        """Signals (windows, samples, columns) along all runs one after the other, (columns, N);
-        nan elsewhere."""
+        """Signals (windows, samples, columns) along all runs one after the other, nan elsewhere,
+        (columns, N)."""
         made = [np.full((len(run.t), columns), np.nan) for run in self.runs]
         for run, where, own in zip(self.runs, windows, made, strict=True):
             if where.start.size:
@@ -104,10 +96,9 @@ class Prepared:
     def with_torque(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
         """The same with the torque as it acted: an offset (N m) of the column of a run, by its
         number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0."""
-        runs = tuple(
-            replace(run, u=run.torque(run_offsets.get(i, 0.0), u_delay))
-            for i, run in enumerate(self.runs)
-        )
+        offsets = [run_offsets.get(i, 0.0) for i in range(len(self.runs))]
+        both = zip(self.runs, offsets, strict=True)
+        runs = tuple(replace(run, u=run.torque(offset, u_delay)) for run, offset in both)
         return replace(self, runs=runs, memory={})
 
 
@@ -136,37 +127,40 @@ def prepared(
     every = [consistent(r) for r in (*given, *apart)]
     _usable(every)
     runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
+    pieces = [[*run.pieces] for run in runs]
     if apart:
-        whole_runs = [[*run.pieces] for run in runs]
-        parts = whole_runs[:-1] + [[]], [[] for _ in given] + whole_runs[-1:]
+        train, test = [*pieces[:-1], []], [*([] for _ in given), pieces[-1]]
     else:
-        parts = _halves(runs) if whole else _alternate(runs, horizon, memory)
-    train = _training(runs, parts[0])
-    test = [_windows(run, own, horizon, 1) for run, own in zip(runs, parts[1], strict=True)]
-    if sum(w.start.size for w in train) < LEAST or not any(w.start.size for w in test):
+        train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
+    fitting = _training(runs, train)
+    judging = [_windows(run, own, horizon) for run, own in zip(runs, test, strict=True)]
+    if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
         raise _too_short(runs, horizon)
-    both = [*zip(runs, parts[1], strict=True)]
-    free = [tuple(_all_of(run, own if whole else run.pieces)) for run, own in both]
+    kept = spread(judging, MOST)
+    all_, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
+    said = [run.said for run in runs if run.said]
+    said += [SPREAD.format(all_, used)] if used < all_ else []
     held_out = [
         HeldOut(i, float(run.t[a + run.count(GAP, 2)]), float(run.t[b - 1]))
-        for i, (run, own) in enumerate(both)
+        for i, (run, own) in enumerate(zip(runs, test, strict=True))
         for a, b in own
         if b - a > run.count(GAP, 2)
     ]
-    judged, samples = spread(test, MOST), [sum(w.samples for w in test)]
-    samples.append(sum(w.samples for w in judged))
-    said = [*dict.fromkeys(run.said for run in runs if run.said)]
-    said += [SPREAD.format(*samples)] if samples[1] < samples[0] else []
     return Prepared(
-        tuple(every[: len(given)]), model, runs, spread(train, MOST), judged, tuple(free),
-        not whole, tuple(held_out), horizon, tuple(said),
+        tuple(every[: len(given)]), model, runs, spread(fitting, MOST), kept,
+        tuple(test if whole else pieces), not whole, tuple(held_out), horizon,
+        tuple(dict.fromkeys(said)),
     )  # fmt: skip
 
 
 def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
     """As many windows of all runs as have so many samples, evenly spread."""
-    share = most / max(sum(w.samples for w in windows), 1)
+    share = most / max(sum(w.start.size * w.length for w in windows), 1)
     return tuple(w if share >= 1.0 else w.spread(share) for w in windows)
+
+
+def _windows(run: Run, ranges: Sequence[Range], seconds: float, least: int = 1) -> Windows:
+    return run.windows(ranges, run.count(GAP, 2), run.count(seconds, least))
 
 
 def _usable(records: Sequence[Record]) -> None:
@@ -184,21 +178,20 @@ def _usable(records: Sequence[Record]) -> None:
         raise faults[0]
 
 
-def _halves(runs: Sequence[Run]) -> Parts:
-    """The first and the last half of the recorded time."""
-    parts: Parts = [], []
-    left = 0.5 * sum(len(run.t) * run.dt for run in runs)
+def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:
+    """The first and the last half of the recorded time, by run."""
+    left, cuts = 0.5 * sum(len(run.t) * run.dt for run in runs), []
     for run in runs:
-        cut = int(np.clip(round(left / run.dt), 0, len(run.t)))
+        cuts.append(int(np.clip(round(left / run.dt), 0, len(run.t))))
         left -= len(run.t) * run.dt
-        parts[0].append([(a, min(b, cut)) for a, b in run.pieces if a < cut])
-        parts[1].append([(max(a, cut), b) for a, b in run.pieces if b > cut])
-    return parts
+    both = [*zip(runs, cuts, strict=True)]
+    first = [[(a, min(b, cut)) for a, b in run.pieces if a < cut] for run, cut in both]
+    return first, [[(max(a, cut), b) for a, b in run.pieces if b > cut] for run, cut in both]
 
 
-def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> Parts:
+def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Parts, Parts]:
     """Alternating blocks of whole horizons behind a gap; a piece's last one extends to its end."""
-    parts: Parts = [[] for _ in runs], [[] for _ in runs]
+    parts: tuple[Parts, Parts] = [[] for _ in runs], [[] for _ in runs]
     turn = 0
     for i, run in enumerate(runs):
         gap, span = run.count(GAP, 2), run.count(horizon)
@@ -211,34 +204,23 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> Parts:
     return parts
 
 
-def _windows(run: Run, ranges: Sequence[Range], seconds: float, least: int = FEWEST) -> Windows:
-    return Windows.over([*ranges], run.count(GAP, 2), run.count(seconds, least))
-
-
-def _training(runs: Sequence[Run], parts: Sequence[Sequence[Range]]) -> list[Windows]:
-    """Windows in motion, the longest that are enough."""
+def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
+    """Windows in motion, the longest that are enough; without a compiler short ones, as each step
+    is slow and all windows take it at once."""
     made: list[Windows] = []
-    for seconds in WINDOWS if compiler() else WINDOWS[-1:]:  # NumPy is slow per step, not per lane
+    for seconds in WINDOWS if compiler() else WINDOWS[-1:]:
         both = zip(runs, parts, strict=True)
-        made = [run.moving(_windows(run, part, seconds)) for run, part in both]
+        made = [run.moving(_windows(run, part, seconds, FEWEST)) for run, part in both]
         if sum(w.start.size for w in made) >= ENOUGH:
             break
     return made
 
 
-def _all_of(run: Run, ranges: Sequence[Range]) -> Iterator[Windows]:
-    """One window over each range but its beginning, in which an observer finds the state."""
-    for a, b in ranges:
-        gap = min(run.count(GAP, 2), b - a - 1)
-        yield Windows(np.array([a + gap]), b - a - gap)
-
-
 def _too_short(runs: Sequence[Run], horizon: float) -> Refused:
     """What is missing for both parts: seconds, or samples in so many seconds."""
     needed, dt = 8 * (max(BLOCK, horizon) + GAP), max(run.dt for run in runs)
-    if sum((b - a) * run.dt for run in runs for a, b in run.pieces) < needed:
-        what, record = "The record is", f"at least {needed:.0f} s of motion"
-    else:
+    what, record = "The record is", f"at least {needed:.0f} s of motion"
+    if sum((b - a) * run.dt for run in runs for a, b in run.pieces) >= needed:
         what = f"At {1 / dt:.4g} Hz the record's pieces without loss are"
         record = f"{needed:.0f} s without loss at {FEWEST / min(WINDOWS):.0f} Hz or more"
     shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""

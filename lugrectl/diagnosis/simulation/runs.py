@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,7 +22,6 @@ REPEATED = (
     "alone; errors are computed on w."
 )
 Range = tuple[int, int]
-Pair = tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,20 +31,10 @@ class Windows:
     start: np.ndarray
     length: int
 
-    @classmethod
-    def over(cls, ranges: list[Range] | tuple[Range, ...], gap: int, length: int) -> Windows:
-        """Those that fit into ranges one after the other, after a gap in each."""
-        starts = [np.arange(a + gap, b - length + 1, length) for a, b in ranges]
-        return cls(np.concatenate([*starts, np.zeros(0, int)]), length)
-
     @property
     def counted(self) -> np.ndarray:
         """Their samples, (n, length)."""
         return self.start[:, None] + np.arange(self.length)
-
-    @property
-    def samples(self) -> int:
-        return self.start.size * self.length
 
     def spread(self, share: float) -> Windows:
         """A share of them, evenly spread; at least one."""
@@ -58,7 +48,7 @@ class Run:
     """One record on its own even time; SI units, N samples.
 
     ``t, u, d`` (N,): time, torque, load torque (0 where not recorded), held from sample to sample.
-    ``recorded`` (N, 2): theta and w, nan where not recorded; ``own`` is their sensors' noise.
+    ``recorded`` (N, 2): theta and w, nan where not recorded, with their sensors' noise ``own``.
     ``y`` (N, 2): the same as an observer corrects by it, with its ``noise``, larger where samples
     repeat each other, and the share of samples that are new, ``weight``. ``theta`` (N,): position,
     or the integral of w from 0. ``pieces``: ranges without a lost sample.
@@ -68,10 +58,10 @@ class Run:
     u: np.ndarray
     d: np.ndarray
     recorded: np.ndarray
-    own: Pair
+    own: tuple[float, ...]
     y: np.ndarray
-    noise: Pair
-    weight: Pair
+    noise: tuple[float, ...]
+    weight: np.ndarray
     theta: np.ndarray
     dt: float
     pieces: tuple[Range, ...]
@@ -90,14 +80,18 @@ class Run:
         """A time in samples."""
         return max(least, round(seconds / self.dt))
 
+    def windows(self, ranges: Sequence[Range], gap: int, length: int) -> Windows:
+        """Those that fit into ranges one after the other, after a gap in each."""
+        starts = [np.arange(a + gap, b - length + 1, length) for a, b in ranges]
+        return Windows(np.concatenate([*starts, np.zeros(0, int)]), length)
+
     def before(self, start: np.ndarray, most: int) -> np.ndarray:
         """How many of the ``most`` samples before each are in the same piece, (n,)."""
         begins = np.array([a for a, _ in self.pieces])
         return np.minimum(start - begins[np.searchsorted(begins, start, "right") - 1], most)
 
     def moving(self, where: Windows) -> Windows:
-        """Those in which the drive moves, as a rest says nothing of what moves it; all of them
-        where it never does."""
+        """Those in motion, as a rest says nothing of what moves it; all where there is none."""
         w = np.abs(self.speed)
         moved = np.mean((w > SLIDES * w.max())[where.counted], axis=1) > MOVES
         return Windows(where.start[moved], where.length) if moved.any() else where
@@ -114,34 +108,31 @@ class Run:
 def run_of(record: Record) -> Run:
     """The record with its sensors' noise; a w that repeats theta corrects no observer: its noise
     is that of theta, coloured by a filter, and would look like a torque."""
-    empty = np.full(record.samples, np.nan)
-    recorded = np.column_stack([empty if c is None else c for c in (record.theta, record.w)])
-    pieces = tuple((s.start, s.stop) for s in record.segments())
-    steps = [record.resolution.get(role, 0.0) for role in ("theta", "w")]
-    known = [x is not None for x in (record.theta, record.w)]
+    recorded = np.full((record.samples, 2), np.nan)
     own, often = np.full(2, np.nan), np.ones(2)
-    for k in np.flatnonzero(known):
-        own[k] = sensor_noise(recorded[:, k], steps[k])
-        often[k] = repeating(recorded[:, k], steps[k])
-    y, noise, said = recorded, own * np.sqrt(often), ""
-    if all(known) and _together(recorded, pieces):
-        y, noise, said = recorded * [1.0, np.nan], noise * [1.0, np.nan], REPEATED
-    theta = record.theta
-    if theta is None:
-        theta = np.cumsum(recorded[:, 1]) * record.dt
+    for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
+        if x is not None:
+            recorded[:, k], step = x, record.resolution.get(role, 0.0)
+            own[k], often[k] = sensor_noise(x, step), repeating(x, step)
+    pieces = tuple((s.start, s.stop) for s in record.segments())
+    repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
+    left = np.array([1.0, np.nan if repeated else 1.0])
+    noise, dt = own * np.sqrt(often) * left, record.dt
     weight = np.where(np.isfinite(noise), 1.0 / often, 0.0)
-    own, noise, weight = ((float(x[0]), float(x[1])) for x in (own, noise, weight))
+    theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
     d = np.zeros(record.samples) if record.d is None else record.d
-    dt = record.dt
-    return Run(record.t, record.u, d, recorded, own, y, noise, weight, theta, dt, pieces, said)
+    said = REPEATED if repeated else ""
+    return Run(
+        record.t, record.u, d, recorded, tuple(own.tolist()), recorded * left,
+        tuple(noise.tolist()), weight, theta, dt, pieces, said,
+    )  # fmt: skip
 
 
-def _together(y: np.ndarray, pieces: tuple[Range, ...]) -> bool:
+def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
     """True if theta and w are coherent above the frequencies of motion: they share their noise."""
     long = [y[a:b] for a, b in pieces if b - a >= 4 * SEGMENT]
-    return bool(long) and all(map(_coherent, long))
-
-
-def _coherent(y: np.ndarray) -> bool:
-    f, both = coherence(np.diff(y[:, 0], 2), np.diff(y[1:, 1]), nperseg=SEGMENT)
-    return float(np.median(both[(f > BAND[0]) & (f <= BAND[1])])) > TOGETHER
+    for part in long:
+        f, both = coherence(np.diff(part[:, 0], 2), np.diff(part[1:, 1]), nperseg=SEGMENT)
+        if np.median(both[(f > BAND[0]) & (f <= BAND[1])]) <= TOGETHER:
+            return False
+    return bool(long)
