@@ -128,6 +128,7 @@ class Drive:
             series=np.repeat(np.arange(many) % len(own), n),
             y=None if gains is None else run.y,
             gain=None if gains is None else np.repeat(gains, n, axis=0),
+            rounding=None if gains is None else run.rounding,
             floor=floor,
         )
         return y.reshape(many, n, where.length, 2), x.reshape(many, n, -1)

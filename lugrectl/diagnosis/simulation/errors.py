@@ -129,7 +129,7 @@ def residuals(ready: Prepared, model: Model) -> Residuals:
     training windows of the run that has most of them."""
     fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
     run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
-    channel = int(run.weight[1] > 0)
+    channel = int(np.isfinite(run.noise[1]))
     e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
     return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
 

@@ -94,12 +94,13 @@ def whitened(
     jumps = [float(jump) for jump in jumps]
     y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
+    weight = run.weight[where.counted]
     for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
         root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
-        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(run.weight)
+        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(weight)
         size[i] = np.diag(root)
-    constant = where.length * (np.log(size) @ run.weight)
-    return e, -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant[:, None]
+    constant = np.log(size) @ weight.sum(axis=1).T
+    return e, -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant
 
 
 def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:

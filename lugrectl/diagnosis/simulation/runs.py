@@ -11,6 +11,7 @@ from scipy.signal import coherence
 
 from ...blocks.effects.actuator import held_late
 from ...record import Record
+from ...record.record import smallest_step
 from ...record.signal_noise import repeating, sensor_noise
 
 SEGMENT = 256  # samples of one segment of a spectrum; a piece has four or tells nothing
@@ -49,9 +50,10 @@ class Run:
 
     ``t, u, d`` (N,): time, torque, load torque (0 where not recorded), held from sample to sample.
     ``recorded`` (N, 2): theta and w, nan where not recorded, with their sensors' noise ``own``.
-    ``y`` (N, 2): the same as an observer corrects by it, with its ``noise``, larger where samples
-    repeat each other, and the share of samples that are new, ``weight``. ``theta`` (N,): position,
-    or the integral of w from 0. ``pieces``: ranges without a lost sample.
+    ``y`` (N, 2): the same as an observer corrects by it, with ``noise``, larger where samples
+    usually repeat each other, ``weight`` (N, 2), less than 1 where they do so for longer, and the
+    smallest steps ``counts`` (2,). ``theta`` (N,): position, or the integral of w from 0.
+    ``pieces``: ranges without a lost sample.
     """
 
     t: np.ndarray
@@ -62,10 +64,17 @@ class Run:
     y: np.ndarray
     noise: tuple[float, ...]
     weight: np.ndarray
+    counts: np.ndarray
     theta: np.ndarray
     dt: float
     pieces: tuple[Range, ...]
     said: str = ""
+
+    @property
+    def rounding(self) -> tuple[np.ndarray, np.ndarray]:
+        """What an observer leaves of a correction by a repeated count, (N, 2), up to half a count:
+        it may be one and the same rounding. A larger deviation is real."""
+        return 1.0 - self.weight, 0.5 * self.counts
 
     @cached_property
     def speed(self) -> np.ndarray:
@@ -109,23 +118,31 @@ def run_of(record: Record) -> Run:
     """The record with its sensors' noise; a w that repeats theta corrects no observer: its noise
     is that of theta, coloured by a filter, and would look like a torque."""
     recorded = np.full((record.samples, 2), np.nan)
-    own, often = np.full(2, np.nan), np.ones(2)
+    weight, own, often, counts = np.ones_like(recorded), np.full(2, np.nan), np.ones(2), np.zeros(2)
     for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
         if x is not None:
             recorded[:, k], step = x, record.resolution.get(role, 0.0)
             own[k], often[k] = sensor_noise(x, step), repeating(x, step)
+            counts[k] = max(step, smallest_step(x))
+            weight[:, k] = np.minimum(1.0, often[k] / _repeats(x, counts[k]))
     pieces = tuple((s.start, s.stop) for s in record.segments())
     repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
     left = np.array([1.0, np.nan if repeated else 1.0])
     noise, dt = own * np.sqrt(often) * left, record.dt
-    weight = np.where(np.isfinite(noise), 1.0 / often, 0.0)
     theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
     d = np.zeros(record.samples) if record.d is None else record.d
     said = REPEATED if repeated else ""
     return Run(
         record.t, record.u, d, recorded, tuple(own.tolist()), recorded * left,
-        tuple(noise.tolist()), weight, theta, dt, pieces, said,
+        tuple(noise.tolist()), weight, counts, theta, dt, pieces, said,
     )  # fmt: skip
+
+
+def _repeats(x: np.ndarray, count: float) -> np.ndarray:
+    """For each sample, how many in a row stay on the same count."""
+    steps = np.round((x - x[0]) / count) if count > 0.0 else x
+    lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
+    return np.repeat(lengths, lengths)
 
 
 def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
