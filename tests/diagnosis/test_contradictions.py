@@ -98,7 +98,7 @@ def test_the_other_sign_is_said(plain, model):
     assert "wrong sign" in refused(replace(plain, u=-plain.u), model)
 
 
-@pytest.mark.parametrize("factor", [8.0, 1e4])
+@pytest.mark.parametrize("factor", [3.6, 8.0, 1e4])
 def test_an_inertia_far_too_large_is_said(plain, model, factor):
     assert "another unit" in refused(plain, replace(model, J=model.J * factor))
 

@@ -132,3 +132,25 @@ def test_a_law_with_a_parameter_that_the_file_leaves_out_is_fitted():
     found = lg.identify({"t": t, "u": u, "theta": theta}, lg.Model.of(friction="free_stribeck"))
     delta = next(row for row in found.parameters if row.name == "delta")
     assert delta.low < 1.0 < delta.high and delta.high - delta.low < 1.5
+
+
+def test_a_state_of_an_own_law_is_no_bristle_for_its_name():
+    @lg.block("friction", out="F", states="z")
+    def late_coulomb(
+        w,
+        z,
+        Fc=lg.P(0.3, "N m", 0.0),
+        Fv=lg.P(0.02, "N m s/rad", 0.0),
+        tau=lg.P(0.02, "s", 1e-3),
+    ):
+        """F = z + Fv w, dz/dt = (Fc tanh(w/0.02) - z)/tau."""
+        return z + Fv * w, (Fc * np.tanh(w / 0.02) - z) / tau
+
+    true = dict(J=0.004, Fc=0.2, Fv=0.01, tau=0.03)
+    t = np.arange(0.0, 8.0, 4e-3)
+    u = torque(8.0, 4e-3, size=0.9)
+    drive = lg.plant(lg.Model.of(friction="late_coulomb", **true))
+    theta = lg.simulate(drive, t, {"u": u}, hold=True).outputs["theta"]
+    theta = theta + np.random.default_rng(1).normal(0, 1e-4, len(t))
+    found = lg.identify({"t": t, "u": u, "theta": theta}, lg.Model.of(friction="late_coulomb"))
+    assert found.model.values() == pytest.approx(true, rel=0.05)

@@ -177,9 +177,13 @@ def _grid(base: Base, block: Block, key: str) -> np.ndarray:
 
 
 def _polished(base: Base, block: Block, key: str, grid: np.ndarray, i: int, pair: bool) -> float:
+    """The likeliest value around one of the grid; what lies beyond it was not asked for."""
     step = float(np.min(np.diff(grid)[max(i - 1, 0) : i + 1]))
+    low, high = np.min(grid), np.max(grid)
 
     def gain(x: float) -> float:
+        if not low <= x <= high:
+            return -1.0
         C = columns(base, block, {key: x}, screening=True).X
         return float(base.gains_of_pairs(C)[0] if pair else base.gains(C)[0][0])
 

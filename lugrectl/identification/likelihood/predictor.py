@@ -33,6 +33,7 @@ from .effect_inputs import UNDOING, Fed, Memory, Values, depends_on_plant, feed,
 LEVELS = ("J", "Fc", "Fs", "Fv")
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RUNS = 8  # along the log that are kept: a fit asks again for the last few
+BRISTLE = {"sigma0", "Fc"}  # what a law has whose z is the deflection of bristles
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
 
 
@@ -258,8 +259,8 @@ class Predictor:
     def initial(self, values: Sequence[Values], where: Windows) -> np.ndarray:
         """States (sets, starts, states) at the start of each window.
 
-        Taken from the smoothed motion; z from the torque balance, states of effects from their
-        run along the log.
+        Taken from the smoothed motion; the deflection of bristles from the torque balance, states
+        of effects from their run along the log. Other states of a law start at 0.
         """
         log, dt, names, start = self.data.log, self.data.dt, self.lanes.states, where.start
         x0 = np.zeros((len(values), len(start), len(names)))
@@ -276,7 +277,7 @@ class Predictor:
             first = names.index("z1")
             z = law.before(values, log.theta, log.runs, start)
             x0[..., first : first + law.elements] = z
-        if "z" in names:
+        if "z" in names and self.model.friction.values.keys() >= BRISTLE:
             F = self._bristle_torques(values, start, ran)
             sigma0 = np.array([[max(v["sigma0"], 1e-12)] for v in values])
             x0[..., names.index("z")] = F / sigma0

@@ -40,7 +40,7 @@ def renewed_every(x: np.ndarray) -> tuple[float, float]:
 def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
     """The even beat that most changes, in the rows ``at``, are the first row of or after."""
     steps = np.diff(at)
-    least = int(np.quantile(steps, 1 - _SURE))
+    least = np.quantile(steps, 1 - _SURE, method="higher")  # one of them: there may be few
     rough = float(np.mean(steps[(steps >= least) & (steps <= least + 1)]))
     size = int(2 ** np.ceil(np.log2(4 * rows)))
     spectrum = np.abs(np.fft.rfft(np.bincount(at, minlength=rows), size))

@@ -1,0 +1,150 @@
+"""A model as the engine runs it along a record: observed, and simulated from the torque alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...blocks.effects.actuator import held_late
+from ...blocks.embedding import Part as Placed
+from ...blocks.model import Model, Part
+from ...blocks.plant import assemble
+from ...core.deadline import check as check_time
+from ...engine.runtime.batch_run import Lanes
+from .observer import Rows, Sensing, observer_gain
+from .runs import Run, Windows
+
+Values = Mapping[str, float]
+LEAD = 1.0  # s, at most, that an observer runs before its states count
+STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
+RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
+DIRECT: Sensing = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
+
+
+class Drive:
+    """One model structure, traced once, for any values of its parameters.
+
+    A delay acts on the recorded torque, before anything else: that makes no difference to effects
+    that do not change in time. All others are inside the traced plant.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self.late = tuple(p for p in model.effects if p.block.exact is held_late)
+        inside = tuple(p for p in model.effects if p not in self.late)
+        self.system = assemble(replace(model, effects=inside), sensed=True).bare()
+        self.lanes = Lanes(self.system, outputs=["theta_m", "w_m"])
+        self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
+        place = self.lanes.states.index
+        self.starts = {place(k): s for p in inside for k, s in zip(_states(p), p.block.start)}  # noqa: B905
+        sensors = [p for p in inside if "sensor" in p.block.acts]
+        self.sensors = [place(k) for p in sensors for k in _states(p)]
+        self.rests = "eps" in model.friction.block.parameters
+
+    def series(self, run: Run, values: Values) -> np.ndarray:
+        """Torque and load torque along a run, (N, 2), N m."""
+        u = run.u.copy()
+        for a, b in run.pieces if self.late else ():
+            delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
+            u[a:b] = held_late(u[a:b], run.dt, delay)
+        return np.column_stack([u, run.d])
+
+    def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
+        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2).
+
+        theta, w and the sensors' states are corrected; the other states follow these.
+        """
+        K, S = observer_gain(run.dt, jump, run.noise, self._sensing(values))
+        gain = np.zeros((len(self.lanes.states), 2))
+        gain[[0, 1, *self.sensors]] = K
+        return gain, S
+
+    def _sensing(self, values: Values) -> Sensing:
+        """The sensors with states, linearised at rest."""
+        if not self.sensors:
+            return DIRECT
+        params = {name: values[k] for name, k in zip(self.lanes.parameters, self.keys, strict=True)}
+        rows = [self.system.output_labels.index(name) for name in self.lanes.outputs]
+        u, columns = np.zeros(self.system.ninputs), []
+        for x in np.eye(len(self.lanes.states))[[0, 1, *self.sensors]]:
+            rates = self.system.updfcn(0.0, x, u, params)[self.sensors]
+            columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
+        M, n = np.array(columns, float).T, len(self.sensors)
+        A, B, C, D = map(_nested, (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2]))
+        return A, B, C, D
+
+    def observe(
+        self, run: Run, sets: Sequence[Values], jumps: Sequence[float], where: Windows
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """One-step predictions of theta and w, each by the samples before it.
+
+        For S sets of values, each with its noise of dw/dt (rad/s2), and n windows, before which
+        the observer runs for up to ``LEAD``: predictions (S, n, length, 2), and the states after
+        the last sample (S, n, x).
+        """
+        gains = np.array([self.gain(run, v, q)[0] for v, q in zip(sets, jumps, strict=True)])
+        y = np.empty((len(sets), len(where.start), where.length, 2))
+        x = np.empty((len(sets), len(where.start), len(self.lanes.states)))
+        leads = run.before(where.start, run.count(LEAD))
+        for lead in set(leads.tolist()):
+            some = leads == lead
+            early = Windows(where.start[some] - lead, lead + where.length)
+            x0 = np.tile(self._start(run, early.start), (len(sets), 1))
+            own, x[:, some] = self._run(run, sets, x0, early, gains)
+            y[:, some] = own[:, :, lead:]
+        return y, x
+
+    def simulate(self, run: Run, values: Values, jump: float, where: Windows) -> np.ndarray:
+        """theta and w of each window from the torque alone, (n, length, 2).
+
+        The state at its start is that of the observer, by samples before it only.
+        """
+        x = self.observe(run, [values], [jump], Windows(where.start, 0))[1][0]
+        return self._run(run, [values], x, where)[0][0]
+
+    def _run(
+        self,
+        run: Run,
+        sets: Sequence[Values],
+        x0: np.ndarray,
+        where: Windows,
+        gains: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        check_time()
+        many, n, start = len(sets), len(where.start), np.tile(where.start, len(sets))
+        own = sets if self.late else sets[:1]
+        floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
+        floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
+        y, x = self.lanes.run(
+            x0,
+            start,
+            where.length,
+            np.array([self.series(run, values) for values in own]),
+            np.repeat([[values[k] for k in self.keys] for values in sets], n, axis=0),
+            dt=run.dt,
+            substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))),
+            t0=run.t[start] - start * run.dt,
+            series=np.repeat(np.arange(many) % len(own), n),
+            y=None if gains is None else run.y,
+            gain=None if gains is None else np.repeat(gains, n, axis=0),
+            rounding=None if gains is None else run.rounding,
+            floor=floor,
+        )
+        return y.reshape(many, n, where.length, 2), x.reshape(many, n, -1)
+
+    def _start(self, run: Run, at: np.ndarray) -> np.ndarray:
+        """States where an observer begins: the motion, others settled or 0, (n, x)."""
+        signals = {"theta": run.theta[at], "w": run.speed[at], "u": run.u[at]}
+        x = np.zeros((len(at), len(self.lanes.states)))
+        for i, name in {0: "theta", 1: "w", **self.starts}.items():
+            x[:, i] = signals.get(name, 0.0)
+        return x
+
+
+def _states(part: Part) -> tuple[str, ...]:
+    return Placed(f"{part.key}.", part.block).states
+
+
+def _nested(m: np.ndarray) -> Rows:
+    return tuple(map(tuple, m.tolist()))

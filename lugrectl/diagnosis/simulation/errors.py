@@ -1,0 +1,140 @@
+"""Errors of models on held-out samples, and what their one-step predictions leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...blocks.block import unit_for
+from ...blocks.model import Model
+from ...core.errors import InputError
+from ...estimates.covariance import Residuals, residuals_of
+from ...estimates.findings import Traces
+from .likelihood import Fit, fitted, innovations, whitened
+from .prepared import GAP, Prepared
+from .runs import Run, Windows
+
+DIVERGES = "The {} model diverges in simulation, so it has no {}."
+Signal = Callable[[Run, Windows], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Errors of models on samples that nothing has seen.
+
+    ``error``, ``free_error`` and ``torque_error`` are as in the JSON document, with None where a
+    value is missing or a simulation diverged; ``messages`` say why.
+    """
+
+    error: dict[str, Any]
+    free_error: dict[str, Any]
+    torque_error: dict[str, Any]
+    traces: Traces
+    messages: tuple[str, ...]
+
+
+def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
+    """Simulate models from the recorded torque alone, and let one observer see what they miss.
+
+    ``models`` by name, "declared", "refitted", "augmented": None where values are missing. Restarts
+    begin from the state of an observer that has seen samples before them only. The residual torque
+    is what the observer of "refitted" adds to each model. InputError if there is no model.
+    """
+    fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
+    if not fits:
+        raise InputError("errors are of a model that has all of its values; there is none.")
+    last = [*fits.values()][-1]
+    jump, channel = fits.get("refitted", last).jump, ready.channel
+    measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
+    simulated = {k: ready.along(ready.test, 1, _restarted(f, channel))[0] for k, f in fits.items()}
+    seen = {k: ready.along(ready.everywhere, 3, _observed(f, jump)) for k, f in fits.items()}
+    residual = {k: x[0] for k, x in seen.items()}
+    held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
+    both, said = held_out & np.isfinite(residual[[*fits][-1]]), list(ready.messages)
+    error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))
+    free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
+    torque = _each(models, "torque error", said, lambda k: _rms(residual[k][both]))
+    size = max(float(np.std(measured[held_out])), 1e-300)
+    fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
+    unit = {"signal": ready.signal, "unit": ready.unit}
+    counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
+    t, u, dt = (np.concatenate(x) for x in zip(*((r.t, r.u, r.dt + 0.0 * r.t) for r in ready.runs)))  # noqa: B905
+    theta, w = seen[[*fits][-1]][1:]
+    motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
+    return Judged(
+        {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
+        {**unit, "in_sample": ready.in_sample, **free},
+        {"unit": unit_for("N m", ready.model.motion), **torque},
+        Traces(t, measured, held_out, simulated, residual, motion),
+        tuple(said),
+    )
+
+
+def _each(
+    models: Mapping[str, Model | None], what: str, said: list[str], of: Callable[[str], float]
+) -> dict[str, float | None]:
+    """A value for each model: None where there is no model or it is not a number, which is said."""
+    made: dict[str, float | None] = {}
+    for name, model in models.items():
+        value = np.nan if model is None else of(name)
+        made[name] = value if np.isfinite(value) else None
+        if model is not None and made[name] is None:
+            said.append(DIVERGES.format(name, what))
+    return made
+
+
+def _rms(e: np.ndarray) -> float:
+    """Root mean square; nan or inf where a simulation diverged."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.mean(e**2))) if len(e) else np.nan
+
+
+def _restarted(fit: Fit, channel: int) -> Signal:
+    def signal(run: Run, where: Windows) -> np.ndarray:
+        return fit.drive.simulate(run, fit.values, fit.jump, where)[..., [channel]]
+
+    return signal
+
+
+def _observed(fit: Fit, jump: float) -> Signal:
+    """Torque missing on the resisting side, N m, as the observer adds it; its theta and w."""
+
+    def signals(run: Run, where: Windows) -> np.ndarray:
+        y = fit.drive.observe(run, [fit.values], [jump], where)[0][0]
+        K = fit.drive.gain(run, fit.values, jump)[0]
+        missing = -fit.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K[1]
+        return np.concatenate([missing[..., None], y], axis=-1)
+
+    return signals
+
+
+def _free(ready: Prepared, fit: Fit) -> float:
+    """RMS error of the simulation without restarts."""
+    missed = [np.zeros((0, 2))]
+    for run, ranges in zip(ready.runs, ready.free, strict=True):
+        for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
+            start = a + min(run.count(GAP, 2), b - a - 1)  # an observer finds the state before
+            simulated = fit.drive.simulate(
+                run, fit.values, fit.jump, Windows(np.array([start]), b - start)
+            )
+            missed.append(run.recorded[start:b] - simulated[0])
+    return _rms(np.concatenate(missed)[:, ready.channel])
+
+
+def residuals(ready: Prepared, model: Model) -> Residuals:
+    """The tests of what one-step predictions leave of w, or theta where w is no sensor's, over the
+    training windows of the run that has most of them."""
+    fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
+    run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
+    channel = int(np.isfinite(run.noise[1]))
+    e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
+    return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
+
+
+def torque_noise(ready: Prepared, model: Model) -> float:
+    """Standard deviation of the torque that the model does not predict, per sample, N m."""
+    fit = fitted(ready, model)
+    return fit.jump * fit.values["J"]

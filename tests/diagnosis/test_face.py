@@ -1,0 +1,452 @@
+"""What others read of an answer: names and types, never a digit, a wording, or who wins."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY
+from lugrectl.cli import main
+
+from ..cases import shapes, small_answers
+from ..cases.small_answers import DIAGNOSES, DRIVE, FREE, IDENTIFICATIONS, answer, log, ripple
+
+ALL = [*DIAGNOSES, *IDENTIFICATIONS]
+FITTED = [name for name in ALL if name not in ("refused", "dead")]
+VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def own_effect():
+    """An effect of one's own, which goes with the module."""
+    small_answers.own_effect()
+    yield
+    REGISTRY.pop(("effect", "cubic_drag"))
+
+
+def document(result):
+    """The JSON of a result; NaN and infinity are none."""
+
+    def refuse(text):
+        raise AssertionError(f"{text} in the document")
+
+    return json.loads(result.to_json(), parse_constant=refuse)
+
+
+def form_of(d):
+    if isinstance(d, lg.results.Identification):
+        return shapes.IDENTIFICATION
+    return shapes.REFUSAL if d.verdict == "refused" else shapes.DIAGNOSIS
+
+
+def well_formed(value, form):
+    assert list(shapes.faults(value, form)) == []
+
+
+def parts(value):
+    """Every mapping in a document."""
+    if isinstance(value, dict):
+        yield value
+        value = list(value.values())
+    for one in value if isinstance(value, list) else ():
+        yield from parts(one)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_document_has_its_keys_and_types(name):
+    d = answer(name)
+    well_formed(document(d), form_of(d))
+    well_formed(d.summary(), form_of(d))
+    assert d.to_dict() == d.summary()
+
+
+def test_what_is_missing_or_of_another_type_is_found():
+    d = document(answer("found"))
+    d["plain"]["left"], d["error"]["samples"] = "0.1", 1.5
+    del d["budget"][0]["signals"]
+    assert len(list(shapes.faults(d, shapes.DIAGNOSIS))) == 3
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_result_has_what_reports_and_loops_read(name):
+    d = answer(name)
+    well_formed(d, shapes.RESULT if name in IDENTIFICATIONS else shapes.ANSWER)
+    assert isinstance(d.model, (lg.Model, type(None))) and isinstance(d.declared, lg.Model)
+    assert isinstance(d.plain, lg.results.Balance)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_an_interval_contains_its_value(name):
+    for part in parts(document(answer(name))):
+        for key in ("value", "torque", "share"):
+            ends = part.get("share_ci95") if "share_ci95" in part else part.get("ci95")
+            if ends and part.get(key) is not None and None not in ends:
+                assert ends[0] <= part[key] <= ends[1], part
+
+
+@pytest.mark.parametrize("name", VERDICTS)
+def test_a_verdict_comes_with_what_it_needs(name):
+    d = answer(name)
+    assert d.verdict == name
+    assert (d.reason is not None) == (name == "refused") == (d.model is None)
+    assert bool(d.effects) or name not in ("found", "ambiguous")
+    assert not d.effects or name not in ("adequate", "refused")
+    assert any(e.alternatives for e in d.effects) == (name == "ambiguous")
+    assert name not in ("ambiguous", "unexplained", "refused") or d.experiment or d.reason
+    assert (d.table is not None) == (name == "unexplained")
+    assert (document(d)["detectable"] is not None) == (name == "adequate")
+
+
+@pytest.mark.parametrize("name", ["refused", "dead"])
+def test_a_refusal_keeps_the_plain_answer(name):
+    d = answer(name)
+    assert d.verdict == "refused" and bool(d.plain.parameters) == (name == "refused")
+    assert [r.samples for r in d.records] == [1600] * len(d.records) and d.plain.said
+    with pytest.raises(lg.InputError):
+        d.plot()
+    for ask in (lambda: d.covariance, d.sample):
+        with pytest.raises(lg.InputError):
+            ask()
+
+
+def test_nothing_certain_is_an_error_with_the_plain_answer():
+    with pytest.raises(lg.Refused) as no:
+        lg.identify(log() | {"u": np.zeros(1600)}, FREE)
+    assert no.value.exit_code == 3 and isinstance(no.value.plain, lg.results.Balance)
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_parameters_are_those_of_the_model(name):
+    d = answer(name)
+    known, table = d.model.known(), d.parameters
+    for row in table:
+        assert row.value == pytest.approx(known[row.name]) and isinstance(row.unit, str)
+        assert (row.low is None) == (row.high is None)
+        assert row.declared is None or row.declared == d.declared.known()[row.name]
+    assert table.names == tuple(d.estimates) and "J" not in table or table["J"].value > 0.0
+    for effect in d.effects:
+        assert {f"{effect.name}.{k}" for k in effect.parameters} <= set(d.estimates)
+
+
+@pytest.mark.parametrize("name", ["found", "unexplained", "runs", "own", "without J"])
+def test_the_table_of_models_and_the_budget(name):
+    d = answer(name)
+    rows, budget = d.comparison.rows, d.comparison.budget
+    first = rows[0]
+    assert (first.model, first.elpd, first.se) == ("declared", 0.0, 0.0)
+    assert all(row.se >= 0.0 and row.parameters > 0 for row in rows)
+    assert {c.name for c in d.ranking} <= {row.model for row in rows}
+    friction = [s.rms / s.share for s in budget if s.share]
+    assert friction == pytest.approx([friction[0]] * len(friction))
+    terms = [s.term for s in budget]
+    assert {"coulomb", "viscous", "left", "noise"} <= {*terms} and len({*terms}) == len(terms)
+    assert {e.name for e in d.effects} <= {*terms} and all(s.rms >= 0.0 for s in budget)
+    assert ("unknown torque" in terms) == (d.verdict == "unexplained")
+
+
+def test_what_would_have_been_seen():
+    limits = {x["name"]: x["share"] for x in document(answer("adequate"))["detectable"]}
+    assert {"torque_ripple", "gravity", "cubic_drag"} <= limits.keys()
+    assert all(share > 0.0 for share in limits.values())
+    assert answer("adequate").comparison.least == pytest.approx(0.015)
+
+
+def test_an_own_effect_is_found_like_the_others():
+    d = answer("own")
+    assert [e.name for e in d.effects] == ["cubic_drag"] and "cubic_drag.c" in d.estimates
+    assert "cubic_drag" in lg.effects().names and "cubic_drag" in str(d)
+
+
+@pytest.mark.parametrize("name", ["adequate", "found", "unexplained", "runs", "identified"])
+def test_errors_are_of_held_out_samples(name):
+    d = answer(name)
+    keys = ("declared", "refitted", "augmented", "noise_floor")
+    assert all(d.error[k] > 0.0 for k in keys if d.error.get(k) is not None)
+    assert 0 < d.error["samples"] < sum(r.samples for r in d.records)
+    assert (d.error["horizon"], d.error["signal"]) == (1.0, "theta") or name == "runs"
+    assert (d.error["declared"] is None) == (d.declared.known().get("J") is None)
+    tr = d.traces
+    assert tr.held_out.dtype == bool and 0 < tr.held_out.sum() < len(tr.t)
+    for curve in (tr.measured, *tr.simulated.values(), *tr.residual.values()):
+        assert curve.shape == tr.t.shape
+    assert {"w", "u"} <= tr.signals.keys() and "refitted" in tr.simulated
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_members_are_drawn_from_one_distribution(name):
+    members = document(answer(name))["members"]
+    assert sum(m["weight"] for m in members) == pytest.approx(1.0)
+    assert len(members) == 1 + len(answer(name).rivals)
+    for m in members:
+        n, C = len(m["names"]), np.array(m["matrix"])
+        assert C.shape == (n, n) and len(m["values"]) == len(m["positive"]) == n
+        assert np.allclose(C, C.T) and (n == 0 or np.linalg.eigvalsh(C)[0] > -1e-9 * np.trace(C))
+        assert not {*m["names"]} & {*m["unknown"]}
+        lg.diagnose(in_vain(), m["model"])  # reads back
+
+
+def in_vain():
+    """A log that is refused at once."""
+    return {"t": 1e-2 * np.arange(400), "u": np.zeros(400), "w": np.sin(np.arange(400.0))}
+
+
+@pytest.mark.parametrize("name", ["adequate", "found", "ambiguous", "own", "identified"])
+def test_samples_of_the_covariance(name):
+    d = answer(name)
+    covered, drawn = d.covariance, d.sample(50, seed=3)
+    assert np.asarray(covered).shape == (len(covered.names),) * 2
+    assert document(d)["covariance"]["names"] == list(covered.names)
+    assert {*covered.names} <= {*drawn.names} and len(drawn) == 50
+    assert drawn["J"].shape == (50,) and (d.rivals or isinstance(drawn[0], lg.Model))
+    np.testing.assert_array_equal(drawn["J"], d.sample(50, seed=3)["J"])
+    values = np.array([d.parameters[k].value for k in covered.names])
+    np.testing.assert_allclose(covered.values, values)
+    assert d.rivals or drawn.columns_of().keys() == {f"plant.{k}" for k in drawn.names}
+
+
+def test_rivals_have_their_weights_and_own_models():
+    d = answer("ambiguous")
+    others = {c.name for e in d.effects for c in e.alternatives}
+    assert {e.name for e in d.effects} & others == set()
+    for rival in d.rivals:
+        assert others & {part.key for part in rival.model.effects} and 0.0 < rival.weight < 1.0
+
+
+@pytest.mark.parametrize("name", ["adequate", "found", "runs", "own", "identified"])
+def test_residuals_are_tested(name):
+    found = answer(name).residuals
+    assert found.autocorrelation[0] == pytest.approx(1.0) and found.bound > 0.0
+    assert isinstance(found.white, bool) and isinstance(found.independent, bool)
+    assert found.plot() is not None
+
+
+def test_the_table_of_an_unknown_torque_is_a_block():
+    d = answer("unexplained")
+    block = d.table.block(name="left", outputs=["d_left"])
+    assert block.input_labels == list(d.table.signals) and block.output_labels == ["d_left"]
+    assert d.table.signals[0] in d.depends_on and d.table.values.shape[-1] == len(d.table.points)
+    assert np.all(np.diff(d.table.points) > 0.0) and np.all(d.table.error >= 0.0)
+
+
+def test_a_map_has_a_point_for_each_run():
+    for name in ("map", "identified map"):
+        d = answer(name)
+        assert len(d.map.w) == len(d.map.u) == len(d.records) == 10
+        assert d.map.held_out.dtype == bool and "refitted" in d.map.curves
+        assert all(curve.shape == d.map.at.shape for curve in d.map.curves.values())
+        assert d.error["signal"] == "u" and d.error["unit"] == "N m"
+        assert d.map.plot() is not None
+
+
+def test_runs_are_all_listed():
+    d = answer("runs")
+    assert [one["samples"] for one in document(d)["records"]] == [1200, 1200]
+    assert {s.run for s in d.plain.stretches} == {0, 1}
+
+
+def test_sums_say_how_to_separate_them():
+    d = answer("one way")
+    (both,) = [c for c in d.plain.combinations if "constant_torque" in c.text]
+    assert "Fc" in both.text and both.to_separate and both.ci95[0] <= both.value <= both.ci95[1]
+    assert {"Fc", "constant_torque"} & d.plain.parameters.keys() == set()
+    assert any(e.together for e in d.estimates.values()) and d.experiment
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_plain_answer(name):
+    d = answer(name)
+    plain = document(d)["plain"]
+    assert plain["left"] is None or plain["left"] >= 0.0
+    speeds = [point["w"] for point in plain["curve"]]
+    assert speeds == sorted(speeds) and all(p["samples"] > 0 for p in plain["curve"])
+    assert d.plain.values().keys() >= d.plain.parameters.keys()
+    assert all(run.ok.dtype == bool and len(run.ok) == len(run.t) for run in d.plain.stretches)
+
+
+def test_the_balance_alone_and_the_bench_tests():
+    found = lg.balance(log())
+    well_formed(found, shapes.BALANCE)
+    well_formed(document(found), shapes.PLAIN)
+    assert {"J", "Fc", "Fv"} <= found.parameters.keys() and found.curve
+    assert found.residual.value.shape == found.residual.sliding.shape
+    assert len(found.plot()) > 3 and "Fc" in repr(found) and found._repr_html_()
+    (test,) = document(lg.balance(small_answers.steady()))["bench_tests"]
+    assert test["kind"] == "staircase" and {"Fc", "Fv"} <= test["values"].keys()
+    assert len(test["table"]["columns"]) == len(test["table"]["rows"][0])
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_an_answer_shows_itself_and_travels(name):
+    d = answer(name)
+    assert d.verdict in str(d) or name in IDENTIFICATIONS
+    assert len(repr(d).splitlines()) > 1
+    assert pickle.loads(pickle.dumps(d)).to_json() == d.to_json()
+
+
+@pytest.mark.parametrize("name", ["unexplained", "refused", "map", "identified"])
+def test_an_answer_shows_itself_in_a_notebook(name):
+    page = answer(name)._repr_html_()
+    assert "<h1>" in page and "<svg" in page
+
+
+@pytest.mark.parametrize("name", FITTED)
+def test_an_answer_is_drawn(name):
+    d = answer(name)
+    assert np.size(d.plot()) >= (2 if d.error else 1)
+    _, ax = plt.subplots()
+    assert d.plot(ax) is ax
+
+
+def test_results_are_tables():
+    pandas = pytest.importorskip("pandas")
+    d = answer("unexplained")
+    made = (d, d.parameters, d.covariance, d.plain, d.table, d.residuals, d.sample(5))
+    for one in (*made, answer("map").map):
+        assert isinstance(one.to_frame(), pandas.DataFrame) and len(one.to_frame())
+
+
+@pytest.mark.parametrize("name", ["found", "refused", "identified"])
+def test_three_files_are_written(name, tmp_path):
+    d = answer(name)
+    names = {path.name for path in d.save(tmp_path)}
+    assert {"report.html", "report.json"} <= names
+    assert json.loads((tmp_path / "report.json").read_text()) == document(d)
+    assert "model.toml" in names or name == "refused"
+    if name != "refused":
+        again = lg.read_model(tmp_path / "model.toml")
+        assert again.known() == pytest.approx(d.model.known())
+
+
+def test_the_model_that_is_found_is_adequate():
+    assert lg.diagnose(log(load=ripple), answer("found").model).verdict == "adequate"
+
+
+def test_options():
+    """Half held out, a horizon, what matters at least, and progress."""
+    seen = []
+    d = lg.diagnose(
+        log(load=ripple), DRIVE, holdout="last", horizon=0.5, least=0.9, seed=4, alpha=0.02,
+        time_limit=60.0, progress=lambda share, what: seen.append((share, what)),
+    )  # fmt: skip
+    assert d.verdict == "adequate" and d.comparison.least == 0.9
+    assert d.error["horizon"] == 0.5 and d.free_error["in_sample"] is False
+    assert answer("found").free_error["in_sample"] is True
+    shares = [share for share, _ in seen]
+    assert len(seen) > 2 and shares == sorted(shares) and 0.0 <= shares[0] and shares[-1] <= 1.0
+    assert all(isinstance(what, str) for _, what in seen)
+
+
+def test_another_run_is_held_out():
+    d = lg.identify(log(6.0), FREE, holdout=log(4.0, seed=3))
+    assert d.error["samples"] <= 800 and d.error["declared"] is None
+    well_formed(document(d), shapes.IDENTIFICATION)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"horizon": -1.0}, {"seed": -1}, {"least": 2.0}, {"alpha": 0.0},
+        {"time_limit": -1.0}, {"law": "none of them"}, {"rate": -1.0},
+    ],
+    ids=lambda wrong: next(iter(wrong)),
+)  # fmt: skip
+def test_a_wrong_argument_is_one_sentence(wrong):
+    with pytest.raises(lg.InputError) as no:
+        lg.diagnose(log(1.0), DRIVE, **wrong)
+    said = str(no.value)
+    assert "\n" not in said and next(iter(wrong)).replace("_", " ") in said.replace("_", " ")
+
+
+def test_a_value_that_is_held_stays():
+    model = lg.Model.of(J={"value": 0.002, "fixed": True}, friction="coulomb")
+    d = lg.identify(log(6.0), model)
+    assert d.estimates["J"].held and d.parameters["J"].value == 0.002
+    assert document(d)["parameters"]["J"]["held"] is True
+    assert "J" not in d.covariance.names and document(d)["model"]["stated"]["J"] == {"fixed": True}
+
+
+@pytest.fixture
+def few_laws(monkeypatch):
+    for kind, name in list(REGISTRY):
+        if kind == "friction" and name not in ("viscous", "coulomb", "stribeck"):
+            monkeypatch.delitem(REGISTRY, (kind, name))
+
+
+def test_laws_are_compared(few_laws):
+    found = lg.compare_laws(log(6.0), FREE, ["viscous", "coulomb"])
+    well_formed(document(found), shapes.LAWS)
+    assert {*found.names} == {"viscous", "coulomb"} and found[found.chosen].elpd == 0.0
+    assert isinstance(found.model, lg.Model) and found.chosen in repr(found)
+    d = lg.identify(log(6.0), FREE, law="auto")
+    assert d.laws.chosen == d.model.friction.block.name
+    well_formed(document(d)["laws"], shapes.LAWS)
+
+
+def test_a_report_tells_how_much_to_compensate(tmp_path, capsys):
+    fit = answer("identified")
+    fit.save(tmp_path)
+    report, few = str(tmp_path / "report.json"), {"members": 6, "loop": "velocity"}
+    dared = lg.assure(fit, 0.8, observers="extended_state", **few)
+    again = lg.assure(report, 0.8, observers="extended_state", **few)
+    assert (again.scale, again.bound) == pytest.approx((dared.scale, dared.bound))
+    hunts = lg.hunting_chance(fit, members=5, kp=2.0, ki=1.0, kd=0.1)
+    words = f"hunt --report {report} --members 5 --kp 2 --ki 1 --kd 0.1 --json".split()
+    assert main(words) == (0 if hunts else 1)
+    assert json.loads(capsys.readouterr().out)["chance"] == document(hunts)["chance"]
+    advice = lg.recommend_observer(fit, observers=["disturbance"])
+    assert isinstance(advice, lg.results.Recommendation)
+
+
+def test_a_loop_is_closed_with_an_unknown_torque():
+    d, t = answer("unexplained"), 5e-3 * np.arange(400)
+    options = {"loop": "velocity", "observer": "disturbance", "reference": (t, np.sin(t))}
+    made = lg.compensate(d.model, declared=d.declared, table=d.table, **options)
+    well_formed(document(made), shapes.COMPENSATION)
+    assert d.table.name in made.compensated
+
+
+def test_logs_are_diagnosed_each():
+    fleet = lg.diagnose_each([in_vain(), in_vain()], DRIVE)
+    well_formed(document(fleet), shapes.FLEET)
+    assert fleet.rows[0].keys() >= {"file", "verdict", "effects", "message", *shapes.ERROR_KEYS}
+    assert fleet.counts["refused"] == 2 and {*fleet.counts} == {*VERDICTS, "failed"}
+    assert fleet.exit_code == 3 and len(fleet.diagnoses) == 2 and not fleet.failed
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The working directory: a log and a model."""
+    monkeypatch.chdir(tmp_path)
+    rows, head = log(5.0, load=ripple), "t,u,theta"
+    np.savetxt("run.csv", np.c_[*rows.values()], "%.9g", ",", header=head, comments="")
+    lg.write_model(DRIVE, "model.toml")
+    return tmp_path
+
+
+def said(capsys, line, code=0):
+    """The document that a command prints."""
+    assert main(line.split()) == code
+    return json.loads(capsys.readouterr().out)
+
+
+def test_commands_print_the_same_documents(folder, capsys):
+    line = "run.csv --model model.toml --json"
+    d = said(capsys, f"diagnose {line} --fix J --law stribeck --compensate velocity")
+    well_formed(d, shapes.DIAGNOSIS | {"compensation": shapes.COMPENSATION})
+    assert d["parameters"]["J"]["held"] and d["model"]["friction"]["model"] == "stribeck"
+    assert [f["name"] for f in d["provenance"]["files"]] == ["run.csv", "model.toml"]
+    well_formed(said(capsys, f"identify {line} --holdout last"), shapes.IDENTIFICATION)
+    well_formed(said(capsys, "plot run.csv --json --out log.png"), shapes.PLAIN)
+
+
+def test_a_refusal_is_printed_and_exits_3(folder, capsys):
+    rows = np.c_[*in_vain().values()]
+    np.savetxt("dead.csv", rows, "%.9g", ",", header="t,u,w", comments="")
+    line = "diagnose dead.csv --model model.toml --json"
+    well_formed(said(capsys, line, code=3), shapes.REFUSAL)
+    well_formed(said(capsys, f"{line} --each --jobs 1", code=3), shapes.FLEET)
