@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -52,6 +53,7 @@ FREE_WORSE = (
 )
 NO_FIT = "Values are those of the balance of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
+NEW = os.environ.get("LUGRECTL_CORE") == "new"
 LIMIT = 270.0  # s that the fit may take
 
 
@@ -155,6 +157,8 @@ def diagnose(
         options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
         options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
         return under_law(diagnose, record, model, law, **options)
+    if NEW:
+        return _new(record, model, holdout, horizon, seed, least, alpha, progress, reading)
     asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
@@ -171,6 +175,19 @@ def diagnose(
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
     return with_plain(found, asked)
+
+
+def _new(record, model, holdout, horizon, seed, least, alpha, progress, reading):
+    from . import asked as door
+    from .balanced import diagnosed
+
+    asked = door.Asked.of(record, model, holdout, **reading)
+    horizon, seed = judged_by(horizon, seed)
+    report = reporter(progress)
+    try:
+        return diagnosed(asked, horizon, seed, share(least, "least"), share(alpha, "alpha"), report)
+    except Refused as no:
+        return refusal(no, asked.model, asked.seen, asked.plain)
 
 
 def _finer(

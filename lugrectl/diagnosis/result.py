@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from ..compensated_loop import Compensation
     from ..estimates.covariance import Joint, Residuals
     from ..estimates.members import Belief
-    from ..identification.balance import Balance
-    from ..identification.selection import Comparison
+    from ..estimates.balance import Balance
+    from ..estimates.comparison import Comparison
     from .law_comparison import LawComparison
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")

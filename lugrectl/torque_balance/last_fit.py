@@ -37,6 +37,7 @@ Name = Any  # of a coefficient: a text, (place of a term, place of its column or
 FURTHEST = 10.0  # steps by which a value that is not linear moves at most at a time ...
 PART = 0.3  # ... and of itself
 DIP = 2.0  # times all torque: no Stribeck dip is larger
+LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
 KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
 
 
@@ -268,6 +269,22 @@ class LastFit:
                 at = places(d, i)
                 made[i] = d.X[:, at] @ self.fit.b[at]
         return made
+
+    def declared(self, view: View) -> tuple[Design, np.ndarray] | None:
+        """Rows of a view, and the coefficients (k,) that the declared values mean; None where one
+        is missing or the law has other parameters."""
+        known, law = view.declared, set(view.model.friction.values)
+        if None in view.model.values().values() or not law <= LAW | {"sigma0", "sigma1"}:
+            return None
+        k = {"J": known["J"], "Fc": known.get("Fc", 0.0), "Fv": known.get("Fv", 0.0)}
+        k["dip"] = known.get("Fs", k["Fc"]) - k["Fc"]
+        terms = [t.copy() for t in view.terms if t.declared]
+        vs = known.get("vs", self.state.vs)
+        design = Design(view, State(k, terms, vs, known.get("delta", 2.0)))
+        b = np.array([k.get(n, 0.0) if isinstance(n, str) else
+                      terms[n[0]].b[n[1]] if isinstance(n[1], int) else 0.0
+                      for n in design.names])  # fmt: skip
+        return design, b
 
     def score(self, r: np.ndarray) -> float:
         return float(np.sum(log_density(r)))

@@ -41,7 +41,8 @@ class Answer:
     ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
     it by name with their ``covariance`` over ``interval.names``. ``named`` are the effects beside
     the declared ones, ``alternatives`` explain as much as the first of them, ``candidates`` were
-    named and are not held. ``without`` and ``with_names`` are the errors of held-out rows.
+    named and are not held. ``without`` and ``with_names`` are the errors of held-out rows, ``refitted`` and
+    ``trained`` the fits to training rows behind them.
     """
 
     verdict: str
@@ -60,6 +61,10 @@ class Answer:
     notes: list[str] = field(default_factory=list)
     lag: Value | None = None
     only_inertia: bool = False
+    refitted: LastFit | None = None
+    trained: LastFit | None = None
+    rivals: list[LastFit] = field(default_factory=list)
+    declared_error: float | None = None
 
     @property
     def named(self) -> list[Term]:
@@ -154,6 +159,8 @@ class _Judge:
             verdict, d, self.view, self.split, shown, interval, interval.values(V), V, plain,
             full if state.terms or state.grease else plain, d.alternatives, [], d.depends_on,
         )  # fmt: skip
+        made.refitted, made.trained = without, self._trained(last, state)
+        made.rivals, made.declared_error = self.rivals, self._declared_error(last)
         made.candidates = [n for _, n in sorted(self.candidates)]
         made.notes = [*d.notes, *self.notes]
         self._late_speed(made)
@@ -278,6 +285,18 @@ class _Judge:
         )
         return "unexplained", self._without(state).state.copy(bare=False)
 
+    def _trained(self, last: LastFit, state: State) -> LastFit:
+        """The fit to training rows of the model that is shown."""
+        return last if state is last.state else LastFit(self.train, state.copy(), last.scale)
+
+    def _declared_error(self, last: LastFit) -> float | None:
+        """The error of held-out rows with the declared values as they are; None without them."""
+        b = last.declared(self.test)
+        if b is None:
+            return None
+        design, own = b
+        return Unseen.left(design.y - design.X @ own, self.test.rows).error
+
     # ---- all rows
     def _on_all_rows(self, state: State, scale: float) -> tuple[LastFit, np.ndarray, Interval]:
         """Values and intervals of the model that is shown, from all rows."""
@@ -288,7 +307,8 @@ class _Judge:
         if orders:
             slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
             widest = 5 / (max(orders) * slow) / self.view.rows.h
-        others = [*other_views(last, widest), *self._rivals(last)]
+        self.rivals = self._rivals(last)
+        others = [*other_views(last, widest), *self.rivals]
         V = interval.covariance(others)
         last.state.apply(self.view)
         return last, V, interval

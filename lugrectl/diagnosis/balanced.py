@@ -1,0 +1,253 @@
+"""From a log and a declared model to the named missing effect, by the torque balance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from ..blocks.block import unit_for
+from ..blocks.model import Model
+from ..core.errors import InputError, Refused
+from ..core.progress import Progress
+from ..estimates.balance import Balance
+from ..estimates.comparison import Comparison
+from ..estimates.findings import Candidate, Estimate, Finding
+from ..estimates.members import Belief
+from ..record import Record
+from ..torque_balance.budget import comparison, signals
+from ..torque_balance.last_fit import LastFit
+from ..torque_balance.model_values import ModelValues, as_estimates, completed, model_values
+from ..torque_balance.plain import plain_balance
+from ..torque_balance.verdict import Answer, answer
+from .asked import Asked
+from .experiments import next_experiment
+from .moved_values import moved
+from .result import Diagnosis
+from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
+
+NO_MOTION = "The errors of a simulation are left out: {}"
+NO_INERTIA = (
+    "The log does not determine the inertia, and none is declared: what is named does not depend "
+    "on it, and no motion is simulated."
+)
+ON_ALL_ROWS = "Values are fitted to all rows; the errors are of rows that no fit and no choice saw."
+WORSE = (
+    "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
+    "without it by {1:.3g}: the torque error falls, the motion error does not."
+)
+LOW_DAMPED = 0.015
+
+
+def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: float,
+              report: Progress) -> Diagnosis:  # fmt: skip
+    """The answer; Refused where the record cannot give one."""
+    start = perf_counter()
+    model = asked.model
+    asked.records()
+    asked.refuse_open_time()
+    ready, why_not = _ready(asked, horizon)
+    held_out = () if ready is None else ready.held_out
+    report(0.1, "comparing explanations")
+    made = answer(asked.stretches, model, held_out)
+    values = model_values(made.last, made.interval, made.values, made.covariance, model)
+    found = comparison(made, least, alpha)
+    report(0.6, "errors on held-out samples")
+    judged, values, noise = _simulated(ready, made, values, found, least)
+    plain = plain_balance(
+        made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches
+    )
+    plain = asked.completed(_same_values(plain, values), perf_counter() - start)
+    effects = _findings(made, values, found)
+    notes = [*_said(made, judged, why_not, plain), *moved(values.estimates, model)]
+    rest = None if ready is None or judged is None else residuals(ready, values.model)
+    return Diagnosis(
+        verdict=made.verdict,
+        effects=effects,
+        depends_on=_signals(made),
+        experiment=next_experiment(made.verdict, made.depends_on, effects, plain, made.sure),
+        error=None if judged is None else judged.error,
+        free_error=None if judged is None else judged.free_error,
+        torque_error=_torque_error(made, model),
+        model=values.model,
+        declared=model,
+        estimates=values.estimates,
+        record=asked.seen[0],
+        records=tuple(asked.seen),
+        messages=tuple(dict.fromkeys([*model.remarks(), *asked.noticed, *notes])),
+        ranking=_ranking(found),
+        traces=None if judged is None else judged.traces,
+        comparison=found,
+        joint=values.joint,
+        residuals=rest,
+        rivals=_beliefs(made, values),
+        torque_noise=noise,
+        plain=plain,
+    )
+
+
+def _ready(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
+    """The records split for simulations, or why they cannot be."""
+    records = asked.records()
+    given = [records] if isinstance(records, Record) else records
+    try:
+        return prepared(given, asked.model, asked.holdout(), horizon), None
+    except Refused as no:
+        return None, no
+
+
+def _simulated(
+    ready: Prepared | None, made: Answer, values: ModelValues, found: Comparison, least: float
+) -> tuple[Judged | None, ModelValues, float | None]:
+    """Errors before and after, and values of a last polish where the log is clean."""
+    if ready is None or values.model.known().get("J") is None:
+        return None, values, None
+    if not (made.sure or made.view.declared.get("J")):
+        return None, values, None
+    model = made.view.model
+    offsets = _offsets(made.last)
+    ready = ready.with_torque(offsets, _late(made)) if offsets or _late(made) else ready
+    refitted, trained = completed(made.refitted, model), completed(made.trained, model)
+    try:
+        if _clean(made, least) and not made.only_inertia:
+            finer, own = _polished(ready, trained, values)
+            if torque_noise(ready, finer) < least * found.friction:
+                trained, values = finer, own
+                named = bool(made.named)
+                refitted = _polished(ready, refitted, values)[0] if named else trained
+        full = None if None in model.values().values() else model
+        models = {"declared": full, "refitted": refitted, "augmented": trained}
+        return errors(ready, models), values, torque_noise(ready, values.model)
+    except (InputError, Refused):
+        return None, values, None
+
+
+def _clean(made: Answer, least: float) -> bool:
+    """Whether next to nothing stays beside the model, so that a finer fit may be valid."""
+    return made.with_names.stays < 2 * least * made.view.size
+
+
+def _polished(ready: Prepared, trained: Model, values: ModelValues) -> tuple[Model, ModelValues]:
+    """Values by one-step predictions, begun from those of the balance."""
+    model = values.model
+    free = [k for k, p in model.declarations().items() if p.fitted and k not in model.held()]
+    made = polish(ready, trained, [k for k in free if k in trained.values()], values.joint)
+    if not made.gained:
+        return trained, values
+    polished = trained.with_values(made.values)
+    estimates = as_estimates(made.joint, polished)
+    rest = {k: e for k, e in values.estimates.items() if k not in estimates}
+    rest = {k: replace(e, value=made.values[k]) for k, e in rest.items() if k in made.values}
+    all_values = replace(
+        values, model=values.model.with_values(made.values), estimates={**values.estimates, **rest, **estimates},
+        joint=made.joint,
+    )  # fmt: skip
+    return polished, all_values
+
+
+def _offsets(last: LastFit) -> dict[int, float]:
+    """What the torque of each run has beside the first, N m."""
+    d = last.design
+    runs = np.unique(last.view.motion.run)[1:]
+    at = [j for j, n in enumerate(d.names) if n == "run"]
+    return {int(r): float(last.fit.b[j]) for r, j in zip(runs, at, strict=True)}
+
+
+def _late(made: Answer) -> float:
+    """How late the torque acts beyond its hold, s, where no effect says so."""
+    x = made.values["late"]
+    certain = x[1] > 0 or x[2] < 0
+    late = x[0] * made.view.longest_hold
+    return late if certain and abs(late) > 0.5 * made.view.motion.dt else 0.0
+
+
+def _same_values(plain: Balance, values: ModelValues) -> Balance:
+    """The plain part with the values of a polish: one quantity has one value."""
+    known = values.estimates
+    same = {k: known[k] if k in known and known[k].ci95 is not None else e
+            for k, e in plain.parameters.items()}  # fmt: skip
+    return replace(plain, parameters=same)
+
+
+def _torque_error(made: Answer, model: Model) -> dict[str, Any]:
+    """RMS torque error in windows of held-out samples."""
+    floor = min(float(np.sqrt(made.view.noise)) * abs(made.values["J"][0]), made.with_names.error)
+    return {
+        "unit": unit_for("N m", model.motion),
+        "declared": made.declared_error,
+        "refitted": made.without.error,
+        "augmented": made.with_names.error,
+        "noise_floor": floor,
+    }
+
+
+def _findings(made: Answer, values: ModelValues, found: Comparison) -> tuple[Finding, ...]:
+    """The effects with their values, alternatives to the first."""
+    tied = tuple(_candidate(found, name) for name in made.alternatives)
+    effects = []
+    if made.lag is not None:
+        lag = Estimate(made.lag[0], "s", made.lag[1:])
+        effects.append(Finding("velocity_sensor_lag", {"time_constant": lag}))
+    if made.only_inertia:
+        effects.insert(0, Finding("elastic_coupling", {}, tied))
+    declared = {p.key for p in made.view.model.effects}
+    parts = [p for p in values.model.effects if p.key not in declared]
+    for i, part in enumerate(parts):
+        own = {k: values.estimates[f"{part.key}.{k}"] for k in part.block.own
+               if f"{part.key}.{k}" in values.estimates}  # fmt: skip
+        effects.append(Finding(part.block.name, own, tied if i == 0 else ()))
+    return tuple(effects)
+
+
+def _candidate(found: Comparison, name: str) -> Candidate:
+    return next((c for c in _ranking(found) if c.name == name), Candidate(name, 0.0, 0.0))
+
+
+def _ranking(found: Comparison) -> tuple[Candidate, ...]:
+    rows = [row for row in found.rows[1:] if not row.model.startswith("unknown(")]
+    return tuple(Candidate(row.model, row.elpd, row.torque) for row in rows)
+
+
+def _signals(made: Answer) -> tuple[str, ...]:
+    if made.verdict == "unexplained":
+        return tuple(made.depends_on)
+    return tuple(dict.fromkeys(s for t in made.named for s in signals(t.block)))
+
+
+def _beliefs(made: Answer, values: ModelValues) -> tuple[Belief, ...]:
+    """The models that explain the record as well as the first."""
+    others = [r for r in made.rivals if r.view.sure]
+    weight = 1.0 / (len(others) + 1)
+    beliefs = []
+    for last in others:
+        model = completed(last, made.view.model)
+        shared = {k: e for k, e in values.estimates.items() if k in model.known()}
+        beliefs.append(Belief.of(model, None, shared, weight))
+    return tuple(beliefs)
+
+
+def _said(
+    made: Answer, judged: Judged | None, why_not: Refused | None, plain: Balance
+) -> Sequence[str]:
+    notes = [*made.notes]
+    if made.candidates:
+        notes.append(
+            f"Candidates that are not certain: {', '.join(dict.fromkeys(made.candidates))}."
+        )
+    if why_not is not None:
+        notes.append(NO_MOTION.format(f"{why_not} {why_not.experiment or ''}".rstrip()))
+    elif judged is None and not made.sure:
+        notes.append(NO_INERTIA)
+    if judged is not None:
+        notes += [*judged.messages, *_worse(judged.error, bool(made.named))]
+    return [*notes, *plain.notes]
+
+
+def _worse(error: Mapping[str, Any], named: bool) -> list[str]:
+    before, after = error["refitted"], error["augmented"]
+    if not named or before is None or after is None or after <= before:
+        return []
+    return [WORSE.format(after, before, error["unit"])]

@@ -1,0 +1,39 @@
+"""What to record next: what tells explanations apart, or leads to an unknown one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..estimates.balance import Balance
+from ..estimates.findings import Finding
+
+AGAIN = (
+    "record the same motion again, twice. What returns at the same instants depends on the motion; "
+    "what does not comes from outside, or from the logger"
+)
+ADVICE = {  # if the residual depends on several of these signals, the first one counts
+    "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
+    "at the same times depends on the motion",
+    "theta": "record slow moves over the same positions, in both directions and at two speeds",
+    "a": "record the same move at two accelerations",
+    "u": "record the same motion with a known added load, so that torque and motion differ",
+    "w": "record constant speeds, from slow to fast, in both directions",
+}
+INERTIA = "Record a motion that starts, stops and changes its speed fast: it shows the inertia."
+
+
+def next_experiment(
+    verdict: str, depends_on: Sequence[str], effects: Sequence[Finding], plain: Balance, sure: bool
+) -> str | None:
+    """One sentence; None where nothing is open."""
+    tied = next((finding for finding in effects if finding.alternatives), None)
+    if verdict == "ambiguous" and tied is not None:
+        said = tied.apart()
+        return f"{said[0].upper()}{said[1:]}."
+    if verdict == "unexplained":
+        known = (said for k, said in ADVICE.items() if k in depends_on)
+        return f"To identify the missing effect: {next(known, ADVICE['a'])}."
+    if not sure:
+        return INERTIA
+    how = next((c.to_separate for c in plain.combinations if c.to_separate), "")
+    return f"{how[0].upper()}{how[1:]}, too." if how else None

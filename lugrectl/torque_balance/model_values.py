@@ -1,0 +1,129 @@
+"""The values of a last fit as those of a model, with their joint distribution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..blocks.model import Model
+from ..estimates.covariance import Joint
+from ..estimates.findings import Estimate
+from .interval import Interval, Value
+from .last_fit import LastFit
+
+DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
+LEAST = 1e-3  # of the level of friction: a stiffness must have one
+
+
+@dataclass(frozen=True, eq=False)
+class ModelValues:
+    """A model with all of its values, what the last fit knows of them, and how surely.
+
+    ``open`` are the keys that the balance does not tell; their values are declared or usual.
+    """
+
+    model: Model
+    estimates: dict[str, Estimate]
+    joint: Joint
+    open: tuple[str, ...]
+
+
+def completed(last: LastFit, model: Model) -> Model:
+    """The declared model and the effects of a last fit, at its values."""
+    made = model
+    for term in last.state.terms:
+        if not term.declared:
+            made = made.with_effect(term.block, _own(term.key, last.values))
+    return made.with_values(made.kept(_inside(made, _values(last, made))))
+
+
+def _own(key: str, values: Mapping[str, float]) -> dict[str, float | None]:
+    return {k.removeprefix(f"{key}."): x for k, x in values.items() if k.startswith(f"{key}.")}
+
+
+def _values(last: LastFit, model: Model) -> dict[str, float]:
+    """A value for each parameter of the model."""
+    v, own, s = last.view, last.values, last.state
+    known = model.known()
+    J = own["J"] if v.sure or known.get("J") is None else known["J"]
+    level = max(own["Fc"], LEAST * v.force)
+    fitted = {
+        "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": max(own["Fs"], level), "vs": s.vs,
+        "delta": s.exponent, "sigma0": known.get("sigma0") or level / v.x0,
+    }  # fmt: skip
+    fitted["sigma1"] = known.get("sigma1", DAMPING * np.sqrt(fitted["sigma0"] * abs(J)))
+    made = {}
+    for key, p in model.declarations().items():
+        if "." in key:
+            value = own.get(key, known.get(key, p.value))
+        else:
+            value = fitted.get(key, known.get(key, p.value))
+        made[key] = float(value)
+    return made
+
+
+def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+    own = model.declarations()
+    return {k: float(np.clip(x, own[k].low, own[k].high)) for k, x in values.items()}
+
+
+def model_values(
+    last: LastFit, interval: Interval, values: Mapping[str, Value], V: np.ndarray, model: Model
+) -> ModelValues:
+    """The model of a last fit to all rows with intervals and covariance."""
+    made = completed(last, model)
+    told = _told(last, values, made)
+    held, own = made.held(), made.declarations()
+    estimates: dict[str, Estimate] = {}
+    for key, value in made.known().items():
+        if not own[key].fitted:
+            continue
+        ends = values[told[key]][1:] if key in told else None
+        whole_turn = ends is not None and own[key].angle and ends[1] - ends[0] >= 2 * np.pi
+        if ends is not None and not whole_turn and key not in held:
+            ends = max(ends[0], own[key].low), min(ends[1], own[key].high)
+        else:
+            ends = None
+        if own[key].whole and made.motion == "rotary" and key in told:
+            ends = value, value
+        estimates[key] = Estimate(value, made.unit(key), ends, held=key in held)
+    sure = [k for k, e in estimates.items() if e.ci95 is not None and e.ci95[1] > e.ci95[0]]
+    at = [interval.names.index(told[k]) for k in sure]
+    found = np.array([estimates[k].value for k in sure])
+    positive = np.array(
+        [own[k].low >= 0.0 and x > 0 for k, x in zip(sure, found, strict=True)], bool
+    )
+    joint = Joint(tuple(sure), found, V[np.ix_(at, at)], positive)
+    left = tuple(k for k in estimates if k not in told and k not in held)
+    return ModelValues(made, estimates, joint, left)
+
+
+def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str, str]:
+    """The keys of the model that the last fit tells, and its own names for them."""
+    plant = {"J"} if last.view.sure else set()
+    plant |= {"Fc", "Fv"}
+    if last.view.motion.one_way:
+        plant -= {"Fc"}
+    made = {k: k for k in model.declarations() if k in plant}
+    made |= {k: k for k in model.declarations() if "." in k and k in values}
+    return made
+
+
+def with_other(values: ModelValues, model: Model, estimates: Mapping[str, Estimate],
+               joint: Joint) -> ModelValues:  # fmt: skip
+    """The same with values of a finer fit."""
+    return replace(values, model=model, estimates={**values.estimates, **estimates}, joint=joint)
+
+
+def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
+    """Values of a joint distribution with their intervals."""
+    half: Any = 1.96 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
+    own = model.declarations()
+    made = {}
+    for key, x, h in zip(joint.names, joint.values.tolist(), half.tolist(), strict=True):
+        ends = max(x - h, own[key].low), min(x + h, own[key].high)
+        made[key] = Estimate(x, model.unit(key), ends)
+    return made
