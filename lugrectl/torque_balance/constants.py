@@ -13,7 +13,7 @@ NOISE_FIT = (
     1.15  # a motion is smooth enough when its residual is so many times the noise (variance)
 )
 FINE = 1e-3  # friction is evaluated at least this often: reversals do not wait for a sample
-FREE_LATE = 5e-4  # beside half a hold: how late or early the torque may be for nothing
+FREE_LATE = 5e-4  # how late a held torque may act for nothing: a current loop
 LATE_W = 3e-3  # a w that lags by more is named
 VERY_LATE = 0.3  # a w may be late by this much (a filter, a slow bus)
 FAR_W = 0.04  # a w that is later than this is not used
@@ -64,7 +64,6 @@ CLEAR = 3.0  # times what stays: effects that explain this much are found, whate
 Z_LOWER = 2.33  # standard errors by which the held-out torque error must fall
 MOSTLY = 0.5  # of all torque: with more than this left on unseen rows nothing is found
 ONE_SPEED = 0.3  # of the typical speed: speeds that spread by less are one
-BENT = 0.05  # of friction: a bend of the friction curve that is worth a name
 LESS = 0.8  # of what stays: what a base with gravity must leave to be the base
 GROWN = 1.35  # inertia over the declared one that is itself a trace of a load
 

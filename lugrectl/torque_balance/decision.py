@@ -15,6 +15,7 @@ from ..core.regression import Prior, paired
 from .constants import (
     FAR,
     FLOOR,
+    FREE_LATE,
     HEAVY,
     LATE_FLOOR,
     LESS,
@@ -129,7 +130,7 @@ class Decision:
 
     def floor(self, c: Contender) -> float:
         """The least share of friction that is worth a name: a delay is known as a time."""
-        late = c.lateness and max(c.q.values()) > self.view.longest_hold + 1e-3
+        late = c.lateness and max(c.q.values()) > FREE_LATE + 1e-3
         return LATE_FLOOR * FLOOR if late else FLOOR
 
     def better(self, a: Contender, b: Contender, least: float = 3.0) -> bool:

@@ -90,8 +90,9 @@ class View:
         hold = np.concatenate(
             [np.full(len(r.samples), 0.5 * r.dt + FREE_LATE) for r in motion.runs]
         )
-        self.hold = hold  # the torque may be this late or early for nothing
+        self.hold = hold  # a torque that is read at instants is so early
         self.longest_hold = float(hold.max())
+        self.latest = FREE_LATE / self.longest_hold  # a held torque is no later than a current loop
         self.noise = float(np.mean(rows.shake**2))
         number = int(np.clip(motion.duration / BLOCK, FEWEST_BLOCKS, MOST_BLOCKS))
         self.blocks = Blocks(rows.t, motion.duration, number)
@@ -185,7 +186,7 @@ class View:
             most = BETWEEN * self.force
             priors.append(Prior.free(1, low=-most, high=most))
         self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
-        self.bounds = self.bounds.but(1, low=-1.0, high=1.0)
+        self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
         if self.J_range:
             self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
         self.late = self.K @ (self.hold * m.slope(m.held(self.u)))

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .constants import LEAST_ROWS
+from ..core.regression import log_density, paired
+from .constants import BLOCK, LEAST_ROWS
 from .friction import View
 from .last_fit import Design, LastFit
 from .rows import Rows
@@ -80,11 +81,13 @@ class Unseen:
 
 
 def gain(without: Unseen, other: Unseen, duration: float) -> float:
-    """By how many standard errors the squared error of ``other`` is smaller, over stretches."""
-    stretch = (without.t / max(0.3, duration / 60)).astype(int)
-    lower = np.bincount(stretch, without.r**2 - other.r**2)
-    lower = lower[np.bincount(stretch) > 0]
-    return float(lower.sum() / (np.sqrt(len(lower)) * lower.std() + 1e-300))
+    """By how many standard errors ``other`` predicts held-out stretches better, by log density."""
+    stretch = (without.t / max(BLOCK, duration / 60)).astype(int)
+    there = np.bincount(stretch) > 0
+    scale = 1.4826 * float(np.median(np.abs(other.r))) + 1e-300
+    both = [np.bincount(stretch, log_density(one.r / scale))[there] for one in (other, without)]
+    total, error = paired(*both)
+    return total / error
 
 
 def clipped(r: np.ndarray) -> np.ndarray:

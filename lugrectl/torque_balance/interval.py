@@ -8,7 +8,7 @@ than SCALE.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -132,8 +132,9 @@ class Interval:
     def names(self) -> tuple[str, ...]:
         return tuple(self.last.values)
 
-    def covariance(self, others: Sequence[LastFit] = ()) -> np.ndarray:
-        """Covariance (values, values) of ``names``, with other descriptions of the drive."""
+    def covariance(self, others: Sequence[Mapping[str, float]] = ()) -> np.ndarray:
+        """Covariance (values, values) of ``names``; ``others`` are the values of other descriptions of
+        the drive."""
         V = self._slopes @ self.coefficients @ self._slopes.T
         own = self.last.values
         for i, k in enumerate(self.names):
@@ -144,7 +145,7 @@ class Interval:
                 i = self.names.index(f"{term.key}.{term.block.gain}")
                 V[i, i] += (PART_OF_SAMPLE * self.last.view.motion.dt) ** 2
         for other in others:
-            apart = [wrapped(other.values.get(k, own[k]) - own[k], k) for k in self.names]
+            apart = [wrapped(other.get(k, own[k]) - own[k], k) for k in self.names]
             V += np.outer(apart, apart)
         return V
 

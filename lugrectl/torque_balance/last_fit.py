@@ -162,7 +162,8 @@ class Design:
         own = any(is_lateness(t.block) for t in self.state.terms)  # a delay has its own column
         most = 0.0 if own else 1.0 if self.state.bare else np.inf
         late = v.K @ (v.hold * v.motion.slope(v.motion.held(v.u)))
-        add("late", late, sd=1 / Z95, low=-most, high=most)
+        free = v.latest if self.state.bare else np.inf
+        add("late", late, sd=1 / Z95, low=-most, high=min(most, free))
 
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add

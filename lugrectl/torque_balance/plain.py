@@ -82,7 +82,16 @@ def _by_plain_names(
     found = {}
     for (k, name), s in zip(names.items(), size, strict=True):
         found[name] = (s * values[k][0], s * values[k][1], s * values[k][2])
-    return found, tuple(names.values()), V[np.ix_(at, at)] * np.outer(size, size)
+    return found | of_sensors(last), tuple(names.values()), V[np.ix_(at, at)] * np.outer(size, size)
+
+
+def of_sensors(last: LastFit) -> dict[str, Value]:
+    """How late w is against theta, and its scale, where both were recorded."""
+    s = last.view.motion.sensors
+    if not np.isfinite(s.lag_error):
+        return {}
+    lag, half = s.lag, Z95 * s.lag_error
+    return {"w_lag": (lag, lag - half, lag + half)}
 
 
 def _estimate(name: str, x: Value, model: Model) -> Estimate:

@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from ..blocks.block import Block, P, members
 from ..core.regression import Prior
 from .columns import Along, columns, lanes, linear, needs_inertia, refused, searched
-from .constants import MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
+from .constants import FREE_LATE, MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
 from .table import Contender, Table
 from .unknown import likeliest
 
@@ -302,8 +302,7 @@ class Search:
         """Values of a delay, a limit, or a torque that is lost."""
         size = np.abs(self.view.u)
         if p.unit == "s":
-            beyond = min(self.view.longest_hold, 0.5 * self.view.motion.dt + 5e-4)
-            return np.r_[1e-6, beyond + np.geomspace(3e-4, 0.05, 15)]
+            return np.r_[1e-6, FREE_LATE + np.geomspace(3e-4, 0.05, 15)]
         if p.unit != "N m":
             return None
         if p.neutral == np.inf:

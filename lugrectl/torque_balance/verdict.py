@@ -16,7 +16,7 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..record.stretches import Stretch
 from .columns import Along, columns, linear
-from .constants import BENT, CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
+from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
 from .friction import Term, View, declared_terms
 from .held_out import Split, Unseen, gain
@@ -31,6 +31,8 @@ from .width import Declared, Width, fine_wave
 
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
+ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
+LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
 
@@ -219,8 +221,8 @@ class _Judge:
         b, x = last.fit.b, values["grease"]
         stays = Unseen.of(last, self.test).stays / self.train.size
         bend = last.bend()
-        sure = x[0] > 4 * (x[0] - x[1]) / Z95 and bend > max(FLOOR / 3, stays)
-        names = not self.view.motion.one_way and x[1] > 0 and (bend > BENT or sure)
+        sure = x[0] > 4 * (x[0] - x[1]) / Z95
+        names = not self.view.motion.one_way and sure and bend > max(FLOOR, stays)
         plain = state.copy(grease=0.0)
         if names and GREASE_NAME not in self.struck:
             block = members("effect")[GREASE_NAME]
@@ -260,7 +262,7 @@ class _Judge:
         shares = [last.share(i) for i in named]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        lower = gain(plain, full, v.motion.duration) > Z_LOWER
+        lower = gain(plain, full, v.motion.duration) > Z_LOWER and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
             return self._no_names(last, named, verdict)
@@ -308,7 +310,8 @@ class _Judge:
             slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
             widest = 5 / (max(orders) * slow) / self.view.rows.h
         self.rivals = self._rivals(last)
-        others = [*other_views(last, widest), *self.rivals]
+        others = [other.values for other in other_views(last, widest)]
+        others += [{k: r.values[k] for k in ("J", "Fc", "Fv")} for r in self.rivals]
         V = interval.covariance(others)
         last.state.apply(self.view)
         return last, V, interval
@@ -322,9 +325,7 @@ class _Judge:
             if c.name in d.alternatives and c.name != own[0].name:
                 terms = [t.copy() for t in last.state.terms if t.declared]
                 other = last.state.copy(terms=[*terms, *terms_of(c, ())])
-                fit = LastFit(self.view, other, last.scale, turns=2)
-                fit.values = {k: fit.values[k] for k in ("J", "Fc", "Fv")}
-                made.append(fit)
+                made.append(LastFit(self.view, other, last.scale, turns=2))
         return made
 
     # ---- sensors, and loads that only the inertia shows
@@ -337,8 +338,11 @@ class _Judge:
             return
         if LAG_NAME in declared:
             return
-        made.lag = lag, lag - Z95 * error, lag + Z95 * error
-        made.verdict = "found" if made.verdict == "adequate" else made.verdict
+        made.notes.append(LATE_SPEED.format(1e3 * lag))
+        odd = self.decision.odd and self.decision.odd[0].share > ODD
+        if made.verdict == "adequate" and not odd:
+            made.lag = lag, lag - Z95 * error, lag + Z95 * error
+            made.verdict = "found"
 
     def _whole_inertia(self, made: Answer) -> None:
         """An inertia far above the declared one that nothing named explains: a load."""
