@@ -1,0 +1,1 @@
+"""The torque balance of a log: one motion, one regression."""

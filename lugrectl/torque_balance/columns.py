@@ -1,0 +1,583 @@
+"""Any registered block as columns along a measured motion.
+
+No equation of an effect or of a friction law stands here: a block's own function is evaluated
+along the motion, its states are integrated along it, and its declaration says the rest (what it
+acts on, its neutral value, its bounds, what combines linearly). A torque stands on the resisting
+side:
+
+    u = J a + F + columns @ coefficients
+
+An effect is linear in its strength, the distance of its first parameter from the neutral value.
+One with an inertia and a spring is linear in it if the other parameters in N m or kg are scaled
+with it: these count per unit of strength then. A phase or a rest that is declared with ``span``
+is a second column. What else is fitted enters by :func:`slopes`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import Any
+
+import numpy as np
+
+from ..blocks.block import Block, P
+from ..blocks.embedding import borrowed
+from ..blocks.friction import level as sliding_level
+from ..core.errors import InputError
+from ..engine import TraceError
+from .driven_states import Pieces, changes, driven
+
+SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
+SIGNALS = ("t", "theta", "w", "u", "d", "load")
+TRIED = 0.3  # strength at which an effect is tried for being linear
+ALIKE = 1e-6  # of its torque
+SHARE = 0.005  # step of a positive quantity, of its value
+TURN = 0.1  # rad by which a step of a frequency moves the end of the log
+TRAVEL, DURATION = 1e-3, 1e-2  # steps of a position and of a time, of the log's
+
+Values = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Along:
+    """The signals of one log, sample by sample: (n,) arrays in SI units.
+
+    Parameters
+    ----------
+    t : ndarray
+        Time, which starts at 0 of the log.
+    theta, w : ndarray
+        Smooth position and speed.
+    acceleration : ndarray
+        The stiffer acceleration, which J goes with.
+    path : ndarray
+        The stiffer position, without jumps between the pieces.
+    pieces : tuple of (slice, float)
+        Stretches of even time and their step in s: nothing looks across a cut.
+    u : ndarray
+        Torque as recorded, or as earlier effects on the input left it, N m.
+    z, follows : ndarray
+        Deflection of the bristle in units of its limit, and its derivative by an asymmetry of
+        that limit.
+    coulomb, level, viscous : ndarray
+        Coulomb and Stribeck part of friction, its level (>= 0), the viscous part, N m.
+    load : ndarray
+        Torque of the loads: declared ones and the measured d, N m.
+    J : float
+        Inertia, kg m2.
+    values : dict
+        Values of the plant and its friction law (Fc, Fs, vs, ...).
+    d : ndarray or None
+        Measured load torque, N m.
+    """
+
+    t: np.ndarray
+    theta: np.ndarray
+    w: np.ndarray
+    acceleration: np.ndarray
+    path: np.ndarray
+    pieces: Pieces
+    u: np.ndarray
+    z: np.ndarray
+    follows: np.ndarray
+    coulomb: np.ndarray
+    level: np.ndarray
+    viscous: np.ndarray
+    load: np.ndarray
+    J: float
+    values: Mapping[str, float]
+    d: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.t)
+
+    @cached_property
+    def stiff(self) -> dict[str, np.ndarray]:
+        """Position and speed of the motion that the acceleration belongs to."""
+        theta, w = self.path.copy(), np.empty(len(self))
+        for piece, dt in self.pieces:
+            theta[piece] += np.mean(self.theta[piece] - self.path[piece])
+            w[piece] = slope(self.path[piece], dt)
+        return {"theta": theta, "w": w}
+
+    def signals(self, block: Block) -> dict[str, np.ndarray]:
+        """What a block reads. One with an inertia of its own or a sensor moves with the stiffer
+        motion."""
+        d = np.zeros(len(self)) if self.d is None else self.d
+        own = {k: getattr(self, k) for k in SIGNALS} | {"d": d}
+        return own | self.stiff if _is_stiff(block) else own
+
+    def each(self, function: Any, x: np.ndarray) -> np.ndarray:
+        """``function(x, dt)`` of each piece."""
+        made = np.zeros(x.shape)
+        for piece, dt in self.pieces:
+            made[piece] = function(x[piece], dt)
+        return made
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Torques (n, k) on the resisting side for coefficients of 1, and the coefficients' bounds.
+
+    ``wide`` are to be smoothed as u is; ``narrow`` belong to the smooth acceleration already.
+    None stands for zeros.
+    """
+
+    wide: np.ndarray | None
+    narrow: np.ndarray | None
+    low: np.ndarray
+    high: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.low)
+
+    def of(self, function: Any, low: np.ndarray, high: np.ndarray) -> Columns:
+        """Other columns, by a function of each part."""
+        parts = (None if x is None else function(x) for x in (self.wide, self.narrow))
+        return Columns(*parts, low=low, high=high)
+
+
+def slope(x: np.ndarray, dt: float) -> np.ndarray:
+    """dx/dt (n, ...) by central differences of fourth order."""
+    if len(x) < 2:
+        return np.zeros(x.shape)
+    d = np.gradient(x, dt, axis=0)
+    if len(x) > 8:
+        d[2:-2] = (8 * (x[3:-1] - x[1:-3]) - x[4:] + x[:-4]) / (12 * dt)
+    return d
+
+
+def bend(x: np.ndarray, dt: float) -> np.ndarray:
+    """d2x/dt2 (n, ...) of fourth order."""
+    d = slope(slope(x, dt), dt)
+    if len(x) > 8:
+        d[2:-2] = (16 * (x[3:-1] + x[1:-3]) - 30 * x[2:-2] - x[4:] - x[:-4]) / (12 * dt**2)
+    return d
+
+
+# What a declaration says
+
+
+def linear(block: Block) -> tuple[str, ...]:
+    """The parameters in which a block is linear: its strength, and a phase or rest with ``span``;
+    none if it is not linear in its strength."""
+    if block.kind != "effect" or _scaled(block) is None:
+        return ()
+    span = _spanned(block)
+    return (block.gain,) if span is None else (block.gain, span)
+
+
+def nonlinear(block: Block, motion: str = "rotary") -> tuple[str, ...]:
+    """What else is fitted: neither choices nor what keeps its usual value, nor a whole number."""
+    rest = (k for k in searched(block) if not block.own[k].choices)
+    return tuple(k for k in rest if motion == "linear" or not block.own[k].whole)
+
+
+def searched(block: Block) -> tuple[str, ...]:
+    """What else a log has to say: as :func:`nonlinear`, with choices and whole numbers."""
+    known = linear(block)
+    return tuple(k for k, p in block.own.items() if k not in known and p.fitted and not p.usual)
+
+
+def neutral_of(block: Block) -> dict[str, float]:
+    """The value with which an effect changes nothing, by its name."""
+    neutral = block.own[block.gain].neutral
+    assert neutral is not None
+    return {block.gain: neutral}
+
+
+def needs_inertia(block: Block) -> bool:
+    """Whether an effect means nothing where J is not known: a change of it, a load with an
+    inertia, a sensor whose error is seen as an acceleration."""
+    of_mass = any(p.unit == "kg m2" for p in block.parameters.values())
+    return of_mass or bool({"J", "+J", "sensor"} & {*block.acts})
+
+
+@cache
+def _refused(known: _Known) -> str:
+    block = known.block
+    if block.kind not in ("effect", "friction"):
+        return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
+    if block.kind == "effect" and not block.acts:
+        return f"{block.name} acts on nothing inside a drive"
+    for act in block.acts:
+        if act not in SERVED:
+            return f"{block.name} acts on {act}, which is no torque along a motion"
+    for name in block.inputs:
+        if name not in SIGNALS:
+            return f"{block.name} reads {name}, which no log has"
+    if "sensor" in block.acts and len(block.acts) > 1:
+        return f"{block.name} acts on more than the sensor"
+    log = _some_motion()
+    try:
+        with np.errstate(all="ignore"):
+            _torques(block, [_filled(block, {}, log)], log)
+    except TraceError as error:
+        return f"{block.name} has states and cannot be compiled: {error}"
+    except Exception as error:  # whatever a function of the user raises
+        return f"{block.name} cannot be evaluated along a log: {type(error).__name__}: {error}"
+    return ""
+
+
+def refused(block: Block) -> str:
+    """One sentence why a block cannot be a candidate, '' if it can."""
+    return _refused(_Known(block))
+
+
+# Columns
+
+
+def columns(block: Block, values: Values, along: Along) -> Columns:
+    """The linear columns of a block, at the values of what it is not linear in.
+
+    One for a strength of 1, two where a phase or a rest is ``span``-ned. A block that is not
+    linear in its strength has one column, its torque at these values, whose coefficient is 1.
+    """
+    return lanes(block, [values], along)
+
+
+def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
+    """The columns of :func:`columns` for each set of values, side by side."""
+    known = linear(block)
+    one = np.ones(len(sets))
+    if not known:
+        made = _torques(block, [_filled(block, values, along) for values in sets], along)
+        return Columns(*made, low=one, high=one)
+    p, more = block.own[block.gain], _places(block, along)
+    each = [_unit(block, values, along) | place for values in sets for place in more]
+    made = Columns(*_torques(block, each, along), low=one, high=one)
+    neutral = p.neutral or 0.0
+    if len(known) == 1:
+        return made.of(_as_it_is, one * (p.low - neutral), one * (p.high - neutral))
+    if block.own[known[1]].angle:
+        high = np.full(2 * len(sets), p.high)
+        return made.of(_as_it_is, -high, high)
+    free = np.full(len(sets), np.inf)
+    low, high = one * (p.low - neutral), one * (p.high - neutral)
+    return made.of(_place_and_step, _turns(low, -free), _turns(high, free))
+
+
+def torque(block: Block, values: Values, along: Along) -> Columns:
+    """The torque of an effect or of a friction law at these values, as one column."""
+    made = _torques(block, [_filled(block, values, along)], along)
+    return Columns(*made, low=np.ones(1), high=np.ones(1))
+
+
+def changed_input(block: Block, values: Values, along: Along) -> np.ndarray:
+    """The torque (n,) that an effect on the input makes of u."""
+    lost = torque(block, values, along).wide
+    return along.u if lost is None else along.u - lost[:, 0]
+
+
+def slopes(
+    block: Block,
+    values: Values,
+    along: Along,
+    keys: Sequence[str],
+    given: Mapping[str, float] | None = None,
+) -> Columns:
+    """Derivatives of :func:`torque` by parameters, in the order of ``keys``: central differences.
+
+    ``given`` are other steps than those of :func:`steps`.
+    """
+    own = _filled(block, values, along)
+    step = {k: step_of(block, k, own[k], along) for k in keys} | dict(given or {})
+    free = np.full(len(keys), np.inf)
+    if not keys:
+        return Columns(None, None, -free, free)
+    sets, between = [], []
+    for k in keys:
+        p = block.parameters[k]
+        less, more = max(own[k] - step[k], p.low), min(own[k] + step[k], p.high)
+        sets += [own | {k: less}, own | {k: more}]
+        between.append(more - less if np.isfinite(own[k]) else 1.0)  # no limit: no slope
+    both = Columns(*_torques(block, sets, along), low=-free, high=free)
+    return both.of(lambda x: (x[:, 1::2] - x[:, ::2]) / np.array(between), -free, free)
+
+
+def step_of(block: Block, key: str, value: float, along: Along) -> float:
+    """How far to go for a difference: a share of a positive quantity; of a frequency or an order
+    what moves the end of the log by 0.1 rad; of a place or an instant a share of the log's."""
+    p = block.parameters[key]
+    reach = max(float(np.ptp(along.path)), 1e-12)
+    if p.unit == "Hz":
+        return TURN / (2 * np.pi * max(float(np.ptp(along.t)), 1e-12))
+    if p.whole:
+        return TURN / reach
+    if p.angle:
+        return TRAVEL
+    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * TRAVEL * reach}.get(p.unit, 1e-6)
+    if p.low >= 0.0:
+        return max(SHARE * abs(value), least) if np.isfinite(value) else SHARE
+    if p.unit == "s":
+        return DURATION * float(np.ptp(along.t))
+    return (
+        TRAVEL * reach if p.unit == "rad" else max(SHARE * abs(value), SHARE * abs(p.value), least)
+    )
+
+
+# Coefficients and parameters
+
+
+def to_values(
+    block: Block, coefficients: Sequence[float], values: Values, along: Along
+) -> dict[str, float]:
+    """The parameters that coefficients of :func:`columns` mean, beside the values given there."""
+    known, made = linear(block), dict(values)
+    if not known:
+        return made
+    unit = {k: x for k, x in _unit(block, values, along).items() if k in values}
+    size, neutral = float(coefficients[0]), block.own[block.gain].neutral or 0.0
+    if len(known) == 2:
+        other = float(coefficients[1])
+        if block.own[known[1]].angle:
+            phase = float(np.arctan2(other, size))
+            size, made[known[1]] = float(np.hypot(size, other)), phase if phase > -np.pi else np.pi
+        else:
+            made[known[1]] = _places(block, along)[0][known[1]] + (other / size if size else 0.0)
+    made |= {k: size * unit[k] for k in _scaled(block) or () if k in unit}
+    return made | {block.gain: neutral + size}
+
+
+def to_coefficients(block: Block, values: Values, along: Along) -> np.ndarray:
+    """The coefficients of :func:`columns` that stand for these values."""
+    known = linear(block)
+    if not known:
+        return np.ones(1)
+    own = _filled(block, values, along)
+    size = own[block.gain] - (block.own[block.gain].neutral or 0.0)
+    if len(known) == 1:
+        return np.array([size])
+    if block.own[known[1]].angle:
+        return size * np.array([np.cos(own[known[1]]), np.sin(own[known[1]])])
+    return np.array([size, size * (own[known[1]] - _places(block, along)[0][known[1]])])
+
+
+def _filled(block: Block, values: Values, along: Along) -> dict[str, Any]:
+    """A value of each parameter: given, shared with the plant, or its default."""
+    for key in values:
+        if key not in block.parameters:
+            block.check({key: values[key]})
+    plant = {k: x for k, x in {**along.values, "J": along.J}.items() if x is not None}
+    given = {k: x for k, x in values.items() if x is not None}
+    return {**block.defaults(), **borrowed(block, plant), **given}
+
+
+def _unit(block: Block, values: Values, along: Along) -> dict[str, Any]:
+    """All parameters for a strength of 1."""
+    own, p = _filled(block, values, along), block.own[block.gain]
+    neutral = p.neutral or 0.0
+    size = own[block.gain] - neutral if block.gain in values else 1.0
+    scaled = {k: own[k] / size for k in _scaled(block) or ()} if size else {}
+    return own | scaled | {block.gain: neutral + 1.0}
+
+
+def _places(block: Block, along: Along) -> list[dict[str, float]]:
+    """The values of a spanned parameter at which columns are made; one empty set without one."""
+    key = _spanned(block)
+    if key is None:
+        return [{}]
+    p = block.own[key]
+    assert p.span is not None
+    if p.angle:
+        return [{key: p.span[0]}, {key: p.span[1]}]
+    middle = float(np.mean(along.theta)) if p.unit == "rad" else p.span[0]
+    return [{key: middle}, {key: middle + 1.0}]
+
+
+def _spanned(block: Block) -> str | None:
+    return next((k for k, p in block.own.items() if p.span is not None), None)
+
+
+def _as_it_is(x: np.ndarray) -> np.ndarray:
+    return x
+
+
+def _place_and_step(x: np.ndarray) -> np.ndarray:
+    """Of columns at two places, the first and what a step to the second adds."""
+    return _turns(x[:, ::2].T, (x[:, 1::2] - x[:, ::2]).T).T
+
+
+def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Entries of a and of b in turn."""
+    return np.stack([a, b], axis=1).reshape(2 * len(a), *a.shape[1:])
+
+
+# The torque
+
+
+def _is_stiff(block: Block) -> bool:
+    of_mass = any(p.unit == "kg m2" for p in block.own.values())
+    return of_mass or "sensor" in block.acts
+
+
+def _torques(
+    block: Block, sets: Sequence[Mapping[str, Any]], along: Along
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Torque (n, sets) of complete values, in the wide and in the narrow part."""
+    if block.kind == "friction":
+        return _outputs(block, sets, along)[0], None
+    made = _outputs(block, sets, along)
+    if "sensor" in block.acts:
+        return None, _of_sensor(block, made, along)
+    jump = None
+    if block.abrupt and not block.states and "w" in block.inputs:
+        # what jumps with the direction follows the bristle
+        up, down = (_outputs(block, sets, along, way) for way in (1.0, -1.0))
+        made = [0.5 * (a + b) for a, b in zip(up, down, strict=True)]
+        jump = [0.5 * (a - b) for a, b in zip(up, down, strict=True)]
+    parts = _parts(block, made, _weights(along, along.z, along.coulomb, np.ones(len(along))))
+    if jump is not None:
+        way = np.sign(along.w)
+        weights = _weights(along, along.follows, along.follows * along.level, way)
+        parts += _parts(block, jump, weights | {"torque": along.z})
+    inertial = [x for act, x in parts if act in ("J", "+J") or _is_stiff(block)]
+    others = [x for act, x in parts if not (act in ("J", "+J") or _is_stiff(block))]
+    return sum(others[1:], others[0]) if others else None, (
+        sum(inertial[1:], inertial[0]) if inertial else None
+    )
+
+
+def _parts(
+    block: Block, made: list[np.ndarray], weights: Mapping[str, np.ndarray]
+) -> list[tuple[str, np.ndarray]]:
+    return [(act, out * weights[act][:, None]) for act, out in block.deeds(made)]
+
+
+def _weights(
+    along: Along, z: np.ndarray, coulomb: np.ndarray, way: np.ndarray
+) -> dict[str, np.ndarray]:
+    """The torque that a change of 1 adds, by what it acts on: relative, or in N m after a plus.
+
+    ``way`` is the sign of what jumps with w. A level that the friction law does not have is 0.
+    """
+    v = along.values
+    static = np.zeros(len(along))
+    if v.get("Fs") is not None and v.get("vs") is not None:
+        static = sliding_level(along.w, 0.0, 1.0, v["vs"])
+    of_Fs = static * z * (v.get("Fs") or 0.0)
+    return {
+        "torque": way,
+        "input": way,
+        "J": way * along.J * along.acceleration,
+        "+J": way * along.acceleration,
+        "Fc": coulomb - of_Fs,
+        "Fs": of_Fs,
+        "Fv": way * along.viscous,
+        "+Fc": (1.0 - static) * z,
+        "+Fs": static * z,
+        "+Fv": way * along.w,
+    }
+
+
+def _of_sensor(block: Block, errors: list[np.ndarray], along: Along) -> np.ndarray:
+    """An error of the position, or of the speed alone, as a torque: the true acceleration is the
+    measured one without its second, or first, derivative."""
+    by_name = dict(zip(block.fresh, errors, strict=True))
+    if np.any(by_name["theta_m"]):
+        return -along.J * along.each(bend, by_name["theta_m"])
+    return -along.J * along.each(slope, by_name["w_m"])
+
+
+def _outputs(
+    block: Block, sets: Sequence[Mapping[str, Any]], along: Along, way: float | None = None
+) -> list[np.ndarray]:
+    """Changes by each output (n, sets); ``way``: as if the drive moved in this direction."""
+    signals = along.signals(block)
+    if block.exact is not None and block.acts == ("input",):
+        return [np.column_stack([along.u - _held(block, values, along) for values in sets])]
+    if block.states:
+        return driven(block, sets, signals, along.pieces)
+    if way is not None:
+        signals["w"] = way * np.abs(signals["w"])
+    keys = {k: np.array([one[k] for one in sets]) for k in block.parameters}
+    values = {k: float(x[0]) if np.all(x == x[0]) else x for k, x in keys.items()}
+    made = block(*(signals[k][:, None] for k in block.reads), **values)
+    made = changes(block, made, {k: x[:, None] for k, x in signals.items()})
+    shape = (len(along), len(sets))
+    return [np.broadcast_to(np.asarray(x, float), shape) for x in made]
+
+
+def _held(block: Block, values: Values, along: Along) -> np.ndarray:
+    """What an effect on a held input makes of u, by its exact form."""
+    own, exact = {k: values[k] for k in block.own}, block.exact
+    assert exact is not None
+    return along.each(lambda u, dt: exact(u, dt, **own), along.u)
+
+
+# Linear in its strength?
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """A block as the key of what is known of it: its function and declaration are one object."""
+
+    block: Block
+
+    def __hash__(self) -> int:
+        return hash((self.block.kind, self.block.name, self.block.function))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and self.block == other.block
+
+
+def _scaled(block: Block) -> tuple[str, ...] | None:
+    """The parameters that are scaled with the strength, so that the torque is linear in it; None
+    if it is not."""
+    return _tried(_Known(block))
+
+
+@cache
+def _tried(known: _Known) -> tuple[str, ...] | None:
+    block, log = known.block, _some_motion()
+    p = block.own[block.gain]
+    if p.neutral is None or not np.isfinite(p.neutral) or refused(block):
+        return None
+    mass = re.compile(r"\b(N|kg)\b")
+    both = (k for k, q in block.own.items() if mass.search(q.unit) and mass.search(p.unit))
+    for scaled in ((), tuple(k for k in both if k != block.gain)):
+        sets = []
+        for size in (TRIED, 2 * TRIED):
+            own = _filled(block, {}, log)
+            more = {k: own[k] * size for k in scaled}
+            sets.append(own | more | {block.gain: p.neutral + size})
+        with np.errstate(all="ignore"):
+            parts = [x for x in _torques(block, sets, log) if x is not None]
+        if all(_doubled(x) for x in parts):
+            return scaled
+    return None
+
+
+def _doubled(x: np.ndarray) -> bool:
+    most = float(np.max(np.abs(x[:, 1]))) if len(x) else 0.0
+    return bool(np.all(np.abs(x[:, 1] - 2.0 * x[:, 0]) <= ALIKE * most))
+
+
+@cache
+def _some_motion() -> Along:
+    """A short motion to and fro, with which blocks are tried."""
+    dt = 2e-3
+    t = dt * np.arange(250)
+    theta = 0.7 * np.sin(11.0 * t + 0.3) + 0.4 * np.sin(29.0 * t) + 3.0 * t
+    w, u = slope(theta, dt), 1.5 * np.sin(17.0 * t) + 0.4
+    way = np.tanh(w)
+    return Along(
+        t=t,
+        theta=theta,
+        w=w,
+        acceleration=bend(theta, dt),
+        path=theta,
+        pieces=((slice(0, len(t)), dt),),
+        u=u,
+        z=way,
+        follows=way**2,
+        coulomb=0.3 * way,
+        level=np.full(len(t), 0.3),
+        viscous=0.02 * w,
+        load=0.2 * np.sin(theta),
+        J=0.01,
+        values={"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5},
+    )
