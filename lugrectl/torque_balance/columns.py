@@ -23,10 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.block import Block, P
+from ..blocks.block import Block
 from ..blocks.embedding import borrowed
 from ..blocks.friction import level as sliding_level
-from ..core.errors import InputError
 from ..engine import TraceError
 from .driven_states import Pieces, changes, driven
 
@@ -433,7 +432,7 @@ def _torques(
     if jump is not None:
         way = np.sign(along.w)
         weights = _weights(along, along.follows, along.follows * along.level, way)
-        parts += _parts(block, jump, weights | {"torque": along.z})
+        parts += _parts(block, jump, weights | {"torque": along.z, "input": way})
     inertial = [x for act, x in parts if act in ("J", "+J") or _is_stiff(block)]
     others = [x for act, x in parts if not (act in ("J", "+J") or _is_stiff(block))]
     return sum(others[1:], others[0]) if others else None, (
@@ -444,7 +443,11 @@ def _torques(
 def _parts(
     block: Block, made: list[np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> list[tuple[str, np.ndarray]]:
-    return [(act, out * weights[act][:, None]) for act, out in block.deeds(made)]
+    plain = ("torque", "input")
+    return [
+        (act, out if act in plain and act not in weights else out * weights[act][:, None])
+        for act, out in block.deeds(made)
+    ]
 
 
 def _weights(
@@ -460,8 +463,6 @@ def _weights(
         static = sliding_level(along.w, 0.0, 1.0, v["vs"])
     of_Fs = static * z * (v.get("Fs") or 0.0)
     return {
-        "torque": way,
-        "input": way,
         "J": way * along.J * along.acceleration,
         "+J": way * along.acceleration,
         "Fc": coulomb - of_Fs,
