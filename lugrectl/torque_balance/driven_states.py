@@ -25,7 +25,7 @@ from ..engine.runtime.c_compiler import has_wide
 FINE = 1e-3  # s, the longest step: reversals do not wait for the next sample
 TURN = 0.25  # rad of a block's own oscillation, the longest step
 PULL = 2.0  # of two states that only pull at each other, the same
-MOST, STIFFEST = 1000, 32  # steps a sample at most: of those that oscillate, of those that do not
+MOST, STIFFEST = 1000, 64  # steps a sample at most: of those that oscillate, of those that do not
 LARGE = 1e12
 SMALL = 1e-4  # below this (e^q - 1)/q is a series
 PLACES = "amb"  # letters of the signals in the first half of a step, its middle, its second half
@@ -192,12 +192,16 @@ class _Code:
             J = np.array([np.broadcast_to(x, shape) for x in evaluate(self.slopes, values)])
             J = np.clip(np.nan_to_num(J), -LARGE, LARGE).reshape(m, m, *shape)
             both = J * J.swapaxes(0, 1) * (1.0 - np.eye(m))[:, :, None, None]
-            pull = np.maximum(pull, both.max(axis=(0, 1, 2)))
-            if k in (0, DOUBLED):  # on the way there such long steps may be unstable
+            step = FAR * 2.0 ** (k + 1 - DOUBLED)
+            more = np.maximum(pull, both.max(axis=(0, 1, 2)))
+            pull = np.where(np.sqrt(pull) * step < PULL, more, pull)  # beyond, it is unstable
+            if k in (0, DOUBLED):
                 turn = np.maximum(turn, -both.min(axis=(0, 1, 2)))
-            there = evaluate(self.after, values | {"h": FAR * 2.0 ** (k + 1 - DOUBLED)})
+            there = evaluate(self.after, values | {"h": step})
             values |= {f"x{i}": x for i, x in enumerate(there)}
-        need = np.maximum(np.sqrt(turn) / TURN, np.minimum(np.sqrt(pull) / PULL, STIFFEST / dt))
+        need = np.maximum(
+            np.sqrt(turn) / TURN, np.minimum((m - 1) * np.sqrt(pull) / PULL, STIFFEST / dt)
+        )
         return np.maximum(fine, EVEN[np.searchsorted(EVEN[:-1], need * dt)])
 
 
@@ -312,7 +316,7 @@ def _alone(
     if affine([rate], [states[i]])[0] is not None:
         return end, middle
     back, a = at(end)
-    turned = np.logical_and(f * back < 0.0, a < 0.0)
+    turned = _both(f * back < 0.0, a < 0.0)
     goal = end - back / where(turned, a, -1.0)
     q = where(turned, a, 0.0) * step
     grown, _ = _grown(q)
@@ -329,6 +333,10 @@ def _grown(q: Node) -> tuple[Any, Any]:
     divisor = _where(small, 1.0, q)
     grown = _where(small, 1.0 + q * (0.5 + q * (1.0 / 6.0)), (np.exp(q) - 1.0) / divisor)
     return grown, _where(small, 0.5 + q * (1.0 / 6.0), (grown - 1.0) / divisor)
+
+
+def _both(one: Any, other: Any) -> Any:
+    return np.logical_and(one, other)
 
 
 def _where(condition: Any, yes: Any, no: Any) -> Any:
