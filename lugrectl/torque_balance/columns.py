@@ -37,6 +37,8 @@ SHARE = 0.005  # step of a positive quantity, of its value
 TURN = 0.1  # rad by which a step of a frequency moves the end of the log
 TRAVEL, DURATION = 1e-3, 1e-2  # steps of a position and of a time, of the log's
 
+TINY = np.finfo(float).tiny  # a speed that has a direction at rest
+
 Values = Mapping[str, Any]
 
 
@@ -493,7 +495,7 @@ def _outputs(
     if block.states:
         return driven(block, sets, signals, along.pieces)
     if way is not None:
-        signals["w"] = way * np.abs(signals["w"])
+        signals["w"] = way * np.maximum(np.abs(signals["w"]), TINY)
     keys = {k: np.array([one[k] for one in sets]) for k in block.parameters}
     values = {k: float(x[0]) if np.all(x == x[0]) else x for k, x in keys.items()}
     made = block(*(signals[k][:, None] for k in block.reads), **values)

@@ -129,7 +129,11 @@ def _through(
             steps[:] = steps.max()
         for sub in np.unique(steps).tolist():
             lanes = np.flatnonzero(steps == sub)
-            out[:, piece, lanes] = code.run(np.ascontiguousarray(p[:, lanes]), own, dt, sub)
+            many, made = sub, code.run(np.ascontiguousarray(p[:, lanes]), own, dt, sub)
+            while many < MOST and not np.all(np.isfinite(made)):  # a step too long for it
+                many *= 4
+                made = code.run(np.ascontiguousarray(p[:, lanes]), own, dt, many)
+            out[:, piece, lanes] = made
     return list(out)
 
 
@@ -181,8 +185,10 @@ class _Code:
         m, lanes = len(self.block.states), p.shape[1]
         if m < 2:
             return np.full(lanes, fine)
-        shape = PROBES, lanes
-        some = (np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)).astype(int)
+        ends = [f(own[k]) for k in self.block.reads for f in (np.argmin, np.argmax)]
+        evenly = np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)
+        some = np.concatenate([evenly, ends]).astype(int)
+        shape = len(some), lanes
         values: dict[str, Any] = {f"p{i}": row for i, row in enumerate(p)}
         values |= {f"{c}{i}": own[k][some, None]
                    for i, k in enumerate(self.block.reads) for c in PLACES}  # fmt: skip
