@@ -256,7 +256,7 @@ def _ends(x: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]
 
 def _cubic(x0: Any, v0: Any, x1: Any, v1: Any, q: Any) -> Any:
     """The cubic through x0 and x1 with the slopes v0 and v1, at q from 0 to 1."""
-    step = x1 - x0
+    step: Any = x1 - x0
     return x0 + q * (v0 + q * (3.0 * step - 2.0 * v0 - v1 + q * (v0 + v1 - 2.0 * step)))
 
 
@@ -305,48 +305,40 @@ def _advanced(
 
 def _alone(
     rate: Node, states: Sequence[Node], now: Sequence[Node], i: int, step: Any
-) -> tuple[Node, Node]:
+) -> tuple[Any, Any]:
     """State i after a step in which the others stay, and its mean: exact where its rate is a
     straight line. Where the rate turned back within the step, as at the end of a stroke, the line
     is that of the end."""
     both = [rate, *derivatives([rate], states[i])]
 
-    def at(value: Node) -> list[Node]:
+    def at(value: Any) -> list[Any]:
         to = dict(enumerate(now)) | {i: value}
         return rename(both, {states[k].index: y for k, y in to.items()})
 
-    x, where = now[i], _where
+    x: Any = now[i]
     f, a = at(x)
     grown, mean = _grown(a * step)
     end, middle = x + step * f * grown, x + step * f * mean
     if affine([rate], [states[i]])[0] is not None:
         return end, middle
     back, a = at(end)
-    turned = _both(f * back < 0.0, a < 0.0)
-    goal = end - back / where(turned, a, -1.0)
-    q = where(turned, a, 0.0) * step
+    turned = np.logical_and(f * back < 0.0, a < 0.0)
+    goal = end - back / np.where(turned, a, -1.0)
+    q = np.where(turned, a, 0.0) * step
     grown, _ = _grown(q)
     left = (x - goal) * (1.0 + q * grown), (x - goal) * grown
-    return where(turned, goal + left[0], end), where(turned, goal + left[1], middle)
+    return np.where(turned, goal + left[0], end), np.where(turned, goal + left[1], middle)
 
 
-def _grown(q: Node) -> tuple[Any, Any]:
+def _grown(q: Any) -> tuple[Any, Any]:
     """(e^q - 1)/q, by which a step's rate grows, and (e^q - 1 - q)/q^2, for its mean."""
     if q.is_constant(0.0):
         return 1.0, 0.5
     small = np.abs(q) < SMALL
     q = np.minimum(q, 1.0)  # a state that runs away is not followed far
-    divisor = _where(small, 1.0, q)
-    grown = _where(small, 1.0 + q * (0.5 + q * (1.0 / 6.0)), (np.exp(q) - 1.0) / divisor)
-    return grown, _where(small, 0.5 + q * (1.0 / 6.0), (grown - 1.0) / divisor)
-
-
-def _both(one: Any, other: Any) -> Any:
-    return np.logical_and(one, other)
-
-
-def _where(condition: Any, yes: Any, no: Any) -> Any:
-    return np.where(condition, yes, no)
+    divisor = np.where(small, 1.0, q)
+    grown = np.where(small, 1.0 + q * (0.5 + q * (1.0 / 6.0)), (np.exp(q) - 1.0) / divisor)
+    return grown, np.where(small, 0.5 + q * (1.0 / 6.0), (grown - 1.0) / divisor)
 
 
 def _source(

@@ -53,6 +53,7 @@ VALUES = {  # of parameters whose defaults say little along this motion
     "velocity_sensor_lag": {"time_constant": 0.01},
 }
 # what jumps or strikes has slopes only in the mean
+KINKED = {"elastoplastic", "leuven"}  # a stroke ends within few samples
 JUMPS = {"time", "gap", "position", "limit", "half_width", "delay"}
 
 
@@ -181,7 +182,7 @@ def test_slopes_are_small_differences(block):
         less, more = (both(torque(block, values | {k: values[k] + s}, log)) for s in (-h, h))
         exact = (more - less)[:, 0] / (2 * h)
         miss, size = np.linalg.norm(smooth(made[:, i] - exact)), np.linalg.norm(smooth(exact))
-        assert miss < 0.03 * size + 1e-9, k
+        assert miss < (0.2 if block.name in KINKED else 0.03) * size + 1e-9, k
 
 
 def test_several_sets_at_once_are_one_after_the_other(block):
@@ -193,6 +194,16 @@ def test_several_sets_at_once_are_one_after_the_other(block):
     at_once = both(lanes(block, sets, log))
     each = np.concatenate([both(columns(block, v, log)) for v in sets], axis=1)
     np.testing.assert_allclose(at_once, each, rtol=1e-6, atol=1e-9 * np.abs(each).max())
+
+
+@pytest.mark.parametrize("name", ["backlash", "dwell_stiction", "actuator_lag"])
+def test_each_compiler_gives_the_same(name, backend, monkeypatch):
+    block = replace(REGISTRY["effect", name], exact=None)
+    log, values = motion(), values_of(block)
+    plain = both(torque(block, values, log))
+    by = {"numpy": None}.get(backend, backend)
+    monkeypatch.setattr("lugrectl.torque_balance.driven_states.compiler", lambda: by)
+    assert both(torque(block, values, log)) == pytest.approx(plain, abs=1e-9 * np.abs(plain).max())
 
 
 def test_what_hangs_on_the_inertia():
@@ -278,6 +289,28 @@ def test_a_load_moves_as_in_a_simulation(name):
     assert np.std(miss) < 0.01 * np.std(smooth(left)[200:-200])
 
 
+@pytest.mark.parametrize("name", ["pose_dependent_inertia", "hard_stop", "quadratic_drag"])
+def test_an_effect_is_what_a_simulation_lacks(name):
+    block = REGISTRY["effect", name]
+    values = values_of(block)
+    log, left, _ = simulated([{"name": name, **values}])
+    made = torque(block, values, log)
+    sides = [x[:, 0] for x in (made.wide, made.narrow) if x is not None]
+    miss = smooth(sum(sides) - left)[100:-100]
+    assert np.std(miss) < 2e-3 * np.std(smooth(left)[100:-100])
+
+
+def test_an_eccentric_encoder_adds_what_its_position_bends():
+    values = {"amplitude": 0.02, "phase": 0.7}
+    true = motion()
+    theta = true.theta + 0.02 * np.sin(true.theta + 0.7)
+    log = log_of(theta, slope(theta, DT), bend(theta, DT), true.u)
+    made = torque(REGISTRY["effect", "encoder_eccentricity"], values, log).narrow
+    assert made is not None
+    want = 0.01 * (true.acceleration - log.acceleration)
+    assert np.std(made[:, 0] - want) < 0.1 * np.std(want)
+
+
 @pytest.mark.parametrize("name", [k for k in LAWS if REGISTRY["friction", k].states])
 def test_a_law_gives_the_friction_of_a_simulation(name):
     law = REGISTRY["friction", name]
@@ -320,7 +353,7 @@ def test_a_longer_rest_makes_a_larger_peak():
 def test_the_exact_form_of_a_held_input_is_used():
     log = motion()
     late = changed_input(REGISTRY["effect", "input_delay"], {"delay": 0.003}, log)
-    np.testing.assert_allclose(late[3:], log.u[:-3])
+    np.testing.assert_allclose(late[3:], log.u[:-3], atol=1e-9)
     lag = REGISTRY["effect", "actuator_lag"]
     slow = changed_input(lag, {"time_constant": 0.02}, log)
     by_states = changed_input(replace(lag, exact=None), {"time_constant": 0.02}, log)
