@@ -19,7 +19,7 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"core"},
         {"blocks", "engine", "parallel", "record"},
         {"linear", "loops", "estimates", "simulation"},
-        {"design", "hunting", "identification", "sweeps"},
+        {"design", "hunting", "identification", "sweeps", "torque_balance"},
         {"bench_tests", "compensated_loop", "friction_maps", "observer_comparison", "report"},
         {"axis_response", "diagnosis", "paper"},
         {"cli"},
