@@ -37,6 +37,8 @@ SHARE = 0.005  # step of a positive quantity, of its value
 TURN = 0.1  # rad by which a step of a frequency moves the end of the log
 TRAVEL, DURATION = 1e-3, 1e-2  # steps of a position and of a time, of the log's
 
+TINY = np.finfo(float).tiny  # a speed that has a direction at rest
+
 Values = Mapping[str, Any]
 
 
@@ -432,7 +434,7 @@ def _torques(
     if jump is not None:
         way = np.sign(along.w)
         weights = _weights(along, along.follows, along.follows * along.level, way)
-        parts += _parts(block, jump, weights | {"torque": along.z})
+        parts += _parts(block, jump, weights | {"torque": along.z, "input": way})
     inertial = [x for act, x in parts if act in ("J", "+J") or _is_stiff(block)]
     others = [x for act, x in parts if not (act in ("J", "+J") or _is_stiff(block))]
     return sum(others[1:], others[0]) if others else None, (
@@ -443,7 +445,11 @@ def _torques(
 def _parts(
     block: Block, made: list[np.ndarray], weights: Mapping[str, np.ndarray]
 ) -> list[tuple[str, np.ndarray]]:
-    return [(act, out * weights[act][:, None]) for act, out in block.deeds(made)]
+    plain = ("torque", "input")
+    return [
+        (act, out if act in plain and act not in weights else out * weights[act][:, None])
+        for act, out in block.deeds(made)
+    ]
 
 
 def _weights(
@@ -459,8 +465,6 @@ def _weights(
         static = sliding_level(along.w, 0.0, 1.0, v["vs"])
     of_Fs = static * z * (v.get("Fs") or 0.0)
     return {
-        "torque": way,
-        "input": way,
         "J": way * along.J * along.acceleration,
         "+J": way * along.acceleration,
         "Fc": coulomb - of_Fs,
@@ -491,7 +495,7 @@ def _outputs(
     if block.states:
         return driven(block, sets, signals, along.pieces)
     if way is not None:
-        signals["w"] = way * np.abs(signals["w"])
+        signals["w"] = way * np.maximum(np.abs(signals["w"]), TINY)
     keys = {k: np.array([one[k] for one in sets]) for k in block.parameters}
     values = {k: float(x[0]) if np.all(x == x[0]) else x for k, x in keys.items()}
     made = block(*(signals[k][:, None] for k in block.reads), **values)

@@ -16,17 +16,22 @@ import numpy as np
 
 from ..blocks.block import Block
 from ..engine.codegen.python_source import Emitter, indent
+from ..engine.expression.affine import affine
 from ..engine.expression.derivative import derivatives, jacobian
-from ..engine.expression.graph import Graph, Node, evaluate, rename, sharp
+from ..engine.expression.graph import Graph, Node, evaluate, rename, sharp, symbols_in
 from ..engine.runtime.backend import compiler, load
 from ..engine.runtime.c_compiler import has_wide
 
 FINE = 1e-3  # s, the longest step: reversals do not wait for the next sample
 TURN = 0.25  # rad of a block's own oscillation, the longest step
-MOST, STIFFEST = 1000, 64  # steps a sample at most: of an oscillation, of states that only decay
+PULL = 2.0  # of two states that only pull at each other, the same
+MOST, STIFFEST = 1000, 64  # steps a sample at most: of those that oscillate, of those that do not
+LARGE = 1e12
 SMALL = 1e-4  # below this (e^q - 1)/q is a series
+PLACES = "amb"  # letters of the signals in the first half of a step, its middle, its second half
 CHUNK = 4096  # samples whose signals between the samples are kept at a time
-PROBES = 32  # samples at which a block is asked how fast it oscillates
+FAR, DOUBLED = 1.0, 16  # s, the last of the steps by which it is asked, each twice as long
+PROBES = 16  # samples at which a block is asked how fast it oscillates
 EVEN = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, MOST])
 
 Signals = Mapping[str, np.ndarray]
@@ -35,7 +40,7 @@ Pieces = Sequence[tuple[slice, float]]
 # the sets are innermost: a processor computes one while it waits for another
 _LOOP = """
 @fast
-def run(sub, h, node, mid, p, fixed, x, now, later, out):
+def run(sub, h, given, p, fixed, x, now, later, out):
     for s in range(p.shape[1]):
 {head}
     for k in range(out.shape[1]):
@@ -49,7 +54,7 @@ def run(sub, h, node, mid, p, fixed, x, now, later, out):
 {store}
 """
 _LANES = """
-def run(sub, h, node, mid, p, fixed, x, now, later, out):
+def run(sub, h, given, p, fixed, x, now, later, out):
 {head}
     for k in range(out.shape[1]):
         for j in range(sub):
@@ -124,7 +129,11 @@ def _through(
             steps[:] = steps.max()
         for sub in np.unique(steps).tolist():
             lanes = np.flatnonzero(steps == sub)
-            out[:, piece, lanes] = code.run(np.ascontiguousarray(p[:, lanes]), own, dt, sub)
+            many, made = sub, code.run(np.ascontiguousarray(p[:, lanes]), own, dt, sub)
+            while many < MOST and not np.all(np.isfinite(made)):  # a step too long for it
+                many *= 4
+                made = code.run(np.ascontiguousarray(p[:, lanes]), own, dt, many)
+            out[:, piece, lanes] = made
     return list(out)
 
 
@@ -162,14 +171,12 @@ class _Code:
         fixed = np.zeros((self.kept, lanes))
         for first in range(0, n, CHUNK):
             last = min(first + CHUNK, n)
-            node, mid = _between(self.block.reads, own, first, last, dt, sub, self.held)
+            given = _between(self.block.reads, own, first, last, dt, sub, self.held)
             part = np.zeros((many, last - first, lanes))
             with np.errstate(all="ignore"):
-                self.loop(sub, dt / sub, node, mid, p, fixed, x, now, later, part)
+                self.loop(sub, dt / sub, given, p, fixed, x, now, later, part)
             out[:, first:last] = part
-        if not self.held:  # the first sample has only what comes after it
-            out[:, 0] *= 2 * sub / (sub + 1)
-        return out
+        return out if self.held else _sharper(out, sub)
 
     def substeps(self, p: np.ndarray, own: Signals, dt: float) -> np.ndarray:
         """Steps a sample for each set: by the length of a sample, and by how fast the states turn
@@ -178,48 +185,68 @@ class _Code:
         m, lanes = len(self.block.states), p.shape[1]
         if m < 2:
             return np.full(lanes, fine)
-        some = np.unique(np.linspace(0, len(next(iter(own.values()))) - 1, PROBES).astype(int))
+        ends = [f(own[k]) for k in self.block.reads for f in (np.argmin, np.argmax)]
+        evenly = np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)
+        some = np.concatenate([evenly, ends]).astype(int)
+        shape = len(some), lanes
         values: dict[str, Any] = {f"p{i}": row for i, row in enumerate(p)}
-        values |= {f"m{i}": own[k][some, None] for i, k in enumerate(self.block.reads)}
-        values |= {f"x{i}": row for i, row in enumerate(self.start(own, lanes))} | {"h": 1.0}
-        there = evaluate(self.after, values)
-        whirl, pull = np.zeros(lanes), np.zeros(lanes)
-        for states in ({}, {f"x{i}": x for i, x in enumerate(there)}):
-            found = evaluate(self.slopes, values | states)
-            J = np.stack([np.broadcast_to(x, (len(some), lanes)) for x in found], axis=-1)
-            J = np.nan_to_num(J, posinf=1e12, neginf=-1e12).reshape(len(some), lanes, m, m)
-            turns = np.abs(np.linalg.eigvals(J).imag)
-            others = np.linalg.eigvals(np.abs(J) * (1.0 - np.eye(m))).real
-            whirl = np.maximum(whirl, turns.max(axis=(0, 2)))
-            pull = np.maximum(pull, others.max(axis=(0, 2)))
-        need = np.maximum(np.minimum(pull * dt / TURN, STIFFEST), whirl * dt / TURN)
-        return np.maximum(fine, EVEN[np.searchsorted(EVEN[:-1], need)])
+        values |= {f"{c}{i}": own[k][some, None]
+                   for i, k in enumerate(self.block.reads) for c in PLACES}  # fmt: skip
+        values |= {f"x{i}": row for i, row in enumerate(self.start(own, lanes))}
+        turn, pull = np.zeros(lanes), np.zeros(lanes)
+        for k in range(DOUBLED + 1):
+            J = np.array([np.broadcast_to(x, shape) for x in evaluate(self.slopes, values)])
+            J = np.clip(np.nan_to_num(J), -LARGE, LARGE).reshape(m, m, *shape)
+            both = J * J.swapaxes(0, 1) * (1.0 - np.eye(m))[:, :, None, None]
+            step = FAR * 2.0 ** (k + 1 - DOUBLED)
+            more = np.maximum(pull, both.max(axis=(0, 1, 2)))
+            pull = np.where(np.sqrt(pull) * step < PULL, more, pull)  # beyond, it is unstable
+            if k in (0, DOUBLED):
+                turn = np.maximum(turn, -both.min(axis=(0, 1, 2)))
+            there = evaluate(self.after, values | {"h": step})
+            values |= {f"x{i}": x for i, x in enumerate(there)}
+        need = np.maximum(
+            np.sqrt(turn) / TURN, np.minimum((m - 1) * np.sqrt(pull) / PULL, STIFFEST / dt)
+        )
+        return np.maximum(fine, EVEN[np.searchsorted(EVEN[:-1], need * dt)])
+
+
+def _sharper(out: np.ndarray, sub: int) -> np.ndarray:
+    """Means around the samples without what they take off slow changes; the first sample has only
+    what comes after it."""
+    out[:, 0] *= 2.0
+    s = (np.arange(sub) + 0.5) / sub
+    spread = float(np.mean((1.0 - s) * s**2))
+    out[:, 1:-1] -= spread * (out[:, 2:] - 2.0 * out[:, 1:-1] + out[:, :-2])
+    return out
 
 
 def _between(
     reads: Sequence[str], own: Signals, first: int, last: int, dt: float, sub: int, held: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Signals at the start and in the middle of each step, (reads, (last - first) sub) each.
+) -> np.ndarray:
+    """Signals in each step, (3, reads, (last - first) sub): in its first half, its middle and its
+    second half.
 
-    Positions and speeds are those of the cubic through both; in the middle, the speed is the mean
-    over the step. u is held, everything else in a straight line.
+    Positions and speeds are those of the cubic through both; a speed is the mean over the step or
+    its half. u is held if ``held``, everything else goes in straight lines.
     """
     q = np.arange(sub)[:, None] / sub
-    made: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    at = [q + share / sub for share in (0.25, 0.5, 0.75)]
+    made: dict[str, list[np.ndarray]] = {}
     for k in {*reads} - {"theta", "w"}:
         a, b = _ends(own[k], first, last)
         b = a if k == "u" and held else b
-        made[k] = a + q * (b - a), a + (q + 0.5 / sub) * (b - a)
+        made[k] = [a + s * (b - a) for s in at]
     if {"theta", "w"} & {*reads}:
         (x0, x1), (v0, v1) = (_ends(own[k], first, last) for k in ("theta", "w"))
         if last == len(own["w"]):  # beyond the end the speed stays
             x1[-1] = x0[-1] + v0[-1] * dt
-        at = [_cubic(x0, v0 * dt, x1, v1 * dt, s) for s in (q, q + 0.5 / sub, q + 1.0 / sub)]
-        made["theta"] = at[0][0], at[1][0]
-        made["w"] = at[0][1] / dt, (at[2][0] - at[0][0]) * sub / dt
-    each = [[made[k][i].T.ravel() for k in reads] for i in (0, 1)]
-    node, mid = (np.array(rows).reshape(len(reads), -1) for rows in each)
-    return node, mid
+        begin, middle, end = (_cubic(x0, v0 * dt, x1, v1 * dt, q + s / sub) for s in (0, 0.5, 1))
+        made["theta"] = [_cubic(x0, v0 * dt, x1, v1 * dt, s) for s in at]
+        half, whole = 2 * sub / dt, sub / dt
+        made["w"] = [(middle - begin) * half, (end - begin) * whole, (end - middle) * half]
+    every = [[made[k][i].T.ravel() for k in reads] for i in range(len(at))]
+    return np.array(every).reshape(len(at), len(reads), -1)
 
 
 def _ends(x: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
@@ -227,11 +254,10 @@ def _ends(x: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]
     return x[first:last], np.append(x[first + 1 : last], x[min(last, len(x) - 1)])
 
 
-def _cubic(x0: Any, v0: Any, x1: Any, v1: Any, q: Any) -> tuple[Any, Any]:
-    """The cubic through x0 and x1 with the slopes v0 and v1, and its slope, at q from 0 to 1."""
-    step = x1 - x0
-    a, b = 3.0 * step - 2.0 * v0 - v1, v0 + v1 - 2.0 * step
-    return x0 + q * (v0 + q * (a + q * b)), v0 + q * (2.0 * a + 3.0 * q * b)
+def _cubic(x0: Any, v0: Any, x1: Any, v1: Any, q: Any) -> Any:
+    """The cubic through x0 and x1 with the slopes v0 and v1, at q from 0 to 1."""
+    step: Any = x1 - x0
+    return x0 + q * (v0 + q * (3.0 * step - 2.0 * v0 - v1 + q * (v0 + v1 - 2.0 * step)))
 
 
 @lru_cache(maxsize=256)
@@ -241,7 +267,7 @@ def _code(way: _Way) -> _Code:
     held = "input" in block.acts
     p = {k: graph.symbol(f"p{i}") for i, k in enumerate(block.parameters)}
     x = [graph.symbol(f"x{i}") for i in range(len(block.states))]
-    node, mid = ([graph.symbol(f"{c}{i}") for i in range(len(block.reads))] for c in "gm")
+    places = [[graph.symbol(f"{c}{i}") for i in range(len(block.reads))] for c in PLACES]
 
     def called(signals: list[Node], states: Sequence[Node]) -> list[Node]:
         results = block(*signals, *states, **p)
@@ -251,35 +277,68 @@ def _code(way: _Way) -> _Code:
         return sharp(nodes, [p[k] for k in way.smooth])
 
     many = len(block.fresh)
-    rates = called(mid, x)[many:]
-    after = _advanced(rates, x, graph.symbol("h"))
-    middle = [0.5 * (a + b) for a, b in zip(x, after, strict=True)]
-    out = (called(mid, middle) if held else called(node, x))[:many]
-    slopes = [one for row in jacobian(rates, x) for one in row]
+    rates = [called(signals, x)[many:] for signals in places]
+    after, middle = _advanced(rates, x, graph.symbol("h"))
+    out = called(places[1], middle)[:many]
+    slopes = [one for row in jacobian(rates[1], x) for one in row]
     text, kept = _source(block, out, after, held, way.by)
     return _Code(block, load(text, way.by).run, kept, held, after, slopes)
 
 
-def _advanced(rates: Sequence[Node], states: Sequence[Node], h: Node) -> list[Node]:
-    """The states after a step h: each alone over half of it, the last over all, and back."""
-    own = [derivatives([f], x)[0] for f, x in zip(rates, states, strict=True)]
-    now, last = list(states), len(states) - 1
-    for i in (*range(last), last, *reversed(range(last))):
-        to = {x.index: value for x, value in zip(states, now, strict=True)}
-        rate, slope = rename([rates[i], own[i]], to)
-        step = h if i == last else 0.5 * h
-        now[i] = now[i] + step * rate * _grown(slope * step)
-    return now
+def _advanced(
+    rates: Sequence[Sequence[Node]], states: Sequence[Node], h: Node
+) -> tuple[list[Node], list[Node]]:
+    """The states after a step h, each alone over the first half, the last over all, and back;
+    and in its middle, where the last one is its mean.
+
+    ``rates`` are those by the signals of the first half, the middle and the second half.
+    """
+    now, middle, last = list(states), list(states), len(states) - 1
+    first = [(i, 0, 0.5 * h) for i in range(last)]
+    for i, part, step in (*first, (last, 1, h), *[(i, 2, s) for i, _, s in reversed(first)]):
+        end, mean = _alone(rates[part][i], states, now, i, step)
+        if part == 1:
+            middle = [*now[:last], mean]
+        now[i] = end
+    return now, middle
 
 
-def _grown(q: Node) -> Any:
-    """(e^q - 1)/q."""
+def _alone(
+    rate: Node, states: Sequence[Node], now: Sequence[Node], i: int, step: Any
+) -> tuple[Any, Any]:
+    """State i after a step in which the others stay, and its mean: exact where its rate is a
+    straight line. Where the rate turned back within the step, as at the end of a stroke, the line
+    is that of the end."""
+    both = [rate, *derivatives([rate], states[i])]
+
+    def at(value: Any) -> list[Any]:
+        to = dict(enumerate(now)) | {i: value}
+        return rename(both, {states[k].index: y for k, y in to.items()})
+
+    x: Any = now[i]
+    f, a = at(x)
+    grown, mean = _grown(a * step)
+    end, middle = x + step * f * grown, x + step * f * mean
+    if affine([rate], [states[i]])[0] is not None:
+        return end, middle
+    back, a = at(end)
+    turned = np.logical_and(f * back < 0.0, a < 0.0)
+    goal = end - back / np.where(turned, a, -1.0)
+    q = np.where(turned, a, 0.0) * step
+    grown, _ = _grown(q)
+    left = (x - goal) * (1.0 + q * grown), (x - goal) * grown
+    return np.where(turned, goal + left[0], end), np.where(turned, goal + left[1], middle)
+
+
+def _grown(q: Any) -> tuple[Any, Any]:
+    """(e^q - 1)/q, by which a step's rate grows, and (e^q - 1 - q)/q^2, for its mean."""
     if q.is_constant(0.0):
-        return 1.0
+        return 1.0, 0.5
     small = np.abs(q) < SMALL
     q = np.minimum(q, 1.0)  # a state that runs away is not followed far
     divisor = np.where(small, 1.0, q)
-    return np.where(small, 1.0 + q * (0.5 + q * (1.0 / 6.0)), (np.exp(q) - 1.0) / divisor)
+    grown = np.where(small, 1.0 + q * (0.5 + q * (1.0 / 6.0)), (np.exp(q) - 1.0) / divisor)
+    return grown, np.where(small, 0.5 + q * (1.0 / 6.0), (grown - 1.0) / divisor)
 
 
 def _source(
@@ -296,8 +355,9 @@ def _source(
     read = [f"{k} = p[{i}{each}]" for i, k in enumerate(keys)]
     head = [*read, *emitter.head, *(f"fixed[{i}{each}] = {k}" for i, k in enumerate(known))]
     body = [*read, *(f"{k} = fixed[{i}{each}]" for i, k in enumerate(known))]
-    body += [f"{c}{i} = {of}[{i}, i]" for i in range(len(block.reads))
-             for c, of in (("g", "node"), ("m", "mid"))]  # fmt: skip
+    used = symbols_in([*out, *after])
+    places = [(j, c, i) for j, c in enumerate(PLACES) for i in range(len(block.reads))]
+    body += [f"{c}{i} = given[{j}, {i}, i]" for j, c, i in places if f"{c}{i}" in used]
     body += [f"x{i} = x[{i}{each}]" for i in range(len(new))]
     body += [*emitter.body, *(f"y{i} = {code}" for i, code in enumerate(outputs))]
     body += [f"n{i} = {code}" for i, code in enumerate(new)]
@@ -310,5 +370,5 @@ def _source(
         store += [f"later[{i}{each}] = 0.0"]
     filled = (indent(lines, n) for lines, n in zip((head, body, store), depth, strict=True))
     parts = dict(zip(("head", "body", "store"), filled, strict=True))
-    ahead = "0.0" if held else "j / (1.0 * sub * sub)"
+    ahead = "0.0" if held else "(j + 0.5) / (1.0 * sub * sub)"
     return (_LANES if by == "numpy" else _LOOP).format(ahead=ahead, **parts), len(known)
