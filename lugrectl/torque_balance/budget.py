@@ -14,7 +14,6 @@ from .constants import Z95
 from .decision import Decision
 from .interval import Interval
 from .last_fit import LastFit, Name
-from .search import Search
 from .table import Contender
 from .verdict import Answer
 

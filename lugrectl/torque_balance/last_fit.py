@@ -38,6 +38,7 @@ FURTHEST = 10.0  # steps by which a value that is not linear moves at most at a 
 PART = 0.3  # ... and of itself
 DIP = 2.0  # times all torque: no Stribeck dip is larger
 LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
+NOTHING = 1e-100  # a column without torque
 KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
 
 
@@ -120,7 +121,7 @@ class _Columns:
     ) -> None:
         """A column with what is known of its coefficient; no term is larger than LARGE times all
         torque."""
-        rms = float(np.sqrt(np.mean(column**2))) + 1e-300
+        rms = max(float(np.sqrt(np.mean(column**2))), NOTHING)
         self.names.append(name)
         self.parts.append(column)
         most = LARGE * self.force / rms

@@ -24,6 +24,7 @@ from .unknown import likeliest
 OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
 ORDERS = 200  # per turn: the highest order of the angle
 ORDER_WAYS = {"torque_ripple": 2}  # how many orders of an effect are entered; else one
+MINORITY = 0.3  # of the rows: a stop is touched by fewer
 GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
 RINGING = (4.0, 60.0)  # Hz: resonances of a load that are looked for
 
@@ -325,7 +326,7 @@ class Search:
                   for x in product(*(block.own[k].choices for k in rest))]  # fmt: skip
         sets = [{key: float(p)} | other for p in places for other in others]
         X = self.view.in_rows(lanes(block, sets, self.along))
-        few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < 0.5
+        few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
         best = sets[int(np.argmax(np.where(few, self._gains(block, X), 0.0)))]
         x = polish(lambda p: self._gain(block, best | {key: p[0]}), [best[key]],
                    [0.01 * self.span], 15)[0]  # fmt: skip

@@ -15,7 +15,7 @@ from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..record.stretches import Stretch
-from .columns import Along, columns, linear
+from .columns import Along, columns
 from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
 from .friction import Term, View, declared_terms
@@ -26,11 +26,16 @@ from .motion import Motion
 from .rows import Rows
 from .samples import sampled
 from .sensors import Sensors
-from .table import Contender
 from .width import Declared, Width, fine_wave
 
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
+NO_GAIN = (
+    "What could be named does not lower the torque error on rows that no fit has seen, or leaves "
+    "more than it explains."
+)
+SURELY = 4.0  # standard errors that a bend must have: it is any curve
+MOST_STRUCK = 12  # names that may be struck
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
@@ -138,7 +143,11 @@ def answer(
 
 
 class _Judge:
-    """The last fit and the errors of held-out rows, until both hold what is named."""
+    """The last fit and the errors of held-out rows, until both hold what is named.
+
+    The table has seen training rows only. What it names is fitted to all rows, and struck where
+    that fit does not hold it; the same names fitted to training rows are judged on the others.
+    """
 
     def __init__(
         self, view: View, train: View, test: View, split: Split, decision: Decision
@@ -148,49 +157,56 @@ class _Judge:
         self.struck: set[str] = set()
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
+        self.bends = False  # whether a bend of the friction curve is named
 
     def answer(self) -> Answer:
         last = self._held()
-        without = self._without(last.state)
-        plain = Unseen.of(without, self.test)
-        full = Unseen.of(last, self.test)
-        verdict, state = self._verdict(last, full, plain)
-        shown, V, interval = self._on_all_rows(state, last.scale)
+        trained = self._on_training_rows(last.state)
+        without = self._without(trained.state)
+        full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
+        verdict, named = self._verdict(last, full, plain)
+        if not named and any(not t.declared for t in last.state.terms):
+            last = self._plain(last)
+            trained, full = self._on_training_rows(last.state), plain
+        interval, V = self._intervals(last)
         d = self.decision
         made = Answer(
-            verdict, d, self.view, self.split, shown, interval, interval.values(V), V, plain,
-            full if state.terms or state.grease else plain, d.alternatives, [], d.depends_on,
+            verdict, d, self.view, self.split, last, interval, interval.values(V), V, plain, full,
+            d.alternatives, [n for _, n in sorted(self.candidates)], d.depends_on,
+            [*d.notes, *self.notes], refitted=without, trained=trained, rivals=self.rivals,
+            declared_error=self._declared_error(last),
         )  # fmt: skip
-        made.refitted, made.trained = without, self._trained(last, state)
-        made.rivals, made.declared_error = self.rivals, self._declared_error(last)
-        made.candidates = [n for _, n in sorted(self.candidates)]
-        made.notes = [*d.notes, *self.notes]
         self._late_speed(made)
         self._whole_inertia(made)
         return made
 
     # ---- what the last fit holds
     def _held(self) -> LastFit:
-        """The last fit to training rows, with the names that it holds."""
-        for _ in range(12):
+        """The last fit to all rows, with the names that it holds."""
+        for _ in range(MOST_STRUCK):
             self._share()
-            last = best_law(self.train, state_of(self.decision.table), self.decision.table.scale)
+            last = best_law(self.view, state_of(self.decision.table), self.decision.table.scale)
             interval = Interval(last)
             values = interval.values(interval.covariance())
             last = self._bent(last, values)
-            stays = Unseen.of(last, self.test).stays
-            terms = [(i, t) for i, t in enumerate(last.state.terms) if not t.declared]
-            names = {c.name for c in self.decision.table.chosen} | {GREASE_NAME}
-            names |= {t.name for t in self.decision.joined}
-            lost = [
-                i for j, (i, t) in enumerate(terms) if t.name in names and t.name != GREASE_NAME
-                and not (holds(last, values, i) and self._matters(last, i)
-                         and (j == 0 or last.share(i) * self.train.size > stays))
-            ]  # fmt: skip
+            lost = self._lost(last, values)
             if not lost:
                 break
             self._strike(last, lost[-1])
         return last
+
+    def _lost(self, last: LastFit, values: dict[str, Value]) -> list[int]:
+        """The effects that the fit does not hold: the first one for itself, a further one also
+        where it explains less than all that stays."""
+        r = last.design.y - last.design.X @ last.fit.b
+        stays = Unseen.left(r, self.view.rows).stays / self.view.size
+        own = [i for i, t in enumerate(last.state.terms)
+               if not t.declared and t.name != GREASE_NAME]  # fmt: skip
+        return [
+            i for j, i in enumerate(own)
+            if not (holds(last, values, i) and self._matters(last, i)
+                    and (j == 0 or last.share(i) > stays))
+        ]  # fmt: skip
 
     def _strike(self, last: LastFit, i: int) -> None:
         name = last.state.terms[i].name
@@ -218,18 +234,17 @@ class _Judge:
         state = last.state
         if not state.grease:
             return last
-        b, x = last.fit.b, values["grease"]
-        stays = Unseen.of(last, self.test).stays / self.train.size
-        bend = last.bend()
-        sure = x[0] > 4 * (x[0] - x[1]) / Z95
-        names = not self.view.motion.one_way and sure and bend > max(FLOOR, stays)
+        x, bend = values["grease"], last.bend()
+        r = last.design.y - last.design.X @ last.fit.b
+        stays = Unseen.left(r, self.view.rows).stays / self.view.size
+        sure = x[0] > SURELY * (x[0] - x[1]) / Z95
         plain = state.copy(grease=0.0)
-        if names and GREASE_NAME not in self.struck:
+        self.bends = not self.view.motion.one_way and sure and bend > max(FLOOR, stays)
+        if self.bends:
             block = members("effect")[GREASE_NAME]
-            c = np.array([b[last.design.names.index("grease")]])
-            term = Term(block, GREASE_NAME, {"exponent": state.grease}, c)
-            plain.terms.append(term)
-        return LastFit(self.train, plain, last.scale)
+            c = np.array([last.fit.b[last.design.names.index("grease")]])
+            plain.terms.append(Term(block, GREASE_NAME, {"exponent": state.grease}, c))
+        return LastFit(self.view, plain, last.scale)
 
     # ---- held-out rows
     def _share(self) -> None:
@@ -238,24 +253,33 @@ class _Judge:
             for key in ("x0", "vs", "z", "size", "force"):
                 setattr(other, key, getattr(self.train, key))
 
+    def _on_training_rows(self, state: State) -> LastFit:
+        """The same names fitted to training rows, from where the table ended."""
+        scale, names = self.decision.table.scale, {t.key for t in state.terms}
+        begun = state_of(self.decision.table)
+        begun.terms = [t for t in begun.terms if t.key in names]
+        here = {t.key for t in begun.terms}
+        begun.terms += [t.copy() for t in state.terms if t.key not in here]
+        return best_law(self.train, begun, scale, straight=True)
+
     def _without(self, state: State) -> LastFit:
         """The same without names, and with what every drive has held to its size."""
         declared = [t for t in state.terms if t.declared]
         bare = state.copy(terms=[t.copy() for t in declared], grease=0.0, bare=True)
         return best_law(self.train, bare, self.decision.table.scale, straight=True)
 
-    def _verdict(self, last: LastFit, full: Unseen, plain: Unseen) -> tuple[str, State]:
-        """The verdict with the held-out error, and the model that is shown."""
-        d, v, state = self.decision, self.train, last.state
+    def _verdict(self, last: LastFit, full: Unseen, plain: Unseen) -> tuple[str, bool]:
+        """The verdict with the held-out error, and whether names are shown."""
+        d, v, state = self.decision, self.view, last.state
         named = [i for i, t in enumerate(state.terms) if not t.declared]
         verdict = d.verdict
         if not named:
             if verdict in ("found", "ambiguous"):
                 verdict = "adequate"
-            if d.rest > 0.5:
+            if d.rest > MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
-            return verdict, state
+            return verdict, False
         if verdict == "adequate":  # a bend, or a load that joined the base
             d.alternatives = list(d.heavy)
             verdict = "ambiguous" if d.alternatives else "found"
@@ -265,44 +289,41 @@ class _Judge:
         lower = gain(plain, full, v.motion.duration) > Z_LOWER and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
-            return self._no_names(last, named, verdict)
+            return self._no_names(last, named), False
         if not much:
-            return "unexplained", state
-        clear = min(shares) > CLEAR * stays and full.error < plain.error / 1.1 and d.rest < 0.5
+            return "unexplained", True
+        clear = min(shares) > CLEAR * stays and d.rest < MOSTLY
         if verdict == "unexplained" and clear:
             d.depends_on = []
             verdict = "ambiguous" if d.alternatives else "found"
-        return verdict, state
+        return verdict, True
 
-    def _no_names(self, last: LastFit, named: Collection[int], verdict: str) -> tuple[str, State]:
+    def _no_names(self, last: LastFit, named: Collection[int]) -> str:
         """What could be named is no more than a candidate."""
         d, state = self.decision, last.state
         self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
         if d.unknown and not d.depends_on:
             d.depends_on = sorted(d.unknown[0].depends_on)
         d.alternatives = []
-        self.notes.append(
-            "What could be named does not lower the torque error on rows that the fit has not seen, "
-            "or leaves more than it explains."
-        )
-        return "unexplained", self._without(state).state.copy(bare=False)
+        self.notes.append(NO_GAIN)
+        return "unexplained"
 
-    def _trained(self, last: LastFit, state: State) -> LastFit:
-        """The fit to training rows of the model that is shown."""
-        return last if state is last.state else LastFit(self.train, state.copy(), last.scale)
+    def _plain(self, last: LastFit) -> LastFit:
+        """The declared model alone, fitted to all rows."""
+        declared = [t.copy() for t in last.state.terms if t.declared]
+        return best_law(self.view, last.state.copy(terms=declared), last.scale, straight=True)
 
     def _declared_error(self, last: LastFit) -> float | None:
         """The error of held-out rows with the declared values as they are; None without them."""
-        b = last.declared(self.test)
-        if b is None:
+        known = last.declared(self.test)
+        if known is None:
             return None
-        design, own = b
-        return Unseen.left(design.y - design.X @ own, self.test.rows).error
+        design, b = known
+        return Unseen.left(design.y - design.X @ b, self.test.rows).error
 
     # ---- all rows
-    def _on_all_rows(self, state: State, scale: float) -> tuple[LastFit, np.ndarray, Interval]:
-        """Values and intervals of the model that is shown, from all rows."""
-        last = LastFit(self.view, state.copy(), scale)
+    def _intervals(self, last: LastFit) -> tuple[Interval, np.ndarray]:
+        """Intervals of the model that is shown."""
         interval = Interval(last)
         orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
         widest = np.inf  # a window that hides a wave tells nothing of it
@@ -314,7 +335,7 @@ class _Judge:
         others += [{k: r.values[k] for k in ("J", "Fc", "Fv")} for r in self.rivals]
         V = interval.covariance(others)
         last.state.apply(self.view)
-        return last, V, interval
+        return interval, V
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
         """The drive with an alternative in place of the one named effect: J, Fc, Fv are as
