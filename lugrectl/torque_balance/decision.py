@@ -7,6 +7,7 @@ torque explains, two are tried at once.
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,7 @@ class Decision:
     def __init__(self, view: View, width: Width, never: Collection[str] = ()) -> None:
         self.view, self.width, self.never = view, width, frozenset(never)
         self.notes: list[str] = []
+        self.memory: dict[str, Any] = {}
         self.joined: list[Term] = []
         self.heavy: list[str] = []
         self.linear = view.model.motion == "linear"
@@ -67,9 +69,12 @@ class Decision:
         self.before, self.free_of_base = table.mark(), int(table.fit.free.sum())
         self.decide(frozenset())
 
+    def _search(self) -> Search:
+        return Search(self.table, self.width.sure, self.never, self.memory)
+
     def _look(self) -> None:
         """The rows of the table beside the base as it stands."""
-        self.search = Search(self.table, self.width.sure, self.never)
+        self.search = self._search()
         self.named, self.unknown = self.search.rows(), self.strangers.rows()
 
     # ---- a load that hides everything else
@@ -167,7 +172,7 @@ class Decision:
         name comes near, or the end."""
         table = self.table
         table.extend(c)
-        named, unknown = Search(table, self.width.sure, self.never).rows(), self.strangers.rows()
+        named, unknown = self._search().rows(), self.strangers.rows()
         rest = [g for g in unknown if self.proven(g, table.e)]
         more = [n for n in named if self.proven(n, table.e) and n.name not in self._taken()]
         odd, far = self._stranger(rest, more)
@@ -219,7 +224,7 @@ class Decision:
         for c in firsts:
             table.back(self.before)
             table.extend(c)
-            named = Search(table, self.width.sure, self.never).rows()
+            named = self._search().rows()
             more = [n for n in named if n.name not in self._taken() and n.share > self.floor(n)]
             if more:
                 pairs.append((float(np.sum(more[0].e - self.e0)), c, more[0]))

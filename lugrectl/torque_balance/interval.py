@@ -133,8 +133,7 @@ class Interval:
         return tuple(self.last.values)
 
     def covariance(self, others: Sequence[Mapping[str, float]] = ()) -> np.ndarray:
-        """Covariance (values, values) of ``names``; ``others`` are the values of other descriptions of
-        the drive."""
+        """Covariance (values, values) of ``names``; ``others`` are values by other descriptions."""
         V = self._slopes @ self.coefficients @ self._slopes.T
         own = self.last.values
         for i, k in enumerate(self.names):

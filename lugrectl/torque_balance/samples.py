@@ -1,4 +1,4 @@
-"""The sound samples of a log: runs of one rate and one set of channels, as the reader leaves them."""
+"""The sound samples of a log: runs of one rate and one set of channels, as they were read."""
 
 from __future__ import annotations
 

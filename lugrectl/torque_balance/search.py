@@ -7,7 +7,7 @@ a change of the torque itself; anything else by a grid around its default.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -26,7 +26,7 @@ ORDERS = 200  # per turn: the highest order of the angle
 ORDER_WAYS = {"torque_ripple": 2}  # how many orders of an effect are entered; else one
 MINORITY = 0.3  # of the rows: a stop is touched by fewer
 GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
-RINGING = (4.0, 60.0)  # Hz: resonances of a load that are looked for
+RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
 
 Values = dict[str, float]
 
@@ -52,12 +52,16 @@ def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -
 class Search:
     """All contenders beside one base.
 
-    ``tried`` are all of them, whether they promise something or not. ``sure`` says that the log determines the inertia; else only what does not depend on it is
-    tried. ``never`` are names that are left out.
+    ``tried`` are all of them, whether they promise something or not. ``sure`` says that the log
+    determines the inertia; else only what does not depend on it is tried. ``never`` are names that
+    are left out. ``memory`` keeps the loads that earlier searches beside other bases found.
     """
 
-    def __init__(self, table: Table, sure: bool, never: Collection[str] = ()) -> None:
+    def __init__(
+        self, table: Table, sure: bool, never: Collection[str], memory: dict[str, Any]
+    ) -> None:
         self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
+        self.memory = memory
         self.linear = self.view.model.motion == "linear"
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
@@ -334,37 +338,50 @@ class Search:
         yield self._contender(block, best | {key: float(x)}, cost=cost)
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A load behind a spring or a gap, driven by the measured motion."""
-        fast = min(RINGING[1], 0.3 / self.view.motion.dt)
-        gaps: Iterable[float] = [0.0]
-        frequencies, dampings = np.geomspace(RINGING[0], fast, 22), [0.03, 0.1, 0.3]
-        if "gap" in keys:
-            reach, count = min(self.span, 6.28), self.view.motion.count
-            gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, GAPS)
-            # where the gap lies depends little on the spring behind it
-            first = [self._load(keys, 80.0, 0.3, g) for g in gaps]
-            at = int(np.argmax(self._loads(block, first)))
-            gaps = list(gaps)[max(at - 1, 0) : at + 2]
-            frequencies, dampings = np.array([45.0, 80.0, 140.0]), [0.3]
-        tried = [(f, z, g) for f in frequencies for z in dampings for g in gaps]
+        """A load behind a spring or a gap, driven by the measured motion.
+
+        Where a gap lies depends little on the spring behind it and on other effects: it is searched
+        once, and only polished again.
+        """
+        many = 3 if "gap" in keys else 2
+        tried = self._springs(block, keys)
+        if not tried:
+            return
         gains = self._loads(block, [self._load(keys, *one) for one in tried])
-        best = tried[int(np.argmax(gains))]
+        best, slowest = tried[int(np.argmax(gains))], min(f for f, _, _ in tried)
+        self.memory[block.name] = best if gains.max() >= 2 * SCREEN else None
         if gains.max() < 2 * SCREEN:
             return
-        many = 2 if "gap" not in keys else 3
 
         def gain(p: np.ndarray) -> float:
             f, z, *gap = np.exp(p)
-            if not 0.8 * frequencies[0] < f < 400 or z > 1:
+            if not 0.8 * slowest < f < FASTEST or z > 1:
                 return -1.0
             return float(self._loads(block, [self._load(keys, f, z, *gap)])[0])
 
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
         f, z, *gap = np.exp(polish(gain, np.log(best[:many]), steps[:many], 40))
-        if f < 0.84 * frequencies[0] or z > 0.95:
+        if f < 0.84 * slowest or z > 0.95:
             return  # at the edge of what a resonance may be: J that falls with frequency
+        self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
         cost = np.log(22 * 3) if many == 2 else np.log(3 * GAPS)
         yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
+
+    def _springs(self, block: Block, keys: Sequence[str]) -> list[tuple[float, float, float]]:
+        """Frequencies (Hz), damping ratios and gaps (rad) to try."""
+        if "gap" not in keys:
+            fast = min(RINGING[1], 0.3 / self.view.motion.dt)
+            rates = np.geomspace(RINGING[0], fast, 22).tolist()
+            return [(f, z, 0.0) for f in rates for z in (0.03, 0.1, 0.3)]
+        if block.name in self.memory:
+            known = self.memory[block.name]
+            near = (0.96, 1.0, 1.04) if known else ()
+            return [(known[0], known[1], x * known[2]) for x in near]
+        reach, count = min(self.span, 6.28), self.view.motion.count
+        gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, GAPS)
+        at = int(np.argmax(self._loads(block, [self._load(keys, 80.0, 0.3, g) for g in gaps])))
+        near = gaps[max(at - 1, 0) : at + 2].tolist()
+        return [(f, 0.3, gap) for f in (45.0, 80.0, 140.0) for gap in near]
 
     def _load(self, keys: Sequence[str], f: float, z: float, gap: float = 0.0) -> Values:
         """Values of a load of 1 kg m2 with this frequency (Hz), damping ratio and gap (rad)."""

@@ -36,9 +36,9 @@ class Contender:
 
     ``C`` (m, k) are its columns, ``u`` (n,) what it makes of the torque; one of them is given.
     ``cost`` are nats for values that were searched, ``drop`` columns of the base that it replaces,
-    ``depends_on`` the signals of an unknown torque; ``each`` are the values of several effects of one
-    name at once. Once entered: ``gain`` in nats, ``share`` of
-    friction that it adds to what the declared law can imitate, ``tau`` (m,) that torque, ``J``.
+    ``depends_on`` the signals of an unknown torque, ``each`` the values of several effects of one
+    name at once. Once entered: ``gain`` in nats, ``share`` of friction that it adds to what the
+    declared law can imitate, ``tau`` (m,) that torque, ``J``.
     """
 
     def __init__(

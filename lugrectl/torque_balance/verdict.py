@@ -48,8 +48,8 @@ class Answer:
     ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
     it by name with their ``covariance`` over ``interval.names``. ``named`` are the effects beside
     the declared ones, ``alternatives`` explain as much as the first of them, ``candidates`` were
-    named and are not held. ``without`` and ``with_names`` are the errors of held-out rows, ``refitted`` and
-    ``trained`` the fits to training rows behind them.
+    named and are not held. ``without`` and ``with_names`` are the errors of held-out rows,
+    ``refitted`` and ``trained`` the fits to training rows behind them.
     """
 
     verdict: str
