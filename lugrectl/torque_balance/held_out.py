@@ -15,7 +15,8 @@ from .last_fit import Design, LastFit
 from .rows import Rows
 
 PART = 2.0  # s: length of alternate parts
-PARTS = 8  # of a short log
+PARTS = 40  # of a log at least: both kinds see every place and speed
+LONGER = 6.0  # windows reach: a part is so many times as long
 OUTLIER = 10.0  # robust standard deviations beyond which a row counts no more
 
 
@@ -43,7 +44,7 @@ class Split:
 
     @classmethod
     def _alternate(cls, rows: Rows) -> Split:
-        length = min(PART, (rows.t[-1] - rows.t[0]) / PARTS)
+        length = min(PART, max((rows.t[-1] - rows.t[0]) / PARTS, LONGER * rows.reach))
         place = rows.t / max(length, 1e-12)
         odd = place.astype(int) % 2 == 1
         edge = np.abs(place - np.round(place)) * length < min(rows.reach, 0.1 * length)

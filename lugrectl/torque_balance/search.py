@@ -54,14 +54,19 @@ class Search:
 
     ``tried`` are all of them, whether they promise something or not. ``sure`` says that the log
     determines the inertia; else only what does not depend on it is tried. ``never`` are names that
-    are left out. ``memory`` keeps the loads that earlier searches beside other bases found.
+    are left out, ``only`` those that are tried (None: all). ``memory`` keeps the loads that earlier searches beside other bases found.
     """
 
     def __init__(
-        self, table: Table, sure: bool, never: Collection[str], memory: dict[str, Any]
+        self,
+        table: Table,
+        sure: bool,
+        never: Collection[str],
+        memory: dict[str, Any],
+        only: Collection[str] | None = None,
     ) -> None:
         self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
-        self.memory = memory
+        self.memory, self.only = memory, only
         self.linear = self.view.model.motion == "linear"
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
@@ -78,6 +83,8 @@ class Search:
     def _contenders(self) -> Iterator[Contender]:
         for name, block in members("effect").items():
             if name in self.never | OF_THE_LAW or refused(block):
+                continue
+            if self.only is not None and name not in self.only:
                 continue
             if needs_inertia(block) and not self.sure or "sensor" in block.acts and block.states:
                 continue
@@ -153,6 +160,13 @@ class Search:
         prior = Prior.free(C.shape[1], low=low, high=high)
         return Contender(block.name, each[0], block, C=C, prior=prior, cost=cost,
                          more=each[1:], **other)  # fmt: skip
+
+    def again(self, c: Contender) -> Contender:
+        """The same contender beside this base."""
+        assert c.block is not None
+        if c.C is None:
+            return Contender(c.name, c.q, c.block, u=self.view.changed(c.block, c.q), cost=c.cost)
+        return self._contender(c.block, *c.each, cost=c.cost, drop=c.drop)
 
     def _there(self, c: Contender) -> bool:
         """Whether it has joined the base already, at these values."""

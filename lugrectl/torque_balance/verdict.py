@@ -25,7 +25,9 @@ from .last_fit import LastFit, State, state_of, terms_of
 from .motion import Motion
 from .rows import Rows
 from .samples import sampled
+from .search import Search
 from .sensors import Sensors
+from .table import Table
 from .width import Declared, Width, fine_wave
 
 GREASE_NAME = "sublinear_viscous"
@@ -185,7 +187,8 @@ class _Judge:
         """The last fit to all rows, with the names that it holds."""
         for _ in range(MOST_STRUCK):
             self._share()
-            last = best_law(self.view, state_of(self.decision.table), self.decision.table.scale)
+            last = best_law(self.view, self._found_again(), self.decision.table.scale)
+            last = self._without_small_waves(last)
             interval = Interval(last)
             values = interval.values(interval.covariance())
             last = self._bent(last, values)
@@ -195,6 +198,29 @@ class _Judge:
             self._strike(last, lost[-1])
         return last
 
+    def _found_again(self) -> State:
+        """The chosen effects at their values on all rows: an order, an instant, a gap."""
+        d, table = self.decision, Table(self.view)
+        for c in d.table.chosen:
+            search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
+            rows = search.rows() or [search.again(c)]
+            table.extend(rows[0] if rows[0].gain > 0 else table.enter(search.again(c)))
+        self.view.set_law(d.view.x0, d.view.vs)
+        return state_of(table)
+
+    def _without_small_waves(self, last: LastFit) -> LastFit:
+        """Of several waves of one effect, those that the fit holds beside the first."""
+        names = [t.name for t in last.state.terms]
+        if len(names) == len(set(names)):
+            return last
+        interval = Interval(last)
+        values = interval.values(interval.covariance())
+        kept = [t for i, t in enumerate(last.state.terms)
+                if t.declared or t.name not in names[:i] or holds(last, values, i)]  # fmt: skip
+        if len(kept) == len(names):
+            return last
+        return LastFit(self.view, last.state.copy(terms=[t.copy() for t in kept]), last.scale)
+
     def _lost(self, last: LastFit, values: dict[str, Value]) -> list[int]:
         """The effects that the fit does not hold: the first one for itself, a further one also
         where it explains less than all that stays."""
@@ -202,10 +228,12 @@ class _Judge:
         stays = Unseen.left(r, self.view.rows).stays / self.view.size
         own = [i for i, t in enumerate(last.state.terms)
                if not t.declared and t.name != GREASE_NAME]  # fmt: skip
+        names = [last.state.terms[i].name for i in own]
+        first = {n: j for j, n in reversed([*enumerate(names)])}  # waves of one effect count once
         return [
             i for j, i in enumerate(own)
-            if not (holds(last, values, i) and self._matters(last, i)
-                    and (j == 0 or last.share(i) > stays))
+            if first[names[j]] == j and not (holds(last, values, i) and self._matters(last, i)
+                                             and (j == 0 or last.share(i) > stays))
         ]  # fmt: skip
 
     def _strike(self, last: LastFit, i: int) -> None:
@@ -249,7 +277,10 @@ class _Judge:
     # ---- held-out rows
     def _share(self) -> None:
         """What the table has settled of friction holds on all rows."""
+        joined = [t for t in self.train.terms if not t.declared]
         for other in (self.view, self.test):
+            other.terms = [t for t in other.terms if t.declared]
+            other.terms += [t.copy() for t in joined]
             for key in ("x0", "vs", "z", "size", "force"):
                 setattr(other, key, getattr(self.train, key))
 
