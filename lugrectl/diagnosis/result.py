@@ -17,10 +17,10 @@ from ..record import Record
 
 if TYPE_CHECKING:
     from ..compensated_loop import Compensation
-    from ..estimates.covariance import Joint, Residuals
-    from ..estimates.members import Belief
     from ..estimates.balance import Balance
     from ..estimates.comparison import Comparison
+    from ..estimates.covariance import Joint, Residuals
+    from ..estimates.members import Belief
     from .law_comparison import LawComparison
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")

@@ -37,6 +37,7 @@ from .unknown import Unknown
 from .width import Width
 
 ODDS = 20.0  # to one: what a gain must be worth beside NATS
+FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
 WEIGHT = "gravity"
 
@@ -153,10 +154,13 @@ class Decision:
         good = [c for c in large if self.proven(c, self.e0)]
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * FLOOR]
         if good:
-            best = good[0]
-            rivals = [c.name for c in good[1:] if c.gain > RIVAL * best.gain]
-            rivals = [n for n in rivals if not self.better(best, self._row(n))][:3]
-            self.alternatives = rivals
+            beside = {c.name: self._beside_offset(c) for c in good[:FIRSTS]}
+            best = max(good[:FIRSTS], key=lambda c: beside[c.name].gain)
+            others = [beside[c.name] for c in good[:FIRSTS] if c is not best]
+            own = beside[best.name]
+            rivals = [c.name for c in others
+                      if c.gain > RIVAL * own.gain and not self.better(own, c)]  # fmt: skip
+            self.alternatives = rivals[:3]
             self.verdict = "ambiguous" if rivals else "found"
             self._extend(best)
         elif self.odd:
@@ -164,8 +168,15 @@ class Decision:
         if self.verdict == "unexplained" and self.odd and large:
             self._two_at_once(large[:TOGETHER])
 
-    def _row(self, name: str) -> Contender:
-        return next(c for c in self.named if c.name == name)
+    def _beside_offset(self, c: Contender) -> Contender:
+        """The same contender with an offset of the torque, which is free in each: cogging beside
+        one is the commonest pair there is, and either hides the other."""
+        v = self.view
+        offset = v.K @ np.ones(len(v.motion))
+        C = offset[:, None] if c.C is None else np.column_stack([c.C, offset])
+        prior = Prior.joined(c.prior, Prior.free(1))
+        both = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost, drop=c.drop)
+        return max(c, self.table.enter(both), key=lambda one: one.gain)
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; then what is left decides: a further name, an unknown torque that no

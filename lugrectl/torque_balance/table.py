@@ -62,6 +62,12 @@ class Contender:
         self.lateness, self.inertial = is_lateness(block), has_inertia(block)
         self.gain, self.share, self.b = 0.0, 0.0, np.zeros(self.k)
 
+    @property
+    def order(self) -> tuple[float, ...]:
+        """The whole numbers among its values: orders of the angle."""
+        own = {} if self.block is None else self.block.own
+        return tuple(x for k, x in self.q.items() if own[k].whole)
+
     def added(
         self, view: View, X: np.ndarray, y: np.ndarray, prior: Prior
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
@@ -199,7 +205,8 @@ class Table:
     def _inertia_of(self, c: Contender) -> float:
         """The part of the inertia that an effect of its own inertia has taken."""
         a = self.view.rows.a
-        return float(c.fit.b[-1] * (c.X[:, -1] @ a) / (a @ a))
+        at = len(self.prior)
+        return float(c.fit.b[at] * (c.X[:, at] @ a) / (a @ a))
 
     def _measure(self, c: Contender) -> None:
         """Its torque beside what the declared law can imitate; of an unknown torque, beside the

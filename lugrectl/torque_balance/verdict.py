@@ -203,8 +203,8 @@ class _Judge:
         d, table = self.decision, Table(self.view)
         for c in d.table.chosen:
             search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
-            rows = search.rows() or [search.again(c)]
-            table.extend(rows[0] if rows[0].gain > 0 else table.enter(search.again(c)))
+            same = [row for row in search.rows() if row.gain > 0 and row.order == c.order]
+            table.extend(same[0] if same else table.enter(search.again(c)))
         self.view.set_law(d.view.x0, d.view.vs)
         return state_of(table)
 
@@ -391,8 +391,11 @@ class _Judge:
         if LAG_NAME in declared:
             return
         made.notes.append(LATE_SPEED.format(1e3 * lag))
+        v, J = self.view, abs(made.values["J"][0])
+        jerk = v.rows.narrow @ v.motion.slope(v.motion.acceleration)
+        cost = J * lag * float(np.sqrt(np.mean(jerk**2))) / v.size  # what it would do to a torque
         odd = self.decision.odd and self.decision.odd[0].share > ODD
-        if made.verdict == "adequate" and not odd:
+        if made.verdict == "adequate" and not odd and cost > FLOOR:
             made.lag = lag, lag - Z95 * error, lag + Z95 * error
             made.verdict = "found"
 
