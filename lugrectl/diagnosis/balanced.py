@@ -58,7 +58,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     held_out = () if ready is None else ready.held_out
     report(0.1, "comparing explanations")
     made = answer(asked.stretches, model, held_out)
-    values = model_values(made.last, made.interval, made.values, made.covariance, model)
+    values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
     judged, values, noise = _simulated(ready, made, values, found, least)
@@ -143,13 +143,13 @@ def _simulated(
     model = made.view.model
     offsets = _offsets(made.last)
     ready = ready.with_torque(offsets, _late(made)) if offsets or _late(made) else ready
-    refitted, trained = completed(made.refitted, model), completed(made.trained, model)
+    refitted, trained = completed(made.refitted, model), completed(made.trained, model, made.parts)
     try:
         if _clean(made, least) and not made.only_inertia:
             finer, own = _polished(ready, trained, values)
             if torque_noise(ready, finer) < least * found.friction:
                 trained, values = finer, own
-                named = bool(made.named)
+                named = bool(made.named or made.parts)
                 refitted = _polished(ready, refitted, values)[0] if named else trained
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
@@ -275,7 +275,7 @@ def _said(
     elif judged is None and not made.sure:
         notes.append(NO_INERTIA)
     if judged is not None:
-        notes += [*judged.messages, *_worse(judged.error, bool(made.named))]
+        notes += [*judged.messages, *_worse(judged.error, bool(made.named or made.parts))]
     return [*notes, *plain.notes]
 
 

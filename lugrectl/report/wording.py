@@ -67,16 +67,24 @@ def _found(d: Any) -> str:
     """What is missing, how large it is, and what it is worth on samples that no fit has seen."""
     effects = _get(d, "effects", ())
     what = "; ".join(_size(d, finding) for finding in effects)
-    them, error = "it" if len(effects) == 1 else "them", _get(d, "error")
-    if not error or error.get("augmented") is None or error.get("refitted") is None:
+    them = "it" if len(effects) == 1 else "them"
+    error = next(filter(_falls, (_get(d, "error"), _get(d, "torque_error"))), None)
+    if error is None:
         return f"Missing from the model: {what}."
     ends = (error["refitted"], error["augmented"])
     factor, unit = readable(ends, error["unit"])
     before, after = (number(factor * x, 3) for x in ends)
     return (
-        f"Missing from the model: {what}; with {them} the error of {error['signal']} on held-out "
-        f"samples goes from {before} to {after} {unit}."
+        f"Missing from the model: {what}; with {them} the error of {error.get('signal', 'torque')} "
+        f"on held-out samples goes from {before} to {after} {unit}."
     )
+
+
+def _falls(error: Mapping[str, Any] | None) -> bool:
+    """Whether an error is smaller with the effects than without."""
+    if not error or error.get("augmented") is None or error.get("refitted") is None:
+        return False
+    return error["augmented"] < error["refitted"]
 
 
 def _size(d: Any, finding: Any) -> str:

@@ -31,6 +31,7 @@ from .constants import (
     Z_NOTHING,
 )
 from .friction import Term, View
+from .law_parts import Part, parts
 from .search import Search
 from .table import Contender, Table
 from .unknown import Unknown
@@ -167,6 +168,12 @@ class Decision:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
             self._two_at_once(large[:TOGETHER])
+        self.parts = [p for p in parts(self.table) if p.name not in banned and self._needed(p)]
+
+    def _needed(self, part: Part) -> bool:
+        """Whether a part of friction is proven and large enough for a name."""
+        proven = part.gain > max(np.log(ODDS) + NATS, Z_NOTHING * part.error)
+        return proven and part.share > FLOOR
 
     def _beside_offset(self, c: Contender) -> Contender:
         """The same contender with an offset of the torque, which is free in each: cogging beside

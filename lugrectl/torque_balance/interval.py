@@ -70,7 +70,7 @@ class Interval:
         """Other Stribeck speeds and exponents, then with and without grease."""
         last, state = self.last, self.last.state
         v, d = last.view, last.design
-        m, fine = v.motion, v.deflection(v.x0)[0]
+        m, fine = v.motion, v.deflection(state.bristle(v))[0]
         shapes = [(share * v.vs, e) for share in SPEEDS for e in EXPONENTS]
         falls = [state.copy(vs=vs, exponent=e).fall(m.fine_w) for vs, e in shapes]
         dips = v.K @ m.coarse(np.column_stack([fine * fall for fall in falls]))

@@ -39,6 +39,8 @@ PART = 0.3  # ... and of itself
 DIP = 2.0  # times all torque: no Stribeck dip is larger
 LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
 NOTHING = 1e-100  # a column without torque
+RIGID = 1e-3  # of the bristles: as good as none
+NEAR = {"turn": "presliding", "dip": "stribeck"}  # what friction near rest is a part of
 KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
 
 
@@ -47,7 +49,7 @@ class State:
     """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape.
 
     ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
-    drive has is held to its size.
+    drive has is held to its size. ``lacks`` are parts of friction that the law does not have.
     """
 
     k: dict[str, float]
@@ -56,16 +58,17 @@ class State:
     exponent: float = 2.0
     grease: float = 0.0
     bare: bool = False
+    lacks: frozenset[str] = frozenset()
 
     def copy(self, **other: Any) -> State:
         made = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        own = {k: getattr(self, k) for k in ("vs", "exponent", "grease", "bare")}
+        own = {k: getattr(self, k) for k in ("vs", "exponent", "grease", "bare", "lacks")}
         return State(**{**made, **own, **other})
 
     def apply(self, view: View) -> None:
         """Friction and load along the log, which effects scale."""
         m, k = view.motion, self.k
-        fine, view.z = view.deflection(view.x0)
+        fine, view.z = view.deflection(self.bristle(view))
         dip = m.coarse(fine * self.fall(m.fine_w))
         view.coulomb = k["Fc"] * view.z + k["dip"] * dip
         level = k["Fc"] + k["dip"] * self.fall(m.w)
@@ -76,6 +79,10 @@ class State:
         view.friction, view.J = view.coulomb + view.viscous, k["J"]
         view.set_load(self.terms)
         self.dip = dip
+
+    def bristle(self, view: View) -> float:
+        """The length of the bristles, rad; next to none where the law has none."""
+        return RIGID * view.x0 if "presliding" in self.lacks else view.x0
 
     def fall(self, w: np.ndarray) -> np.ndarray:
         """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
@@ -169,13 +176,16 @@ class Design:
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
         add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
-        add("dip", v.K @ s.dip, low=-DIP * v.force, high=DIP * v.force)
+        most = 0.0 if "stribeck" in s.lacks else DIP * v.force
+        add("dip", v.K @ s.dip, low=-most, high=most)
         add("Fv", v.K @ m.w, low=0.0)
         grease = v.K @ v.grease(s.grease or GREASE[0])
         add("grease", grease, low=0.0, high=np.inf if s.grease else 0.0)
         add("damping", v.K @ m.slope(v.z))
-        fine = last = v.deflection(v.x0)[0]
+        fine = last = v.deflection(s.bristle(v))[0]
         for kind, x, share in NEAR_REST:
+            if NEAR[kind] in s.lacks:
+                continue
             if kind == "turn":
                 new = v.deflection(x * m.top * v.rows.h + v.x0)[0]
                 shape, last = new - last, new

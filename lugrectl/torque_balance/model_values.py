@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ..blocks.block import members
 from ..blocks.model import Model
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
@@ -31,38 +32,46 @@ class ModelValues:
     open: tuple[str, ...]
 
 
-def completed(last: LastFit, model: Model) -> Model:
-    """The declared model and the effects of a last fit, at its values."""
+def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:
+    """The declared model and the effects of a last fit, at its values; ``parts`` are effects that
+    the declared law of friction lacks."""
     made = model
     for term in last.state.terms:
         if not term.declared:
             made = made.with_effect(term.block, _own(term.key, last.values))
+    for name in parts:
+        made = made.with_effect(name, _law_part(name, _plant(last, made.known())))
     return made.with_values(made.kept(_inside(made, _values(last, made))))
+
+
+def _law_part(name: str, known: Mapping[str, float]) -> dict[str, float | None]:
+    """The values of an effect that is a part of friction, as far as the fit has them."""
+    own = members("effect")[name].own
+    return {k: known[k] for k in own if k in known}
 
 
 def _own(key: str, values: Mapping[str, float]) -> dict[str, float | None]:
     return {k.removeprefix(f"{key}."): x for k, x in values.items() if k.startswith(f"{key}.")}
 
 
-def _values(last: LastFit, model: Model) -> dict[str, float]:
-    """A value for each parameter of the model."""
+def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
+    """Inertia and friction as the fit has them, with what is declared of the bristles."""
     v, own, s = last.view, last.values, last.state
-    known = model.known()
     J = own["J"] if v.sure or known.get("J") is None else known["J"]
     level = max(own["Fc"], LEAST * v.force)
-    fitted = {
+    made = {
         "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": max(own["Fs"], level), "vs": s.vs,
         "delta": s.exponent, "sigma0": known.get("sigma0") or level / v.x0,
     }  # fmt: skip
-    fitted["sigma1"] = known.get("sigma1", DAMPING * np.sqrt(fitted["sigma0"] * abs(J)))
-    made = {}
-    for key, p in model.declarations().items():
-        if "." in key:
-            value = own.get(key, known.get(key, p.value))
-        else:
-            value = fitted.get(key, known.get(key, p.value))
-        made[key] = float(value)
-    return made
+    critical = float(np.sqrt(made["sigma0"] * abs(J)))
+    return made | {"sigma1": known.get("sigma1", DAMPING * critical)}
+
+
+def _values(last: LastFit, model: Model) -> dict[str, float]:
+    """A value for each parameter of the model."""
+    known = model.known()
+    own = {k: x for k, x in last.values.items() if "." in k} | _plant(last, known)
+    return {k: float(own.get(k, known.get(k, p.value))) for k, p in model.declarations().items()}
 
 
 def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:
@@ -71,10 +80,15 @@ def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:
 
 
 def model_values(
-    last: LastFit, interval: Interval, values: Mapping[str, Value], V: np.ndarray, model: Model
+    last: LastFit,
+    interval: Interval,
+    values: Mapping[str, Value],
+    V: np.ndarray,
+    model: Model,
+    parts: Collection[str] = (),
 ) -> ModelValues:
     """The model of a last fit to all rows with intervals and covariance."""
-    made = completed(last, model)
+    made = completed(last, model, parts)
     told = _told(last, values, made)
     held, own = made.held(), made.declarations()
     estimates: dict[str, Estimate] = {}

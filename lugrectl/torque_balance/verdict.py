@@ -80,6 +80,11 @@ class Answer:
         return [t for t in self.last.state.terms if not t.declared]
 
     @property
+    def parts(self) -> list[str]:
+        """The parts of friction that the declared law lacks."""
+        return [p.name for p in self.decision.parts]
+
+    @property
     def sure(self) -> bool:
         """Whether the log determines the inertia."""
         return self.decision.width.sure
@@ -159,6 +164,7 @@ class _Judge:
         self.struck: set[str] = set()
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
+        self.lacks: frozenset[str] = frozenset()  # parts of friction that are not named
         self.bends = False  # whether a bend of the friction curve is named
 
     def answer(self) -> Answer:
@@ -167,7 +173,7 @@ class _Judge:
         without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
         verdict, named = self._verdict(last, full, plain)
-        if not named and any(not t.declared for t in last.state.terms):
+        if not named and (self.lacks or any(not t.declared for t in last.state.terms)):
             last = self._plain(last)
             trained, full = self._on_training_rows(last.state), plain
         interval, V = self._intervals(last)
@@ -296,7 +302,9 @@ class _Judge:
     def _without(self, state: State) -> LastFit:
         """The same without names, and with what every drive has held to its size."""
         declared = [t for t in state.terms if t.declared]
-        bare = state.copy(terms=[t.copy() for t in declared], grease=0.0, bare=True)
+        lacks = frozenset(p.name for p in self.decision.parts)
+        terms = [t.copy() for t in declared]
+        bare = state.copy(terms=terms, grease=0.0, bare=True, lacks=lacks)
         return best_law(self.train, bare, self.decision.table.scale, straight=True)
 
     def _verdict(self, last: LastFit, full: Unseen, plain: Unseen) -> tuple[str, bool]:
@@ -304,7 +312,7 @@ class _Judge:
         d, v, state = self.decision, self.view, last.state
         named = [i for i, t in enumerate(state.terms) if not t.declared]
         verdict = d.verdict
-        if not named:
+        if not named and not d.parts:
             if verdict in ("found", "ambiguous"):
                 verdict = "adequate"
             if d.rest > MOSTLY:
@@ -314,7 +322,7 @@ class _Judge:
         if verdict == "adequate":  # a bend, or a load that joined the base
             d.alternatives = list(d.heavy)
             verdict = "ambiguous" if d.alternatives else "found"
-        shares = [last.share(i) for i in named]
+        shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
         lower = gain(plain, full, v.motion.duration) > Z_LOWER and full.error < plain.error
@@ -333,6 +341,8 @@ class _Judge:
         """What could be named is no more than a candidate."""
         d, state = self.decision, last.state
         self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
+        self.candidates += [(-p.share, p.name) for p in d.parts]
+        self.lacks, d.parts = frozenset(p.name for p in d.parts), []
         if d.unknown and not d.depends_on:
             d.depends_on = sorted(d.unknown[0].depends_on)
         d.alternatives = []
@@ -342,7 +352,8 @@ class _Judge:
     def _plain(self, last: LastFit) -> LastFit:
         """The declared model alone, fitted to all rows."""
         declared = [t.copy() for t in last.state.terms if t.declared]
-        return best_law(self.view, last.state.copy(terms=declared), last.scale, straight=True)
+        state = last.state.copy(terms=declared, lacks=self.lacks)
+        return best_law(self.view, state, last.scale, straight=True)
 
     def _declared_error(self, last: LastFit) -> float | None:
         """The error of held-out rows with the declared values as they are; None without them."""
