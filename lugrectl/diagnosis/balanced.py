@@ -20,7 +20,13 @@ from ..estimates.members import Belief
 from ..record import Record
 from ..torque_balance.budget import comparison, signals
 from ..torque_balance.last_fit import LastFit
-from ..torque_balance.model_values import ModelValues, as_estimates, completed, model_values
+from ..torque_balance.model_values import (
+    ModelValues,
+    as_estimates,
+    completed,
+    model_values,
+)
+from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
 from ..torque_balance.verdict import Answer, answer
 from .asked import Asked
@@ -53,7 +59,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     model = asked.model
     asked.records()
     asked.refuse_open_time()
-    ready, why_not = _ready(asked, horizon)
+    ready, why_not = ready_of(asked, horizon)
     if ready is not None and model.motion == "rotary" and not _same_places(ready):
         ready, why_not = None, Refused(OTHER_PLACES)
     held_out = () if ready is None else ready.held_out
@@ -62,11 +68,11 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     values = model_values(made.last, made.interval, made.values, made.covariance, model)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
-    judged, values, noise = _simulated(ready, made, values, found, least)
+    judged, values, noise = simulated(ready, made, values, least)
     plain = plain_balance(
         made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches
     )
-    plain = asked.completed(_same_values(plain, values), perf_counter() - start)
+    plain = asked.completed(same_values(plain, values), perf_counter() - start)
     effects = _findings(made, values, found)
     notes = [*_said(made, judged, why_not, plain), *moved(values.estimates, model)]
     rest = None if ready is None or judged is None else residuals(ready, values.model)
@@ -95,7 +101,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     )
 
 
-def _ready(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
+def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
     """The records split for simulations, or why they cannot be."""
     records = asked.records()
     given = [records] if isinstance(records, Record) else records
@@ -120,22 +126,23 @@ def _same_places(ready: Prepared) -> bool:
     return len(seen[0] & seen[1]) > 0.5 * len(seen[1])
 
 
-def _simulated(
-    ready: Prepared | None, made: Answer, values: ModelValues, found: Comparison, least: float
+def simulated(
+    ready: Prepared | None, made: Answer, values: ModelValues, least: float
 ) -> tuple[Judged | None, ModelValues, float | None]:
-    """Errors before and after, and values of a last polish where the log is clean."""
+    """Errors before and after, and values of a last polish where the log is clean, or the law has
+    values of which the balance knows nothing."""
     if ready is None or values.model.known().get("J") is None:
         return None, values, None
     if not (made.sure or made.view.declared.get("J")):
         return None, values, None
     model = made.view.model
-    offsets = _offsets(made.last)
-    ready = ready.with_torque(offsets, _late(made)) if offsets or _late(made) else ready
+    ready = as_it_acts(ready, made)
     refitted, trained = completed(made.refitted, model), completed(made.trained, model)
     try:
-        if _clean(made, least) and not made.only_inertia:
+        own_law = not told_by_balance(model)
+        if (_clean(made, least) or own_law) and not made.only_inertia:
             finer, own = _polished(ready, trained, values)
-            if torque_noise(ready, finer) < least * found.friction:
+            if own_law or torque_noise(ready, finer) < least * made.view.size:
                 trained, values = finer, own
                 named = bool(made.named)
                 refitted = _polished(ready, refitted, values)[0] if named else trained
@@ -144,6 +151,19 @@ def _simulated(
         return errors(ready, models), values, torque_noise(ready, values.model)
     except (InputError, Refused):
         return None, values, None
+
+
+def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
+    """The same without what the torque columns of the runs have beside the torque that acts."""
+    offsets, late = _offsets(made.last), _late(made)
+    return ready.with_torque(offsets, late) if offsets or late else ready
+
+
+def polished_values(ready: Prepared, made: Answer) -> Model:
+    """The model of training rows, at its likeliest values by one-step predictions."""
+    trained = completed(made.trained or made.last, made.view.model)
+    values = model_values(made.last, made.interval, made.values, made.covariance, made.view.model)
+    return _polished(ready, trained, values)[0]
 
 
 def _clean(made: Answer, least: float) -> bool:
@@ -185,7 +205,7 @@ def _late(made: Answer) -> float:
     return late if certain and abs(late) > 0.5 * made.view.motion.dt else 0.0
 
 
-def _same_values(plain: Balance, values: ModelValues) -> Balance:
+def same_values(plain: Balance, values: ModelValues) -> Balance:
     """The plain part with the values of a polish: one quantity has one value."""
     known = values.estimates
     same = {k: known[k] if k in known and known[k].ci95 is not None else e

@@ -275,7 +275,8 @@ class LastFit:
     def declared(self, view: View) -> tuple[Design, np.ndarray] | None:
         """Rows of a view, and the coefficients (k,) that the declared values mean; None where one
         is missing or the law has other parameters."""
-        known, law = view.declared, set(view.model.friction.values)
+        known, block = view.declared, view.model.friction.block
+        law = {k for k, p in block.own.items() if p.fitted}
         if None in view.model.values().values() or not law <= LAW | {"sigma0", "sigma1"}:
             return None
         k = {"J": known["J"], "Fc": known.get("Fc", 0.0), "Fv": known.get("Fv", 0.0)}

@@ -13,6 +13,7 @@ from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from .interval import Interval, Value
 from .last_fit import LastFit
+from .own_law import law_values, means_the_same
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
 LEAST = 1e-3  # of the level of friction: a stiffness must have one
@@ -37,7 +38,10 @@ def completed(last: LastFit, model: Model) -> Model:
     for term in last.state.terms:
         if not term.declared:
             made = made.with_effect(term.block, _own(term.key, last.values))
-    return made.with_values(made.kept(_inside(made, _values(last, made))))
+    made = made.with_values(made.kept(_inside(made, _values(last, made))))
+    if means_the_same(made.friction.block):
+        return made
+    return made.with_values(made.kept(_inside(made, law_values(last, made))))
 
 
 def _own(key: str, values: Mapping[str, float]) -> dict[str, float | None]:
@@ -104,7 +108,7 @@ def model_values(
 def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str, str]:
     """The keys of the model that the last fit tells, and its own names for them."""
     plant = {"J"} if last.view.sure else set()
-    plant |= {"Fc", "Fv"}
+    plant |= {"Fc", "Fv"} if means_the_same(model.friction.block) else set()
     if last.view.motion.one_way:
         plant -= {"Fc"}
     made = {k: k for k in model.declarations() if k in plant}

@@ -48,14 +48,15 @@ class Answer:
     """What the torque balance says of a log.
 
     ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
-    it by name with their ``covariance`` over ``interval.names``. ``named`` are the effects beside
+    it by name with their ``covariance`` over ``interval.names``; ``decision`` is None where nothing
+    was searched. ``named`` are the effects beside
     the declared ones, ``alternatives`` explain as much as the first of them, ``candidates`` were
     named and are not held. ``without`` and ``with_names`` are the errors of held-out rows,
     ``refitted`` and ``trained`` the fits to training rows behind them.
     """
 
     verdict: str
-    decision: Decision
+    decision: Decision | None
     view: View
     split: Split
     last: LastFit
@@ -82,7 +83,7 @@ class Answer:
     @property
     def sure(self) -> bool:
         """Whether the log determines the inertia."""
-        return self.decision.width.sure
+        return self.view.sure
 
 
 def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:

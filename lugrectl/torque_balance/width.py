@@ -120,7 +120,8 @@ class Probe:
     def _memory(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
         r = self._r
-        c = [float(np.mean(r[j:] * r[:-j]) / np.mean(r * r)) for j in range(1, 8)]
+        power = float(np.mean(r * r)) + 1e-300
+        c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
 
     def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
