@@ -25,6 +25,7 @@ from ..torque_balance.model_values import (
     as_estimates,
     completed,
     model_values,
+    with_scale,
 )
 from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
@@ -141,11 +142,11 @@ def simulated(
     try:
         own_law = not told_by_balance(model)
         if (_clean(made, least) or own_law) and not made.only_inertia:
-            finer, own = _polished(ready, trained, values)
+            finer, own = _polished(ready, trained, values, own_law)
             if own_law or torque_noise(ready, finer) < least * made.view.size:
                 trained, values = finer, own
                 named = bool(made.named)
-                refitted = _polished(ready, refitted, values)[0] if named else trained
+                refitted = _polished(ready, refitted, values, own_law)[0] if named else trained
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model)
@@ -163,7 +164,8 @@ def polished_values(ready: Prepared, made: Answer) -> Model:
     """The model of training rows, at its likeliest values by one-step predictions."""
     trained = completed(made.trained or made.last, made.view.model)
     values = model_values(made.last, made.interval, made.values, made.covariance, made.view.model)
-    return _polished(ready, trained, values)[0]
+    always = not told_by_balance(made.view.model)
+    return _polished(ready, trained, values, always)[0]
 
 
 def _clean(made: Answer, least: float) -> bool:
@@ -171,20 +173,24 @@ def _clean(made: Answer, least: float) -> bool:
     return made.with_names.stays < 2 * least * made.view.size
 
 
-def _polished(ready: Prepared, trained: Model, values: ModelValues) -> tuple[Model, ModelValues]:
+def _polished(
+    ready: Prepared, trained: Model, values: ModelValues, always: bool = False
+) -> tuple[Model, ModelValues]:
     """Values by one-step predictions, begun from those of the balance."""
     model = values.model
     free = [k for k, p in model.declarations().items() if p.fitted and k not in model.held()]
-    made = polish(ready, trained, [k for k in free if k in trained.values()], values.joint)
+    free = [k for k in free if k in trained.values()]
+    made = polish(ready, trained, free, values.joint, always)
     if not made.gained:
         return trained, values
     polished = trained.with_values(made.values)
-    estimates = as_estimates(made.joint, polished)
+    joint = with_scale(made.joint)
+    estimates = as_estimates(joint, polished)
     rest = {k: e for k, e in values.estimates.items() if k not in estimates}
     rest = {k: replace(e, value=made.values[k]) for k, e in rest.items() if k in made.values}
     all_values = replace(
         values, model=values.model.with_values(made.values), estimates={**values.estimates, **rest, **estimates},
-        joint=made.joint,
+        joint=joint,
     )  # fmt: skip
     return polished, all_values
 

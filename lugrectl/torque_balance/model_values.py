@@ -11,7 +11,8 @@ import numpy as np
 from ..blocks.model import Model
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
-from .interval import Interval, Value
+from .constants import SCALE, Z95
+from .interval import WITHOUT_SCALE, Interval, Value
 from .last_fit import LastFit
 from .own_law import law_values, means_the_same
 
@@ -54,9 +55,11 @@ def _values(last: LastFit, model: Model) -> dict[str, float]:
     known = model.known()
     J = own["J"] if v.sure or known.get("J") is None else known["J"]
     level = max(own["Fc"], LEAST * v.force)
+    static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
+    Fs = max(own["Fs"], level) if static is None else static * level
     fitted = {
-        "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": max(own["Fs"], level), "vs": s.vs,
-        "delta": s.exponent, "sigma0": known.get("sigma0") or level / v.x0,
+        "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": Fs, "vs": known.get("vs", s.vs),
+        "delta": known.get("delta", s.exponent), "sigma0": known.get("sigma0") or level / v.x0,
     }  # fmt: skip
     fitted["sigma1"] = known.get("sigma1", DAMPING * np.sqrt(fitted["sigma0"] * abs(J)))
     made = {}
@@ -116,15 +119,16 @@ def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str,
     return made
 
 
-def with_other(values: ModelValues, model: Model, estimates: Mapping[str, Estimate],
-               joint: Joint) -> ModelValues:  # fmt: skip
-    """The same with values of a finer fit."""
-    return replace(values, model=model, estimates={**values.estimates, **estimates}, joint=joint)
+def with_scale(joint: Joint) -> Joint:
+    """The same with the errors of sensors: none is better than SCALE of a value."""
+    own = [SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
+           for k, x in zip(joint.names, joint.values, strict=True)]  # fmt: skip
+    return replace(joint, matrix=joint.matrix + np.diag(np.square(own)))
 
 
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     """Values of a joint distribution with their intervals."""
-    half: Any = 1.96 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
+    half: Any = Z95 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
     own = model.declarations()
     made = {}
     for key, x, h in zip(joint.names, joint.values.tolist(), half.tolist(), strict=True):
