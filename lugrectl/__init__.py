@@ -185,7 +185,7 @@ if TYPE_CHECKING:
     )
     from .diagnosis.identify import identify  # noqa: F401
     from .diagnosis.law_comparison import LawComparison  # noqa: F401
-    from .diagnosis.question import balance  # noqa: F401
+    from .diagnosis.balance import balance  # noqa: F401
     from .diagnosis.result import Diagnosis  # noqa: F401
     from .estimates.findings import Table  # noqa: F401
     from .hunting import (  # noqa: F401

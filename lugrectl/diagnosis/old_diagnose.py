@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -25,7 +24,6 @@ from ..identification.selection import ALPHA, LEAST, Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..parallel.blas_threads import one_blas_thread
 from ..record import Record
-from .compare_laws import under_law
 from .judged import judged
 from .missed_motion import missed_motion
 from .never_worse import borne
@@ -53,116 +51,14 @@ FREE_WORSE = (
 )
 NO_FIT = "Values are those of the balance of torques, without errors of a simulation: {}"
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
-NEW = os.environ.get("LUGRECTL_CORE") == "new"
-LIMIT = 270.0  # s that the fit may take
 
 
-@shows_progress
-@one_blas_thread()
-@stamped("lugrectl.diagnose")
-def diagnose(
-    record: Any,
-    model: Any,
-    *,
-    holdout: Any = None,
-    horizon: float = 1.0,
-    seed: int = 0,
-    least: float = LEAST,
-    alpha: float = ALPHA,
-    time_limit: float = LIMIT,
-    law: str | None = None,
-    columns: Mapping[str, str] | str | None = None,
-    units: Mapping[str, str] | str | None = None,
-    scale: Mapping[str, float] | str | None = None,
-    rate: float | None = None,
-    progress: Wanted = None,
+def answered(
+    record: Any, model: Any, holdout: Any, horizon: Any, seed: Any, limits: tuple[float, float],
+    limit: float, report: Progress, reading: Any,
 ) -> Diagnosis:
-    """Find the physical effect that is missing from a declared model, from a log.
-
-    Whatever may be missing is a row of one table: each effect of the catalogue, and an unknown
-    torque over some signals, beside the declared model with free values. A row counts by how well
-    it predicts parts of the log that its fit has not seen. The model that wins has the values of
-    the table, or, where the log is clean, of a fit by its one-step predictions: where the torque
-    that this fit does not predict is below ``least``. Errors are those of simulations from the
-    recorded torque alone, on held-out samples; they decide nothing. A fit for the errors has not
-    used these samples; the table's values are of all samples.
-
-    Parameters
-    ----------
-    record : path, DataFrame, dict of arrays or Record, or a list of them
-        One run, or several; a folder stands for the runs in it. Rates that differ by a little are
-        brought together; runs of other rates are compared, but not simulated. Up to eight runs may
-        differ in the offset of the torque, in friction (by a factor) and, if no declared effect
-        depends on theta, in the zero of theta. These differences are fitted relative to the first
-        run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
-        are one friction map: see :func:`lugrectl.diagnosis.steady_runs.diagnose_map`.
-    model : Model, Parameters, dict or path
-        The declared model; missing values are identified. Files are read with its motion.
-    holdout : None, "last", or a record as above
-        What is held out: every other block (None), the last half, or another run.
-    horizon : float
-        Time between restarts of the simulation, s.
-    seed : int
-        Seed of the random numbers, which only the error of the residual table uses.
-    least : float
-        The smallest torque that matters, as a share of RMS friction torque.
-    alpha : float
-        Chance of naming something on a record on which nothing is missing.
-    time_limit : float
-        Seconds after which the fit stops itself; the comparison and the plain answer stand.
-    law : str or None
-        Friction law in place of the model's, a name of :func:`lugrectl.laws`; values that both have
-        are kept. "auto": the one that :func:`lugrectl.compare_laws` chooses beside the effects.
-    columns, units, scale, rate : optional
-        How to read logs and holdout, as for :func:`lugrectl.read_record`.
-    progress : callable, True, False or None
-        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
-
-    Returns
-    -------
-    Diagnosis
-        With the verdict "refused" where the record cannot say what is missing; its ``plain`` then
-        holds what is certain all the same.
-
-    Raises
-    ------
-    InputError
-        When an argument cannot be meant, or a file cannot be read or understood.
-
-    Examples
-    --------
-    Ten runs at steady speeds of a made-up fan drive, of which the declared model contains only
-    Coulomb and viscous friction:
-
-    >>> noise = 0.002 * np.random.default_rng(0).standard_normal((10, 200))
-    >>> speeds = [-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0]
-    >>> runs = [
-    ...     {"t": 5e-3 * np.arange(200), "w": w + 0.5 * e,
-    ...      "u": 0.3 * np.sign(w) + 0.02 * w + 0.004 * w * abs(w) + e}
-    ...     for w, e in zip(speeds, noise)
-    ... ]
-    >>> model = lg.Model.of(J=0.0022, friction="coulomb", Fc=0.3, Fv=0.02)
-    >>> found = lg.diagnose(runs, model)
-    >>> found.verdict, found.effects[0].name
-    ('found', 'quadratic_drag')
-    >>> round(found.effects[0].parameters["coefficient"].value, 3)  # N m s2/rad2
-    0.004
-
-    A log of one motion, in a file beside a model file:
-
-    >>> print(lg.diagnose("axis.csv", "axis.toml"))  # doctest: +SKIP
-    """
-    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
-    if law is not None:
-        options = {"least": least, "alpha": alpha, "time_limit": time_limit, "progress": progress}
-        options |= {"holdout": holdout, "horizon": horizon, "seed": seed, **reading}
-        return under_law(diagnose, record, model, law, **options)
-    if NEW:
-        return _new(record, model, holdout, horizon, seed, least, alpha, progress, reading)
     asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
-    limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
-    limits = share(least, "least"), share(alpha, "alpha")
     report(0.0, "torque balance")
     unlike = asked.plain.unlike  # the plain answer first: it stands whatever follows
     try:
@@ -175,19 +71,6 @@ def diagnose(
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
     return with_plain(found, asked)
-
-
-def _new(record, model, holdout, horizon, seed, least, alpha, progress, reading):
-    from . import asked as door
-    from .balanced import diagnosed
-
-    asked = door.Asked.of(record, model, holdout, **reading)
-    horizon, seed = judged_by(horizon, seed)
-    report = reporter(progress)
-    try:
-        return diagnosed(asked, horizon, seed, share(least, "least"), share(alpha, "alpha"), report)
-    except Refused as no:
-        return refusal(no, asked.model, asked.seen, asked.plain)
 
 
 def _finer(
