@@ -27,6 +27,7 @@ from .rows import Rows
 from .samples import sampled
 from .search import Search
 from .sensors import Sensors
+from .stated import inertia_range
 from .table import Table
 from .width import Declared, Width, fine_wave
 
@@ -103,6 +104,7 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
         width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
         width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
+    width.range = inertia_range(width.range, model)
     terms = declared_terms(model, here)
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
