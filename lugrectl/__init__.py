@@ -38,7 +38,7 @@ _HOMES = {
     "hunting": "HuntingMap LimitCycles hunting_map limit_cycles",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
-    "diagnosis.question": "balance",
+    "diagnosis.balance": "balance",
     "diagnosis.diagnose": "diagnose",
     "sweeps": "Sweep sweep sweep_chunks",
     "core.errors": "Diverged InputError Refused",

@@ -33,6 +33,7 @@ from ..torque_balance.verdict import Answer, answer
 from .asked import Asked
 from .experiments import next_experiment
 from .moved_values import moved
+from .refusal import noted
 from .result import Diagnosis
 from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
 
@@ -60,6 +61,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     model = asked.model
     asked.records()
     asked.refuse_open_time()
+    doubts = asked.doubts()
     ready, why_not = ready_of(asked, horizon)
     if ready is not None and model.motion == "rotary" and not _same_places(ready):
         ready, why_not = None, Refused(OTHER_PLACES)
@@ -75,7 +77,8 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     )
     plain = asked.completed(same_values(plain, values), perf_counter() - start)
     effects = _findings(made, values, found)
-    notes = [*_said(made, judged, why_not, plain), *moved(values.estimates, model)]
+    doubts = doubts or asked.doubts(plain)
+    notes = [*doubts, *_said(made, judged, why_not, plain), *moved(values.estimates, model)]
     rest = None if ready is None or judged is None else residuals(ready, values.model)
     return Diagnosis(
         verdict=made.verdict,
@@ -90,7 +93,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         estimates=values.estimates,
         record=asked.seen[0],
         records=tuple(asked.seen),
-        messages=tuple(dict.fromkeys([*model.remarks(), *asked.noticed, *notes])),
+        messages=noted(asked, notes),
         ranking=_ranking(found),
         traces=None if judged is None else judged.traces,
         comparison=found,

@@ -438,7 +438,7 @@ def _check_options(options: Mapping[str, Any]) -> None:
         )
     judged_by(options["horizon"], options["seed"])
     positive(options.get("time_limit", LIMIT), "time_limit", "seconds")
-    share(options.get("least", LEAST), "least")
+    share(options.get("least", FLOOR), "least")
     share(options.get("alpha", ALPHA), "alpha")
     if options.get("law") not in (None, AUTO):
         block_named("friction", options["law"], where="law", what="friction law")

@@ -168,14 +168,16 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     asked.records()
     asked.refuse_open_time()
     report(0.0, "torque balance")
+    doubts = asked.doubts()
     ready, why_not = ready_of(asked, horizon)
     made = alone(asked.stretches, model, () if ready is None else ready.held_out)
     found = made.last, made.interval, made.values, made.covariance
     report(0.4, "errors on held-out samples")
     judged, values, noise = simulated(ready, made, model_values(*found, model), FLOOR)
     plain = same_values(plain_balance(*found, made.sure, asked.stretches), values)
-    notes = [ONLY_PLAIN.format(no)] if (no := why_not) else []
-    notes += [NO_INERTIA] if judged is None and not (notes or made.sure) else []
+    notes = [*(doubts or asked.doubts(plain))]
+    notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
+    notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []
     notes += [*(() if judged is None else judged.messages), *moved(values.estimates, model)]
     keys = () if judged is None else judged.error.keys() - {"augmented"}
     return Identification(
