@@ -31,7 +31,7 @@ def refusal(
         declared=model,
         record=records[0] if records else None,
         records=tuple(records),
-        messages=grave_first(said_once(said, notes)),
+        messages=grave_first(m for m in said_once(said, (*notes, str(no))) if m != str(no)),
         plain=plain,
     )
 

@@ -135,7 +135,7 @@ class Probe:
     def _heavy(self, friction: float) -> bool:
         """Gravity that is large and certain beside everything that is linear."""
         b, inverse, X = self._b[5:], self._inverse[5:, 5:], self._X[:, 5:]
-        chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory)
+        chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory + 1e-300)
         return bool(np.sqrt(np.mean((X @ b) ** 2)) > HEAVY * friction and chi2 > 50)
 
     def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
