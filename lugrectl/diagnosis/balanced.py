@@ -67,7 +67,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         ready, why_not = None, Refused(OTHER_PLACES)
     held_out = () if ready is None else ready.held_out
     report(0.1, "comparing explanations")
-    made = answer(asked.stretches, model, held_out)
+    made = answer(asked.stretches, model, held_out, least)
     values = model_values(made.last, made.interval, made.values, made.covariance, model)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
@@ -76,6 +76,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches
     )
     plain = asked.completed(same_values(plain, values), perf_counter() - start)
+    values = values.beside(plain.combinations)
     effects = _findings(made, values, found)
     doubts = doubts or asked.doubts(plain)
     notes = [*doubts, *_said(made, judged, why_not, plain), *moved(values.estimates, model)]

@@ -55,7 +55,7 @@ def plain_row(parts: Sequence[Stretch], model: Model) -> Balance:
         return base_row(parts, model)
     except Refused as no:
         said = f"{no} {no.experiment or ''}".rstrip()
-        return Balance(refused=said, motion=model.motion, stretches=tuple(parts))
+        return Balance(refused=said, notes=(said,), motion=model.motion, stretches=tuple(parts))
 
 
 def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Balance:

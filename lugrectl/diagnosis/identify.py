@@ -175,6 +175,7 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     report(0.4, "errors on held-out samples")
     judged, values, noise = simulated(ready, made, model_values(*found, model), FLOOR)
     plain = same_values(plain_balance(*found, made.sure, asked.stretches), values)
+    values = values.beside(plain.combinations)
     notes = [*(doubts or asked.doubts(plain))]
     notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
     notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..blocks.model import Model
+from ..estimates.balance import Combination
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from .constants import SCALE, Z95
@@ -31,6 +32,15 @@ class ModelValues:
     estimates: dict[str, Estimate]
     joint: Joint
     open: tuple[str, ...]
+
+    def beside(self, sums: Sequence[Combination]) -> ModelValues:
+        """The same with sums in place of the intervals of what is certain in a sum only."""
+        made = dict(self.estimates)
+        for one in reversed(sums):  # of several the first counts
+            for key in one.parts:
+                if key in made and not made[key].held:
+                    made[key] = replace(made[key], ci95=None, together=one.text)
+        return replace(self, estimates=made)
 
 
 def completed(last: LastFit, model: Model) -> Model:
