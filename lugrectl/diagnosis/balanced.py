@@ -29,6 +29,7 @@ from ..torque_balance.model_values import (
 )
 from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
+from ..torque_balance.tabulated import tabulated
 from ..torque_balance.verdict import Answer, answer
 from .asked import Asked
 from .experiments import next_experiment
@@ -66,6 +67,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     if ready is not None and model.motion == "rotary" and not _same_places(ready):
         ready, why_not = None, Refused(OTHER_PLACES)
     held_out = () if ready is None else ready.held_out
+    report(0.0, "torque balance")
     report(0.1, "comparing explanations")
     made = answer(asked.stretches, model, held_out, least)
     values = model_values(made.last, made.interval, made.values, made.covariance, model)
@@ -97,6 +99,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         messages=noted(asked, notes),
         ranking=_ranking(found),
         traces=None if judged is None else judged.traces,
+        table=tabulated(made.last, made.depends_on) if made.verdict == "unexplained" else None,
         comparison=found,
         joint=values.joint,
         residuals=rest,

@@ -40,7 +40,8 @@ class ModelValues:
             for key in one.parts:
                 if key in made and not made[key].held:
                     made[key] = replace(made[key], ci95=None, together=one.text)
-        return replace(self, estimates=made)
+        kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
+        return replace(self, estimates=made, joint=_only(self.joint, kept))
 
 
 def completed(last: LastFit, model: Model) -> Model:
@@ -127,6 +128,12 @@ def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str,
     made = {k: k for k in model.declarations() if k in plant}
     made |= {k: k for k in model.declarations() if "." in k and k in values}
     return made
+
+
+def _only(joint: Joint, at: Sequence[int]) -> Joint:
+    """The distribution of some of the values."""
+    names = tuple(joint.names[i] for i in at)
+    return Joint(names, joint.values[at], joint.matrix[np.ix_(at, at)], joint.positive[at])
 
 
 def with_scale(joint: Joint) -> Joint:
