@@ -38,7 +38,7 @@ _HOMES = {
     "hunting": "HuntingMap LimitCycles hunting_map limit_cycles",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
-    "diagnosis.question": "balance",
+    "diagnosis.balance": "balance",
     "diagnosis.diagnose": "diagnose",
     "sweeps": "Sweep sweep sweep_chunks",
     "core.errors": "Diverged InputError Refused",
@@ -177,6 +177,7 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
+    from .diagnosis.balance import balance  # noqa: F401
     from .diagnosis.compare_laws import compare_laws  # noqa: F401
     from .diagnosis.diagnose import diagnose  # noqa: F401
     from .diagnosis.fleet import (  # noqa: F401
@@ -185,7 +186,6 @@ if TYPE_CHECKING:
     )
     from .diagnosis.identify import identify  # noqa: F401
     from .diagnosis.law_comparison import LawComparison  # noqa: F401
-    from .diagnosis.question import balance  # noqa: F401
     from .diagnosis.result import Diagnosis  # noqa: F401
     from .estimates.findings import Table  # noqa: F401
     from .hunting import (  # noqa: F401

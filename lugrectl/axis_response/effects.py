@@ -17,7 +17,7 @@ import numpy as np
 from ..blocks.model import Model, Part
 from ..blocks.plant import STAGES, stage
 from ..core.errors import InputError
-from ..identification.candidates.driven_load import torques
+from ..torque_balance.driven_states import driven
 from .runs import Run
 
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
@@ -102,8 +102,10 @@ def _along(
 def _deeds(part: Part, signals: Mapping[str, np.ndarray], run: Run) -> dict[str, np.ndarray]:
     values: dict[str, Any] = dict(part.values)
     if part.block.name == GAP:
-        path = np.cumsum(np.append(run.theta[0], run.speed[:-1] * run.dt))
-        with_gap, without = torques(part.block, path, run.dt, [values, values | TIGHT]).T
-        return {"torque": with_gap - without}
+        known = {k: p.value for k, p in part.block.parameters.items()} | values
+        motion = {k: signals[k] for k in ("theta", "w")}
+        whole = [(slice(0, len(run.u)), run.dt)]
+        (made,) = driven(part.block, [known, known | TIGHT], motion, whole)
+        return {"torque": made[:, 0] - made[:, 1]}
     given = [signals[name] for name in part.block.reads]
     return dict(part.block.deeds(part.block(*given, **values)))

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ..identification.balance.channel_noise import white_noise
 from ..record import Log
 from ..record.samples.rows import Stamped, runs
 from ..record.samples.usable import usable
+from ..record.signal_noise import white_noise
 from .edge_times import angle_of
 from .quantum import smallest
 from .torque_pieces import Piece

@@ -29,7 +29,7 @@ def plot(a: Namespace) -> int:
 
     That there is no screen is said before the work.
     """
-    from ..diagnosis.plain_answer import plain_answer
+    from ..diagnosis.asked import plain_answer
     from ..report import plain_text
 
     kind = None if a.out is None else format_of(a.out)

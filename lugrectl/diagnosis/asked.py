@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from time import perf_counter
@@ -15,8 +15,11 @@ from ..core.validation import positive, whole
 from ..estimates.balance import Balance
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs
-from ..torque_balance.base import base_row
+from .contradictions import checked, doubtful
+from .core_choice import NEW
 from .swapped import refuse_swapped
+
+SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 
 
 @dataclass(frozen=True)
@@ -64,13 +67,26 @@ class Asked:
 
     @cached_property
     def plain(self) -> Balance:
-        """The torque balance of the declared model: the base row of the table, alone."""
+        """The torque balance of the declared model: the base row of the table, with what makes the
+        log impossible."""
         start = perf_counter()
-        try:
-            made = base_row(self.stretches, self.model)
-        except Refused as no:
-            made = Balance(refused=str(no), motion=self.model.motion, stretches=self.stretches)
+        names = [log.source for log in self.logs]
+        made = checked(self.stretches, self.model, names)
         return self.completed(made, perf_counter() - start)
+
+    def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
+        """What the log says against the model; Refused where it is impossible as it was given.
+
+        Asked of several runs and of held values, and where an ``answer`` is doubtful.
+        """
+        stated = any(s.fixed or s.bounded for s in self.model.stated.values())
+        if not (stated or len(self.logs) > 1 or answer is not None and doubtful(answer)):
+            return ()
+        if self.plain.unlike:
+            raise Refused(" ".join(self.plain.unlike), SAME_UNITS)
+        if self.plain.hopeless:
+            raise Refused(" ".join(self.plain.against))
+        return self.plain.against
 
     def completed(self, plain: Balance, seconds: float) -> Balance:
         """A plain answer with bench tests and what was noticed when the logs were read."""
@@ -96,6 +112,15 @@ class Asked:
         for part in self.stretches:
             log = self.logs[part.run]
             refuse_open_time(log.source, getattr(log, "labels", {}), part.dt)
+
+
+def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
+    """The plain answer to logs that were read."""
+    if not NEW:
+        from .plain_answer import plain_answer as before
+
+        return before(logs, model)
+    return Asked(tuple(logs), len(logs) > 1, model).plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:

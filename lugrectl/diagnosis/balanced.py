@@ -20,12 +20,21 @@ from ..estimates.members import Belief
 from ..record import Record
 from ..torque_balance.budget import comparison, signals
 from ..torque_balance.last_fit import LastFit
-from ..torque_balance.model_values import ModelValues, as_estimates, completed, model_values
+from ..torque_balance.model_values import (
+    ModelValues,
+    as_estimates,
+    completed,
+    model_values,
+    with_scale,
+)
+from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
+from ..torque_balance.tabulated import tabulated
 from ..torque_balance.verdict import Answer, answer
 from .asked import Asked
 from .experiments import next_experiment
 from .moved_values import moved
+from .refusal import noted
 from .result import Diagnosis
 from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
 
@@ -54,20 +63,24 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     model = asked.model
     asked.records()
     asked.refuse_open_time()
-    ready, why_not = _ready(asked, horizon)
+    doubts = asked.doubts()
+    ready, why_not = ready_of(asked, horizon)
     held_out = () if ready is None else ready.held_out
+    report(0.0, "torque balance")
     report(0.1, "comparing explanations")
-    made = answer(asked.stretches, model, held_out)
+    made = answer(asked.stretches, model, held_out, least)
     values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
-    judged, values, noise = _simulated(ready, made, values, found, least)
+    judged, values, noise = simulated(ready, made, values, least)
     plain = plain_balance(
         made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches
     )
-    plain = asked.completed(_same_values(plain, values), perf_counter() - start)
+    plain = asked.completed(same_values(plain, values), perf_counter() - start)
+    values = values.beside(plain.combinations)
     effects = _findings(made, values, found)
-    notes = [*_said(made, judged, why_not, plain), *moved(values.estimates, model)]
+    doubts = doubts or asked.doubts(plain)
+    notes = [*doubts, *_said(made, judged, why_not, plain), *moved(values.estimates, model)]
     rest = None if ready is None or judged is None else residuals(ready, values.model)
     return Diagnosis(
         verdict=made.verdict,
@@ -82,9 +95,10 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         estimates=values.estimates,
         record=asked.seen[0],
         records=tuple(asked.seen),
-        messages=tuple(dict.fromkeys([*model.remarks(), *asked.noticed, *notes])),
+        messages=noted(asked, notes),
         ranking=_ranking(found),
         traces=None if judged is None else judged.traces,
+        table=tabulated(made.last, made.depends_on) if made.verdict == "unexplained" else None,
         comparison=found,
         joint=values.joint,
         residuals=rest,
@@ -94,7 +108,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     )
 
 
-def _ready(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
+def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
     """The records split for simulations, or why they cannot be.
 
     Where every other block sees one half of a periodic motion, blocks are longer.
@@ -132,25 +146,26 @@ def _same_motion(ready: Prepared) -> bool:
     return len(seen[0] & seen[1]) > 0.5 * len(seen[1])
 
 
-def _simulated(
-    ready: Prepared | None, made: Answer, values: ModelValues, found: Comparison, least: float
+def simulated(
+    ready: Prepared | None, made: Answer, values: ModelValues, least: float
 ) -> tuple[Judged | None, ModelValues, float | None]:
-    """Errors before and after, and values of a last polish where the log is clean."""
+    """Errors before and after, and values of a last polish where the log is clean, or the law has
+    values of which the balance knows nothing."""
     if ready is None or values.model.known().get("J") is None:
         return None, values, None
     if not (made.sure or made.view.declared.get("J")):
         return None, values, None
     model = made.view.model
-    offsets = _offsets(made.last)
-    ready = ready.with_torque(offsets, _late(made)) if offsets or _late(made) else ready
+    ready = as_it_acts(ready, made)
     refitted, trained = completed(made.refitted, model), completed(made.trained, model, made.parts)
     try:
-        if _clean(made, least) and not made.only_inertia:
-            finer, own = _polished(ready, trained, values)
-            if torque_noise(ready, finer) < least * found.friction:
+        own_law = not told_by_balance(model)
+        if (_clean(made, least) or own_law) and not made.only_inertia:
+            finer, own = _polished(ready, trained, values, own_law)
+            if own_law or torque_noise(ready, finer) < least * made.view.size:
                 trained, values = finer, own
                 named = bool(made.named or made.parts)
-                refitted = _polished(ready, refitted, values)[0] if named else trained
+                refitted = _polished(ready, refitted, values, own_law)[0] if named else trained
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model)
@@ -158,25 +173,43 @@ def _simulated(
         return None, values, None
 
 
+def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
+    """The same without what the torque columns of the runs have beside the torque that acts."""
+    offsets, late = _offsets(made.last), _late(made)
+    return ready.with_torque(offsets, late) if offsets or late else ready
+
+
+def polished_values(ready: Prepared, made: Answer) -> Model:
+    """The model of training rows, at its likeliest values by one-step predictions."""
+    trained = completed(made.trained or made.last, made.view.model)
+    values = model_values(made.last, made.interval, made.values, made.covariance, made.view.model)
+    always = not told_by_balance(made.view.model)
+    return _polished(ready, trained, values, always)[0]
+
+
 def _clean(made: Answer, least: float) -> bool:
     """Whether next to nothing stays beside the model, so that a finer fit may be valid."""
     return made.with_names.stays < 2 * least * made.view.size
 
 
-def _polished(ready: Prepared, trained: Model, values: ModelValues) -> tuple[Model, ModelValues]:
+def _polished(
+    ready: Prepared, trained: Model, values: ModelValues, always: bool = False
+) -> tuple[Model, ModelValues]:
     """Values by one-step predictions, begun from those of the balance."""
     model = values.model
     free = [k for k, p in model.declarations().items() if p.fitted and k not in model.held()]
-    made = polish(ready, trained, [k for k in free if k in trained.values()], values.joint)
+    free = [k for k in free if k in trained.values()]
+    made = polish(ready, trained, free, values.joint, always)
     if not made.gained:
         return trained, values
     polished = trained.with_values(made.values)
-    estimates = as_estimates(made.joint, polished)
+    joint = with_scale(made.joint)
+    estimates = as_estimates(joint, polished)
     rest = {k: e for k, e in values.estimates.items() if k not in estimates}
     rest = {k: replace(e, value=made.values[k]) for k, e in rest.items() if k in made.values}
     all_values = replace(
         values, model=values.model.with_values(made.values), estimates={**values.estimates, **rest, **estimates},
-        joint=made.joint,
+        joint=joint,
     )  # fmt: skip
     return polished, all_values
 
@@ -197,7 +230,7 @@ def _late(made: Answer) -> float:
     return late if certain and abs(late) > 0.5 * made.view.motion.dt else 0.0
 
 
-def _same_values(plain: Balance, values: ModelValues) -> Balance:
+def same_values(plain: Balance, values: ModelValues) -> Balance:
     """The plain part with the values of a polish: one quantity has one value."""
     known = values.estimates
     same = {k: known[k] if k in known and known[k].ci95 is not None else e

@@ -16,20 +16,17 @@ from ..blocks.model import Model, as_model, changed
 from ..core.deadline import within
 from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
+from ..core.regression import paired
 from ..core.validation import positive, share, shown
-from ..engine.runtime.threads import each_beside
-from ..friction_maps.points import is_map
-from ..identification.dataset.windows import Windows
-from ..identification.likelihood.held_out_run import adapted
-from ..identification.likelihood.maximise import Fitted, seen_on
-from ..identification.likelihood.parameters import free_keys
-from ..identification.likelihood.simulation_error import judge
-from ..identification.selection import ALPHA, alone, paired, standard_error
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record
+from ..torque_balance.base import alone
+from ..torque_balance.constants import ALPHA
+from .asked import Asked, judged_by
+from .balanced import as_it_acts, polished_values, ready_of
+from .core_choice import NEW
 from .law_comparison import ComparedLaw, LawComparison
-from .question import Asked, judged_by
-from .study import Prepared, begin, prepared
+from .simulation import Prepared, errors
+from .simulation.likelihood import fitted, loglik
 
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
@@ -119,13 +116,21 @@ def compare_laws(
     """
     horizon, _ = judged_by(horizon, 0)
     names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
+    limit = positive(time_limit, "time_limit", "seconds")
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
+    if not NEW:
+        from .old_compare_laws import compared as before
+
+        return before(record, model, holdout, reading, horizon, names, bar, limit, progress)
     asked = Asked.of(record, model, holdout, **reading)
     report = reporter(progress)
     report(0.0, "torque balance")
-    ready = _ready(asked, horizon)
-    limit = positive(time_limit, "time_limit", "seconds")
-    fits, refused = _fitted(ready, asked.model, names, limit, report)
+    asked.records()
+    asked.refuse_open_time()
+    ready, no = ready_of(asked, horizon)
+    if ready is None:
+        raise no or Refused("nothing can be simulated.")
+    fits, refused = _fitted(ready, asked, names, limit, report)
     return _chosen(fits, refused, asked.model, bar)
 
 
@@ -167,49 +172,38 @@ def law_names(given: Any) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _ready(asked: Asked, horizon: float) -> Prepared:
-    """The records, split, with the values from which every law starts."""
-    record, holdout = asked.records(), asked.holdout()
-    if not isinstance(record, Record) and is_map(record):
-        raise Refused(*OF_MAP)
-    asked.refuse_unfit()
-    ready = prepared(record, asked.model, holdout, horizon)
-    found = alone(asked.plain.stretches, asked.model, asked.plain)
-    return ready.begun_from(asked.plain, asked.starts(found.alone), found.written_late)
-
-
 def _fitted(
-    ready: Prepared, model: Model, names: Sequence[str], limit: float, report: Progress
+    ready: Prepared, asked: Asked, names: Sequence[str], limit: float, report: Progress
 ) -> tuple[list[_Fit], dict[str, str]]:
-    """The fits of the laws, side by side, and why others could not be fitted."""
-
-    def one(name: str) -> _Fit | str:
+    """The fits of the laws, and why others could not be fitted."""
+    fits, refused = [], {}
+    for i, name in enumerate(names):
+        report(0.1 + 0.9 * i / len(names), f"friction law {name}")
         try:
             with within(limit):
-                return _fit(ready, name, changed(model, {"friction": name}, "laws"))
-        except Refused as no:
-            return str(no)
-
-    fits, refused = [], {}
-    report(0.1, f"friction law {names[0]}")
-    for i, (name, found) in enumerate(zip(names, each_beside(one, names), strict=True), 1):
-        if isinstance(found, str):
-            refused[name] = found
-        else:
-            fits.append(found)
-        report(0.1 + 0.9 * i / len(names), f"friction law {names[min(i, len(names) - 1)]}")
+                fits.append(_fit(ready, asked, name))
+        except (Refused, InputError) as no:
+            refused[name] = str(no)
     if not fits:
         raise Refused(next(iter(refused.values())))
     return fits, refused
 
 
-def _fit(ready: Prepared, name: str, model: Model) -> _Fit:
-    job = begin(replace(ready, model=model), lambda *_: None)
-    test = job.parts.test
-    found = adapted(job.base, test, job.declared)
-    judged = judge(found.predictor, found.values, found.noise, test, found.noise)
-    count = len(free_keys(found.predictor))
-    return _Fit(name, predicted(found, test), judged.torque, judged.error, count)
+def _fit(ready: Prepared, asked: Asked, name: str) -> _Fit:
+    """A law at its likeliest values by training samples, and what it predicts of the others."""
+    model = changed(asked.model, {"friction": name}, "laws")
+    made = alone(asked.stretches, model, ready.held_out)
+    ready = as_it_acts(replace(ready, model=model, memory={}), made)
+    values = polished_values(ready, made)
+    own = model.declarations()
+    free = [
+        k for k in values.known() if own[k].fitted and not own[k].usual and k not in model.held()
+    ]
+    fit = fitted(ready, values)
+    each = loglik(ready, fit.drive, [fit.values], [fit.jump], ready.test)[0]
+    judged = errors(ready, {"refitted": values})
+    torque, error = judged.torque_error["refitted"], judged.error["refitted"]
+    return _Fit(name, np.nan_to_num(each, nan=-1e300), torque, error, len(free))
 
 
 def _chosen(
@@ -225,11 +219,6 @@ def _chosen(
     return LawComparison(rows, simplest.name, alike, made)
 
 
-def predicted(found: Fitted, test: Windows) -> np.ndarray:
-    """The log density of each held-out window."""
-    return np.nan_to_num(seen_on(found, test).loglik, nan=-1e300)
-
-
 def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
     """Whether windows are predicted better by more than chance allows."""
     gain, se = paired(best, other)
@@ -237,6 +226,5 @@ def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
 
 
 def _row(f: _Fit, chosen: _Fit) -> ComparedLaw:
-    d = f.windows - chosen.windows
-    se = standard_error(d) if f is not chosen else 0.0
-    return ComparedLaw(f.name, float(d.sum()), se, f.torque, f.error, f.parameters)
+    gain, se = (0.0, 0.0) if f is chosen else paired(f.windows, chosen.windows)
+    return ComparedLaw(f.name, gain, se, f.torque, f.error, f.parameters)

@@ -25,15 +25,15 @@ from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, plain
 from ..core.validation import positive, share, shown
 from ..core.views import view
-from ..identification.selection import ALPHA, LEAST
 from ..parallel.blas_threads import one_thread_each
 from ..parallel.jobs import JobError, run_jobs
 from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files
 from ..record.columns.arrays import is_table, source_of
 from ..record.log_files import there
+from ..torque_balance.constants import ALPHA, FLOOR
+from .asked import judged_by
 from .diagnose import LIMIT, diagnose
-from .question import judged_by
 from .result import VERDICTS, Diagnosis
 from .swapped import refuse_swapped
 
@@ -224,7 +224,7 @@ def diagnose_each(
     holdout: str | None = None,
     horizon: float = 1.0,
     seed: int = 0,
-    least: float = LEAST,
+    least: float = FLOOR,
     alpha: float = ALPHA,
     time_limit: float = LIMIT,
     law: str | None = None,
@@ -438,7 +438,7 @@ def _check_options(options: Mapping[str, Any]) -> None:
         )
     judged_by(options["horizon"], options["seed"])
     positive(options.get("time_limit", LIMIT), "time_limit", "seconds")
-    share(options.get("least", LEAST), "least")
+    share(options.get("least", FLOOR), "least")
     share(options.get("alpha", ALPHA), "alpha")
     if options.get("law") not in (None, AUTO):
         block_named("friction", options["law"], where="law", what="friction law")

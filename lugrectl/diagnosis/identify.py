@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
@@ -12,36 +13,26 @@ from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, stamped
 from ..core.result import plain as jsonable
+from ..estimates.balance import Balance
 from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Estimate, FrictionMap, Traces
 from ..estimates.fitted import Fitted
-from ..friction_maps.low_speed import as_shown
-from ..friction_maps.points import is_map
-from ..identification.balance import Balance
-from ..identification.selection import alone
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record, unlikely_time
+from ..record import Record
+from ..torque_balance.base import alone
+from ..torque_balance.constants import FLOOR
+from ..torque_balance.model_values import model_values
+from ..torque_balance.plain import plain_balance
+from .asked import Asked, judged_by
+from .balanced import NO_INERTIA, ready_of, same_values, simulated
 from .compare_laws import under_law
-from .judged import judged
+from .core_choice import NEW
 from .law_comparison import LawComparison
-from .other_law import lacking
-from .plain_answer import plainly
-from .question import Asked, judged_by
-from .refusal import with_plain
-from .steady_runs import (
-    Fits,
-    begin_map,
-    errors_of,
-    estimates_of,
-    final_model,
-    map_of,
-    messages_of,
-)
-from .study import prepared, residuals
-from .winning_model import winner
+from .moved_values import moved
+from .refusal import noted
+from .simulation import residuals
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
-OF_CHANNELS = frozenset(("u_delay", "w_gain", "w_offset", "w_lag", "drift"))
 
 
 @dataclass(frozen=True, repr=False)
@@ -158,84 +149,49 @@ def identify(
     if law is not None:
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
         return under_law(identify, record, model, law, **options, **reading)
+    if not NEW:
+        from .old_identify import identified as before
+
+        return before(record, model, holdout, horizon, seed, reading, progress)
     asked = Asked.of(record, model, holdout, **reading)
-    horizon, seed = judged_by(horizon, seed)
-    report = reporter(progress)
-    report(0.0, "torque balance")
-    if asked.plain.hopeless:  # the plain answer first: it stands whatever follows
-        no = Refused(" ".join(asked.plain.against))
-        no.plain = asked.plain
-        raise no
+    horizon, _ = judged_by(horizon, seed)
     try:
-        found = _finer(asked, horizon, report)
-    except Refused as no:
-        found = _plainly(asked, no)
-    return with_plain(found, asked)
+        return identified(asked, horizon, reporter(progress))
+    except Refused as no:  # the plain answer stands all the same
+        no.plain = asked.plain
+        raise
 
 
-def _plainly(asked: Asked, no: Refused) -> Identification:
-    """What the torque balance knows where the finer fit is refused.
-
-    Refused if it knows nothing of the drive; how its sensors behave is no answer, and no value is
-    one as long as the unit of t is open.
-    """
-    plain, model = asked.plain, asked.model
-    known = plain.parameters.keys() - OF_CHANNELS or plain.combinations
-    if not known or any(unlikely_time(one) for one in asked.seen):
-        no.plain = plain
-        raise no
-    known, answered = plainly(plain, model)
-    said = asked.seen[0].messages if asked.seen and not asked.several else ()
+def identified(asked: Asked, horizon: float, report: Progress) -> Identification:
+    """The values of the declared model; Refused where the record cannot give any."""
+    start, model = perf_counter(), asked.model
+    asked.records()
+    asked.refuse_open_time()
+    report(0.0, "torque balance")
+    doubts = asked.doubts()
+    ready, why_not = ready_of(asked, horizon)
+    made = alone(asked.stretches, model, () if ready is None else ready.held_out)
+    found = made.last, made.interval, made.values, made.covariance
+    report(0.4, "errors on held-out samples")
+    judged, values, noise = simulated(ready, made, model_values(*found, model), FLOOR)
+    plain = same_values(plain_balance(*found, made.sure, asked.stretches), values)
+    values = values.beside(plain.combinations)
+    notes = [*(doubts or asked.doubts(plain))]
+    notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
+    notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []
+    notes += [*(() if judged is None else judged.messages), *moved(values.estimates, model)]
+    keys = () if judged is None else judged.error.keys() - {"augmented"}
     return Identification(
-        estimates=known,
-        error=None,
-        model=answered,
-        record=asked.seen[0] if asked.seen else None,
-        messages=(*model.remarks(), *said, ONLY_PLAIN.format(no)),
+        estimates=values.estimates,
+        error=None if judged is None else {k: v for k, v in judged.error.items() if k in keys},
+        model=values.model,
+        record=asked.seen[0],
+        records=tuple(asked.seen),
+        messages=noted(asked, [*notes, *plain.notes]),
         declared=model,
-    )
-
-
-def _finer(asked: Asked, horizon: float, report: Progress) -> Identification:
-    """The model at its values with errors; Refused where the record cannot give them."""
-    record, model = asked.records(), asked.model
-    holdout = asked.holdout()
-    if not isinstance(record, Record) and is_map(record):
-        return _map_identified(begin_map(record, model, holdout, report), model)
-    asked.refuse_unfit()
-    ready = prepared(record, model, holdout, horizon)
-    plain = asked.plain
-    found = alone(plain.stretches, asked.completed, plain, held_out=ready.held_out)
-    ready = ready.begun_from(plain, asked.starts(found.alone), found.written_late)
-    won = winner(ready, found, report)
-    own = judged(won, asked)
-    if own.failed:
-        raise Refused(own.failed)
-    lacks = lacking(found, model, plain)
-    return Identification(
-        estimates=own.estimates,
-        error={k: v for k, v in own.scored["error"].items() if k != "augmented"},
-        model=won.whole.predictor.model.with_values(won.whole.values),
-        record=own.job.records[0],
-        messages=(*([lacks] if lacks else []), *own.job.messages),
-        declared=model,
-        traces=own.traces,
-        joint=won.joint,
-        residuals=residuals(won.whole),
-        torque_noise=won.whole.torque_noise,
-    )
-
-
-def _map_identified(fits: Fits, declared: Model) -> Identification:
-    """The declared friction fitted to all points of a map of runs at steady speed."""
-    whole = as_shown(fits.everywhere, fits.declared)
-    error = errors_of(fits, fits.base)
-    return Identification(
-        estimates=estimates_of(whole),
-        error={k: v for k, v in error.items() if k != "augmented"},
-        model=final_model(fits, whole),
-        record=fits.records[0],
-        messages=messages_of(fits, whole),
-        declared=declared,
-        map=map_of(fits, whole, {"refitted": fits.base}),
+        traces=None if judged is None else judged.traces,
+        plain=asked.completed(plain, perf_counter() - start),
+        joint=values.joint,
+        residuals=None if ready is None or judged is None else residuals(ready, values.model),
+        torque_noise=noise,
     )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..blocks.model import Model
 from ..core.errors import Refused
-from ..identification.balance import Balance
+from ..estimates.balance import Balance
 from ..record import Record
 from .duplicate_messages import said_once
 from .order_of_notes import grave_first
@@ -31,9 +31,16 @@ def refusal(
         declared=model,
         record=records[0] if records else None,
         records=tuple(records),
-        messages=grave_first(said_once(said, notes)),
+        messages=grave_first(m for m in said_once(said, (*notes, str(no))) if m != str(no)),
         plain=plain,
     )
+
+
+def noted(asked: Any, notes: Sequence[str]) -> tuple[str, ...]:
+    """What was noticed of the model and the records, and the notes of an answer, each once."""
+    seen = [message for record in asked.seen for message in record.messages]
+    said = [*asked.model.remarks(), *seen]
+    return grave_first(said_once(said, [*asked.noticed, *notes]))
 
 
 def with_plain(result: Any, asked: Asked) -> Any:

@@ -29,8 +29,8 @@ from ..identification.likelihood.parameters import free_keys
 from ..identification.likelihood.predictor import Predictor
 from ..identification.likelihood.value_discrepancy import with_discrepancy
 from ..identification.selection import ALPHA, Comparison, Named, Valued, place_of
-from .compare_laws import beaten, predicted
 from .never_worse import determines
+from .old_compare_laws import beaten, predicted
 from .other_law import means_the_same
 from .study import Job, Prepared, Progress, estimates, joint, on_everything
 

@@ -12,9 +12,9 @@ import numpy as np
 from ..core.display import Row, between, estimated, noticed
 from ..core.result import Result, library
 from ..core.views import view
+from ..record.stretches import Stretch
 from .bench_test import BenchTest
 from .findings import Estimate
-from ..record.stretches import Stretch
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
 NEEDS = {"J": "faster changes of speed", "Fc": "both directions, or rests", "Fv": "other speeds"}

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from .record import smallest_step
+from .samples.outliers import quantum
 
 _THIRD_DIFFERENCE = np.sqrt(20.0)  # std of white noise of unit variance, differenced three times
 NORMAL_MAD = 0.6745  # median absolute value of a unit normal variable
+SEGMENT = 256  # length of a segment of a spectrum, samples
+DIFFERENCE = 4  # order of the difference that keeps slow motion out of it
+TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the rate
+NO_NOISE = 1e-12  # a standard deviation is never below this
 
 
 def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
@@ -34,3 +42,31 @@ def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
     least = 0.5 * max(resolution, smallest_step(x))
     changed = np.flatnonzero(np.abs(np.diff(x)) > least)
     return float(np.median(np.diff(changed))) if len(changed) > 1 else 1.0
+
+
+def white_noise(parts: Sequence[np.ndarray]) -> float:
+    """Standard deviation of the white noise per sample, at least that of the quantum.
+
+    The level of the top of the spectrum of the fourth difference, divided by the gain of that
+    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there.
+    """
+    rounding = quantum(np.concatenate(parts)) / np.sqrt(12)
+    d = np.concatenate([np.diff(x, DIFFERENCE) for x in parts])
+    if len(d) < 64:
+        return max(rounding, NO_NOISE)
+    f, x = _top(d, min(SEGMENT, len(d)))
+    power = np.abs(x) ** 2 / (2 * np.sin(np.pi * f)) ** (2 * DIFFERENCE)
+    return float(max(np.sqrt(np.median(power.mean(axis=0))), rounding, NO_NOISE))
+
+
+def _top(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies per sample of the top of the spectrum, and Welch's transforms there.
+
+    Hann windows of ``length`` samples, half overlapping, without their means, of unit power.
+    """
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
+    parts = sliding_window_view(x, length)[:: length - length // 2]
+    made = np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
+    f = np.fft.rfftfreq(length)
+    top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
+    return f[top], made[:, top] / np.linalg.norm(window)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from ..blocks.block import unit_for
 from ..core.display import Grid, between, number
-from ..identification.regression.numbers import FEWEST_PARTS
 from .canvas import drawn
 from .section import Section
 
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 
 BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
+FEWEST_PARTS = 12  # independent stretches without which a budget has no intervals
 COLOURS = {"friction": "#5b6675", "effect": "#1f6fb4", "rest": "#b9c2cd"}
 OWN = ("inertia", "coulomb", "viscous", "offset and unbalance")
 BIASED = (

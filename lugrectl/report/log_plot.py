@@ -19,7 +19,7 @@ from .wording import number, readable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..identification.balance import Balance
+    from ..estimates.balance import Balance
     from ..record.stretches import Stretch
 
 MEASURED, FITTED, LEFT_OUT = "#3b4450", COLOURS["after"], "#e9b44c"

@@ -7,13 +7,13 @@ from ..diagnosis.fleet import Fleet, Outcome
 from ..diagnosis.identify import Identification
 from ..diagnosis.law_comparison import ComparedLaw, LawComparison
 from ..diagnosis.result import Diagnosis
+from ..estimates.balance import Balance
+from ..estimates.comparison import Comparison
 from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from ..estimates.fitted import Parameter, ParameterTable
 from ..estimates.members import Members
 from ..hunting import HuntingMap, LimitCycles
-from ..identification.balance import Balance
-from ..identification.selection import Comparison
 from ..linear.band import BandwidthVerdict
 from ..linear.designs import DesignChecks
 from ..linear.l2 import L2Verdict

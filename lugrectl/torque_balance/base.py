@@ -1,4 +1,4 @@
-"""The base row alone: the torque balance of the declared model, in a second."""
+"""The declared model without a search: its plain answer, and all of its values."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from ..blocks.model import Model
 from ..estimates.balance import Balance
 from ..record.stretches import Stretch
 from .friction import View
-from .interval import Interval, best_law
+from .held_out import Split, Unseen
+from .interval import Interval, best_law, other_views
 from .last_fit import LastFit, state_of
 from .plain import plain_balance
 from .table import Table
-from .verdict import refuse_dead, seen
+from .verdict import Answer, refuse_dead, seen
+
+LAW = ("x0", "vs", "z", "size", "force")  # what a table settles of friction
 
 
 def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
@@ -30,3 +33,27 @@ def settled(view: View) -> LastFit:
     """The declared model at its best friction law."""
     table = Table(view)
     return best_law(view, state_of(table), table.scale, straight=True)
+
+
+def alone(
+    stretches: Sequence[Stretch], model: Model, held_out: Sequence[tuple[int, float, float]] = ()
+) -> Answer:
+    """The values of the declared structure by all rows, its errors on held-out ones; Refused where
+    nothing can be learnt. Friction's shape is settled on training rows."""
+    view, width = seen(stretches, model)
+    refuse_dead(view, width)
+    split = Split.of(view, held_out)
+    train, test = view.on(split.train), view.on(split.test)
+    trained = settled(train)
+    for other in (view, test):
+        for key in LAW:
+            setattr(other, key, getattr(train, key))
+    last = LastFit(view, trained.state.copy(), trained.scale)
+    interval = Interval(last)
+    V = interval.covariance([other.values for other in other_views(last)])
+    last.state.apply(view)
+    left = Unseen.of(trained, test)
+    return Answer(
+        "identified", None, view, split, last, interval, interval.values(V), V, left, left,
+        refitted=trained, trained=trained,
+    )  # fmt: skip

@@ -25,6 +25,7 @@ Term = tuple[str, np.ndarray, list[int], tuple[str, ...]]
 def comparison(made: Answer, least: float, alpha: float) -> Comparison:
     """The comparison behind an answer."""
     d = made.decision
+    assert d is not None  # there is no comparison without a search
     return Comparison(
         made.verdict,
         rows=tuple(_rows(d)),
@@ -96,7 +97,8 @@ def _share(
 def _unknown(made: Answer) -> list[Share]:
     """The unknown torque that the verdict is about."""
     on = set(made.depends_on)
-    odd = next((c for c in made.decision.unknown if c.depends_on == on), None)
+    unknown = made.decision.unknown if made.decision else ()
+    odd = next((c for c in unknown if c.depends_on == on), None)
     if odd is None:
         return []
     size = odd.share * made.view.size

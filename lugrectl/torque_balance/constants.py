@@ -43,6 +43,7 @@ NEAR_REST = (("turn", 3e-3, 0.7), ("turn", 3e-2, 0.5), ("dip", 3e-3, 0.3), ("dip
 # (turn), prior in shares of Fc
 
 # the decision
+ALPHA = 0.01  # chance of naming something on a record on which nothing is missing
 FLOOR = 0.015  # of friction: the least torque that is worth a name; twice for an unknown one
 LATE_FLOOR = 0.33  # times the floor, for a delay of 1 ms or more beyond the free one
 Z_NOTHING = 2.6  # standard errors better than "nothing is missing", for the best of about thirty

@@ -49,11 +49,15 @@ class Decision:
 
     ``joined`` are effects so large that they became part of the base before anything was judged,
     with ``heavy``, the names that explain them as well. ``named``, ``unknown`` are the rows of the
-    table beside the base, ``never`` names that are not to be tried.
+    table beside the base, ``never`` names that are not to be tried. ``least`` is the smallest share
+    of friction that is worth a name.
     """
 
-    def __init__(self, view: View, width: Width, never: Collection[str] = ()) -> None:
+    def __init__(
+        self, view: View, width: Width, never: Collection[str] = (), least: float = FLOOR
+    ) -> None:
         self.view, self.width, self.never = view, width, frozenset(never)
+        self.least = least
         self.notes: list[str] = []
         self.memory: dict[str, Any] = {}
         self.joined: list[Term] = []
@@ -138,7 +142,7 @@ class Decision:
     def floor(self, c: Contender) -> float:
         """The least share of friction that is worth a name: a delay is known as a time."""
         late = c.lateness and max(c.q.values()) > FREE_LATE + 1e-3
-        return LATE_FLOOR * FLOOR if late else FLOOR
+        return LATE_FLOOR * self.least if late else self.least
 
     def better(self, a: Contender, b: Contender, least: float = 3.0) -> bool:
         gain, error = paired(a.e, b.e)
@@ -153,7 +157,7 @@ class Decision:
         large = [c for c in self.named if c.name not in banned
                  and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
         good = [c for c in large if self.proven(c, self.e0)]
-        self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * FLOOR]
+        self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
             beside = {c.name: self._beside_offset(c) for c in good[:FIRSTS]}
             best = max(good[:FIRSTS], key=lambda c: beside[c.name].gain)
@@ -223,10 +227,10 @@ class Decision:
         first = self.table.chosen[0]
         gained = float(np.sum(self.table.e - self.e0))
         best, top, odd = more[0].gain if more else 0.0, self.odd[0] if self.odd else None, None
-        large = [g for g in rest if g.share > max(2 * FLOOR, REST * first.share)]
+        large = [g for g in rest if g.share > max(2 * self.least, REST * first.share)]
         if large and large[0].gain > REST * first.gain and best < NEAR * large[0].gain:
             odd = top or large[0]
-        if top is None or not any(g.share > 2 * FLOOR for g in rest):
+        if top is None or not any(g.share > 2 * self.least for g in rest):
             return odd, False
         if not self.better(top, first):
             return odd, False

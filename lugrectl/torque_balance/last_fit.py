@@ -31,6 +31,7 @@ from .columns import (
 )
 from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST, Z95
 from .friction import LARGE, Term, View
+from .stated import with_stated
 from .table import Contender, Table, is_lateness
 
 Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
@@ -159,7 +160,8 @@ class Design:
         for i, term in enumerate(state.terms):
             self._effect(i, term)
         self.names, self.X = self._made.names, np.column_stack(self._made.parts)
-        self.prior = Prior.free(len(self.names), **self._made.known)
+        prior = Prior.free(len(self.names), **self._made.known)
+        self.prior = with_stated(prior, self.names, state.terms, view.model)
 
     def _plant(self) -> None:
         v, add = self.view, self._made.add
@@ -218,7 +220,9 @@ class Design:
     def _effect(self, i: int, term: Term) -> None:
         """Linear columns, and of each other value the slope of the torque over it."""
         v, add, block = self.view, self._made.add, term.block
-        keys = [k for k in nonlinear(block, v.model.motion) if k in term.q]
+        held = v.model.held()
+        keys = [k for k in nonlinear(block, v.model.motion)
+                if k in term.q and f"{term.key}.{k}" not in held]  # fmt: skip
         along = v.along(u=v.motion.held(v.u))
         if linear(block):
             made = columns(block, term.q, along)
@@ -285,7 +289,8 @@ class LastFit:
     def declared(self, view: View) -> tuple[Design, np.ndarray] | None:
         """Rows of a view, and the coefficients (k,) that the declared values mean; None where one
         is missing or the law has other parameters."""
-        known, law = view.declared, set(view.model.friction.values)
+        known, block = view.declared, view.model.friction.block
+        law = {k for k, p in block.own.items() if p.fitted}
         if None in view.model.values().values() or not law <= LAW | {"sigma0", "sigma1"}:
             return None
         k = {"J": known["J"], "Fc": known.get("Fc", 0.0), "Fv": known.get("Fv", 0.0)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,10 +10,13 @@ import numpy as np
 
 from ..blocks.block import members
 from ..blocks.model import Model
+from ..estimates.balance import Combination
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
-from .interval import Interval, Value
+from .constants import SCALE, Z95
+from .interval import WITHOUT_SCALE, Interval, Value
 from .last_fit import LastFit
+from .own_law import law_values, means_the_same
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
 LEAST = 1e-3  # of the level of friction: a stiffness must have one
@@ -31,6 +34,16 @@ class ModelValues:
     joint: Joint
     open: tuple[str, ...]
 
+    def beside(self, sums: Sequence[Combination]) -> ModelValues:
+        """The same with sums in place of the intervals of what is certain in a sum only."""
+        made = dict(self.estimates)
+        for one in reversed(sums):  # of several the first counts
+            for key in one.parts:
+                if key in made and not made[key].held:
+                    made[key] = replace(made[key], ci95=None, together=one.text)
+        kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
+        return replace(self, estimates=made, joint=_only(self.joint, kept))
+
 
 def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:
     """The declared model and the effects of a last fit, at its values; ``parts`` are effects that
@@ -41,7 +54,10 @@ def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model
             made = made.with_effect(term.block, _own(term.key, last.values))
     for name in parts:
         made = made.with_effect(name, _law_part(name, _plant(last, made.known())))
-    return made.with_values(made.kept(_inside(made, _values(last, made))))
+    made = made.with_values(made.kept(_inside(made, _values(last, made))))
+    if means_the_same(made.friction.block):
+        return made
+    return made.with_values(made.kept(_inside(made, law_values(last, made))))
 
 
 def _law_part(name: str, known: Mapping[str, float]) -> dict[str, float | None]:
@@ -59,9 +75,11 @@ def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
     v, own, s = last.view, last.values, last.state
     J = own["J"] if v.sure or known.get("J") is None else known["J"]
     level = max(own["Fc"], LEAST * v.force)
+    static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
+    Fs = max(own["Fs"], level) if static is None else static * level
     made = {
-        "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": max(own["Fs"], level), "vs": s.vs,
-        "delta": s.exponent, "sigma0": known.get("sigma0") or level / v.x0,
+        "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": Fs, "vs": known.get("vs", s.vs),
+        "delta": known.get("delta", s.exponent), "sigma0": known.get("sigma0") or level / v.x0,
     }  # fmt: skip
     critical = float(np.sqrt(made["sigma0"] * abs(J)))
     return made | {"sigma1": known.get("sigma1", DAMPING * critical)}
@@ -118,7 +136,7 @@ def model_values(
 def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str, str]:
     """The keys of the model that the last fit tells, and its own names for them."""
     plant = {"J"} if last.view.sure else set()
-    plant |= {"Fc", "Fv"}
+    plant |= {"Fc", "Fv"} if means_the_same(model.friction.block) else set()
     if last.view.motion.one_way:
         plant -= {"Fc"}
     made = {k: k for k in model.declarations() if k in plant}
@@ -126,15 +144,22 @@ def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str,
     return made
 
 
-def with_other(values: ModelValues, model: Model, estimates: Mapping[str, Estimate],
-               joint: Joint) -> ModelValues:  # fmt: skip
-    """The same with values of a finer fit."""
-    return replace(values, model=model, estimates={**values.estimates, **estimates}, joint=joint)
+def _only(joint: Joint, at: Sequence[int]) -> Joint:
+    """The distribution of some of the values."""
+    names = tuple(joint.names[i] for i in at)
+    return Joint(names, joint.values[at], joint.matrix[np.ix_(at, at)], joint.positive[at])
+
+
+def with_scale(joint: Joint) -> Joint:
+    """The same with the errors of sensors: none is better than SCALE of a value."""
+    own = [SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
+           for k, x in zip(joint.names, joint.values, strict=True)]  # fmt: skip
+    return replace(joint, matrix=joint.matrix + np.diag(np.square(own)))
 
 
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     """Values of a joint distribution with their intervals."""
-    half: Any = 1.96 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
+    half: Any = Z95 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
     own = model.declarations()
     made = {}
     for key, x, h in zip(joint.names, joint.values.tolist(), half.tolist(), strict=True):

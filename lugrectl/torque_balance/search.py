@@ -54,7 +54,8 @@ class Search:
 
     ``tried`` are all of them, whether they promise something or not. ``sure`` says that the log
     determines the inertia; else only what does not depend on it is tried. ``never`` are names that
-    are left out, ``only`` those that are tried (None: all). ``memory`` keeps the loads that earlier searches beside other bases found.
+    are left out, ``only`` those that are tried (None: all). ``memory`` keeps the loads that
+    earlier searches beside other bases found.
     """
 
     def __init__(

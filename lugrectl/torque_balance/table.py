@@ -170,7 +170,7 @@ class Table:
         x = (W[:, ::2] * W[:, 1::2]).sum(axis=0)
         det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
         both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
-        return both / det / self.scale**2
+        return both / (det + TINY) / self.scale**2
 
     def promise(self, c: Contender) -> float:
         """Screened gain in nats: all of its columns at once, at the weights of the base."""

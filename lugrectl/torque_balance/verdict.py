@@ -23,10 +23,12 @@ from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
 from .last_fit import LastFit, State, state_of, terms_of
 from .motion import Motion
+from .open_values import find_open
 from .rows import Rows
 from .samples import sampled
 from .search import Search
 from .sensors import Sensors
+from .stated import inertia_range
 from .table import Table
 from .width import Declared, Width, fine_wave
 
@@ -48,14 +50,15 @@ class Answer:
     """What the torque balance says of a log.
 
     ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
-    it by name with their ``covariance`` over ``interval.names``. ``named`` are the effects beside
+    it by name with their ``covariance`` over ``interval.names``; ``decision`` is None where nothing
+    was searched. ``named`` are the effects beside
     the declared ones, ``alternatives`` explain as much as the first of them, ``candidates`` were
     named and are not held. ``without`` and ``with_names`` are the errors of held-out rows,
     ``refitted`` and ``trained`` the fits to training rows behind them.
     """
 
     verdict: str
-    decision: Decision
+    decision: Decision | None
     view: View
     split: Split
     last: LastFit
@@ -87,7 +90,7 @@ class Answer:
     @property
     def sure(self) -> bool:
         """Whether the log determines the inertia."""
-        return self.decision.width.sure
+        return self.view.sure
 
 
 def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
@@ -107,9 +110,11 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
         width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
         width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
+    width.range = inertia_range(width.range, model)
     terms = declared_terms(model, here)
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
+    find_open(view, width.sure)
     return view, width
 
 
@@ -135,17 +140,21 @@ def refuse_dead(view: View, width: Width) -> None:
 
 
 def answer(
-    stretches: Sequence[Stretch], model: Model, held_out: Sequence[tuple[int, float, float]] = ()
+    stretches: Sequence[Stretch],
+    model: Model,
+    held_out: Sequence[tuple[int, float, float]] = (),
+    least: float = FLOOR,
 ) -> Answer:
     """Verdict, names and values; Refused where nothing can be learnt.
 
-    ``held_out`` are (run, start, end), in s of the logs: what no fit and no choice may see.
+    ``held_out`` are (run, start, end), in s of the logs: what no fit and no choice may see;
+    ``least`` is the smallest torque that is worth a name, as a share of friction.
     """
     view, width = seen(stretches, model)
     refuse_dead(view, width)
     split = Split.of(view, held_out)
     train, test = view.on(split.train), view.on(split.test)
-    decision = Decision(train, width)
+    decision = Decision(train, width, least=least)
     return _Judge(view, train, test, split, decision).answer()
 
 
@@ -245,14 +254,16 @@ class _Judge:
     def _strike(self, last: LastFit, i: int) -> None:
         name = last.state.terms[i].name
         self.notes.append(f"{name} is not held by the last fit.")
-        if last.share(i) > 2 * FLOOR:  # it is large, but not sure, or more than it explains stays
+        if (
+            last.share(i) > 2 * self.decision.least
+        ):  # it is large, but not sure, or more than it explains stays
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
         d = self.decision
         if name in {t.name for t in d.joined}:
             self.view, self.train, self.test = (v.rid(name) for v in
                                                 (self.view, self.train, self.test))  # fmt: skip
-            self.decision = Decision(self.train, d.width, never={*d.never, name})
+            self.decision = Decision(self.train, d.width, {*d.never, name}, d.least)
         else:
             d.decide(self.struck)
 
@@ -273,7 +284,9 @@ class _Judge:
         stays = Unseen.left(r, self.view.rows).stays / self.view.size
         sure = x[0] > SURELY * (x[0] - x[1]) / Z95
         plain = state.copy(grease=0.0)
-        self.bends = not self.view.motion.one_way and sure and bend > max(FLOOR, stays)
+        self.bends = (
+            not self.view.motion.one_way and sure and bend > max(self.decision.least, stays)
+        )
         if self.bends:
             block = members("effect")[GREASE_NAME]
             c = np.array([last.fit.b[last.design.names.index("grease")]])

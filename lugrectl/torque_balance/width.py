@@ -120,7 +120,8 @@ class Probe:
     def _memory(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
         r = self._r
-        c = [float(np.mean(r[j:] * r[:-j]) / np.mean(r * r)) for j in range(1, 8)]
+        power = float(np.mean(r * r)) + 1e-300
+        c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
 
     def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
@@ -134,7 +135,7 @@ class Probe:
     def _heavy(self, friction: float) -> bool:
         """Gravity that is large and certain beside everything that is linear."""
         b, inverse, X = self._b[5:], self._inverse[5:, 5:], self._X[:, 5:]
-        chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory)
+        chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory + 1e-300)
         return bool(np.sqrt(np.mean((X @ b) ** 2)) > HEAVY * friction and chi2 > 50)
 
     def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from lugrectl.diagnosis.diagnose import free_worse
+from lugrectl.diagnosis.old_diagnose import free_worse
 from lugrectl.identification.selection import Comparison
 
 from ..cases.made_up import diagnosis

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.diagnose import NO_FIT, WORSE
+from lugrectl.diagnosis.old_diagnose import NO_FIT, WORSE
 from lugrectl.diagnosis.identify import ONLY_PLAIN
 from lugrectl.diagnosis.never_worse import FAILED
 from lugrectl.diagnosis.order_of_notes import GRAVE, grave_first

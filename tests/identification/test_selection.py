@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.diagnose import next_experiment
+from lugrectl.diagnosis.old_diagnose import next_experiment
 from lugrectl.identification.balance import balance
 from lugrectl.identification.selection import compare
 from lugrectl.identification.selection.comparison import Comparison

@@ -44,7 +44,11 @@ class Polished:
 
 
 def polish(
-    ready: Prepared, model: Model, free: Sequence[str], start: Joint | None = None
+    ready: Prepared,
+    model: Model,
+    free: Sequence[str],
+    start: Joint | None = None,
+    always: bool = False,
 ) -> Polished:
     """Make one-step predictions of training windows most likely, from the model's values on.
 
@@ -54,6 +58,7 @@ def polish(
     ``free`` are keys of ``model.values()``; held values, counts per turn, choices and instants stay
     as they are, and bounds hold. ``start`` is what is known beforehand, a Gaussian prior; other
     values have the std that the model states, or a weak prior: a factor of 4.5 about the start.
+    ``always`` keeps the values whatever left-out windows say: nothing else tells them.
     Free those that the balance knows, too, or their errors move the others. The covariance is the
     larger of the likelihood's own and the jackknife's over windows: it knows of no error of the
     model that is the same in all windows. InputError for an unknown key or a missing value.
@@ -67,6 +72,7 @@ def polish(
     parts, scores, each = climb.linear(fit)
     H = parts.sum(0) + climb.weight
     off = np.array([np.linalg.solve(H - p, s) for p, s in zip(parts, scores, strict=True)])
+    off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), 1e-300))[:, None]
     without = each - np.sum(scores * off, 1) - 0.5 * np.einsum("wi,wij,wj->w", off, parts, off)
     gain = float(np.sum(without - before))
     error = float(np.std(without - before)) * len(each) ** 0.5
@@ -77,7 +83,7 @@ def polish(
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < HALF))
-    if gain <= (-error if confirmed else error):
+    if not always and gain <= (-error if confirmed else error):
         return Polished(begun.values, NONE, False, gain, error)
     names = tuple(climb.keys[i] for i in at)
     found = np.array([fit.values[k] for k in names])

@@ -1,0 +1,286 @@
+"""What makes a log impossible as it was given: a sign, a column, a run in another unit, a held value.
+
+Each is seen by base rows alone: the log as it is, and as it would be without the fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..blocks.model import Model
+from ..core.display import with_interval
+from ..core.errors import Refused
+from ..core.option_names import option
+from ..estimates.balance import LEVELS, Balance
+from ..estimates.findings import Estimate
+from ..record import Stretch
+from ..torque_balance.base import base_row
+
+BETTER = 0.7  # of what a log leaves as it is: what it must leave without its fault
+EXPLAINED = 0.1  # of the torque: with less left nothing is wrong
+SIGN = "u has the wrong sign: give {}. The plain answer is that of the other sign."
+SWAPPED = (
+    "u and {0} seem to be swapped: the other way round the balance leaves {1:.2g} % of the RMS "
+    "torque with a possible inertia, as they are it {2}. Give {3}."
+)
+HELD = (
+    "{0} is {1} {2:.6g}{3}, but this log says {4}{3} ({5}): correct the value or its unit, or let "
+    "it be fitted."
+)
+OFF = 1.5  # times another value: farther than a missing effect takes a balance
+SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of all: no answer
+
+MOST_RUNS = 20  # that are compared with one another
+ALIKE, QUARTER, LITTLE = 0.03, 0.25, 0.1  # relative: runs agree; a level is known; friction differs
+DEG, RPM = 180 / np.pi, 30 / np.pi
+POWERS = {"u": (1, 1, 1), "theta": (-1, 0, -1), "w": (-1, 0, -1)}  # of J, Fc and Fv
+TORQUES = {-1.0: "u=-1", 1e3: "u=mN m", 1e-3: "u=1000", 1e2: "u=0.01", 1e-2: "u=100"}
+TIMES = {1e3: "t=ms", 1e6: "t=us", 1e-3: "t=1000"}
+ANGLES = {DEG: "theta=deg", 1 / DEG: "theta=57.29578", 0.5 / np.pi: "theta=turn"}
+ANGLES[2 * np.pi] = "theta=0.1591549"
+SPEEDS = {DEG: "w=deg/s", RPM: "w=rpm", 1 / RPM: "w=9.549297", 1 / DEG: "w=57.29578"}
+LENGTHS = {1e3: "theta=mm", 1e-3: "theta=1000"}
+OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
+TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
+FRICTION = "{}: {:.0f} % {} friction than {}."
+OTHERS = "The plain answer is that of the other runs."
+
+
+def plain_row(parts: Sequence[Stretch], model: Model) -> Balance:
+    """The base row; where it is refused, a balance that says why."""
+    try:
+        return base_row(parts, model)
+    except Refused as no:
+        said = f"{no} {no.experiment or ''}".rstrip()
+        return Balance(refused=said, notes=(said,), motion=model.motion, stretches=tuple(parts))
+
+
+def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Balance:
+    """The base row, without runs in another unit, with what contradicts it; ``names`` of runs."""
+    runs = unlike(parts, model, names)
+    parts = [part for part in parts if part.run not in runs.left_out]
+    found = plain_row(parts, model)
+    found = replace(found, unlike=runs.said, notes=(*runs.notes, *found.notes))
+    if not doubtful(found):
+        return against_stated(parts, model, found)
+    turned = plain_row([replace(p, u=-p.u) for p in parts], model)
+    if said := swapped(parts, model, found, turned):
+        return replace(found, refused=found.refused and said, against=(said,), hopeless=True)
+    if _makes_a_drive(turned, found):
+        said = SIGN.format(option("scale", "u=-1"))
+        return replace(turned, unlike=found.unlike, against=(said,), hopeless=True)
+    return against_stated(parts, model, found)
+
+
+def doubtful(found: Balance) -> bool:
+    """Whether a balance is none of a drive: without an inertia, and much is left, or friction
+    drives."""
+    if found.refused or found.left is None:
+        return True
+    friction = [c.ci95 for c in found.combinations if "Fc" in c.parts]
+    drives = any(ends is not None and ends[1] < 0 for ends in friction)
+    return drives or "J" not in found.parameters and found.left > EXPLAINED
+
+
+def _makes_a_drive(other: Balance, found: Balance) -> bool:
+    """Whether a log without its supposed fault is a drive, and explains more."""
+    if other.refused or other.left is None or doubtful(other) and "J" not in other.parameters:
+        return False
+    return found.left is None or other.left < BETTER * found.left
+
+
+def swapped(parts: Sequence[Stretch], model: Model, found: Balance, turned: Balance) -> str:
+    """A sentence where only the exchange of u with theta or w makes a drive of the log, else ""."""
+    known = [b.left for b in (found, turned) if b.left is not None]
+    least = min(known, default=np.inf)
+    for role in ("theta", "w") if parts and parts[0].theta is None else ("theta",):
+        if not parts or any(getattr(p, role) is None for p in parts):
+            continue  # a w beside theta is left out where it is no dtheta/dt: that shows nothing
+        other = plain_row([replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts], model)
+        if other.refused or other.left is None or "J" not in other.parameters:
+            continue
+        if other.left < least:
+            how = "finds none" if found.left is None or found.refused else "leaves more"
+            given = option("columns", f"u=NAME,{role}=NAME")
+            return SWAPPED.format(role, 100.0 * other.left, how, given)
+    return ""
+
+
+# ---- values that are held or bounded
+
+
+def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Balance:
+    """The balance with a sentence for each held or bounded value that the log contradicts by far;
+    where nothing can be answered with it, that of the log without what is stated."""
+    keys = [k for k, s in model.stated.items() if s.fixed or s.bounded]
+    keys = sorted(k for k in keys if not model.declarations()[k].angle)
+    if not keys:
+        return found
+    free = plain_row(parts, replace(model, stated={}))
+    if free.refused or free.left is None or free.left > HALF:
+        return found  # the log itself is at fault
+    said, most = [], 0.0
+    for key in keys:
+        e = free.parameters.get(key)
+        value = None if e is None else _allowed(key, e, model)
+        if e is None or value is None or not _far(value, e):
+            continue
+        one = replace(model, stated={key: model.stated[key]})
+        left = plain_row(parts, one).left or 1.0
+        if left > free.left + SHARE:
+            said.append(_sentence(key, value, e, model))
+            most = max(most, left)
+    if not said:
+        return found
+    found = free if most > HALF else found
+    return replace(found, against=tuple(said), hopeless=most > HALF)
+
+
+def _allowed(key: str, e: Estimate, model: Model) -> float | None:
+    """The value of the model that is nearest to the log's."""
+    stated = model.stated[key]
+    return model.values()[key] if stated.fixed else stated.clipped(e.value)
+
+
+def _far(value: float, e: Estimate) -> bool:
+    if e.ci95 is None or e.ci95[0] <= value <= e.ci95[1]:
+        return False
+    low, high = sorted((abs(value), abs(e.value)))
+    return high > OFF * low or value * e.value < 0
+
+
+def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
+    """ "J is held at 22 kg m2, but this log says 0.0022 kg m2 (0.0021 to 0.0023): ..." """
+    stated = model.stated[key]
+    how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
+    unit = model.unit(key)
+    return HELD.format(key, how, value, "" if unit == "1" else f" {unit}", *with_interval(e))
+
+
+# ---- runs in another unit or sign
+
+
+@dataclass(frozen=True)
+class Levels:
+    """J, Fc and Fv of one run (3,), twice their relative errors, and which of them are known."""
+
+    parts: Sequence[Stretch]
+    value: np.ndarray
+    error: np.ndarray
+
+    @property
+    def run(self) -> int:
+        return self.parts[0].run
+
+    @property
+    def known(self) -> np.ndarray:
+        return self.error < QUARTER
+
+    def agrees(self, other: Levels, ratios: np.ndarray | float = 1.0) -> bool:
+        """Whether ratios explain how all that is known of both runs differs."""
+        both = self.known & other.known
+        gap = np.abs(self.value / (other.value * ratios) - 1)
+        return bool(both.any() and np.all((gap < ALIKE + np.hypot(self.error, other.error))[both]))
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """Runs that another unit or sign separates from the others, and sentences on all runs."""
+
+    left_out: frozenset[int] = frozenset()
+    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+def unlike(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Unlike:
+    """The runs that contradict the others; ``names`` are those of the runs."""
+    runs = sorted({s.run for s in parts})
+    if not 2 <= len(runs) <= MOST_RUNS:
+        return Unlike()
+    model = replace(model, J=None, stated={})
+    with np.errstate(all="ignore"):
+        each = [_levels([s for s in parts if s.run == run], model) for run in runs]
+        found = [levels for levels in each if levels is not None]
+        return _compared(found, model, names) if len(found) > 1 else Unlike()
+
+
+def _levels(parts: Sequence[Stretch], model: Model) -> Levels | None:
+    """The levels of one run, of either sign; None where it has no answer of its own."""
+    found, sign = plain_row(parts, model), 1.0
+    if doubtful(found):
+        turned = plain_row([replace(p, u=-p.u) for p in parts], model)
+        if _makes_a_drive(turned, found):
+            found, sign = turned, -1.0
+    both: Mapping[str, Estimate] = {**found.uncertain, **found.parameters}
+    if found.refused or not {*LEVELS} <= both.keys():
+        return None
+    value = np.array([both[k].value for k in LEVELS])
+    ends = np.array([both[k].ci95 or (-np.inf, np.inf) for k in LEVELS])
+    levels = Levels(parts, sign * value, np.diff(ends)[:, 0] / 2 / np.abs(value))
+    return levels if levels.known[:2].any() else None
+
+
+def _compared(found: Sequence[Levels], model: Model, names: Sequence[str]) -> Unlike:
+    """Every other run against the one with which most agree; of two, the one that is possible."""
+    votes = [sum(one.agrees(other) for other in found) for one in found]
+    possible = [not np.any(one.known & (one.value < 0)) for one in found]
+    best = max(range(len(found)), key=lambda i: (votes[i], possible[i]))  # the first of equal ones
+    reference = found[best]
+    usual = "the other runs" if votes[best] > 1 else names[reference.run]
+    out, said, notes = set(), [], []
+    for one in found:
+        if one is reference or one.agrees(reference):
+            continue
+        name = names[one.run]
+        if sentence := _another_unit(one, reference, model, name, usual):
+            out.add(one.run)
+            said.append(sentence)
+        else:
+            notes += _another_friction(one, reference, name, usual)
+    notes += [OTHERS] if said else []
+    return Unlike(frozenset(out), tuple(said), tuple(notes))
+
+
+def _another_unit(
+    one: Levels, reference: Levels, model: Model, name: str, usual: str
+) -> str | None:
+    """The one factor that explains the difference, in a sentence."""
+    linear, turns = model.motion == "linear", one.parts[0].theta is not None
+    motion = (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
+    for factors in (TORQUES, TIMES, motion):
+        for size, undone in factors.items():
+            channel = undone.split("=")[0]
+            if not _explains(size, channel, one, reference, model):
+                continue
+            undo = option("scale" if undone.split("=")[1][-1].isdigit() else "units", undone)
+            if size == -1.0:
+                return OPPOSITE.format(name, usual, undo)
+            return TIMES_OTHERS.format(name, channel, size, usual, undo)
+    return None
+
+
+def _explains(size: float, channel: str, one: Levels, reference: Levels, model: Model) -> bool:
+    """Whether a channel of the run is that many times that of the reference."""
+    if channel != "t":
+        known = (one.known & reference.known)[:2].all()
+        return bool(known) and one.agrees(reference, size ** np.array(POWERS[channel], float))
+    longer = np.log(one.parts[0].dt / reference.parts[0].dt)
+    if abs(longer - np.log(size)) >= abs(longer):
+        return False
+    # windows have a length in s: fitted again at the other rate
+    again = _levels([replace(s, dt=s.dt / size, t=s.t / size) for s in one.parts], model)
+    return again is not None and again.agrees(reference)
+
+
+def _another_friction(one: Levels, reference: Levels, name: str, usual: str) -> list[str]:
+    """A sentence on friction that differs by more than chance."""
+    change = one.value[1] / reference.value[1] - 1
+    chance = np.hypot(one.error[1], reference.error[1]) * (1 + abs(change))
+    if not (one.known & reference.known)[1] or change < -1:
+        return []
+    if abs(change) < LITTLE + chance:
+        return []
+    return [FRICTION.format(name, 100 * abs(change), "more" if change > 0 else "less", usual)]

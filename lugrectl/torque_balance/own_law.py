@@ -1,0 +1,86 @@
+"""Friction laws whose values the balance does not know by name: own ones, and more than Fc, Fv."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..blocks.block import Block, is_ours, members
+from ..blocks.model import Model
+from .columns import torque
+from .last_fit import LastFit
+
+LEVELS = frozenset(("Fc", "Fv"))
+SLIDING, BRISTLE = {"Fc", "Fs", "Fv", "vs"}, {"sigma0", "sigma1"}
+SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
+SAME = 0.01  # relative difference of two torques
+MOST, FURTHEST = 60, 7.0  # evaluations; natural logarithm of a factor on a value
+ENOUGH = 4000  # rows
+
+
+def means_the_same(law: Block) -> bool:
+    """Whether Fc and Fv of the law are those of the balance.
+
+    An own law is asked: with Fc alone and with Fv alone it must be the law "coulomb".
+    """
+    if is_ours(law.home):
+        return True
+    if law.states or law.inputs != ("w",):
+        return False
+    own, usual = law.defaults(), members("friction")["coulomb"]
+    zero = dict.fromkeys(LEVELS & own.keys(), 0.0)
+    none = dict.fromkeys(LEVELS, 0.0)
+    return all(_alike(law, own | zero | {k: 1.0}, usual, none | {k: 1.0}) for k in zero)
+
+
+def _alike(
+    law: Block, values: Mapping[str, float], usual: Block, theirs: Mapping[str, float]
+) -> bool:
+    try:
+        made = [float(law(w, **values)[0]) for w in SPEEDS]
+    except Exception:  # whatever a function of the user raises
+        return False
+    return bool(np.allclose(made, [usual(w, **theirs)[0] for w in SPEEDS], rtol=SAME))
+
+
+def told_by_balance(model: Model) -> bool:
+    """Whether a balance says what the law's values are, or where they cannot be far from."""
+    law = model.friction.block
+    own = {k for k, p in law.own.items() if p.fitted and not p.usual}
+    known = own <= SLIDING or BRISTLE <= own <= SLIDING | BRISTLE
+    return known and means_the_same(law)
+
+
+def law_values(last: LastFit, model: Model) -> dict[str, float]:
+    """The values of an own law with which it comes nearest to the friction of a last fit, in rows.
+
+    ``model`` has a value for everything; declared ones are where this starts, held ones stay.
+    """
+    law, known = model.friction.block, model.known()
+    own = law.own
+    keys = [k for k, p in own.items() if p.fitted and not (p.choices or k in model.held())]
+    d, v = last.design, last.view
+    friction = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
+    target = d.X[:, friction] @ last.fit.b[friction] + last.fit.r * last.scale
+    rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
+    K, along = v.K[rows], v.along()
+    start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
+    ends = np.array([(own[k].low, own[k].high) for k in keys]).T
+
+    def values(x: np.ndarray) -> dict[str, float]:
+        found = np.clip(start * np.exp(x), *ends).tolist()
+        return {k: known[k] for k in own} | dict(zip(keys, found, strict=True))
+
+    def misfit(x: np.ndarray) -> np.ndarray:
+        made = torque(law, values(x), along).wide
+        assert made is not None
+        return np.nan_to_num((K @ made[:, 0] - target[rows]) / last.scale, nan=1e6)
+
+    if not keys:
+        return {}
+    bounds = (-FURTHEST, FURTHEST)
+    made = least_squares(misfit, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
+                         diff_step=1e-3, max_nfev=MOST)  # fmt: skip
+    return values(made.x)
