@@ -207,10 +207,9 @@ def _polished(
     estimates = as_estimates(joint, polished)
     rest = {k: e for k, e in values.estimates.items() if k not in estimates}
     rest = {k: replace(e, value=made.values[k]) for k, e in rest.items() if k in made.values}
-    all_values = replace(
-        values, model=values.model.with_values(made.values), estimates={**values.estimates, **rest, **estimates},
-        joint=joint,
-    )  # fmt: skip
+    known = {**values.estimates, **rest, **estimates}
+    model = values.model.with_values(made.values)
+    all_values = replace(values, model=model, estimates=known, joint=joint)
     return polished, all_values
 
 

@@ -85,7 +85,7 @@ class Answer:
     @property
     def parts(self) -> list[str]:
         """The parts of friction that the declared law lacks."""
-        return [p.name for p in self.decision.parts]
+        return [] if self.decision is None else [p.name for p in self.decision.parts]
 
     @property
     def sure(self) -> bool:
