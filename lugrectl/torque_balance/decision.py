@@ -187,7 +187,10 @@ class Decision:
         C = offset[:, None] if c.C is None else np.column_stack([c.C, offset])
         prior = Prior.joined(c.prior, Prior.free(1))
         both = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost, drop=c.drop)
-        return max(c, self.table.enter(both), key=lambda one: one.gain)
+        self.table.enter(both)
+        alone = max((n.gain for n in self.named if n.name == "constant_torque"), default=0.0)
+        own = both.gain - alone > RIVAL * c.gain  # else the offset does what c would do
+        return both if own and both.gain > c.gain else c
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; then what is left decides: a further name, an unknown torque that no
