@@ -40,7 +40,7 @@ from .width import Width
 ODDS = 20.0  # to one: what a gain must be worth beside NATS
 FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
-WEIGHT = "gravity"
+WEIGHT, OFFSET = "gravity", "constant_torque"
 
 
 class Decision:
@@ -159,10 +159,7 @@ class Decision:
         good = [c for c in large if self.proven(c, self.e0)]
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
-            beside = {c.name: self._beside_offset(c) for c in good[:FIRSTS]}
-            best = max(good[:FIRSTS], key=lambda c: beside[c.name].gain)
-            others = [beside[c.name] for c in good[:FIRSTS] if c is not best]
-            own = beside[best.name]
+            best, own, others = self._first(good[:FIRSTS])
             rivals = [c.name for c in others
                       if c.gain > RIVAL * own.gain and not self.better(own, c)]  # fmt: skip
             self.alternatives = rivals[:3]
@@ -179,18 +176,29 @@ class Decision:
         proven = part.gain > max(np.log(ODDS) + NATS, Z_NOTHING * part.error)
         return proven and part.share > FLOOR
 
-    def _beside_offset(self, c: Contender) -> Contender:
-        """The same contender with an offset of the torque, which is free in each: cogging beside
-        one is the commonest pair there is, and either hides the other."""
+    def _first(self, good: list[Contender]) -> tuple[Contender, Contender, list[Contender]]:
+        """The best contender, with its score and those of the others.
+
+        The offset of the torque is free in each: cogging beside one is the commonest pair there is,
+        and either hides the other. Where the offset does more than the name, it is the first.
+        """
+        alone = max((c.gain for c in self.named if c.name == OFFSET), default=0.0)
+        both = {c.name: self._with_offset(c) for c in good if c.name != OFFSET}
+        best = max(both.values(), key=lambda c: c.gain, default=good[0])
+        name = next((c for c in good if c.name == best.name), good[0])
+        if best.gain - alone <= best.gain - name.gain or best.gain <= good[0].gain:
+            return good[0], good[0], good[1:]
+        others = [both[c.name] for c in good if c.name in both and c is not name]
+        return name, best, [c for c in others if c.gain - alone > RIVAL * (best.gain - alone)]
+
+    def _with_offset(self, c: Contender) -> Contender:
+        """The same contender with an offset of the torque beside it."""
         v = self.view
-        offset = v.K @ np.ones(len(v.motion))
-        C = offset[:, None] if c.C is None else np.column_stack([c.C, offset])
+        offset = (v.K @ np.ones(len(v.motion)))[:, None]
+        C = offset if c.C is None else np.column_stack([c.C, offset])
         prior = Prior.joined(c.prior, Prior.free(1))
-        both = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost, drop=c.drop)
-        self.table.enter(both)
-        alone = max((n.gain for n in self.named if n.name == "constant_torque"), default=0.0)
-        own = both.gain - alone > RIVAL * c.gain  # else the offset does what c would do
-        return both if own and both.gain > c.gain else c
+        made = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost, drop=c.drop)
+        return self.table.enter(made)
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; then what is left decides: a further name, an unknown torque that no
