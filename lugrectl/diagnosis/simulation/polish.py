@@ -31,8 +31,8 @@ class Polished:
     """All values of the model after a polish, SI, and the distribution of the free ones that the
     record determines.
 
-    ``gain`` is how much more likely left-out training windows are, in log-likelihood, and ``error``
-    its standard error. ``gained``: it is above that, or the polish only confirms the values before
+    ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
+    order (Takeuchi's criterion), and ``error`` its standard error over them. ``gained``: it is above that, or the polish only confirms the values before
     within their intervals and loses no more. Else the values are those before, of no distribution.
     """
 
@@ -60,17 +60,17 @@ def polish(
     """
     begun = fitted(ready, model)
     climb = _climb(ready, begun, model, free, start)
-    before = climb.each(begun)
+    before = climb.each([begun.values], [begun.jump])[0]
     if not climb.keys or len(before) < 2:
         return Polished(begun.values, NONE, False)
     fit = climb.up(climb.scanned())
     parts, scores, each = climb.linear(fit)
     H = parts.sum(0) + climb.weight
     off = np.array([np.linalg.solve(H - p, s) for p, s in zip(parts, scores, strict=True)])
-    without = each - np.sum(scores * off, 1) - 0.5 * np.einsum("wi,wij,wj->w", off, parts, off)
-    gain = float(np.sum(without - before))
-    error = float(np.std(without - before)) * len(each) ** 0.5
-    own, scatter = np.linalg.inv(H), (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
+    own = np.linalg.inv(H)
+    gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
+    gain, error = float(gains.sum()), float(np.std(gains)) * len(gains) ** 0.5
+    scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
     C = own * np.outer(wider, wider)
     prior = np.diag(np.linalg.inv(climb.weight))
@@ -119,18 +119,16 @@ class _Climb:
         off = self.x(values) - self.middle
         return 0.5 * float(off @ self.weight @ off)
 
-    def each(self, fit: Fit) -> np.ndarray:
-        """Log-likelihood of each window."""
+    def each(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> np.ndarray:
+        """Log-likelihood of each window, (sets, windows)."""
         where = spread(self.ready.train, ENOUGH)
-        return loglik(self.ready, fit.drive, [fit.values], [fit.jump], where)[0]
+        return loglik(self.ready, self.begun.drive, sets, jumps, where)
 
     def best(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> tuple[float, Fit]:
         """The likeliest of some values, each with its noise."""
-        where, drive = spread(self.ready.train, ENOUGH), self.begun.drive
-        made = loglik(self.ready, drive, sets, jumps, where).sum(axis=1)
-        made = np.nan_to_num(made - [self.cost(v) for v in sets], nan=-np.inf)
-        i = int(np.argmax(made))
-        return float(made[i]), Fit(drive, sets[i], jumps[i])
+        made = self.each(sets, jumps).sum(axis=1) - [self.cost(v) for v in sets]
+        i = int(np.argmax(np.nan_to_num(made, nan=-np.inf)))
+        return float(made[i]), Fit(self.begun.drive, sets[i], jumps[i])
 
     def scanned(self) -> Fit:
         """The best of factors on each value that is no more than a guess, one after the other."""
