@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
+from scipy.linalg import expm
 
 from ...blocks.effects.actuator import held_late
 from ...blocks.embedding import Part as Placed
@@ -13,13 +15,14 @@ from ...blocks.model import Model, Part
 from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
 from ...engine.runtime.batch_run import Lanes
-from .observer import Rows, Sensing, observer_gain
 from .runs import Run, Windows
 
 Values = Mapping[str, float]
-LEAD = 1.0  # s, at most, that an observer runs before its states count
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
+DOUBLINGS = 60  # of a Riccati equation, at most
+Rows = tuple[tuple[float, ...], ...]
+Sensing = tuple[Rows, Rows, Rows, Rows]
 DIRECT: Sensing = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
 
 
@@ -71,7 +74,8 @@ class Drive:
             rates = self.system.updfcn(0.0, x, u, params)[self.sensors]
             columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
         M, n = np.array(columns, float).T, len(self.sensors)
-        A, B, C, D = map(_nested, (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2]))
+        blocks = (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2])
+        A, B, C, D = (tuple(map(tuple, m.tolist())) for m in blocks)
         return A, B, C, D
 
     def observe(
@@ -79,20 +83,22 @@ class Drive:
     ) -> tuple[np.ndarray, np.ndarray]:
         """One-step predictions of theta and w, each by the samples before it.
 
-        For S sets of values, each with its noise of dw/dt (rad/s2), and n windows, before which
-        the observer runs for up to ``LEAD``: predictions (S, n, length, 2), and the states after
-        the last sample (S, n, x).
+        For S sets of values, each with its noise of dw/dt (rad/s2), and n windows: predictions
+        (S, n, length, 2), and the states after the last sample (S, n, x). Over the first half of a
+        lead the observer stays close to the measured motion, which settles the other states.
         """
         gains = np.array([self.gain(run, v, q)[0] for v, q in zip(sets, jumps, strict=True)])
         y = np.empty((len(sets), len(where.start), where.length, 2))
         x = np.empty((len(sets), len(where.start), len(self.lanes.states)))
-        leads = run.before(where.start, run.count(LEAD))
-        for lead in set(leads.tolist()):
-            some = leads == lead
-            early = Windows(where.start[some] - lead, lead + where.length)
-            x0 = np.tile(self._start(run, early.start), (len(sets), 1))
-            own, x[:, some] = self._run(run, sets, x0, early, gains)
-            y[:, some] = own[:, :, lead:]
+        close = np.array([self.gain(run, v, max(q, run.usual))[0] for v, q in zip(sets, jumps)])  # noqa: B905
+        for lead in set(where.lead.tolist()):
+            some = where.lead == lead
+            start, half = where.start[some] - lead, lead // 2
+            x0 = np.tile(self._start(run, start), (len(sets), 1))
+            x0 = self._run(run, sets, x0, start, half, close)[1].reshape(x0.shape)
+            rest = lead - half + where.length
+            own, x[:, some] = self._run(run, sets, x0, start + half, rest, gains)
+            y[:, some] = own[:, :, lead - half :]
         return y, x
 
     def simulate(self, run: Run, values: Values, jump: float, where: Windows) -> np.ndarray:
@@ -100,26 +106,27 @@ class Drive:
 
         The state at its start is that of the observer, by samples before it only.
         """
-        x = self.observe(run, [values], [jump], Windows(where.start, 0))[1][0]
-        return self._run(run, [values], x, where)[0][0]
+        x = self.observe(run, [values], [jump], replace(where, length=0))[1][0]
+        return self._run(run, [values], x, where.start, where.length)[0][0]
 
     def _run(
         self,
         run: Run,
         sets: Sequence[Values],
         x0: np.ndarray,
-        where: Windows,
+        start: np.ndarray,
+        length: int,
         gains: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         check_time()
-        many, n, start = len(sets), len(where.start), np.tile(where.start, len(sets))
+        many, n, start = len(sets), len(start), np.tile(start, len(sets))
         own = sets if self.late else sets[:1]
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
             x0,
             start,
-            where.length,
+            length,
             np.array([self.series(run, values) for values in own]),
             np.repeat([[values[k] for k in self.keys] for values in sets], n, axis=0),
             dt=run.dt,
@@ -131,7 +138,7 @@ class Drive:
             rounding=None if gains is None else run.rounding,
             floor=floor,
         )
-        return y.reshape(many, n, where.length, 2), x.reshape(many, n, -1)
+        return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
 
     def _start(self, run: Run, at: np.ndarray) -> np.ndarray:
         """States where an observer begins: the motion, others settled or 0, (n, x)."""
@@ -146,5 +153,49 @@ def _states(part: Part) -> tuple[str, ...]:
     return Placed(f"{part.key}.", part.block).states
 
 
-def _nested(m: np.ndarray) -> Rows:
-    return tuple(map(tuple, m.tolist()))
+@lru_cache(maxsize=512)
+def observer_gain(
+    dt: float, jump: float, noise: tuple[float, ...], sensing: Sensing
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise.
+
+    Sensors with n states s: ds/dt = A s + B (theta, w), y = C s + D (theta, w) + noise; ``sensing``
+    are A, B, C, D as nested tuples. ``jump`` is the standard deviation of dw/dt, independent from
+    sample to sample, rad/s2: that of the torque over J. ``noise`` is that of y, rad and rad/s, nan
+    where not recorded: there the gain is 0 and the covariance 1. Do not write into the arrays.
+    """
+    n, seen = 2 + len(sensing[0]), np.flatnonzero(np.isfinite(noise))
+    shapes = (n - 2, n - 2), (n - 2, 2), (2, n - 2), (2, 2)
+    A, B, C, D = (np.reshape(m, shape) for m, shape in zip(sensing, shapes, strict=True))
+    flow = np.zeros((n + 1, n + 1))  # the last state is the jump of dw/dt
+    flow[0, 1] = flow[1, n] = 1.0
+    flow[2:n, :2], flow[2:n, 2:n] = B, A
+    step, H, size = expm(flow * dt), np.hstack([D, C])[seen], np.array(noise)[seen]
+    kept = np.arange(0 if 0 in seen else 1, n)  # theta is unobservable if not recorded
+    scale = np.full(n, noise[0] / dt if 0 in seen else noise[1])  # else it is ill-conditioned
+    scale[0] *= dt
+    a, push = step[:n, :n] * scale / scale[:, None], jump * step[:n, n] / scale
+    P = np.zeros((n, n))
+    both = np.ix_(kept, kept)
+    P[both] = _riccati(a[both], (H * scale / size[:, None])[:, kept], np.outer(push, push)[both])
+    P *= np.outer(scale, scale)
+    S = H @ P @ H.T + np.diag(size**2)
+    gain, covariance = np.zeros((n, 2)), np.eye(2)
+    gain[:, seen], covariance[np.ix_(seen, seen)] = P @ H.T @ np.linalg.inv(S), S
+    return gain, covariance
+
+
+def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """P = A (P^-1 + H' H)^-1 A' + Q by doubling, even if it is ill-conditioned.
+
+    Chu, Fan and Lin, A structure-preserving doubling algorithm (2004), for the filter's form.
+    """
+    a, G, P = A.T, H.T @ H, Q
+    for _ in range(DOUBLINGS):
+        half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
+        a_half, G_half = half[:, : len(A)], half[:, len(A) :]
+        more = a.T @ P @ a_half
+        a, G, P = a @ a_half, G + a @ G_half @ a.T, P + more
+        if np.all(np.abs(more) <= 1e-12 * np.abs(P)):
+            break
+    return 0.5 * (P + P.T)

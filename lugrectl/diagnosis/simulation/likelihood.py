@@ -15,13 +15,12 @@ import numpy as np
 from ...blocks.model import Model
 from ...core.errors import InputError
 from .drive import Drive, Values
-from .prepared import Prepared, spread
 from .runs import Run, Windows
+from .split import Prepared, spread
 
 ENOUGH = 20_000  # samples on which the noise of the torque is found
 COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
 FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
-USUAL = 0.02  # s, over which dw/dt is usual
 WORST = 1e100  # innovation of a model that diverges; its square can still be added up
 
 
@@ -52,7 +51,7 @@ def fitted(ready: Prepared, model: Model) -> Fit:
 
 def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
     """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely."""
-    usual, few = max(map(_usual, ready.runs)), spread(ready.train, ENOUGH)
+    usual, few = max(run.usual for run in ready.runs), spread(ready.train, ENOUGH)
 
     def totals(logs: np.ndarray) -> np.ndarray:
         made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
@@ -62,12 +61,6 @@ def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
     a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
     peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
     return usual * float(np.exp(best + peak))
-
-
-def _usual(run: Run) -> float:
-    """The usual size of dw/dt, rad/s2."""
-    w, n = run.speed, min(run.count(USUAL), len(run.t) // 3)
-    return max(float(np.std(w[n:] - w[:-n])) / (n * run.dt), 1e-12)
 
 
 def loglik(

@@ -14,6 +14,7 @@ from ...record import Record
 from ...record.record import smallest_step
 from ...record.signal_noise import repeating, sensor_noise
 
+LEAD = 1.0  # s, at most, that an observer runs before a window
 SEGMENT = 256  # samples of one segment of a spectrum; a piece has four or tells nothing
 BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
 TOGETHER = 0.8  # median coherence there from which two channels share their noise
@@ -27,21 +28,21 @@ Range = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Stretches of one run: ``start`` (n,) in samples, each ``length`` samples long."""
+    """Stretches of a run: ``start`` (n,) in samples, each ``length`` long; an observer may run over
+    ``lead`` (n,) samples before."""
 
     start: np.ndarray
     length: int
+    lead: np.ndarray
 
     @property
     def counted(self) -> np.ndarray:
         """Their samples, (n, length)."""
         return self.start[:, None] + np.arange(self.length)
 
-    def spread(self, share: float) -> Windows:
-        """A share of them, evenly spread; at least one."""
-        kept = min(self.start.size, max(1, round(share * self.start.size)))
-        at = np.linspace(0, self.start.size - 1, kept).round().astype(int)
-        return Windows(self.start[at], self.length)
+    def at(self, which: np.ndarray) -> Windows:
+        """Some of them."""
+        return Windows(self.start[which], self.length, self.lead[which])
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class Run:
     theta: np.ndarray
     dt: float
     pieces: tuple[Range, ...]
-    said: str = ""
+    said: str
 
     @property
     def rounding(self) -> tuple[np.ndarray, np.ndarray]:
@@ -85,25 +86,32 @@ class Run:
         rise = (self.theta[n:] - self.theta[:-n]) / (n * self.dt)
         return np.append(rise, np.full(n, rise[-1]))
 
+    @cached_property
+    def usual(self) -> float:
+        """The usual size of dw/dt over 20 ms, rad/s2."""
+        n = min(self.count(0.02), len(self.t) // 3)
+        return max(float(np.std(self.speed[n:] - self.speed[:-n])) / (n * self.dt), 1e-12)
+
     def count(self, seconds: float, least: int = 1) -> int:
         """A time in samples."""
         return max(least, round(seconds / self.dt))
 
-    def windows(self, ranges: Sequence[Range], gap: int, length: int) -> Windows:
-        """Those that fit into ranges one after the other, after a gap in each."""
-        starts = [np.arange(a + gap, b - length + 1, length) for a, b in ranges]
-        return Windows(np.concatenate([*starts, np.zeros(0, int)]), length)
-
-    def before(self, start: np.ndarray, most: int) -> np.ndarray:
-        """How many of the ``most`` samples before each are in the same piece, (n,)."""
-        begins = np.array([a for a, _ in self.pieces])
-        return np.minimum(start - begins[np.searchsorted(begins, start, "right") - 1], most)
+    def windows(
+        self, ranges: Sequence[Range], gap: int, length: int, of: Sequence[Range] | None = None
+    ) -> Windows:
+        """Those that fit into ranges one after the other, after a gap in each; observers may run
+        over samples of the ranges ``of``, of their own by default."""
+        each = [np.arange(a + gap, b - length + 1, length) for a, b in ranges]
+        start = np.concatenate([*each, np.zeros(0, int)])
+        begins = np.array([a for a, _ in (ranges if of is None else of)] or [0])
+        since = start - begins[np.searchsorted(begins, start, "right") - 1]
+        return Windows(start, length, np.minimum(since, self.count(LEAD)))
 
     def moving(self, where: Windows) -> Windows:
         """Those in motion, as a rest says nothing of what moves it; all where there is none."""
         w = np.abs(self.speed)
         moved = np.mean((w > SLIDES * w.max())[where.counted], axis=1) > MOVES
-        return Windows(where.start[moved], where.length) if moved.any() else where
+        return where.at(moved) if moved.any() else where
 
     def torque(self, offset: float, delay: float) -> np.ndarray:
         """u without an offset (N m), and so much later (s), earlier where below 0, (N,)."""
@@ -117,7 +125,7 @@ class Run:
 def run_of(record: Record) -> Run:
     """The record with its sensors' noise; a w that repeats theta corrects no observer: its noise
     is that of theta, coloured by a filter, and would look like a torque."""
-    recorded = np.full((record.samples, 2), np.nan)
+    recorded, dt = np.full((record.samples, 2), np.nan), record.dt
     weight, own, often, counts = np.ones_like(recorded), np.full(2, np.nan), np.ones(2), np.zeros(2)
     for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
         if x is not None:
@@ -128,14 +136,11 @@ def run_of(record: Record) -> Run:
     pieces = tuple((s.start, s.stop) for s in record.segments())
     repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
     left = np.array([1.0, np.nan if repeated else 1.0])
-    noise, dt = own * np.sqrt(often) * left, record.dt
+    noise = tuple((own * np.sqrt(often) * left).tolist())
     theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
     d = np.zeros(record.samples) if record.d is None else record.d
-    said = REPEATED if repeated else ""
-    return Run(
-        record.t, record.u, d, recorded, tuple(own.tolist()), recorded * left,
-        tuple(noise.tolist()), weight, counts, theta, dt, pieces, said,
-    )  # fmt: skip
+    measured = recorded, tuple(own.tolist()), recorded * left, noise, weight, counts, theta
+    return Run(record.t, record.u, d, *measured, dt, pieces, REPEATED if repeated else "")
 
 
 def _repeats(x: np.ndarray, count: float) -> np.ndarray:

@@ -12,7 +12,7 @@ from ...blocks.model import Model
 from ...core.errors import InputError
 from ...estimates.covariance import Joint
 from .likelihood import Fit, fitted, loglik, tuned, whitened
-from .prepared import Prepared, spread
+from .split import Prepared, spread
 
 ENOUGH = 40_000  # samples of training windows that are used, evenly spread
 WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known
@@ -32,8 +32,9 @@ class Polished:
     record determines.
 
     ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
-    order (Takeuchi's criterion), and ``error`` its standard error over them. ``gained``: it is above that, or the polish only confirms the values before
-    within their intervals and loses no more. Else the values are those before, of no distribution.
+    order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
+    the polish only confirms the values before within their intervals and loses no more. Else the
+    values are those before, of no distribution.
     """
 
     values: dict[str, float]

@@ -14,8 +14,8 @@ from ...core.errors import InputError
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
 from .likelihood import Fit, fitted, innovations, whitened
-from .prepared import GAP, Prepared
 from .runs import Run, Windows
+from .split import GAP, Prepared
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
 Signal = Callable[[Run, Windows], np.ndarray]
@@ -53,7 +53,8 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     seen = {k: ready.along(ready.everywhere, 3, _observed(f, jump)) for k, f in fits.items()}
     residual = {k: x[0] for k, x in seen.items()}
     held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
-    both, said = held_out & np.isfinite(residual[[*fits][-1]]), list(ready.messages)
+    both: Any = held_out & np.isfinite(residual[[*fits][-1]])
+    said: list[str] = []
     error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))
     free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
     torque = _each(models, "torque error", said, lambda k: _rms(residual[k][both]))
@@ -116,11 +117,10 @@ def _free(ready: Prepared, fit: Fit) -> float:
     missed = [np.zeros((0, 2))]
     for run, ranges in zip(ready.runs, ready.free, strict=True):
         for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
-            start = a + min(run.count(GAP, 2), b - a - 1)  # an observer finds the state before
-            simulated = fit.drive.simulate(
-                run, fit.values, fit.jump, Windows(np.array([start]), b - start)
-            )
-            missed.append(run.recorded[start:b] - simulated[0])
+            gap = min(run.count(GAP, 2), b - a - 1)  # an observer finds the state before
+            where = run.windows([(a, b)], gap, b - a - gap, run.pieces)
+            simulated = fit.drive.simulate(run, fit.values, fit.jump, where)
+            missed.append((run.recorded[where.counted] - simulated)[0])
     return _rms(np.concatenate(missed)[:, ready.channel])
 
 

@@ -50,7 +50,7 @@ class Prepared:
     runs: tuple[Run, ...]
     train: tuple[Windows, ...]
     test: tuple[Windows, ...]
-    free: tuple[Sequence[Range], ...]
+    free: Sequence[Sequence[Range]]
     in_sample: bool
     held_out: tuple[HeldOut, ...]
     horizon: float
@@ -85,8 +85,7 @@ class Prepared:
     def along(
         self, windows: Sequence[Windows], columns: int, signals: Callable[[Run, Windows], Any]
     ) -> np.ndarray:
-        """Signals (windows, samples, columns) along all runs one after the other, nan elsewhere,
-        (columns, N)."""
+        """Signals (windows, samples, columns) along all runs in turn, else nan, (columns, N)."""
         made = [np.full((len(run.t), columns), np.nan) for run in self.runs]
         for run, where, own in zip(self.runs, windows, made, strict=True):
             if where.start.size:
@@ -96,9 +95,8 @@ class Prepared:
     def with_torque(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
         """The same with the torque as it acted: an offset (N m) of the column of a run, by its
         number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0."""
-        offsets = [run_offsets.get(i, 0.0) for i in range(len(self.runs))]
-        both = zip(self.runs, offsets, strict=True)
-        runs = tuple(replace(run, u=run.torque(offset, u_delay)) for run, offset in both)
+        torques = [run.torque(run_offsets.get(i, 0.0), u_delay) for i, run in enumerate(self.runs)]
+        runs = tuple(replace(run, u=u) for run, u in zip(self.runs, torques, strict=True))
         return replace(self, runs=runs, memory={})
 
 
@@ -113,14 +111,8 @@ def prepared(
 
     ``holdout`` None sets every other block apart, "last" the last half of the recorded time, a
     Record itself. ``horizon`` is the time from restart to restart, ``memory`` that over which the
-    residual depends on itself: blocks are longer than both, s.
-
-    Raises
-    ------
-    Refused
-        If the records are too short or too slow for both parts.
-    InputError
-        If they are of different kinds of motion.
+    residual depends on itself: blocks are longer than both, s. Refused where records are too short
+    or too slow for both parts, InputError where they are of different kinds of motion.
     """
     given = (records,) if isinstance(records, Record) else tuple(records)
     apart = (holdout,) if isinstance(holdout, Record) else ()
@@ -133,34 +125,38 @@ def prepared(
     else:
         train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
     fitting = _training(runs, train)
-    judging = [_windows(run, own, horizon) for run, own in zip(runs, test, strict=True)]
+    both = [*zip(runs, test, strict=True)]
+    judging = [_windows(run, own, horizon, 1, run.pieces) for run, own in both]
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
         raise _too_short(runs, horizon)
     kept = spread(judging, MOST)
-    all_, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
+    every_one, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
     said = [run.said for run in runs if run.said]
-    said += [SPREAD.format(all_, used)] if used < all_ else []
-    held_out = [
-        HeldOut(i, float(run.t[a + run.count(GAP, 2)]), float(run.t[b - 1]))
-        for i, (run, own) in enumerate(zip(runs, test, strict=True))
-        for a, b in own
-        if b - a > run.count(GAP, 2)
-    ]
-    return Prepared(
-        tuple(every[: len(given)]), model, runs, spread(fitting, MOST), kept,
-        tuple(test if whole else pieces), not whole, tuple(held_out), horizon,
-        tuple(dict.fromkeys(said)),
-    )  # fmt: skip
+    said += [SPREAD.format(every_one, used)] if used < every_one else []
+    held_out = tuple(one for i, (run, own) in enumerate(both) for one in _apart(i, run, own))
+    parts = runs, spread(fitting, MOST), kept, test if whole else pieces, not whole, held_out
+    return Prepared(tuple(every[: len(given)]), model, *parts, horizon, tuple(dict.fromkeys(said)))
 
 
 def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
-    """As many windows of all runs as have so many samples, evenly spread."""
-    share = most / max(sum(w.start.size * w.length for w in windows), 1)
-    return tuple(w if share >= 1.0 else w.spread(share) for w in windows)
+    """As many windows of all runs as have so many samples, evenly spread, at least one of each."""
+    share, made = most / max(sum(w.start.size * w.length for w in windows), 1), []
+    for w in windows:
+        kept = min(w.start.size, max(1, round(share * w.start.size)))
+        made.append(w.at(np.linspace(0, w.start.size - 1, kept).round().astype(int)))
+    return tuple(made)
 
 
-def _windows(run: Run, ranges: Sequence[Range], seconds: float, least: int = 1) -> Windows:
-    return run.windows(ranges, run.count(GAP, 2), run.count(seconds, least))
+def _windows(
+    run: Run, ranges: Sequence[Range], seconds: float, least: int, of: Any = None
+) -> Windows:
+    return run.windows(ranges, run.count(GAP, 2), run.count(seconds, least), of)
+
+
+def _apart(number: int, run: Run, ranges: Sequence[Range]) -> list[HeldOut]:
+    gap = run.count(GAP, 2)
+    times = [(float(run.t[a + gap]), float(run.t[b - 1])) for a, b in ranges if b - a > gap]
+    return [HeldOut(number, *ends) for ends in times]
 
 
 def _usable(records: Sequence[Record]) -> None:
@@ -180,13 +176,14 @@ def _usable(records: Sequence[Record]) -> None:
 
 def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:
     """The first and the last half of the recorded time, by run."""
-    left, cuts = 0.5 * sum(len(run.t) * run.dt for run in runs), []
+    parts: tuple[Parts, Parts] = [], []
+    left = 0.5 * sum(len(run.t) * run.dt for run in runs)
     for run in runs:
-        cuts.append(int(np.clip(round(left / run.dt), 0, len(run.t))))
+        cut = int(np.clip(round(left / run.dt), 0, len(run.t)))
         left -= len(run.t) * run.dt
-    both = [*zip(runs, cuts, strict=True)]
-    first = [[(a, min(b, cut)) for a, b in run.pieces if a < cut] for run, cut in both]
-    return first, [[(max(a, cut), b) for a, b in run.pieces if b > cut] for run, cut in both]
+        parts[0].append([(a, min(b, cut)) for a, b in run.pieces if a < cut])
+        parts[1].append([(max(a, cut), b) for a, b in run.pieces if b > cut])
+    return parts
 
 
 def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Parts, Parts]:
