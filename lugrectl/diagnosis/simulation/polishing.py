@@ -33,8 +33,8 @@ class Polished:
 
     ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
     order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
-    the polish only confirms the values before within their intervals and loses no more. Else the
-    values are those before, of no distribution.
+    the polish confirms all values before within their intervals. Else the values are those before,
+    of no distribution.
     """
 
     values: dict[str, float]
@@ -78,7 +78,7 @@ def polish(
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < HALF))
-    if gain <= (-error if confirmed else error):
+    if gain <= error and not confirmed:
         return Polished(begun.values, NONE, False, gain, error)
     names = tuple(climb.keys[i] for i in at)
     found = np.array([fit.values[k] for k in names])
