@@ -41,8 +41,7 @@ class Drive:
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         place = self.lanes.states.index
         self.starts = {place(k): s for p in inside for k, s in zip(_states(p), p.block.start)}  # noqa: B905
-        sensors = [p for p in inside if "sensor" in p.block.acts]
-        self.sensors = [place(k) for p in sensors for k in _states(p)]
+        self.sensors = [place(k) for p in inside if "sensor" in p.block.acts for k in _states(p)]
         self.rests = "eps" in model.friction.block.parameters
 
     def series(self, run: Run, values: Values) -> np.ndarray:
@@ -89,13 +88,20 @@ class Drive:
         """
         gains = np.array([self.gain(run, v, q)[0] for v, q in zip(sets, jumps, strict=True)])
         y = np.empty((len(sets), len(where.start), where.length, 2))
-        x = np.empty((len(sets), len(where.start), len(self.lanes.states)))
+        x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
         close = np.array([self.gain(run, v, max(q, run.usual))[0] for v, q in zip(sets, jumps)])  # noqa: B905
         for lead in set(where.lead.tolist()):
             some = where.lead == lead
             start, half = where.start[some] - lead, lead // 2
-            x0 = np.tile(self._start(run, start), (len(sets), 1))
-            x0 = self._run(run, sets, x0, start, half, close)[1].reshape(x0.shape)
+            signals = {
+                "theta": run.theta[start],
+                "w": run.speed[start],
+                "u": run.u[start],
+                "0": 0.0,
+            }
+            for i, name in {0: "theta", 1: "w", **self.starts}.items():
+                x[:, some, i] = signals.get(name, 0.0)
+            _, x0 = self._run(run, sets, x[:, some], start, half, close)
             rest = lead - half + where.length
             own, x[:, some] = self._run(run, sets, x0, start + half, rest, gains)
             y[:, some] = own[:, :, lead - half :]
@@ -106,7 +112,7 @@ class Drive:
 
         The state at its start is that of the observer, by samples before it only.
         """
-        x = self.observe(run, [values], [jump], replace(where, length=0))[1][0]
+        x = self.observe(run, [values], [jump], replace(where, length=0))[1]
         return self._run(run, [values], x, where.start, where.length)[0][0]
 
     def _run(
@@ -124,7 +130,7 @@ class Drive:
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
-            x0,
+            x0.reshape(many * n, -1),
             start,
             length,
             np.array([self.series(run, values) for values in own]),
@@ -139,14 +145,6 @@ class Drive:
             floor=floor,
         )
         return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
-
-    def _start(self, run: Run, at: np.ndarray) -> np.ndarray:
-        """States where an observer begins: the motion, others settled or 0, (n, x)."""
-        signals = {"theta": run.theta[at], "w": run.speed[at], "u": run.u[at]}
-        x = np.zeros((len(at), len(self.lanes.states)))
-        for i, name in {0: "theta", 1: "w", **self.starts}.items():
-            x[:, i] = signals.get(name, 0.0)
-        return x
 
 
 def _states(part: Part) -> tuple[str, ...]:

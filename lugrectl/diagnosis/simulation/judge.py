@@ -13,12 +13,11 @@ from ...blocks.model import Model
 from ...core.errors import InputError
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
-from .likelihood import Fit, fitted, innovations, whitened
-from .runs import Run, Windows
-from .split import GAP, Prepared
+from .likelihood import Fit, fitted, whitened
+from .split import Prepared
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
-Signal = Callable[[Run, Windows], np.ndarray]
+DIVERGED = 1e30  # of an error
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,25 +45,25 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
     if not fits:
         raise InputError("errors are of a model that has all of its values; there is none.")
-    last = [*fits.values()][-1]
-    jump, channel = fits.get("refitted", last).jump, ready.channel
+    jump = fits.get("refitted", [*fits.values()][-1]).jump
+    channel = ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
-    simulated = {k: ready.along(ready.test, 1, _restarted(f, channel))[0] for k, f in fits.items()}
-    seen = {k: ready.along(ready.everywhere, 3, _observed(f, jump)) for k, f in fits.items()}
-    residual = {k: x[0] for k, x in seen.items()}
+    simulated = {k: ready.along(ready.test, 2, f.simulated)[channel] for k, f in fits.items()}
+    seen = {k: ready.along(ready.everywhere, 3, f.observed(jump)) for k, f in fits.items()}
+    missing = {k: ready.along(ready.test, 3, f.observed(jump))[0] for k, f in fits.items()}
     held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
-    both: Any = held_out & np.isfinite(residual[[*fits][-1]])
     said: list[str] = []
     error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))
     free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
-    torque = _each(models, "torque error", said, lambda k: _rms(residual[k][both]))
+    torque = _each(models, "torque error", said, lambda k: _rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     unit = {"signal": ready.signal, "unit": ready.unit}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
-    t, u, dt = (np.concatenate(x) for x in zip(*((r.t, r.u, r.dt + 0.0 * r.t) for r in ready.runs)))  # noqa: B905
-    theta, w = seen[[*fits][-1]][1:]
+    t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
+    _, theta, w = [*seen.values()][-1]
     motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
+    residual = {k: x[0] for k, x in seen.items()}
     return Judged(
         {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
         {**unit, "in_sample": ready.in_sample, **free},
@@ -80,8 +79,8 @@ def _each(
     """A value for each model: None where there is no model or it is not a number, which is said."""
     made: dict[str, float | None] = {}
     for name, model in models.items():
-        value = np.nan if model is None else of(name)
-        made[name] = value if np.isfinite(value) else None
+        value = np.inf if model is None else of(name)
+        made[name] = value if value < DIVERGED else None
         if model is not None and made[name] is None:
             said.append(DIVERGES.format(name, what))
     return made
@@ -93,34 +92,14 @@ def _rms(e: np.ndarray) -> float:
         return float(np.sqrt(np.mean(e**2))) if len(e) else np.nan
 
 
-def _restarted(fit: Fit, channel: int) -> Signal:
-    def signal(run: Run, where: Windows) -> np.ndarray:
-        return fit.drive.simulate(run, fit.values, fit.jump, where)[..., [channel]]
-
-    return signal
-
-
-def _observed(fit: Fit, jump: float) -> Signal:
-    """Torque missing on the resisting side, N m, as the observer adds it; its theta and w."""
-
-    def signals(run: Run, where: Windows) -> np.ndarray:
-        y = fit.drive.observe(run, [fit.values], [jump], where)[0][0]
-        K = fit.drive.gain(run, fit.values, jump)[0]
-        missing = -fit.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K[1]
-        return np.concatenate([missing[..., None], y], axis=-1)
-
-    return signals
-
-
 def _free(ready: Prepared, fit: Fit) -> float:
     """RMS error of the simulation without restarts."""
     missed = [np.zeros((0, 2))]
     for run, ranges in zip(ready.runs, ready.free, strict=True):
         for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
-            gap = min(run.count(GAP, 2), b - a - 1)  # an observer finds the state before
-            where = run.windows([(a, b)], gap, b - a - gap, run.pieces)
-            simulated = fit.drive.simulate(run, fit.values, fit.jump, where)
-            missed.append((run.recorded[where.counted] - simulated)[0])
+            if b - a > run.gap:
+                where = run.windows([(a, b)], b - a - run.gap, run.pieces)
+                missed.append((run.recorded[where.counted] - fit.simulated(run, where))[0])
     return _rms(np.concatenate(missed)[:, ready.channel])
 
 

@@ -14,7 +14,9 @@ from ...record import Record
 from ...record.record import smallest_step
 from ...record.signal_noise import repeating, sensor_noise
 
+GAP = 0.25  # s, between training and held-out samples
 LEAD = 1.0  # s, at most, that an observer runs before a window
+EXACT = 1e-9  # of a signal's range: noise of what has none
 SEGMENT = 256  # samples of one segment of a spectrum; a piece has four or tells nothing
 BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
 TOGETHER = 0.8  # median coherence there from which two channels share their noise
@@ -96,12 +98,16 @@ class Run:
         """A time in samples."""
         return max(least, round(seconds / self.dt))
 
+    @property
+    def gap(self) -> int:
+        return self.count(GAP, 2)
+
     def windows(
-        self, ranges: Sequence[Range], gap: int, length: int, of: Sequence[Range] | None = None
+        self, ranges: Sequence[Range], length: int, of: Sequence[Range] | None = None
     ) -> Windows:
-        """Those that fit into ranges one after the other, after a gap in each; observers may run
+        """Those that fit into ranges one after the other, behind a gap in each; observers may run
         over samples of the ranges ``of``, of their own by default."""
-        each = [np.arange(a + gap, b - length + 1, length) for a, b in ranges]
+        each = [np.arange(a + self.gap, b - length + 1, length) for a, b in ranges]
         start = np.concatenate([*each, np.zeros(0, int)])
         begins = np.array([a for a, _ in (ranges if of is None else of)] or [0])
         since = start - begins[np.searchsorted(begins, start, "right") - 1]
@@ -130,7 +136,8 @@ def run_of(record: Record) -> Run:
     for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
         if x is not None:
             recorded[:, k], step = x, record.resolution.get(role, 0.0)
-            own[k], often[k] = sensor_noise(x, step), repeating(x, step)
+            own[k] = max(sensor_noise(x, step), EXACT * np.ptp(x))
+            often[k] = repeating(x, step)
             counts[k] = max(step, smallest_step(x))
             weight[:, k] = np.minimum(1.0, often[k] / _repeats(x, counts[k]))
     pieces = tuple((s.start, s.stop) for s in record.segments())

@@ -14,10 +14,9 @@ from ...core.errors import InputError, Refused
 from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from ...record import Record, consistent, long_enough_to_judge
-from .runs import Range, Run, Windows, run_of
+from .runs import GAP, Range, Run, Windows, run_of
 
 BLOCK = 2.0  # s, least length of a held-out block
-GAP = 0.25  # s, between training and held-out samples
 WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
@@ -80,7 +79,7 @@ class Prepared:
     @property
     def everywhere(self) -> tuple[Windows, ...]:
         """For each run: windows over all of it but the beginnings of its pieces."""
-        return spread([_windows(run, run.pieces, WINDOWS[0], FEWEST) for run in self.runs], MOST)
+        return spread([run.windows(run.pieces, run.count(1.0)) for run in self.runs], MOST)
 
     def along(
         self, windows: Sequence[Windows], columns: int, signals: Callable[[Run, Windows], Any]
@@ -126,14 +125,15 @@ def prepared(
         train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
     fitting = _training(runs, train)
     both = [*zip(runs, test, strict=True)]
-    judging = [_windows(run, own, horizon, 1, run.pieces) for run, own in both]
+    judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
         raise _too_short(runs, horizon)
     kept = spread(judging, MOST)
     every_one, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
     said = [run.said for run in runs if run.said]
     said += [SPREAD.format(every_one, used)] if used < every_one else []
-    held_out = tuple(one for i, (run, own) in enumerate(both) for one in _apart(i, run, own))
+    apart = [(i, *run.t[[a + run.gap, b - 1]]) for i, (run, own) in enumerate(both) for a, b in own]
+    held_out = tuple(HeldOut(i, float(start), float(end)) for i, start, end in apart if start < end)
     parts = runs, spread(fitting, MOST), kept, test if whole else pieces, not whole, held_out
     return Prepared(tuple(every[: len(given)]), model, *parts, horizon, tuple(dict.fromkeys(said)))
 
@@ -147,31 +147,13 @@ def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
     return tuple(made)
 
 
-def _windows(
-    run: Run, ranges: Sequence[Range], seconds: float, least: int, of: Any = None
-) -> Windows:
-    return run.windows(ranges, run.count(GAP, 2), run.count(seconds, least), of)
-
-
-def _apart(number: int, run: Run, ranges: Sequence[Range]) -> list[HeldOut]:
-    gap = run.count(GAP, 2)
-    times = [(float(run.t[a + gap]), float(run.t[b - 1])) for a, b in ranges if b - a > gap]
-    return [HeldOut(number, *ends) for ends in times]
-
-
 def _usable(records: Sequence[Record]) -> None:
-    """Refused where every record is too short: one beside longer ones only has fewer windows."""
-    faults = []
+    """Refused where the longest record is too short: others beside it only have fewer windows."""
+    long_enough_to_judge(max(records, key=lambda r: r.duration))
     for r in records:
         if r.motion != records[0].motion:
             kinds = f"{r.source} is {r.motion} and {records[0].source} {records[0].motion}"
             raise InputError(f"{kinds}: give runs of one drive.")
-        try:
-            long_enough_to_judge(r)
-        except Refused as fault:
-            faults.append(fault)
-    if len(faults) == len(records):
-        raise faults[0]
 
 
 def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:
@@ -191,10 +173,10 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
     parts: tuple[Parts, Parts] = [[] for _ in runs], [[] for _ in runs]
     turn = 0
     for i, run in enumerate(runs):
-        gap, span = run.count(GAP, 2), run.count(horizon)
-        length = gap + span * max(1, -(-run.count(max(BLOCK, memory)) // span))
+        span = run.count(horizon)
+        length = run.gap + span * max(1, -(-run.count(max(BLOCK, memory)) // span))
         for a, b in run.pieces:
-            starts = range(a, max(b - length, a) + 1, length) if b - a >= gap + span else ()
+            starts = [*range(a, max(b - length, a) + 1, length)] if b - a >= run.gap + span else []
             for s in starts:
                 parts[turn][i].append((s, b if s == starts[-1] else s + length))
                 turn = 1 - turn
@@ -207,7 +189,7 @@ def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
     made: list[Windows] = []
     for seconds in WINDOWS if compiler() else WINDOWS[-1:]:
         both = zip(runs, parts, strict=True)
-        made = [run.moving(_windows(run, part, seconds, FEWEST)) for run, part in both]
+        made = [run.moving(run.windows(part, run.count(seconds, FEWEST))) for run, part in both]
         if sum(w.start.size for w in made) >= ENOUGH:
             break
     return made
