@@ -141,7 +141,7 @@ class Drive:
             series=np.repeat(np.arange(many) % len(own), n),
             y=None if gains is None else run.y,
             gain=None if gains is None else np.repeat(gains, n, axis=0),
-            rounding=None if gains is None else run.rounding,
+            rounding=(1.0 - run.weight, 0.5 * run.counts),  # a repeated count, and what it may hide
             floor=floor,
         )
         return y.reshape(many, n, length, 2), x.reshape(many, n, -1)

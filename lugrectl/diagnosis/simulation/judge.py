@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -49,8 +50,8 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     channel = ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
     simulated = {k: ready.along(ready.test, 2, f.simulated)[channel] for k, f in fits.items()}
-    seen = {k: ready.along(ready.everywhere, 3, f.observed(jump)) for k, f in fits.items()}
-    missing = {k: ready.along(ready.test, 3, f.observed(jump))[0] for k, f in fits.items()}
+    seen = {k: ready.along(ready.everywhere, 3, partial(f.observed, jump)) for k, f in fits.items()}
+    missing = {k: ready.along(ready.test, 3, partial(f.observed, jump))[0] for k, f in fits.items()}
     held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
     said: list[str] = []
     error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))

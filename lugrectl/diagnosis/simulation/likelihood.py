@@ -6,7 +6,7 @@ The innovations of the right model are white, whether or not the drive was in cl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,17 +36,13 @@ class Fit:
         """theta and w from the torque alone, (windows, length, 2)."""
         return self.drive.simulate(run, self.values, self.jump, where)
 
-    def observed(self, jump: float) -> Callable[[Run, Windows], np.ndarray]:
-        """What gives the torque missing on the resisting side, N m, as the observer for this noise
-        adds it, and the observer's theta and w, (windows, length, 3)."""
-
-        def signals(run: Run, where: Windows) -> np.ndarray:
-            y = self.drive.observe(run, [self.values], [jump], where)[0][0]
-            K = self.drive.gain(run, self.values, jump)[0][1]
-            missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
-            return np.concatenate([missing[..., None], y], axis=-1)
-
-        return signals
+    def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
+        """The torque missing on the resisting side, N m, as the observer for this noise adds it,
+        and the observer's theta and w, (windows, length, 3)."""
+        y = self.drive.observe(run, [self.values], [jump], where)[0][0]
+        K = self.drive.gain(run, self.values, jump)[0][1]
+        missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
+        return np.concatenate([missing[..., None], y], axis=-1)
 
 
 def fitted(ready: Prepared, model: Model) -> Fit:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...blocks.block import P
 from ...blocks.declared_values import Stated
 from ...blocks.model import Model
 from ...core.errors import InputError
@@ -40,8 +41,8 @@ class Polished:
     values: dict[str, float]
     joint: Joint
     gained: bool
-    gain: float = 0.0
-    error: float = 0.0
+    gain: float
+    error: float
 
 
 def polish(
@@ -60,10 +61,10 @@ def polish(
     model that is the same in all windows. InputError for an unknown key or a missing value.
     """
     begun = fitted(ready, model)
-    climb = _climb(ready, begun, model, free, start)
+    climb = _Climb(ready, begun, model, free, start)
     before = climb.each([begun.values], [begun.jump])[0]
     if not climb.keys or len(before) < 2:
-        return Polished(begun.values, NONE, False)
+        return Polished(begun.values, NONE, False, 0.0, 0.0)
     fit = climb.up(climb.scanned())
     parts, scores, each = climb.linear(fit)
     H = parts.sum(0) + climb.weight
@@ -87,7 +88,6 @@ def polish(
     return Polished(fit.values, joint, True, gain, error)
 
 
-@dataclass(frozen=True, eq=False)
 class _Climb:
     """Steps towards the maximum of likelihood and priors.
 
@@ -95,14 +95,30 @@ class _Climb:
     Priors are Gaussian about ``middle``, with the information ``weight``.
     """
 
-    ready: Prepared
-    begun: Fit
-    keys: tuple[str, ...]
-    log: np.ndarray
-    size: np.ndarray
-    ends: np.ndarray
-    middle: np.ndarray
-    weight: np.ndarray
+    def __init__(
+        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None
+    ) -> None:
+        own, values = model.declarations(), begun.values
+        if unknown := [k for k in free if k not in own]:
+            raise InputError(f"free: {model.name} has no '{unknown[0]}', but {', '.join(own)}.")
+        self.ready, self.begun, held = ready, begun, model.held()
+        self.keys = keys = tuple(k for k in free if k not in held and _steps(own[k], model.motion))
+        self.own, self.said = own, [model.stated.get(k, Stated()) for k in keys]
+        found = np.array([values[k] for k in keys])
+        self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
+        usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
+        self.size = np.maximum(np.abs(found), usual)
+        slopes, known = np.where(self.log, found, self.size), () if start is None else start.names
+        stated = zip(keys, (one.std for one in self.said), strict=True)
+        std = {k: size for k, size in stated if size is not None and k not in known}
+        self.weight = np.diag(WEAK**-2.0 + (slopes / [std.get(k, np.inf) for k in keys]) ** 2)
+        at = [i for i, k in enumerate(keys) if k in known]
+        if start is not None and at:
+            rows = [known.index(keys[i]) for i in at]
+            C = start.matrix[np.ix_(rows, rows)] / np.outer(slopes[at], slopes[at])
+            self.weight[np.ix_(at, at)] += np.linalg.pinv(C, hermitian=True)
+        declared = {k: v for k, v in ready.model.known().items() if k in std}
+        self.middle = self.x({**values, **declared})
 
     def x(self, values: Mapping[str, float]) -> np.ndarray:
         v = np.array([values[k] for k in self.keys])
@@ -110,8 +126,10 @@ class _Climb:
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """All values inside their bounds; Fs does not fall below Fc."""
-        v = np.where(self.log, np.exp(np.where(self.log, np.minimum(x, 700.0), 0.0)), x * self.size)
-        made = self.begun.values | dict(zip(self.keys, np.clip(v, *self.ends).tolist()))  # noqa: B905
+        made = dict(self.begun.values)
+        for k, log, size, said, v in zip(self.keys, self.log, self.size, self.said, x, strict=True):
+            value = float(np.exp(min(v, 700.0)) if log else v * size)
+            made[k] = said.clipped(min(max(value, self.own[k].low), self.own[k].high))
         if {"Fc", "Fs"} & {*self.keys} and {"Fc", "Fs"} <= {*made}:
             made["Fs"] = max(made["Fs"], made["Fc"])
         return made
@@ -172,38 +190,7 @@ class _Climb:
         return parts, scores, each
 
 
-def _climb(
-    ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None
-) -> _Climb:
-    """The coordinates of the free values, their bounds and priors."""
-    own, keys = model.declarations(), []
-    for key in free:
-        if key not in own:
-            raise InputError(f"free: {model.name} has no '{key}'; it has {', '.join(own)}.")
-        p = own[key]
-        instant = p.unit == "s" and p.low < 0.0  # the likelihood is not smooth in it
-        if p.fitted and not (key in model.held() or p.whole or p.choices or instant):
-            keys.append(key)
-    said, values = [model.stated.get(k, Stated()) for k in keys], begun.values
-    low = [own[k].low if one.low is None else one.low for k, one in zip(keys, said, strict=True)]
-    high = [
-        own[k].high if one.high is None else one.high for k, one in zip(keys, said, strict=True)
-    ]
-    found = np.array([values[k] for k in keys])
-    log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
-    usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
-    size = np.maximum(np.abs(found), usual)
-    made = _Climb(ready, begun, tuple(keys), log, size, np.array([low, high]), found, np.eye(0))
-    slopes, known = np.where(log, found, size), () if start is None else start.names
-    std = np.array(
-        [np.inf if k in known else one.std or np.inf for k, one in zip(keys, said, strict=True)]
-    )
-    weight = np.diag(WEAK**-2.0 + (slopes / std) ** 2)
-    at = [i for i, k in enumerate(keys) if k in known]
-    if start is not None and at:
-        rows = [known.index(keys[i]) for i in at]
-        C = start.matrix[np.ix_(rows, rows)] / np.outer(slopes[at], slopes[at])
-        weight[np.ix_(at, at)] += np.linalg.pinv(C, hermitian=True)
-    declared = {k: v for k, v in ready.model.known().items() if k in keys}
-    stated = {k: declared.get(k, values[k]) for k, s in zip(keys, std, strict=True) if s < np.inf}
-    return replace(made, middle=made.x({**values, **stated}), weight=weight)
+def _steps(p: P, motion: str) -> bool:
+    """Whether the likelihood has a slope in a value: not in a count, a choice or an instant."""
+    instant, count = p.unit == "s" and p.low < 0.0, p.whole and motion == "rotary"
+    return p.fitted and not (instant or count or p.choices)

@@ -73,12 +73,6 @@ class Run:
     pieces: tuple[Range, ...]
     said: str
 
-    @property
-    def rounding(self) -> tuple[np.ndarray, np.ndarray]:
-        """What an observer leaves of a correction by a repeated count, (N, 2), up to half a count:
-        it may be one and the same rounding. A larger deviation is real."""
-        return 1.0 - self.weight, 0.5 * self.counts
-
     @cached_property
     def speed(self) -> np.ndarray:
         """The speed as recorded, or that of the next 10 ms of positions, (N,)."""
