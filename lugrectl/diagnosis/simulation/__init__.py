@@ -2,7 +2,7 @@
 
 from .judge import Judged, errors, residuals, torque_noise
 from .polishing import Polished, polish
-from .split import HeldOut, Prepared, prepared
+from .records import HeldOut, Prepared, prepared
 
 __all__ = ["HeldOut", "Judged", "Polished", "Prepared", "errors", "polish", "prepared"]
 __all__ += ["residuals", "torque_noise"]

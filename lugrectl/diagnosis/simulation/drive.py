@@ -1,10 +1,15 @@
-"""A model as the engine runs it along a record: observed, and simulated from the torque alone."""
+"""A model along a record: observed, simulated from the torque alone, and how likely it is.
+
+The innovations of the right model are white, whether or not the drive was in closed loop
+(prediction-error method, Ljung, System Identification, ch. 7).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -14,16 +19,23 @@ from ...blocks.embedding import Part as Placed
 from ...blocks.model import Model, Part
 from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
+from ...core.errors import InputError
 from ...engine.runtime.batch_run import Lanes
-from .runs import Run, Windows
+from .records import Prepared, Run, Windows, spread
 
 Values = Mapping[str, float]
+Sets = Sequence[Values]
+Array = np.ndarray
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
 DOUBLINGS = 60  # of a Riccati equation, at most
 Rows = tuple[tuple[float, ...], ...]
 Sensing = tuple[Rows, Rows, Rows, Rows]
 DIRECT: Sensing = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
+ENOUGH = 20_000  # samples on which the noise of the torque is found
+COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
+FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
+WORST = 1e100  # innovation of a model that diverges; its square can still be added up
 
 
 class Drive:
@@ -40,7 +52,10 @@ class Drive:
         self.lanes = Lanes(self.system, outputs=["theta_m", "w_m"])
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         place = self.lanes.states.index
-        self.starts = {place(k): s for p in inside for k, s in zip(_states(p), p.block.start)}  # noqa: B905
+        begun = [both for p in inside for both in zip(_states(p), p.block.start, strict=True)]
+        known = {"theta": "theta", "w": "speed", "u": "u"}  # other states begin at 0
+        self.starts = {0: "theta", 1: "speed"}
+        self.starts |= {place(k): known[s] for k, s in begun if s in known}
         self.sensors = [place(k) for p in inside if "sensor" in p.block.acts for k in _states(p)]
         self.rests = "eps" in model.friction.block.parameters
 
@@ -78,7 +93,7 @@ class Drive:
         return A, B, C, D
 
     def observe(
-        self, run: Run, sets: Sequence[Values], jumps: Sequence[float], where: Windows
+        self, run: Run, sets: Sets, jumps: Any, where: Windows
     ) -> tuple[np.ndarray, np.ndarray]:
         """One-step predictions of theta and w, each by the samples before it.
 
@@ -93,14 +108,8 @@ class Drive:
         for lead in set(where.lead.tolist()):
             some = where.lead == lead
             start, half = where.start[some] - lead, lead // 2
-            signals = {
-                "theta": run.theta[start],
-                "w": run.speed[start],
-                "u": run.u[start],
-                "0": 0.0,
-            }
-            for i, name in {0: "theta", 1: "w", **self.starts}.items():
-                x[:, some, i] = signals.get(name, 0.0)
+            for i, signal in self.starts.items():
+                x[:, some, i] = getattr(run, signal)[start]
             _, x0 = self._run(run, sets, x[:, some], start, half, close)
             rest = lead - half + where.length
             own, x[:, some] = self._run(run, sets, x0, start + half, rest, gains)
@@ -113,42 +122,118 @@ class Drive:
         The state at its start is that of the observer, by samples before it only.
         """
         x = self.observe(run, [values], [jump], replace(where, length=0))[1]
-        return self._run(run, [values], x, where.start, where.length)[0][0]
+        return self._run(run, [values], x, where.start, where.length, None)[0][0]
 
-    def _run(
-        self,
-        run: Run,
-        sets: Sequence[Values],
-        x0: np.ndarray,
-        start: np.ndarray,
-        length: int,
-        gains: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _run(self, run: Run, sets: Sets, x0: Array, start: Array, length: int, gains: Any) -> Any:
         check_time()
         many, n, start = len(sets), len(start), np.tile(start, len(sets))
         own = sets if self.late else sets[:1]
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
-            x0.reshape(many * n, -1),
-            start,
-            length,
-            np.array([self.series(run, values) for values in own]),
-            np.repeat([[values[k] for k in self.keys] for values in sets], n, axis=0),
-            dt=run.dt,
-            substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))),
-            t0=run.t[start] - start * run.dt,
-            series=np.repeat(np.arange(many) % len(own), n),
-            y=None if gains is None else run.y,
-            gain=None if gains is None else np.repeat(gains, n, axis=0),
+            x0.reshape(many * n, -1), start, length, np.array([self.series(run, v) for v in own]),
+            np.repeat([[v[k] for k in self.keys] for v in sets], n, axis=0), dt=run.dt,
+            substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))), t0=run.t[start] - start * run.dt,
+            series=np.repeat(np.arange(many) % len(own), n), y=None if gains is None else run.y,
+            gain=None if gains is None else np.repeat(gains, n, axis=0), floor=floor,
             rounding=(1.0 - run.weight, 0.5 * run.counts),  # a repeated count, and what it may hide
-            floor=floor,
-        )
+        )  # fmt: skip
         return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
 
 
 def _states(part: Part) -> tuple[str, ...]:
     return Placed(f"{part.key}.", part.block).states
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model with the noise of dw/dt (rad/s2) that makes its predictions most likely."""
+
+    drive: Drive
+    values: dict[str, float]
+    jump: float
+
+    def simulated(self, run: Run, where: Windows) -> np.ndarray:
+        """theta and w from the torque alone, (windows, length, 2)."""
+        return self.drive.simulate(run, self.values, self.jump, where)
+
+    def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
+        """The torque missing on the resisting side, N m, as the observer for this noise adds it,
+        and the observer's theta and w, (windows, length, 3)."""
+        y = self.drive.observe(run, [self.values], [jump], where)[0][0]
+        K = self.drive.gain(run, self.values, jump)[0][1]
+        missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
+        return np.concatenate([missing[..., None], y], axis=-1)
+
+
+def fitted(ready: Prepared, model: Model) -> Fit:
+    """The model as it is, with its noise; once for each in a study. InputError where a value is
+    missing."""
+    model, memory = model.with_defaults(), ready.memory
+    values = model.known()
+    if missing := [k for k in model.values() if k not in values]:
+        raise InputError(f"{model.name}: {', '.join(missing)} has no value to simulate with.")
+    structure = tuple((part.key, id(part.block)) for part in (model.friction, *model.effects))
+    if structure not in memory:
+        memory[structure] = Drive(model), model
+    drive, key = memory[structure][0], (structure, *values.values())
+    if key not in memory:
+        memory[key] = Fit(drive, values, tuned(ready, drive, values))
+    return memory[key]
+
+
+def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
+    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely."""
+    usual, few = max(run.usual for run in ready.runs), spread(ready.train, ENOUGH)
+
+    def totals(logs: np.ndarray) -> np.ndarray:
+        made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
+        return np.nan_to_num(made.sum(axis=1), nan=-np.inf)
+
+    best = COARSE[np.argmax(totals(COARSE))]
+    a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
+    peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
+    return usual * float(np.exp(best + peak))
+
+
+def loglik(
+    ready: Prepared, drive: Drive, sets: Sets, jumps: Any, windows: Sequence[Windows]
+) -> np.ndarray:
+    """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
+    made = [
+        whitened(drive, run, sets, jumps, where)[1]
+        for run, where in zip(ready.runs, windows, strict=True)
+        if where.start.size
+    ]
+    return np.concatenate(made, axis=1)
+
+
+def whitened(
+    drive: Drive, run: Run, sets: Sets, jumps: Any, where: Windows
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
+    the log-likelihood of each window, (sets, windows).
+
+    Samples that repeat one count weigh less: they are not independent, and predicting them is no
+    merit of a model.
+    """
+    jumps = [float(jump) for jump in jumps]
+    y, _ = drive.observe(run, sets, jumps, where)
+    e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
+    weight = run.weight[where.counted]
+    for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
+        root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
+        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(weight)
+        size[i] = np.diag(root)
+    constant = np.log(size) @ weight.sum(axis=1).T
+    return e, -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant
+
+
+def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Measured minus predicted: 0 where nothing was recorded, ``WORST`` if it is not a number."""
+    e = np.clip(np.nan_to_num(measured - predicted, nan=WORST), -WORST, WORST)
+    e[..., np.isnan(measured)] = 0.0
+    return e
 
 
 @lru_cache(maxsize=512)

@@ -12,10 +12,11 @@ import numpy as np
 from ...blocks.block import unit_for
 from ...blocks.model import Model
 from ...core.errors import InputError
+from ...core.numeric import rms
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
-from .likelihood import Fit, fitted, whitened
-from .split import Prepared
+from .drive import Fit, fitted, whitened
+from .records import Prepared
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
 DIVERGED = 1e30  # of an error
@@ -54,9 +55,9 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     missing = {k: ready.along(ready.test, 3, partial(f.observed, jump))[0] for k, f in fits.items()}
     held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
     said: list[str] = []
-    error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))
+    error = _each(models, "error", said, lambda k: rms((measured - simulated[k])[held_out]))
     free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
-    torque = _each(models, "torque error", said, lambda k: _rms(missing[k][held_out]))
+    torque = _each(models, "torque error", said, lambda k: rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     unit = {"signal": ready.signal, "unit": ready.unit}
@@ -87,12 +88,6 @@ def _each(
     return made
 
 
-def _rms(e: np.ndarray) -> float:
-    """Root mean square; nan or inf where a simulation diverged."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sqrt(np.mean(e**2))) if len(e) else np.nan
-
-
 def _free(ready: Prepared, fit: Fit) -> float:
     """RMS error of the simulation without restarts."""
     missed = [np.zeros((0, 2))]
@@ -101,7 +96,7 @@ def _free(ready: Prepared, fit: Fit) -> float:
             if b - a > run.gap:
                 where = run.windows([(a, b)], b - a - run.gap, run.pieces)
                 missed.append((run.recorded[where.counted] - fit.simulated(run, where))[0])
-    return _rms(np.concatenate(missed)[:, ready.channel])
+    return rms(np.concatenate(missed)[:, ready.channel])
 
 
 def residuals(ready: Prepared, model: Model) -> Residuals:

@@ -12,8 +12,8 @@ from ...blocks.declared_values import Stated
 from ...blocks.model import Model
 from ...core.errors import InputError
 from ...estimates.covariance import Joint
-from .likelihood import Fit, fitted, loglik, tuned, whitened
-from .split import Prepared, spread
+from .drive import Fit, fitted, loglik, tuned, whitened
+from .records import Prepared, spread
 
 ENOUGH = 40_000  # samples of training windows that are used, evenly spread
 WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known

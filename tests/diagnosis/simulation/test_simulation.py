@@ -15,7 +15,7 @@ from lugrectl.diagnosis.simulation import (
     residuals,
     torque_noise,
 )
-from lugrectl.diagnosis.simulation.likelihood import fitted
+from lugrectl.diagnosis.simulation.drive import fitted
 
 TRUE = lg.Model.of(lg.table1())
 ARM = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.1, "phase": 0.3})
@@ -235,7 +235,7 @@ def test_a_simulation_that_diverges_has_no_error(record, monkeypatch):
 
 
 def test_a_long_record_is_judged_on_evenly_spread_windows(record, monkeypatch):
-    monkeypatch.setattr("lugrectl.diagnosis.simulation.split.MOST", 4000)
+    monkeypatch.setattr("lugrectl.diagnosis.simulation.records.MOST", 4000)
     ready = prepared(record, TRUE, None, 1.0)
     assert sum(w.counted.size for w in ready.test) == 4000
     assert "evenly spread" in ready.messages[0]

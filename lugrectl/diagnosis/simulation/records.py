@@ -1,28 +1,132 @@
-"""Records split into training windows and samples that no fit and no choice has seen."""
+"""Records as a simulation takes them: noise, training windows, and samples held out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.signal import coherence
 
 from ...blocks.block import unit_for
+from ...blocks.effects.actuator import held_late
 from ...blocks.model import Model
 from ...core.errors import InputError, Refused
 from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from ...record import Record, consistent, long_enough_to_judge
-from .runs import GAP, Range, Run, Windows, run_of
+from ...record.record import smallest_step
+from ...record.signal_noise import repeating, sensor_noise
 
 BLOCK = 2.0  # s, least length of a held-out block
 WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
+SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
 MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
 SPREAD = "Not all {} held-out samples were simulated, but evenly spread windows of {}."
+GAP = 0.25  # s, between training and held-out samples
+LEAD = 1.0  # s, at most, that an observer runs before a window
+EXACT = 1e-9  # of a signal's range: noise of what has none
+SEGMENT = 256  # samples of one segment of a spectrum; a piece has four or tells nothing
+BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
+TOGETHER = 0.8  # median coherence there from which two channels share their noise
+REPEATED = (
+    "w is the derivative of theta, as both have the same noise. States are estimated from theta "
+    "alone; errors are computed on w."
+)
+Range = tuple[int, int]
 Parts = list[list[Range]]
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Stretches of a run: ``start`` (n,) in samples, each ``length`` long; an observer may run over
+    ``lead`` (n,) samples before."""
+
+    start: np.ndarray
+    length: int
+    lead: np.ndarray
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Their samples, (n, length)."""
+        return self.start[:, None] + np.arange(self.length)
+
+    def at(self, which: np.ndarray) -> Windows:
+        """Some of them."""
+        return Windows(self.start[which], self.length, self.lead[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One record on its own even time; SI units, N samples.
+
+    ``t, u, d`` (N,): time, torque, load torque (0 where not recorded), held from sample to sample.
+    ``recorded`` (N, 2): theta and w, nan where not recorded, with their sensors' noise ``own``.
+    ``y`` (N, 2): the same as an observer corrects by it, with ``noise``, larger where samples
+    usually repeat each other, ``weight`` (N, 2), less than 1 where they do so for longer, and the
+    smallest steps ``counts`` (2,). ``theta`` (N,): position, or the integral of w from 0.
+    ``pieces``: ranges without a lost sample.
+    """
+
+    t: np.ndarray
+    u: np.ndarray
+    d: np.ndarray
+    recorded: np.ndarray
+    own: tuple[float, ...]
+    y: np.ndarray
+    noise: tuple[float, ...]
+    weight: np.ndarray
+    counts: np.ndarray
+    theta: np.ndarray
+    dt: float
+    pieces: tuple[Range, ...]
+    said: str
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """The speed as recorded, or that of the next 10 ms of positions, (N,)."""
+        if np.isfinite(self.own[1]):
+            return self.recorded[:, 1]
+        n = min(self.count(0.01), len(self.t) - 1)
+        rise = (self.theta[n:] - self.theta[:-n]) / (n * self.dt)
+        return np.append(rise, np.full(n, rise[-1]))
+
+    @cached_property
+    def usual(self) -> float:
+        """The usual size of dw/dt over 20 ms, rad/s2."""
+        n = min(self.count(0.02), len(self.t) // 3)
+        return max(float(np.std(self.speed[n:] - self.speed[:-n])) / (n * self.dt), 1e-12)
+
+    def count(self, seconds: float, least: int = 1) -> int:
+        """A time in samples."""
+        return max(least, round(seconds / self.dt))
+
+    @property
+    def gap(self) -> int:
+        return self.count(GAP, 2)
+
+    def windows(
+        self, ranges: Sequence[Range], length: int, of: Sequence[Range] | None = None
+    ) -> Windows:
+        """Those that fit into ranges one after the other, behind a gap in each; observers may run
+        over samples of the ranges ``of``, of their own by default."""
+        each = [np.arange(a + self.gap, b - length + 1, length) for a, b in ranges]
+        start = np.concatenate([*each, np.zeros(0, int)])
+        begins = np.array([a for a, _ in (ranges if of is None else of)] or [0])
+        since = start - begins[np.searchsorted(begins, start, "right") - 1]
+        return Windows(start, length, np.minimum(since, self.count(LEAD)))
+
+    def torque(self, offset: float, delay: float) -> np.ndarray:
+        """u without an offset (N m), and so much later (s), earlier where below 0, (N,)."""
+        u = self.u - offset
+        turn = 1 if delay >= 0 else -1  # earlier is later in reversed time
+        for a, b in self.pieces if delay else ():
+            u[a:b] = held_late(u[a:b][::turn], self.dt, abs(delay))[::turn]
+        return u
 
 
 class HeldOut(NamedTuple):
@@ -40,8 +144,10 @@ class Prepared:
     ``records`` are the training ones, ``runs`` these and then one held out as a whole. By run:
     ``train`` are windows to fit on, ``test`` those that are judged, a horizon long, and ``free``
     ranges simulated without a restart, ``in_sample`` where these hold training samples.
-    ``held_out`` are all stretches set apart, whether judged or not. ``horizon`` in s. ``memory``
-    keeps what was computed of models.
+    ``held_out`` are all stretches set apart, whether judged or not, ``everywhere`` windows over all
+    of a run. Errors are computed on the ``channel`` that more held-out samples have, 1 for w, 0 for
+    theta, in its ``unit``; ``noise_floor`` is its sensor's own noise, the largest of all runs.
+    ``horizon`` in s. ``memory`` keeps what was computed of models.
     """
 
     records: tuple[Record, ...]
@@ -53,33 +159,16 @@ class Prepared:
     in_sample: bool
     held_out: tuple[HeldOut, ...]
     horizon: float
+    everywhere: tuple[Windows, ...]
+    channel: int
+    unit: str
+    noise_floor: float
     messages: tuple[str, ...] = ()
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     @property
-    def channel(self) -> int:
-        """What errors are computed on: 1 for w, 0 for theta where more held-out samples have it."""
-        many = [where.counted.size for where in self.test]
-        theta, w = many @ np.isfinite([run.own for run in self.runs])
-        return int(w >= theta)
-
-    @property
     def signal(self) -> str:
         return ("theta", "w")[self.channel]
-
-    @property
-    def unit(self) -> str:
-        return unit_for(("rad", "rad/s")[self.channel], self.model.motion)
-
-    @property
-    def noise_floor(self) -> float:
-        """Standard deviation of that channel's own noise, the largest of all runs."""
-        return float(np.nanmax([run.own[self.channel] for run in self.runs]))
-
-    @property
-    def everywhere(self) -> tuple[Windows, ...]:
-        """For each run: windows over all of it but the beginnings of its pieces."""
-        return spread([run.windows(run.pieces, run.count(1.0)) for run in self.runs], MOST)
 
     def along(
         self, windows: Sequence[Windows], columns: int, signals: Callable[[Run, Windows], Any]
@@ -134,8 +223,16 @@ def prepared(
     said += [SPREAD.format(every_one, used)] if used < every_one else []
     apart = [(i, *run.t[[a + run.gap, b - 1]]) for i, (run, own) in enumerate(both) for a, b in own]
     held_out = tuple(HeldOut(i, float(start), float(end)) for i, start, end in apart if start < end)
-    parts = runs, spread(fitting, MOST), kept, test if whole else pieces, not whole, held_out
-    return Prepared(tuple(every[: len(given)]), model, *parts, horizon, tuple(dict.fromkeys(said)))
+    known = np.array([run.own for run in runs])
+    theta, w = [one.counted.size for one in kept] @ np.isfinite(known)
+    channel = int(w >= theta)
+    whole_runs = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    return Prepared(
+        tuple(every[: len(given)]), model, runs, spread(fitting, MOST), kept,
+        test if whole else pieces, not whole, held_out, horizon, whole_runs, channel,
+        unit_for(("rad", "rad/s")[channel], model.motion), float(np.nanmax(known[:, channel])),
+        tuple(dict.fromkeys(said)),
+    )  # fmt: skip
 
 
 def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
@@ -184,12 +281,15 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
 
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
-    """Windows in motion, the longest that are enough; without a compiler short ones, as each step
-    is slow and all windows take it at once."""
+    """Windows in motion, the longest that are enough: a rest says nothing of what moves it. Without
+    a compiler short ones, as each step is slow and all windows take it at once."""
     made: list[Windows] = []
     for seconds in WINDOWS if compiler() else WINDOWS[-1:]:
         both = zip(runs, parts, strict=True)
-        made = [run.moving(run.windows(part, run.count(seconds, FEWEST))) for run, part in both]
+        made = [run.windows(part, run.count(seconds, FEWEST)) for run, part in both]
+        slide = [np.abs(run.speed) > SLIDES * np.abs(run.speed).max() for run in runs]
+        moved = [x[w.counted].mean(axis=1) > MOVES for x, w in zip(slide, made, strict=True)]
+        made = [w.at(m) if m.any() else w for w, m in zip(made, moved, strict=True)]
         if sum(w.start.size for w in made) >= ENOUGH:
             break
     return made
@@ -207,3 +307,42 @@ def _too_short(runs: Sequence[Run], horizon: float) -> Refused:
         f"{what} too short to fit the model and to check it on held-out samples.",
         f"Record {record}{shorter}, or give a second run with {option('holdout')}.",
     )
+
+
+def run_of(record: Record) -> Run:
+    """The record with its sensors' noise; a w that repeats theta corrects no observer: its noise
+    is that of theta, coloured by a filter, and would look like a torque."""
+    recorded, dt = np.full((record.samples, 2), np.nan), record.dt
+    weight, own, often, counts = np.ones_like(recorded), np.full(2, np.nan), np.ones(2), np.zeros(2)
+    for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
+        if x is not None:
+            recorded[:, k], step = x, record.resolution.get(role, 0.0)
+            own[k] = max(sensor_noise(x, step), EXACT * np.ptp(x))
+            often[k] = repeating(x, step)
+            counts[k] = max(step, smallest_step(x))
+            weight[:, k] = np.minimum(1.0, often[k] / _repeats(x, counts[k]))
+    pieces = tuple((s.start, s.stop) for s in record.segments())
+    repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
+    left = np.array([1.0, np.nan if repeated else 1.0])
+    noise = tuple((own * np.sqrt(often) * left).tolist())
+    theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
+    d = np.zeros(record.samples) if record.d is None else record.d
+    measured = recorded, tuple(own.tolist()), recorded * left, noise, weight, counts, theta
+    return Run(record.t, record.u, d, *measured, dt, pieces, REPEATED if repeated else "")
+
+
+def _repeats(x: np.ndarray, count: float) -> np.ndarray:
+    """For each sample, how many in a row stay on the same count."""
+    steps = np.round((x - x[0]) / count) if count > 0.0 else x
+    lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
+    return np.repeat(lengths, lengths)
+
+
+def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
+    """True if theta and w are coherent above the frequencies of motion: they share their noise."""
+    long = [y[a:b] for a, b in pieces if b - a >= 4 * SEGMENT]
+    for part in long:
+        f, both = coherence(np.diff(part[:, 0], 2), np.diff(part[1:, 1]), nperseg=SEGMENT)
+        if np.median(both[(f > BAND[0]) & (f <= BAND[1])]) <= TOGETHER:
+            return False
+    return bool(long)
