@@ -116,7 +116,7 @@ class Drive:
             y[:, some] = own[:, :, lead - half :]
         return y, x
 
-    def simulate(self, run: Run, values: Values, jump: float, where: Windows) -> np.ndarray:
+    def simulate(self, values: Values, jump: float, run: Run, where: Windows) -> np.ndarray:
         """theta and w of each window from the torque alone, (n, length, 2).
 
         The state at its start is that of the observer, by samples before it only.
@@ -152,10 +152,6 @@ class Fit:
     drive: Drive
     values: dict[str, float]
     jump: float
-
-    def simulated(self, run: Run, where: Windows) -> np.ndarray:
-        """theta and w from the torque alone, (windows, length, 2)."""
-        return self.drive.simulate(run, self.values, self.jump, where)
 
     def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
         """The torque missing on the resisting side, N m, as the observer for this noise adds it,

@@ -15,8 +15,8 @@ from ...core.errors import InputError
 from ...core.numeric import rms
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
-from .drive import Fit, fitted, whitened
-from .records import Prepared
+from .drive import fitted, whitened
+from .records import Prepared, Run, Windows
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
 DIVERGED = 1e30  # of an error
@@ -50,13 +50,14 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     jump = fits.get("refitted", [*fits.values()][-1]).jump
     channel = ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
-    simulated = {k: ready.along(ready.test, 2, f.simulated)[channel] for k, f in fits.items()}
+    free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
+    simulated = {k: ready.along(ready.test, 2, run)[channel] for k, run in free_run.items()}
     seen = {k: ready.along(ready.everywhere, 3, partial(f.observed, jump)) for k, f in fits.items()}
     missing = {k: ready.along(ready.test, 3, partial(f.observed, jump))[0] for k, f in fits.items()}
     held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
     said: list[str] = []
     error = _each(models, "error", said, lambda k: rms((measured - simulated[k])[held_out]))
-    free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
+    free = _each(models, "error without restarts", said, lambda k: _free(ready, free_run[k]))
     torque = _each(models, "torque error", said, lambda k: rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
@@ -88,14 +89,14 @@ def _each(
     return made
 
 
-def _free(ready: Prepared, fit: Fit) -> float:
+def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:
     """RMS error of the simulation without restarts."""
     missed = [np.zeros((0, 2))]
     for run, ranges in zip(ready.runs, ready.free, strict=True):
         for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
             if b - a > run.gap:
                 where = run.windows([(a, b)], b - a - run.gap, run.pieces)
-                missed.append((run.recorded[where.counted] - fit.simulated(run, where))[0])
+                missed.append((run.recorded[where.counted] - simulate(run, where))[0])
     return rms(np.concatenate(missed)[:, ready.channel])
 
 

@@ -41,6 +41,13 @@ Range = tuple[int, int]
 Parts = list[list[Range]]
 
 
+# a stretch of a run that nothing may be fitted to or chosen by, between two times in s
+class HeldOut(NamedTuple):
+    run: int
+    start: float
+    end: float
+
+
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Stretches of a run: ``start`` (n,) in samples, each ``length`` long; an observer may run over
@@ -120,22 +127,6 @@ class Run:
         since = start - begins[np.searchsorted(begins, start, "right") - 1]
         return Windows(start, length, np.minimum(since, self.count(LEAD)))
 
-    def torque(self, offset: float, delay: float) -> np.ndarray:
-        """u without an offset (N m), and so much later (s), earlier where below 0, (N,)."""
-        u = self.u - offset
-        turn = 1 if delay >= 0 else -1  # earlier is later in reversed time
-        for a, b in self.pieces if delay else ():
-            u[a:b] = held_late(u[a:b][::turn], self.dt, abs(delay))[::turn]
-        return u
-
-
-class HeldOut(NamedTuple):
-    """A stretch of a run that nothing may be fitted to or chosen by, between two times in s."""
-
-    run: int
-    start: float
-    end: float
-
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -161,14 +152,11 @@ class Prepared:
     horizon: float
     everywhere: tuple[Windows, ...]
     channel: int
+    signal: str
     unit: str
     noise_floor: float
     messages: tuple[str, ...] = ()
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)
-
-    @property
-    def signal(self) -> str:
-        return ("theta", "w")[self.channel]
 
     def along(
         self, windows: Sequence[Windows], columns: int, signals: Callable[[Run, Windows], Any]
@@ -183,9 +171,13 @@ class Prepared:
     def with_torque(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
         """The same with the torque as it acted: an offset (N m) of the column of a run, by its
         number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0."""
-        torques = [run.torque(run_offsets.get(i, 0.0), u_delay) for i, run in enumerate(self.runs)]
-        runs = tuple(replace(run, u=u) for run, u in zip(self.runs, torques, strict=True))
-        return replace(self, runs=runs, memory={})
+        turn, runs = 1 if u_delay >= 0 else -1, []  # earlier is later in reversed time
+        for i, run in enumerate(self.runs):
+            u = run.u - run_offsets.get(i, 0.0)
+            for a, b in run.pieces if u_delay else ():
+                u[a:b] = held_late(u[a:b][::turn], run.dt, abs(u_delay))[::turn]
+            runs.append(replace(run, u=u))
+        return replace(self, runs=tuple(runs), memory={})
 
 
 def prepared(
@@ -205,13 +197,14 @@ def prepared(
     given = (records,) if isinstance(records, Record) else tuple(records)
     apart = (holdout,) if isinstance(holdout, Record) else ()
     every = [consistent(r) for r in (*given, *apart)]
-    _usable(every)
+    if len({r.motion for r in every}) > 1:
+        raise InputError("rotary and linear records do not go together: give runs of one drive.")
+    long_enough_to_judge(max(every, key=lambda r: r.duration))
     runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
     pieces = [[*run.pieces] for run in runs]
+    train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
     if apart:
         train, test = [*pieces[:-1], []], [*([] for _ in given), pieces[-1]]
-    else:
-        train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
     fitting = _training(runs, train)
     both = [*zip(runs, test, strict=True)]
     judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
@@ -221,8 +214,12 @@ def prepared(
     every_one, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
     said = [run.said for run in runs if run.said]
     said += [SPREAD.format(every_one, used)] if used < every_one else []
-    apart = [(i, *run.t[[a + run.gap, b - 1]]) for i, (run, own) in enumerate(both) for a, b in own]
-    held_out = tuple(HeldOut(i, float(start), float(end)) for i, start, end in apart if start < end)
+    held_out = tuple(
+        HeldOut(i, *run.t[[a + run.gap, b - 1]].tolist())
+        for i, (run, own) in enumerate(both)
+        for a, b in own
+        if b - a > run.gap
+    )
     known = np.array([run.own for run in runs])
     theta, w = [one.counted.size for one in kept] @ np.isfinite(known)
     channel = int(w >= theta)
@@ -230,8 +227,8 @@ def prepared(
     return Prepared(
         tuple(every[: len(given)]), model, runs, spread(fitting, MOST), kept,
         test if whole else pieces, not whole, held_out, horizon, whole_runs, channel,
-        unit_for(("rad", "rad/s")[channel], model.motion), float(np.nanmax(known[:, channel])),
-        tuple(dict.fromkeys(said)),
+        ("theta", "w")[channel], unit_for(("rad", "rad/s")[channel], model.motion),
+        float(np.nanmax(known[:, channel])), tuple(dict.fromkeys(said)),
     )  # fmt: skip
 
 
@@ -242,15 +239,6 @@ def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
         kept = min(w.start.size, max(1, round(share * w.start.size)))
         made.append(w.at(np.linspace(0, w.start.size - 1, kept).round().astype(int)))
     return tuple(made)
-
-
-def _usable(records: Sequence[Record]) -> None:
-    """Refused where the longest record is too short: others beside it only have fewer windows."""
-    long_enough_to_judge(max(records, key=lambda r: r.duration))
-    for r in records:
-        if r.motion != records[0].motion:
-            kinds = f"{r.source} is {r.motion} and {records[0].source} {records[0].motion}"
-            raise InputError(f"{kinds}: give runs of one drive.")
 
 
 def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:

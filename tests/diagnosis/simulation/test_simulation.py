@@ -125,7 +125,7 @@ def test_a_restart_sees_no_later_sample(record):
     later[last.start[0] :] += 1.0
     earlier[last.start[0] - 1] += 1.0
     made = [
-        fit.drive.simulate(replace(run, y=y), fit.values, 10.0 * fit.jump, last)
+        fit.drive.simulate(fit.values, 10.0 * fit.jump, replace(run, y=y), last)
         for y in (run.y, later, earlier)
     ]
     assert np.array_equal(made[0], made[1])
@@ -225,7 +225,7 @@ def test_a_delay_in_the_model_acts_on_the_torque():
 def test_a_simulation_that_diverges_has_no_error(record, monkeypatch):
     ready = prepared(record, TRUE, None, 1.0)
 
-    def diverged(run, values, jump, where):
+    def diverged(values, jump, run, where):
         return np.full((len(where.start), where.length, 2), np.inf)
 
     monkeypatch.setattr(fitted(ready, TRUE).drive, "simulate", diverged)
