@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from ...blocks.effects.actuator import held_late
 from ...blocks.embedding import Part as Placed
-from ...blocks.model import Model, Part
+from ...blocks.model import Model
 from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
 from ...core.errors import InputError
@@ -29,13 +29,11 @@ Array = np.ndarray
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
 DOUBLINGS = 60  # of a Riccati equation, at most
-Rows = tuple[tuple[float, ...], ...]
-Sensing = tuple[Rows, Rows, Rows, Rows]
-DIRECT: Sensing = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
+DIRECT = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
 ENOUGH = 20_000  # samples on which the noise of the torque is found
 COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
 FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
-WORST = 1e100  # innovation of a model that diverges; its square can still be added up
+WORST = 1e30  # innovation of a model that diverges; its square can still be added up
 
 
 class Drive:
@@ -52,11 +50,12 @@ class Drive:
         self.lanes = Lanes(self.system, outputs=["theta_m", "w_m"])
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         place = self.lanes.states.index
-        begun = [both for p in inside for both in zip(_states(p), p.block.start, strict=True)]
+        own = [(p.block, Placed(f"{p.key}.", p.block).states) for p in inside]
+        begun = [both for one, names in own for both in zip(names, one.start, strict=True)]
         known = {"theta": "theta", "w": "speed", "u": "u"}  # other states begin at 0
         self.starts = {0: "theta", 1: "speed"}
         self.starts |= {place(k): known[s] for k, s in begun if s in known}
-        self.sensors = [place(k) for p in inside if "sensor" in p.block.acts for k in _states(p)]
+        self.sensors = [place(k) for one, names in own if "sensor" in one.acts for k in names]
         self.rests = "eps" in model.friction.block.parameters
 
     def series(self, run: Run, values: Values) -> np.ndarray:
@@ -68,16 +67,14 @@ class Drive:
         return np.column_stack([u, run.d])
 
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
-        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2).
-
-        theta, w and the sensors' states are corrected; the other states follow these.
-        """
+        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2); theta, w
+        and the sensors' states are corrected, the others follow these."""
         K, S = observer_gain(run.dt, jump, run.noise, self._sensing(values))
         gain = np.zeros((len(self.lanes.states), 2))
         gain[[0, 1, *self.sensors]] = K
         return gain, S
 
-    def _sensing(self, values: Values) -> Sensing:
+    def _sensing(self, values: Values) -> tuple[Any, ...]:
         """The sensors with states, linearised at rest."""
         if not self.sensors:
             return DIRECT
@@ -89,12 +86,9 @@ class Drive:
             columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
         M, n = np.array(columns, float).T, len(self.sensors)
         blocks = (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2])
-        A, B, C, D = (tuple(map(tuple, m.tolist())) for m in blocks)
-        return A, B, C, D
+        return tuple(tuple(map(tuple, m.tolist())) for m in blocks)
 
-    def observe(
-        self, run: Run, sets: Sets, jumps: Any, where: Windows
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def observe(self, run: Run, sets: Sets, jumps: Any, where: Windows) -> tuple[Array, Array]:
         """One-step predictions of theta and w, each by the samples before it.
 
         For S sets of values, each with its noise of dw/dt (rad/s2), and n windows: predictions
@@ -117,10 +111,8 @@ class Drive:
         return y, x
 
     def simulate(self, values: Values, jump: float, run: Run, where: Windows) -> np.ndarray:
-        """theta and w of each window from the torque alone, (n, length, 2).
-
-        The state at its start is that of the observer, by samples before it only.
-        """
+        """theta and w of each window from the torque alone, (n, length, 2), begun from the state of
+        the observer by samples before it."""
         x = self.observe(run, [values], [jump], replace(where, length=0))[1]
         return self._run(run, [values], x, where.start, where.length, None)[0][0]
 
@@ -139,10 +131,6 @@ class Drive:
             rounding=(1.0 - run.weight, 0.5 * run.counts),  # a repeated count, and what it may hide
         )  # fmt: skip
         return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
-
-
-def _states(part: Part) -> tuple[str, ...]:
-    return Placed(f"{part.key}.", part.block).states
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +172,7 @@ def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
 
     def totals(logs: np.ndarray) -> np.ndarray:
         made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
-        return np.nan_to_num(made.sum(axis=1), nan=-np.inf)
+        return np.maximum(np.nan_to_num(made.sum(axis=1), nan=-np.inf), -(WORST**3))
 
     best = COARSE[np.argmax(totals(COARSE))]
     a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
@@ -196,11 +184,8 @@ def loglik(
     ready: Prepared, drive: Drive, sets: Sets, jumps: Any, windows: Sequence[Windows]
 ) -> np.ndarray:
     """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
-    made = [
-        whitened(drive, run, sets, jumps, where)[1]
-        for run, where in zip(ready.runs, windows, strict=True)
-        if where.start.size
-    ]
+    both = zip(ready.runs, windows, strict=True)
+    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.start.size]
     return np.concatenate(made, axis=1)
 
 
@@ -213,7 +198,6 @@ def whitened(
     Samples that repeat one count weigh less: they are not independent, and predicting them is no
     merit of a model.
     """
-    jumps = [float(jump) for jump in jumps]
     y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
     weight = run.weight[where.counted]
@@ -234,7 +218,7 @@ def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=512)
 def observer_gain(
-    dt: float, jump: float, noise: tuple[float, ...], sensing: Sensing
+    dt: float, jump: float, noise: tuple[float, ...], sensing: tuple[Any, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise.
 

@@ -19,16 +19,13 @@ from .drive import fitted, whitened
 from .records import Prepared, Run, Windows
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
-DIVERGED = 1e30  # of an error
+DIVERGED = 1e15  # of an error
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Errors of models on samples that nothing has seen.
-
-    ``error``, ``free_error`` and ``torque_error`` are as in the JSON document, with None where a
-    value is missing or a simulation diverged; ``messages`` say why.
-    """
+    """Errors of models on samples that nothing has seen, as in the JSON document: None where a
+    value is missing or a simulation diverged, as ``messages`` say."""
 
     error: dict[str, Any]
     free_error: dict[str, Any]
@@ -47,8 +44,7 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
     if not fits:
         raise InputError("errors are of a model that has all of its values; there is none.")
-    jump = fits.get("refitted", [*fits.values()][-1]).jump
-    channel = ready.channel
+    jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
     free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
     simulated = {k: ready.along(ready.test, 2, run)[channel] for k, run in free_run.items()}
@@ -76,9 +72,7 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     )
 
 
-def _each(
-    models: Mapping[str, Model | None], what: str, said: list[str], of: Callable[[str], float]
-) -> dict[str, float | None]:
+def _each(models: Mapping[str, Any], what: str, said: list[str], of: Any) -> dict[str, Any]:
     """A value for each model: None where there is no model or it is not a number, which is said."""
     made: dict[str, float | None] = {}
     for name, model in models.items():

@@ -89,11 +89,9 @@ def polish(
 
 
 class _Climb:
-    """Steps towards the maximum of likelihood and priors.
-
-    A coordinate x is the logarithm of a value or, where it may be 0 or less, its part of ``size``.
-    Priors are Gaussian about ``middle``, with the information ``weight``.
-    """
+    """Steps towards the maximum of likelihood and priors, Gaussian about ``middle`` with the
+    information ``weight``, in coordinates x: the logarithm of a value or, where it may be 0 or
+    less, its part of ``size``."""
 
     def __init__(
         self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None

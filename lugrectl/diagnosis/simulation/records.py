@@ -29,14 +29,11 @@ MOST = 100_000  # samples that are judged, and as many to train on, in evenly sp
 SPREAD = "Not all {} held-out samples were simulated, but evenly spread windows of {}."
 GAP = 0.25  # s, between training and held-out samples
 LEAD = 1.0  # s, at most, that an observer runs before a window
-EXACT = 1e-9  # of a signal's range: noise of what has none
-SEGMENT = 256  # samples of one segment of a spectrum; a piece has four or tells nothing
+EXACT = 1e-11  # of a signal's range: noise of what has none
+SEGMENT = 256  # samples of one segment of a spectrum; it takes four
 BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
 TOGETHER = 0.8  # median coherence there from which two channels share their noise
-REPEATED = (
-    "w is the derivative of theta, as both have the same noise. States are estimated from theta "
-    "alone; errors are computed on w."
-)
+REPEATED = "w is the derivative of theta, by its noise: states are estimated from theta alone."
 Range = tuple[int, int]
 Parts = list[list[Range]]
 
@@ -209,17 +206,13 @@ def prepared(
     both = [*zip(runs, test, strict=True)]
     judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
-        raise _too_short(runs, horizon)
+        raise _too_short(horizon)
     kept = spread(judging, MOST)
     every_one, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
     said = [run.said for run in runs if run.said]
     said += [SPREAD.format(every_one, used)] if used < every_one else []
-    held_out = tuple(
-        HeldOut(i, *run.t[[a + run.gap, b - 1]].tolist())
-        for i, (run, own) in enumerate(both)
-        for a, b in own
-        if b - a > run.gap
-    )
+    ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
+    held_out = tuple(HeldOut(i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
     known = np.array([run.own for run in runs])
     theta, w = [one.counted.size for one in kept] @ np.isfinite(known)
     channel = int(w >= theta)
@@ -283,17 +276,14 @@ def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
     return made
 
 
-def _too_short(runs: Sequence[Run], horizon: float) -> Refused:
-    """What is missing for both parts: seconds, or samples in so many seconds."""
-    needed, dt = 8 * (max(BLOCK, horizon) + GAP), max(run.dt for run in runs)
-    what, record = "The record is", f"at least {needed:.0f} s of motion"
-    if sum((b - a) * run.dt for run in runs for a, b in run.pieces) >= needed:
-        what = f"At {1 / dt:.4g} Hz the record's pieces without loss are"
-        record = f"{needed:.0f} s without loss at {FEWEST / min(WINDOWS):.0f} Hz or more"
+def _too_short(horizon: float) -> Refused:
+    needed, rate = 8 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
     shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
     return Refused(
-        f"{what} too short to fit the model and to check it on held-out samples.",
-        f"Record {record}{shorter}, or give a second run with {option('holdout')}.",
+        "The records are too short, or lose too many samples, to fit the model and to check it on "
+        "held-out samples.",
+        f"Record at least {needed:.0f} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
+        f"or give a second run with {option('holdout')}.",
     )
 
 
@@ -328,9 +318,8 @@ def _repeats(x: np.ndarray, count: float) -> np.ndarray:
 
 def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
     """True if theta and w are coherent above the frequencies of motion: they share their noise."""
-    long = [y[a:b] for a, b in pieces if b - a >= 4 * SEGMENT]
-    for part in long:
-        f, both = coherence(np.diff(part[:, 0], 2), np.diff(part[1:, 1]), nperseg=SEGMENT)
-        if np.median(both[(f > BAND[0]) & (f <= BAND[1])]) <= TOGETHER:
-            return False
-    return bool(long)
+    a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
+    if b - a < 4 * SEGMENT:
+        return False
+    f, both = coherence(np.diff(y[a:b, 0], 2), np.diff(y[a + 1 : b, 1]), nperseg=SEGMENT)
+    return float(np.median(both[(f > BAND[0]) & (f <= BAND[1])])) > TOGETHER
