@@ -60,11 +60,11 @@ class Drive:
 
     def series(self, run: Run, values: Values) -> np.ndarray:
         """Torque and load torque along a run, (N, 2), N m."""
-        u = run.u.copy()
-        for a, b in run.pieces if self.late else ():
-            delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
-            u[a:b] = held_late(u[a:b], run.dt, delay)
-        return np.column_stack([u, run.d])
+        series = run.inputs.copy()
+        delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
+        for a, b in run.pieces:
+            series[a:b, 0] = held_late(run.u[a:b], run.dt, delay)
+        return series
 
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
         """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2); theta, w
@@ -119,16 +119,16 @@ class Drive:
     def _run(self, run: Run, sets: Sets, x0: Array, start: Array, length: int, gains: Any) -> Any:
         check_time()
         many, n, start = len(sets), len(start), np.tile(start, len(sets))
-        own = sets if self.late else sets[:1]
+        u = np.array([self.series(run, v) for v in sets]) if self.late else run.inputs
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
-            x0.reshape(many * n, -1), start, length, np.array([self.series(run, v) for v in own]),
+            x0.reshape(many * n, -1), start, length, u,
             np.repeat([[v[k] for k in self.keys] for v in sets], n, axis=0), dt=run.dt,
             substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))), t0=run.t[start] - start * run.dt,
-            series=np.repeat(np.arange(many) % len(own), n), y=None if gains is None else run.y,
-            gain=None if gains is None else np.repeat(gains, n, axis=0), floor=floor,
-            rounding=(1.0 - run.weight, 0.5 * run.counts),  # a repeated count, and what it may hide
+            series=np.repeat(np.arange(many) * bool(self.late), n), floor=floor,
+            y=None if gains is None else run.y, rounding=(run.dull, 0.5 * run.counts),
+            gain=None if gains is None else np.repeat(gains, n, axis=0),
         )  # fmt: skip
         return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
 
@@ -180,11 +180,9 @@ def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
     return usual * float(np.exp(best + peak))
 
 
-def loglik(
-    ready: Prepared, drive: Drive, sets: Sets, jumps: Any, windows: Sequence[Windows]
-) -> np.ndarray:
+def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
     """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
-    both = zip(ready.runs, windows, strict=True)
+    both = zip(ready.runs, of, strict=True)
     made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.start.size]
     return np.concatenate(made, axis=1)
 
@@ -200,7 +198,7 @@ def whitened(
     """
     y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
-    weight = run.weight[where.counted]
+    weight = 1.0 - run.dull[where.counted]
     for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
         root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
         e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(weight)

@@ -47,10 +47,13 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
     free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
-    simulated = {k: ready.along(ready.test, 2, run)[channel] for k, run in free_run.items()}
-    seen = {k: ready.along(ready.everywhere, 3, partial(f.observed, jump)) for k, f in fits.items()}
-    missing = {k: ready.along(ready.test, 3, partial(f.observed, jump))[0] for k, f in fits.items()}
-    held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
+    simulated = {k: ready.along(ready.test, [channel], run)[0] for k, run in free_run.items()}
+    observed = {k: partial(f.observed, jump) for k, f in fits.items()}
+    missing = {k: ready.along(ready.test, [0], one)[0] for k, one in observed.items()}
+    residual = {k: ready.along(ready.everywhere, [0], one)[0] for k, one in observed.items()}
+    theta, w = ready.along(ready.everywhere, [1, 2], [*observed.values()][-1])
+    at = ready.along(ready.test, [0], lambda _, where: where.counted[..., None])[0]
+    held_out = np.isfinite(at + measured)
     said: list[str] = []
     error = _each(models, "error", said, lambda k: rms((measured - simulated[k])[held_out]))
     free = _each(models, "error without restarts", said, lambda k: _free(ready, free_run[k]))
@@ -60,9 +63,7 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     unit = {"signal": ready.signal, "unit": ready.unit}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
     t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
-    _, theta, w = [*seen.values()][-1]
     motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
-    residual = {k: x[0] for k, x in seen.items()}
     return Judged(
         {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
         {**unit, "in_sample": ready.in_sample, **free},
@@ -95,8 +96,7 @@ def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> fl
 
 
 def residuals(ready: Prepared, model: Model) -> Residuals:
-    """The tests of what one-step predictions leave of w, or theta where w is no sensor's, over the
-    training windows of the run that has most of them."""
+    """The tests of one-step predictions, over the training windows of the run with most of them."""
     fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
     run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
     channel = int(np.isfinite(run.noise[1]))

@@ -29,13 +29,11 @@ NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """All values of the model after a polish, SI, and the distribution of the free ones that the
-    record determines.
+    """All values of the model after a polish and the distribution of those that it determined.
 
     ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
     order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
-    the polish confirms all values before within their intervals. Else the values are those before,
-    of no distribution.
+    all values before are within their intervals. Else these are kept, of no distribution.
     """
 
     values: dict[str, float]

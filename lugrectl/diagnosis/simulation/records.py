@@ -27,8 +27,7 @@ SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
 MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
 SPREAD = "Not all {} held-out samples were simulated, but evenly spread windows of {}."
-GAP = 0.25  # s, between training and held-out samples
-LEAD = 1.0  # s, at most, that an observer runs before a window
+GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
 SEGMENT = 256  # samples of one segment of a spectrum; it takes four
 BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
@@ -47,8 +46,8 @@ class HeldOut(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Stretches of a run: ``start`` (n,) in samples, each ``length`` long; an observer may run over
-    ``lead`` (n,) samples before."""
+    """Stretches of a run, ``start`` (n,) and ``length`` in samples; an observer runs over ``lead``
+    (n,) before."""
 
     start: np.ndarray
     length: int
@@ -71,9 +70,9 @@ class Run:
     ``t, u, d`` (N,): time, torque, load torque (0 where not recorded), held from sample to sample.
     ``recorded`` (N, 2): theta and w, nan where not recorded, with their sensors' noise ``own``.
     ``y`` (N, 2): the same as an observer corrects by it, with ``noise``, larger where samples
-    usually repeat each other, ``weight`` (N, 2), less than 1 where they do so for longer, and the
-    smallest steps ``counts`` (2,). ``theta`` (N,): position, or the integral of w from 0.
-    ``pieces``: ranges without a lost sample.
+    usually repeat each other. ``dull`` (N, 2): the part of one that repeats others for longer, which
+    corrects only beyond half of the smallest steps ``counts`` (2,). ``theta`` (N,): position, or the
+    integral of w from 0. ``pieces``: ranges without a lost sample.
     """
 
     t: np.ndarray
@@ -83,7 +82,7 @@ class Run:
     own: tuple[float, ...]
     y: np.ndarray
     noise: tuple[float, ...]
-    weight: np.ndarray
+    dull: np.ndarray
     counts: np.ndarray
     theta: np.ndarray
     dt: float
@@ -98,6 +97,11 @@ class Run:
         n = min(self.count(0.01), len(self.t) - 1)
         rise = (self.theta[n:] - self.theta[:-n]) / (n * self.dt)
         return np.append(rise, np.full(n, rise[-1]))
+
+    @cached_property
+    def inputs(self) -> np.ndarray:
+        """Torque and load torque, (N, 2)."""
+        return np.column_stack([self.u, self.d])
 
     @cached_property
     def usual(self) -> float:
@@ -133,9 +137,8 @@ class Prepared:
     ``train`` are windows to fit on, ``test`` those that are judged, a horizon long, and ``free``
     ranges simulated without a restart, ``in_sample`` where these hold training samples.
     ``held_out`` are all stretches set apart, whether judged or not, ``everywhere`` windows over all
-    of a run. Errors are computed on the ``channel`` that more held-out samples have, 1 for w, 0 for
-    theta, in its ``unit``; ``noise_floor`` is its sensor's own noise, the largest of all runs.
-    ``horizon`` in s. ``memory`` keeps what was computed of models.
+    of a run. Errors are of the ``channel`` that more held-out samples have, 1 for w, 0 for theta;
+    ``noise_floor`` is its own noise, the largest of all runs. ``memory`` keeps what was computed.
     """
 
     records: tuple[Record, ...]
@@ -156,13 +159,13 @@ class Prepared:
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def along(
-        self, windows: Sequence[Windows], columns: int, signals: Callable[[Run, Windows], Any]
+        self, windows: Sequence[Windows], of: list[int], signals: Callable[[Run, Windows], Any]
     ) -> np.ndarray:
-        """Signals (windows, samples, columns) along all runs in turn, else nan, (columns, N)."""
-        made = [np.full((len(run.t), columns), np.nan) for run in self.runs]
+        """Columns ``of`` signals (windows, samples, .) along all runs in turn, else nan, (., N)."""
+        made = [np.full((len(run.t), len(of)), np.nan) for run in self.runs]
         for run, where, own in zip(self.runs, windows, made, strict=True):
             if where.start.size:
-                own[where.counted] = signals(run, where)
+                own[where.counted] = signals(run, where)[..., of]
         return np.concatenate(made).T
 
     def with_torque(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
@@ -208,7 +211,7 @@ def prepared(
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
         raise _too_short(horizon)
     kept = spread(judging, MOST)
-    every_one, used = (sum(w.counted.size for w in windows) for windows in (judging, kept))
+    every_one, used = (sum(w.start.size * w.length for w in windows) for windows in (judging, kept))
     said = [run.said for run in runs if run.said]
     said += [SPREAD.format(every_one, used)] if used < every_one else []
     ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
@@ -291,21 +294,21 @@ def run_of(record: Record) -> Run:
     """The record with its sensors' noise; a w that repeats theta corrects no observer: its noise
     is that of theta, coloured by a filter, and would look like a torque."""
     recorded, dt = np.full((record.samples, 2), np.nan), record.dt
-    weight, own, often, counts = np.ones_like(recorded), np.full(2, np.nan), np.ones(2), np.zeros(2)
+    dull, own, often, counts = np.zeros_like(recorded), np.full(2, np.nan), np.ones(2), np.zeros(2)
     for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
         if x is not None:
             recorded[:, k], step = x, record.resolution.get(role, 0.0)
             own[k] = max(sensor_noise(x, step), EXACT * np.ptp(x))
             often[k] = repeating(x, step)
             counts[k] = max(step, smallest_step(x))
-            weight[:, k] = np.minimum(1.0, often[k] / _repeats(x, counts[k]))
+            dull[:, k] = np.maximum(0.0, 1.0 - often[k] / _repeats(x, counts[k]))
     pieces = tuple((s.start, s.stop) for s in record.segments())
     repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
     left = np.array([1.0, np.nan if repeated else 1.0])
     noise = tuple((own * np.sqrt(often) * left).tolist())
     theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
     d = np.zeros(record.samples) if record.d is None else record.d
-    measured = recorded, tuple(own.tolist()), recorded * left, noise, weight, counts, theta
+    measured = recorded, tuple(own.tolist()), recorded * left, noise, dull, counts, theta
     return Run(record.t, record.u, d, *measured, dt, pieces, REPEATED if repeated else "")
 
 
