@@ -70,9 +70,9 @@ class Run:
     ``t, u, d`` (N,): time, torque, load torque (0 where not recorded), held from sample to sample.
     ``recorded`` (N, 2): theta and w, nan where not recorded, with their sensors' noise ``own``.
     ``y`` (N, 2): the same as an observer corrects by it, with ``noise``, larger where samples
-    usually repeat each other. ``dull`` (N, 2): the part of one that repeats others for longer, which
-    corrects only beyond half of the smallest steps ``counts`` (2,). ``theta`` (N,): position, or the
-    integral of w from 0. ``pieces``: ranges without a lost sample.
+    usually repeat each other. ``dull`` (N, 2): the part of one that repeats others for longer; it
+    corrects only beyond half of the smallest steps ``counts`` (2,). ``theta`` (N,): position, or
+    the integral of w from 0. ``pieces``: ranges without a lost sample.
     """
 
     t: np.ndarray
