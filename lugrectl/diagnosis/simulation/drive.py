@@ -37,11 +37,8 @@ WORST = 1e30  # innovation of a model that diverges; its square can still be add
 
 
 class Drive:
-    """One model structure, traced once, for any values of its parameters.
-
-    A delay acts on the recorded torque, before anything else: that makes no difference to effects
-    that do not change in time. All others are inside the traced plant.
-    """
+    """One model structure, traced once, for any values. A delay acts on the recorded torque before
+    anything else, which is the same for effects that do not change in time."""
 
     def __init__(self, model: Model) -> None:
         self.late = tuple(p for p in model.effects if p.block.exact is held_late)
@@ -142,8 +139,8 @@ class Fit:
     jump: float
 
     def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
-        """The torque missing on the resisting side, N m, as the observer for this noise adds it,
-        and the observer's theta and w, (windows, length, 3)."""
+        """Torque missing on the resisting side (N m), theta and w of an observer for this noise,
+        (windows, length, 3)."""
         y = self.drive.observe(run, [self.values], [jump], where)[0][0]
         K = self.drive.gain(run, self.values, jump)[0][1]
         missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
@@ -151,8 +148,7 @@ class Fit:
 
 
 def fitted(ready: Prepared, model: Model) -> Fit:
-    """The model as it is, with its noise; once for each in a study. InputError where a value is
-    missing."""
+    """The model with its noise, once for each in a study. InputError where a value is missing."""
     model, memory = model.with_defaults(), ready.memory
     values = model.known()
     if missing := [k for k in model.values() if k not in values]:
@@ -191,11 +187,8 @@ def whitened(
     drive: Drive, run: Run, sets: Sets, jumps: Any, where: Windows
 ) -> tuple[np.ndarray, np.ndarray]:
     """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
-    the log-likelihood of each window, (sets, windows).
-
-    Samples that repeat one count weigh less: they are not independent, and predicting them is no
-    merit of a model.
-    """
+    the log-likelihood of each window, (sets, windows). Samples that repeat one count weigh less:
+    predicting them is no merit of a model."""
     y, _ = drive.observe(run, sets, jumps, where)
     e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
     weight = 1.0 - run.dull[where.counted]
@@ -247,10 +240,8 @@ def observer_gain(
 
 
 def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray) -> np.ndarray:
-    """P = A (P^-1 + H' H)^-1 A' + Q by doubling, even if it is ill-conditioned.
-
-    Chu, Fan and Lin, A structure-preserving doubling algorithm (2004), for the filter's form.
-    """
+    """P = A (P^-1 + H' H)^-1 A' + Q, even if it is ill-conditioned, by the structure-preserving
+    doubling of Chu, Fan and Lin (2004)."""
     a, G, P = A.T, H.T @ H, Q
     for _ in range(DOUBLINGS):
         half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...blocks.block import P
 from ...blocks.declared_values import Stated
 from ...blocks.model import Model
 from ...core.errors import InputError
@@ -23,6 +22,7 @@ STEP = 1e-3  # of a coordinate, for slopes
 MOST, LEAST = 20, 0.1  # steps of a climb, and gain in log-likelihood below which it ends
 PARTS, NOISES = (1.0, 0.5, 0.2, 0.05), (1.0, 0.6, 1.5)  # of a step; factors on the noise
 FARTHEST = 0.7  # of a coordinate in one step
+FLAT, TINY = 1e-4, 1e-300  # of Fc, least excess of Fs; least variance of a prior
 HALF = 1.96  # standard deviations in half a 95 % interval
 NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
@@ -79,17 +79,15 @@ def polish(
     confirmed = len(at) > 0 and bool(np.all(moved[at] < HALF))
     if gain <= error and not confirmed:
         return Polished(begun.values, NONE, False, gain, error)
-    names = tuple(climb.keys[i] for i in at)
-    found = np.array([fit.values[k] for k in names])
-    slopes = np.where(climb.log[at], found, climb.size[at])
-    joint = Joint(names, found, C[np.ix_(at, at)] * np.outer(slopes, slopes), climb.log[at])
+    names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
+    found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
+    joint = Joint(names, found, matrix[np.ix_(at, at)], climb.log[at])
     return Polished(fit.values, joint, True, gain, error)
 
 
 class _Climb:
-    """Steps towards the maximum of likelihood and priors, Gaussian about ``middle`` with the
-    information ``weight``, in coordinates x: the logarithm of a value or, where it may be 0 or
-    less, its part of ``size``."""
+    """Steps towards the maximum of likelihood and Gaussian priors (``middle``, ``weight``) in
+    coordinates: the logarithm of a value or, where it may be 0 or less, its part of ``size``."""
 
     def __init__(
         self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None
@@ -97,27 +95,43 @@ class _Climb:
         own, values = model.declarations(), begun.values
         if unknown := [k for k in free if k not in own]:
             raise InputError(f"free: {model.name} has no '{unknown[0]}', but {', '.join(own)}.")
-        self.ready, self.begun, held = ready, begun, model.held()
-        self.keys = keys = tuple(k for k in free if k not in held and _steps(own[k], model.motion))
+        self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
+        fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
+        fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
+        keys = [k for k in free if k not in fixed]
+        self.keys = keys = tuple(sorted(keys, key="Fs".__eq__))  # Fs last, as it stands on Fc
         self.own, self.said = own, [model.stated.get(k, Stated()) for k in keys]
         found = np.array([values[k] for k in keys])
         self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
         usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
         self.size = np.maximum(np.abs(found), usual)
-        slopes, known = np.where(self.log, found, self.size), () if start is None else start.names
-        stated = zip(keys, (one.std for one in self.said), strict=True)
-        std = {k: size for k, size in stated if size is not None and k not in known}
-        self.weight = np.diag(WEAK**-2.0 + (slopes / [std.get(k, np.inf) for k in keys]) ** 2)
-        at = [i for i, k in enumerate(keys) if k in known]
+        at = {k: i for i, k in enumerate(start.names if start is not None else ()) if k in keys}
+        std = {k: s.std for k, s in zip(keys, self.said, strict=True) if s.std and k not in at}
+        known = np.diag([std.get(k, np.inf) ** -2.0 for k in keys])
         if start is not None and at:
-            rows = [known.index(keys[i]) for i in at]
-            C = start.matrix[np.ix_(rows, rows)] / np.outer(slopes[at], slopes[at])
-            self.weight[np.ix_(at, at)] += np.linalg.pinv(C, hermitian=True)
+            C = start.matrix[np.ix_([*at.values()], [*at.values()])]
+            size, here = np.maximum(np.diag(C), TINY) ** 0.5, [keys.index(k) for k in at]
+            scaled = np.linalg.pinv(C / np.outer(size, size), hermitian=True)
+            known[np.ix_(here, here)] = scaled / np.outer(size, size)
+        rates = self.rates(values)
+        self.weight = np.eye(len(keys)) / WEAK**2 + rates.T @ known @ rates
         declared = {k: v for k, v in ready.model.known().items() if k in std}
         self.middle = self.x({**values, **declared})
 
+    def amounts(self, values: Mapping[str, float]) -> np.ndarray:
+        """The values; of Fs how much it is above Fc."""
+        Fc, Fs = values.get("Fc", 0.0), values.get("Fs", 0.0)
+        return np.array([({**values, "Fs": max(Fs - Fc, FLAT * Fc)})[k] for k in self.keys])
+
+    def rates(self, values: Mapping[str, float]) -> np.ndarray:
+        """Derivatives of the values by the coordinates, (n, n)."""
+        made = np.diag(np.where(self.log, self.amounts(values), self.size))
+        if {"Fc", "Fs"} <= {*self.keys}:
+            made[-1, self.keys.index("Fc")] = values["Fc"]
+        return made
+
     def x(self, values: Mapping[str, float]) -> np.ndarray:
-        v = np.array([values[k] for k in self.keys])
+        v = self.amounts(values)
         return np.where(self.log, np.log(np.where(self.log, v, 1.0)), v / self.size)
 
     def values(self, x: np.ndarray) -> dict[str, float]:
@@ -125,8 +139,9 @@ class _Climb:
         made = dict(self.begun.values)
         for k, log, size, said, v in zip(self.keys, self.log, self.size, self.said, x, strict=True):
             value = float(np.exp(min(v, 700.0)) if log else v * size)
+            value += made.get("Fc", 0.0) if k == "Fs" else 0.0
             made[k] = said.clipped(min(max(value, self.own[k].low), self.own[k].high))
-        if {"Fc", "Fs"} & {*self.keys} and {"Fc", "Fs"} <= {*made}:
+        if "Fc" in self.keys and "Fs" in made:
             made["Fs"] = max(made["Fs"], made["Fc"])
         return made
 
@@ -161,7 +176,7 @@ class _Climb:
             x, total, most = self.x(fit.values), each.sum() - self.cost(fit.values), -np.inf
             slope = scores.sum(0) - self.weight @ (x - self.middle)
             step = np.linalg.solve(parts.sum(0) + self.weight, slope)
-            step *= min(1.0, FARTHEST / max(float(np.max(np.abs(step))), 1e-300))
+            step *= min(1.0, FARTHEST / max(float(np.max(np.abs(step))), TINY))
             for part in PARTS:
                 sets = [self.values(x + part * step)] * len(NOISES)
                 most, ahead = self.best(sets, [fit.jump * factor for factor in NOISES])
@@ -184,9 +199,3 @@ class _Climb:
             made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each[0]))
         parts, scores, each = map(np.concatenate, zip(*made, strict=True))
         return parts, scores, each
-
-
-def _steps(p: P, motion: str) -> bool:
-    """Whether the likelihood has a slope in a value: not in a count, a choice or an instant."""
-    instant, count = p.unit == "s" and p.low < 0.0, p.whole and motion == "rotary"
-    return p.fitted and not (instant or count or p.choices)
