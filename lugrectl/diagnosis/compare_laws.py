@@ -26,7 +26,7 @@ from .balanced import as_it_acts, polished_values, ready_of
 from .core_choice import NEW
 from .law_comparison import ComparedLaw, LawComparison
 from .simulation import Prepared, errors
-from .simulation.likelihood import fitted, loglik
+from .simulation.drive import fitted, loglik
 
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",

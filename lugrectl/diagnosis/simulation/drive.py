@@ -1,34 +1,44 @@
-"""A model as the engine runs it along a record: observed, and simulated from the torque alone."""
+"""A model along a record: observed, simulated from the torque alone, and how likely it is.
+
+The innovations of the right model are white, whether or not the drive was in closed loop
+(prediction-error method, Ljung, System Identification, ch. 7).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from scipy.linalg import expm
 
 from ...blocks.effects.actuator import held_late
 from ...blocks.embedding import Part as Placed
-from ...blocks.model import Model, Part
+from ...blocks.model import Model
 from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
+from ...core.errors import InputError
 from ...engine.runtime.batch_run import Lanes
-from .observer import Rows, Sensing, observer_gain
-from .runs import Run, Windows
+from .records import Prepared, Run, Windows, spread
 
 Values = Mapping[str, float]
-LEAD = 1.0  # s, at most, that an observer runs before its states count
+Sets = Sequence[Values]
+Array = np.ndarray
 STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
-DIRECT: Sensing = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
+DOUBLINGS = 60  # of a Riccati equation, at most
+DIRECT = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
+ENOUGH = 20_000  # samples on which the noise of the torque is found
+COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
+FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
+WORST = 1e30  # innovation of a model that diverges; its square can still be added up
 
 
 class Drive:
-    """One model structure, traced once, for any values of its parameters.
-
-    A delay acts on the recorded torque, before anything else: that makes no difference to effects
-    that do not change in time. All others are inside the traced plant.
-    """
+    """One model structure, traced once, for any values. A delay acts on the recorded torque before
+    anything else, which is the same for effects that do not change in time."""
 
     def __init__(self, model: Model) -> None:
         self.late = tuple(p for p in model.effects if p.block.exact is held_late)
@@ -37,30 +47,31 @@ class Drive:
         self.lanes = Lanes(self.system, outputs=["theta_m", "w_m"])
         self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
         place = self.lanes.states.index
-        self.starts = {place(k): s for p in inside for k, s in zip(_states(p), p.block.start)}  # noqa: B905
-        sensors = [p for p in inside if "sensor" in p.block.acts]
-        self.sensors = [place(k) for p in sensors for k in _states(p)]
+        own = [(p.block, Placed(f"{p.key}.", p.block).states) for p in inside]
+        begun = [both for one, names in own for both in zip(names, one.start, strict=True)]
+        known = {"theta": "theta", "w": "speed", "u": "u"}  # other states begin at 0
+        self.starts = {0: "theta", 1: "speed"}
+        self.starts |= {place(k): known[s] for k, s in begun if s in known}
+        self.sensors = [place(k) for one, names in own if "sensor" in one.acts for k in names]
         self.rests = "eps" in model.friction.block.parameters
 
     def series(self, run: Run, values: Values) -> np.ndarray:
         """Torque and load torque along a run, (N, 2), N m."""
-        u = run.u.copy()
-        for a, b in run.pieces if self.late else ():
-            delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
-            u[a:b] = held_late(u[a:b], run.dt, delay)
-        return np.column_stack([u, run.d])
+        series = run.inputs.copy()
+        delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
+        for a, b in run.pieces:
+            series[a:b, 0] = held_late(run.u[a:b], run.dt, delay)
+        return series
 
     def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
-        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2).
-
-        theta, w and the sensors' states are corrected; the other states follow these.
-        """
+        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2); theta, w
+        and the sensors' states are corrected, the others follow these."""
         K, S = observer_gain(run.dt, jump, run.noise, self._sensing(values))
         gain = np.zeros((len(self.lanes.states), 2))
         gain[[0, 1, *self.sensors]] = K
         return gain, S
 
-    def _sensing(self, values: Values) -> Sensing:
+    def _sensing(self, values: Values) -> tuple[Any, ...]:
         """The sensors with states, linearised at rest."""
         if not self.sensors:
             return DIRECT
@@ -71,80 +82,172 @@ class Drive:
             rates = self.system.updfcn(0.0, x, u, params)[self.sensors]
             columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
         M, n = np.array(columns, float).T, len(self.sensors)
-        A, B, C, D = map(_nested, (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2]))
-        return A, B, C, D
+        blocks = (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2])
+        return tuple(tuple(map(tuple, m.tolist())) for m in blocks)
 
-    def observe(
-        self, run: Run, sets: Sequence[Values], jumps: Sequence[float], where: Windows
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def observe(self, run: Run, sets: Sets, jumps: Any, where: Windows) -> tuple[Array, Array]:
         """One-step predictions of theta and w, each by the samples before it.
 
-        For S sets of values, each with its noise of dw/dt (rad/s2), and n windows, before which
-        the observer runs for up to ``LEAD``: predictions (S, n, length, 2), and the states after
-        the last sample (S, n, x).
+        For S sets of values, each with its noise of dw/dt (rad/s2), and n windows: predictions
+        (S, n, length, 2), and the states after the last sample (S, n, x). Over the first half of a
+        lead the observer stays close to the measured motion, which settles the other states.
         """
         gains = np.array([self.gain(run, v, q)[0] for v, q in zip(sets, jumps, strict=True)])
         y = np.empty((len(sets), len(where.start), where.length, 2))
-        x = np.empty((len(sets), len(where.start), len(self.lanes.states)))
-        leads = run.before(where.start, run.count(LEAD))
-        for lead in set(leads.tolist()):
-            some = leads == lead
-            early = Windows(where.start[some] - lead, lead + where.length)
-            x0 = np.tile(self._start(run, early.start), (len(sets), 1))
-            own, x[:, some] = self._run(run, sets, x0, early, gains)
-            y[:, some] = own[:, :, lead:]
+        x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
+        close = np.array([self.gain(run, v, max(q, run.usual))[0] for v, q in zip(sets, jumps)])  # noqa: B905
+        for lead in set(where.lead.tolist()):
+            some = where.lead == lead
+            start, half = where.start[some] - lead, lead // 2
+            for i, signal in self.starts.items():
+                x[:, some, i] = getattr(run, signal)[start]
+            _, x0 = self._run(run, sets, x[:, some], start, half, close)
+            rest = lead - half + where.length
+            own, x[:, some] = self._run(run, sets, x0, start + half, rest, gains)
+            y[:, some] = own[:, :, lead - half :]
         return y, x
 
-    def simulate(self, run: Run, values: Values, jump: float, where: Windows) -> np.ndarray:
-        """theta and w of each window from the torque alone, (n, length, 2).
+    def simulate(self, values: Values, jump: float, run: Run, where: Windows) -> np.ndarray:
+        """theta and w of each window from the torque alone, (n, length, 2), begun from the state of
+        the observer by samples before it."""
+        x = self.observe(run, [values], [jump], replace(where, length=0))[1]
+        return self._run(run, [values], x, where.start, where.length, None)[0][0]
 
-        The state at its start is that of the observer, by samples before it only.
-        """
-        x = self.observe(run, [values], [jump], Windows(where.start, 0))[1][0]
-        return self._run(run, [values], x, where)[0][0]
-
-    def _run(
-        self,
-        run: Run,
-        sets: Sequence[Values],
-        x0: np.ndarray,
-        where: Windows,
-        gains: np.ndarray | None = None,
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _run(self, run: Run, sets: Sets, x0: Array, start: Array, length: int, gains: Any) -> Any:
         check_time()
-        many, n, start = len(sets), len(where.start), np.tile(where.start, len(sets))
-        own = sets if self.late else sets[:1]
+        many, n, start = len(sets), len(start), np.tile(start, len(sets))
+        u = np.array([self.series(run, v) for v in sets]) if self.late else run.inputs
         floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
         floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
         y, x = self.lanes.run(
-            x0,
-            start,
-            where.length,
-            np.array([self.series(run, values) for values in own]),
-            np.repeat([[values[k] for k in self.keys] for values in sets], n, axis=0),
-            dt=run.dt,
-            substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))),
-            t0=run.t[start] - start * run.dt,
-            series=np.repeat(np.arange(many) % len(own), n),
-            y=None if gains is None else run.y,
+            x0.reshape(many * n, -1), start, length, u,
+            np.repeat([[v[k] for k in self.keys] for v in sets], n, axis=0), dt=run.dt,
+            substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))), t0=run.t[start] - start * run.dt,
+            series=np.repeat(np.arange(many) * bool(self.late), n), floor=floor,
+            y=None if gains is None else run.y, rounding=(run.dull, 0.5 * run.counts),
             gain=None if gains is None else np.repeat(gains, n, axis=0),
-            rounding=None if gains is None else run.rounding,
-            floor=floor,
-        )
-        return y.reshape(many, n, where.length, 2), x.reshape(many, n, -1)
-
-    def _start(self, run: Run, at: np.ndarray) -> np.ndarray:
-        """States where an observer begins: the motion, others settled or 0, (n, x)."""
-        signals = {"theta": run.theta[at], "w": run.speed[at], "u": run.u[at]}
-        x = np.zeros((len(at), len(self.lanes.states)))
-        for i, name in {0: "theta", 1: "w", **self.starts}.items():
-            x[:, i] = signals.get(name, 0.0)
-        return x
+        )  # fmt: skip
+        return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
 
 
-def _states(part: Part) -> tuple[str, ...]:
-    return Placed(f"{part.key}.", part.block).states
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model with the noise of dw/dt (rad/s2) that makes its predictions most likely."""
+
+    drive: Drive
+    values: dict[str, float]
+    jump: float
+
+    def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
+        """Torque missing on the resisting side (N m), theta and w of an observer for this noise,
+        (windows, length, 3)."""
+        y = self.drive.observe(run, [self.values], [jump], where)[0][0]
+        K = self.drive.gain(run, self.values, jump)[0][1]
+        missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
+        return np.concatenate([missing[..., None], y], axis=-1)
 
 
-def _nested(m: np.ndarray) -> Rows:
-    return tuple(map(tuple, m.tolist()))
+def fitted(ready: Prepared, model: Model) -> Fit:
+    """The model with its noise, once for each in a study. InputError where a value is missing."""
+    model, memory = model.with_defaults(), ready.memory
+    values = model.known()
+    if missing := [k for k in model.values() if k not in values]:
+        raise InputError(f"{model.name}: {', '.join(missing)} has no value to simulate with.")
+    structure = tuple((part.key, id(part.block)) for part in (model.friction, *model.effects))
+    if structure not in memory:
+        memory[structure] = Drive(model), model
+    drive, key = memory[structure][0], (structure, *values.values())
+    if key not in memory:
+        memory[key] = Fit(drive, values, tuned(ready, drive, values))
+    return memory[key]
+
+
+def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
+    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely."""
+    usual, few = max(run.usual for run in ready.runs), spread(ready.train, ENOUGH)
+
+    def totals(logs: np.ndarray) -> np.ndarray:
+        made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
+        return np.maximum(np.nan_to_num(made.sum(axis=1), nan=-np.inf), -(WORST**3))
+
+    best = COARSE[np.argmax(totals(COARSE))]
+    a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
+    peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
+    return usual * float(np.exp(best + peak))
+
+
+def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
+    """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
+    both = zip(ready.runs, of, strict=True)
+    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.start.size]
+    return np.concatenate(made, axis=1)
+
+
+def whitened(
+    drive: Drive, run: Run, sets: Sets, jumps: Any, where: Windows
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
+    the log-likelihood of each window, (sets, windows). Samples that repeat one count weigh less:
+    predicting them is no merit of a model."""
+    y, _ = drive.observe(run, sets, jumps, where)
+    e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
+    weight = 1.0 - run.dull[where.counted]
+    for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
+        root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
+        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(weight)
+        size[i] = np.diag(root)
+    constant = np.log(size) @ weight.sum(axis=1).T
+    return e, -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant
+
+
+def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Measured minus predicted: 0 where nothing was recorded, ``WORST`` if it is not a number."""
+    e = np.clip(np.nan_to_num(measured - predicted, nan=WORST), -WORST, WORST)
+    e[..., np.isnan(measured)] = 0.0
+    return e
+
+
+@lru_cache(maxsize=512)
+def observer_gain(
+    dt: float, jump: float, noise: tuple[float, ...], sensing: tuple[Any, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise.
+
+    Sensors with n states s: ds/dt = A s + B (theta, w), y = C s + D (theta, w) + noise; ``sensing``
+    are A, B, C, D as nested tuples. ``jump`` is the standard deviation of dw/dt, independent from
+    sample to sample, rad/s2: that of the torque over J. ``noise`` is that of y, rad and rad/s, nan
+    where not recorded: there the gain is 0 and the covariance 1. Do not write into the arrays.
+    """
+    n, seen = 2 + len(sensing[0]), np.flatnonzero(np.isfinite(noise))
+    shapes = (n - 2, n - 2), (n - 2, 2), (2, n - 2), (2, 2)
+    A, B, C, D = (np.reshape(m, shape) for m, shape in zip(sensing, shapes, strict=True))
+    flow = np.zeros((n + 1, n + 1))  # the last state is the jump of dw/dt
+    flow[0, 1] = flow[1, n] = 1.0
+    flow[2:n, :2], flow[2:n, 2:n] = B, A
+    step, H, size = expm(flow * dt), np.hstack([D, C])[seen], np.array(noise)[seen]
+    kept = np.arange(0 if 0 in seen else 1, n)  # theta is unobservable if not recorded
+    scale = np.full(n, noise[0] / dt if 0 in seen else noise[1])  # else it is ill-conditioned
+    scale[0] *= dt
+    a, push = step[:n, :n] * scale / scale[:, None], jump * step[:n, n] / scale
+    P = np.zeros((n, n))
+    both = np.ix_(kept, kept)
+    P[both] = _riccati(a[both], (H * scale / size[:, None])[:, kept], np.outer(push, push)[both])
+    P *= np.outer(scale, scale)
+    S = H @ P @ H.T + np.diag(size**2)
+    gain, covariance = np.zeros((n, 2)), np.eye(2)
+    gain[:, seen], covariance[np.ix_(seen, seen)] = P @ H.T @ np.linalg.inv(S), S
+    return gain, covariance
+
+
+def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """P = A (P^-1 + H' H)^-1 A' + Q, even if it is ill-conditioned, by the structure-preserving
+    doubling of Chu, Fan and Lin (2004)."""
+    a, G, P = A.T, H.T @ H, Q
+    for _ in range(DOUBLINGS):
+        half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
+        a_half, G_half = half[:, : len(A)], half[:, len(A) :]
+        more = a.T @ P @ a_half
+        a, G, P = a @ a_half, G + a @ G_half @ a.T, P + more
+        if np.all(np.abs(more) <= 1e-12 * np.abs(P)):
+            break
+    return 0.5 * (P + P.T)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,23 +12,20 @@ import numpy as np
 from ...blocks.block import unit_for
 from ...blocks.model import Model
 from ...core.errors import InputError
+from ...core.numeric import rms
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
-from .likelihood import Fit, fitted, innovations, whitened
-from .prepared import GAP, Prepared
-from .runs import Run, Windows
+from .drive import fitted, whitened
+from .records import Prepared, Run, Windows
 
 DIVERGES = "The {} model diverges in simulation, so it has no {}."
-Signal = Callable[[Run, Windows], np.ndarray]
+DIVERGED = 1e15  # of an error
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Errors of models on samples that nothing has seen.
-
-    ``error``, ``free_error`` and ``torque_error`` are as in the JSON document, with None where a
-    value is missing or a simulation diverged; ``messages`` say why.
-    """
+    """Errors of models on samples that nothing has seen, as in the JSON document: None where a
+    value is missing or a simulation diverged, as ``messages`` say."""
 
     error: dict[str, Any]
     free_error: dict[str, Any]
@@ -46,23 +44,25 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
     if not fits:
         raise InputError("errors are of a model that has all of its values; there is none.")
-    last = [*fits.values()][-1]
-    jump, channel = fits.get("refitted", last).jump, ready.channel
+    jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
-    simulated = {k: ready.along(ready.test, 1, _restarted(f, channel))[0] for k, f in fits.items()}
-    seen = {k: ready.along(ready.everywhere, 3, _observed(f, jump)) for k, f in fits.items()}
-    residual = {k: x[0] for k, x in seen.items()}
-    held_out = np.isfinite(ready.along(ready.test, 1, lambda *_: 0.0)[0] + measured)
-    both, said = held_out & np.isfinite(residual[[*fits][-1]]), list(ready.messages)
-    error = _each(models, "error", said, lambda k: _rms((measured - simulated[k])[held_out]))
-    free = _each(models, "error without restarts", said, lambda k: _free(ready, fits[k]))
-    torque = _each(models, "torque error", said, lambda k: _rms(residual[k][both]))
+    free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
+    simulated = {k: ready.along(ready.test, [channel], run)[0] for k, run in free_run.items()}
+    observed = {k: partial(f.observed, jump) for k, f in fits.items()}
+    missing = {k: ready.along(ready.test, [0], one)[0] for k, one in observed.items()}
+    residual = {k: ready.along(ready.everywhere, [0], one)[0] for k, one in observed.items()}
+    theta, w = ready.along(ready.everywhere, [1, 2], [*observed.values()][-1])
+    at = ready.along(ready.test, [0], lambda _, where: where.counted[..., None])[0]
+    held_out = np.isfinite(at + measured)
+    said: list[str] = []
+    error = _each(models, "error", said, lambda k: rms((measured - simulated[k])[held_out]))
+    free = _each(models, "error without restarts", said, lambda k: _free(ready, free_run[k]))
+    torque = _each(models, "torque error", said, lambda k: rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     unit = {"signal": ready.signal, "unit": ready.unit}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
-    t, u, dt = (np.concatenate(x) for x in zip(*((r.t, r.u, r.dt + 0.0 * r.t) for r in ready.runs)))  # noqa: B905
-    theta, w = seen[[*fits][-1]][1:]
+    t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
     motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
     return Judged(
         {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
@@ -73,60 +73,30 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     )
 
 
-def _each(
-    models: Mapping[str, Model | None], what: str, said: list[str], of: Callable[[str], float]
-) -> dict[str, float | None]:
+def _each(models: Mapping[str, Any], what: str, said: list[str], of: Any) -> dict[str, Any]:
     """A value for each model: None where there is no model or it is not a number, which is said."""
     made: dict[str, float | None] = {}
     for name, model in models.items():
-        value = np.nan if model is None else of(name)
-        made[name] = value if np.isfinite(value) else None
+        value = np.inf if model is None else of(name)
+        made[name] = value if value < DIVERGED else None
         if model is not None and made[name] is None:
             said.append(DIVERGES.format(name, what))
     return made
 
 
-def _rms(e: np.ndarray) -> float:
-    """Root mean square; nan or inf where a simulation diverged."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sqrt(np.mean(e**2))) if len(e) else np.nan
-
-
-def _restarted(fit: Fit, channel: int) -> Signal:
-    def signal(run: Run, where: Windows) -> np.ndarray:
-        return fit.drive.simulate(run, fit.values, fit.jump, where)[..., [channel]]
-
-    return signal
-
-
-def _observed(fit: Fit, jump: float) -> Signal:
-    """Torque missing on the resisting side, N m, as the observer adds it; its theta and w."""
-
-    def signals(run: Run, where: Windows) -> np.ndarray:
-        y = fit.drive.observe(run, [fit.values], [jump], where)[0][0]
-        K = fit.drive.gain(run, fit.values, jump)[0]
-        missing = -fit.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K[1]
-        return np.concatenate([missing[..., None], y], axis=-1)
-
-    return signals
-
-
-def _free(ready: Prepared, fit: Fit) -> float:
+def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:
     """RMS error of the simulation without restarts."""
     missed = [np.zeros((0, 2))]
     for run, ranges in zip(ready.runs, ready.free, strict=True):
         for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
-            start = a + min(run.count(GAP, 2), b - a - 1)  # an observer finds the state before
-            simulated = fit.drive.simulate(
-                run, fit.values, fit.jump, Windows(np.array([start]), b - start)
-            )
-            missed.append(run.recorded[start:b] - simulated[0])
-    return _rms(np.concatenate(missed)[:, ready.channel])
+            if b - a > run.gap:
+                where = run.windows([(a, b)], b - a - run.gap, run.pieces)
+                missed.append((run.recorded[where.counted] - simulate(run, where))[0])
+    return rms(np.concatenate(missed)[:, ready.channel])
 
 
 def residuals(ready: Prepared, model: Model) -> Residuals:
-    """The tests of what one-step predictions leave of w, or theta where w is no sensor's, over the
-    training windows of the run that has most of them."""
+    """The tests of one-step predictions, over the training windows of the run with most of them."""
     fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
     run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
     channel = int(np.isfinite(run.noise[1]))

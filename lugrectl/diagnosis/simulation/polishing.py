@@ -11,8 +11,8 @@ from ...blocks.declared_values import Stated
 from ...blocks.model import Model
 from ...core.errors import InputError
 from ...estimates.covariance import Joint
-from .likelihood import Fit, fitted, loglik, tuned, whitened
-from .prepared import Prepared, spread
+from .drive import Fit, fitted, loglik, tuned, whitened
+from .records import Prepared, spread
 
 ENOUGH = 40_000  # samples of training windows that are used, evenly spread
 WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known
@@ -22,25 +22,25 @@ STEP = 1e-3  # of a coordinate, for slopes
 MOST, LEAST = 20, 0.1  # steps of a climb, and gain in log-likelihood below which it ends
 PARTS, NOISES = (1.0, 0.5, 0.2, 0.05), (1.0, 0.6, 1.5)  # of a step; factors on the noise
 FARTHEST = 0.7  # of a coordinate in one step
+FLAT, TINY = 1e-4, 1e-300  # of Fc, least excess of Fs; least variance of a prior
 HALF = 1.96  # standard deviations in half a 95 % interval
 NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """All values of the model after a polish, SI, and the distribution of the free ones that the
-    record determines.
+    """All values of the model after a polish and the distribution of those that it determined.
 
-    ``gain`` is how much more likely left-out training windows are, in log-likelihood, and ``error``
-    its standard error. ``gained``: it is above that, or the polish only confirms the values before
-    within their intervals and loses no more. Else the values are those before, of no distribution.
+    ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
+    order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
+    all values before are within their intervals. Else these are kept, of no distribution.
     """
 
     values: dict[str, float]
     joint: Joint
     gained: bool
-    gain: float = 0.0
-    error: float = 0.0
+    gain: float
+    error: float
 
 
 def polish(
@@ -64,60 +64,90 @@ def polish(
     model that is the same in all windows. InputError for an unknown key or a missing value.
     """
     begun = fitted(ready, model)
-    climb = _climb(ready, begun, model, free, start)
-    before = climb.each(begun)
+    climb = _Climb(ready, begun, model, free, start)
+    before = climb.each([begun.values], [begun.jump])[0]
     if not climb.keys or len(before) < 2:
-        return Polished(begun.values, NONE, False)
+        return Polished(begun.values, NONE, False, 0.0, 0.0)
     fit = climb.up(climb.scanned())
     parts, scores, each = climb.linear(fit)
     H = parts.sum(0) + climb.weight
     off = np.array([np.linalg.solve(H - p, s) for p, s in zip(parts, scores, strict=True)])
     off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), 1e-300))[:, None]
-    without = each - np.sum(scores * off, 1) - 0.5 * np.einsum("wi,wij,wj->w", off, parts, off)
-    gain = float(np.sum(without - before))
-    error = float(np.std(without - before)) * len(each) ** 0.5
-    own, scatter = np.linalg.inv(H), (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
+    own = np.linalg.inv(H)
+    gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
+    gain, error = float(gains.sum()), float(np.std(gains)) * len(gains) ** 0.5
+    scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
     wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
     C = own * np.outer(wider, wider)
     prior = np.diag(np.linalg.inv(climb.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < HALF))
-    if not always and gain <= (-error if confirmed else error):
+    if not always and gain <= error and not confirmed:
         return Polished(begun.values, NONE, False, gain, error)
-    names = tuple(climb.keys[i] for i in at)
-    found = np.array([fit.values[k] for k in names])
-    slopes = np.where(climb.log[at], found, climb.size[at])
-    joint = Joint(names, found, C[np.ix_(at, at)] * np.outer(slopes, slopes), climb.log[at])
+    names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
+    found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
+    joint = Joint(names, found, matrix[np.ix_(at, at)], climb.log[at])
     return Polished(fit.values, joint, True, gain, error)
 
 
-@dataclass(frozen=True, eq=False)
 class _Climb:
-    """Steps towards the maximum of likelihood and priors.
+    """Steps towards the maximum of likelihood and Gaussian priors (``middle``, ``weight``) in
+    coordinates: the logarithm of a value or, where it may be 0 or less, its part of ``size``."""
 
-    A coordinate x is the logarithm of a value or, where it may be 0 or less, its part of ``size``.
-    Priors are Gaussian about ``middle``, with the information ``weight``.
-    """
+    def __init__(
+        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None
+    ) -> None:
+        own, values = model.declarations(), begun.values
+        if unknown := [k for k in free if k not in own]:
+            raise InputError(f"free: {model.name} has no '{unknown[0]}', but {', '.join(own)}.")
+        self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
+        fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
+        fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
+        keys = [k for k in free if k not in fixed]
+        self.keys = keys = tuple(sorted(keys, key="Fs".__eq__))  # Fs last, as it stands on Fc
+        self.own, self.said = own, [model.stated.get(k, Stated()) for k in keys]
+        found = np.array([values[k] for k in keys])
+        self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
+        usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
+        self.size = np.maximum(np.abs(found), usual)
+        at = {k: i for i, k in enumerate(start.names if start is not None else ()) if k in keys}
+        std = {k: s.std for k, s in zip(keys, self.said, strict=True) if s.std and k not in at}
+        known = np.diag([std.get(k, np.inf) ** -2.0 for k in keys])
+        if start is not None and at:
+            C = start.matrix[np.ix_([*at.values()], [*at.values()])]
+            size, here = np.maximum(np.diag(C), TINY) ** 0.5, [keys.index(k) for k in at]
+            scaled = np.linalg.pinv(C / np.outer(size, size), hermitian=True)
+            known[np.ix_(here, here)] = scaled / np.outer(size, size)
+        rates = self.rates(values)
+        self.weight = np.eye(len(keys)) / WEAK**2 + rates.T @ known @ rates
+        declared = {k: v for k, v in ready.model.known().items() if k in std}
+        self.middle = self.x({**values, **declared})
 
-    ready: Prepared
-    begun: Fit
-    keys: tuple[str, ...]
-    log: np.ndarray
-    size: np.ndarray
-    ends: np.ndarray
-    middle: np.ndarray
-    weight: np.ndarray
+    def amounts(self, values: Mapping[str, float]) -> np.ndarray:
+        """The values; of Fs how much it is above Fc."""
+        Fc, Fs = values.get("Fc", 0.0), values.get("Fs", 0.0)
+        return np.array([({**values, "Fs": max(Fs - Fc, FLAT * Fc)})[k] for k in self.keys])
+
+    def rates(self, values: Mapping[str, float]) -> np.ndarray:
+        """Derivatives of the values by the coordinates, (n, n)."""
+        made = np.diag(np.where(self.log, self.amounts(values), self.size))
+        if {"Fc", "Fs"} <= {*self.keys}:
+            made[-1, self.keys.index("Fc")] = values["Fc"]
+        return made
 
     def x(self, values: Mapping[str, float]) -> np.ndarray:
-        v = np.array([values[k] for k in self.keys])
+        v = self.amounts(values)
         return np.where(self.log, np.log(np.where(self.log, v, 1.0)), v / self.size)
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """All values inside their bounds; Fs does not fall below Fc."""
-        v = np.where(self.log, np.exp(np.where(self.log, np.minimum(x, 700.0), 0.0)), x * self.size)
-        made = self.begun.values | dict(zip(self.keys, np.clip(v, *self.ends).tolist()))  # noqa: B905
-        if {"Fc", "Fs"} & {*self.keys} and {"Fc", "Fs"} <= {*made}:
+        made = dict(self.begun.values)
+        for k, log, size, said, v in zip(self.keys, self.log, self.size, self.said, x, strict=True):
+            value = float(np.exp(min(v, 700.0)) if log else v * size)
+            value += made.get("Fc", 0.0) if k == "Fs" else 0.0
+            made[k] = said.clipped(min(max(value, self.own[k].low), self.own[k].high))
+        if "Fc" in self.keys and "Fs" in made:
             made["Fs"] = max(made["Fs"], made["Fc"])
         return made
 
@@ -125,18 +155,16 @@ class _Climb:
         off = self.x(values) - self.middle
         return 0.5 * float(off @ self.weight @ off)
 
-    def each(self, fit: Fit) -> np.ndarray:
-        """Log-likelihood of each window."""
+    def each(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> np.ndarray:
+        """Log-likelihood of each window, (sets, windows)."""
         where = spread(self.ready.train, ENOUGH)
-        return loglik(self.ready, fit.drive, [fit.values], [fit.jump], where)[0]
+        return loglik(self.ready, self.begun.drive, sets, jumps, where)
 
     def best(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> tuple[float, Fit]:
         """The likeliest of some values, each with its noise."""
-        where, drive = spread(self.ready.train, ENOUGH), self.begun.drive
-        made = loglik(self.ready, drive, sets, jumps, where).sum(axis=1)
-        made = np.nan_to_num(made - [self.cost(v) for v in sets], nan=-np.inf)
-        i = int(np.argmax(made))
-        return float(made[i]), Fit(drive, sets[i], jumps[i])
+        made = self.each(sets, jumps).sum(axis=1) - [self.cost(v) for v in sets]
+        i = int(np.argmax(np.nan_to_num(made, nan=-np.inf)))
+        return float(made[i]), Fit(self.begun.drive, sets[i], jumps[i])
 
     def scanned(self) -> Fit:
         """The best of factors on each value that is no more than a guess, one after the other."""
@@ -154,7 +182,7 @@ class _Climb:
             x, total, most = self.x(fit.values), each.sum() - self.cost(fit.values), -np.inf
             slope = scores.sum(0) - self.weight @ (x - self.middle)
             step = np.linalg.solve(parts.sum(0) + self.weight, slope)
-            step *= min(1.0, FARTHEST / max(float(np.max(np.abs(step))), 1e-300))
+            step *= min(1.0, FARTHEST / max(float(np.max(np.abs(step))), TINY))
             for part in PARTS:
                 sets = [self.values(x + part * step)] * len(NOISES)
                 most, ahead = self.best(sets, [fit.jump * factor for factor in NOISES])
@@ -177,40 +205,3 @@ class _Climb:
             made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each[0]))
         parts, scores, each = map(np.concatenate, zip(*made, strict=True))
         return parts, scores, each
-
-
-def _climb(
-    ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None
-) -> _Climb:
-    """The coordinates of the free values, their bounds and priors."""
-    own, keys = model.declarations(), []
-    for key in free:
-        if key not in own:
-            raise InputError(f"free: {model.name} has no '{key}'; it has {', '.join(own)}.")
-        p = own[key]
-        instant = p.unit == "s" and p.low < 0.0  # the likelihood is not smooth in it
-        if p.fitted and not (key in model.held() or p.whole or p.choices or instant):
-            keys.append(key)
-    said, values = [model.stated.get(k, Stated()) for k in keys], begun.values
-    low = [own[k].low if one.low is None else one.low for k, one in zip(keys, said, strict=True)]
-    high = [
-        own[k].high if one.high is None else one.high for k, one in zip(keys, said, strict=True)
-    ]
-    found = np.array([values[k] for k in keys])
-    log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
-    usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
-    size = np.maximum(np.abs(found), usual)
-    made = _Climb(ready, begun, tuple(keys), log, size, np.array([low, high]), found, np.eye(0))
-    slopes, known = np.where(log, found, size), () if start is None else start.names
-    std = np.array(
-        [np.inf if k in known else one.std or np.inf for k, one in zip(keys, said, strict=True)]
-    )
-    weight = np.diag(WEAK**-2.0 + (slopes / std) ** 2)
-    at = [i for i, k in enumerate(keys) if k in known]
-    if start is not None and at:
-        rows = [known.index(keys[i]) for i in at]
-        C = start.matrix[np.ix_(rows, rows)] / np.outer(slopes[at], slopes[at])
-        weight[np.ix_(at, at)] += np.linalg.pinv(C, hermitian=True)
-    declared = {k: v for k, v in ready.model.known().items() if k in keys}
-    stated = {k: declared.get(k, values[k]) for k, s in zip(keys, std, strict=True) if s < np.inf}
-    return replace(made, middle=made.x({**values, **stated}), weight=weight)
