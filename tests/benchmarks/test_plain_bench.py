@@ -8,9 +8,7 @@ from statistics import median
 import numpy as np
 import pytest
 
-from lugrectl.blocks.model import model_from_dict
-from lugrectl.diagnosis.plain_answer import plain_answer
-from lugrectl.record.log import Log, log_of_arrays
+import lugrectl as lg
 
 pytestmark = pytest.mark.slow
 MODEL = {
@@ -21,7 +19,7 @@ MODEL = {
 }
 
 
-def log_of(n: int) -> Log:
+def log_of(n: int) -> dict[str, np.ndarray]:
     """n samples at 1 kHz of an inertia with friction, u, theta and w."""
     noise, t = np.random.default_rng(0), np.arange(n) * 1e-3
     waves = [(6.0, 0.31), (4.0, 0.83), (2.0, 1.7), (1.5, 3.1)]
@@ -30,20 +28,19 @@ def log_of(n: int) -> Log:
     theta = -sum(a / (2 * np.pi * f) * np.cos(2 * np.pi * f * t) for a, f in waves)
     u = 2e-3 * acceleration + 0.05 * np.tanh(w / 0.05) + 3e-3 * w
     step = 2 * np.pi / 20_000
-    channels = {
+    return {
         "t": t,
         "u": u + 1e-3 * noise.standard_normal(n),
         "w": w + 0.02 * noise.standard_normal(n),
         "theta": step * np.round(theta / step),
     }
-    return log_of_arrays("synthetic", channels, "rotary")
 
 
 def seconds(n: int, times: int) -> float:
-    model, taken = model_from_dict(MODEL, "model"), []
+    taken = []
     for _ in range(times):
         log, start = log_of(n), time.process_time()
-        plain_answer([log], model)
+        lg.balance(log, MODEL)
         taken.append(time.process_time() - start)
     return median(taken)
 

@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
-from . import page, table, work
+from . import kept, page, work
 from .plan import STRENGTHS, Task, tasks
 
 ROUND = 50  # records for each process before it is replaced: compiled code is never given back
@@ -41,9 +41,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--no-exact", action="store_true", help="leave the true model out: quicker")
     p.add_argument("--limit", type=int, default=1800, help="most seconds for a record")
     p.add_argument("--out", type=Path, default=Path(tempfile.gettempdir()) / "lugrectl-blind")
-    p.add_argument("--judge", choices=["diagnose", "table"], default="diagnose",
-                   help="table: the comparison alone, in seconds")  # fmt: skip
-    p.add_argument("--cache", type=Path, help="folder that keeps the records drawn for the table")
+    p.add_argument("--cache", type=Path, help="folder that keeps the records: diagnoses alone")
     p.add_argument("--retry", action="store_true", help="do again what crashed")
     p.add_argument("--summary", type=Path, metavar="FILE", help="print a results file, run nothing")
     p.add_argument("--markdown", action="store_true", help="print the block for the README only")
@@ -71,10 +69,9 @@ def _effects(text: str | None) -> list[str]:
 
     groups = {"all": list(CATALOGUE)}
     if text and "known" in text.split(","):
-        import lugrectl.blocks.model  # noqa: F401  fills the registry
-        from lugrectl.blocks.block import members
+        import lugrectl as lg
 
-        groups["known"] = [name for name in CATALOGUE if name in members("effect")]
+        groups["known"] = [name for name in CATALOGUE if name in lg.effects()]
     return [
         name for entry in (text or "").split(",") if entry for name in groups.get(entry, [entry])
     ]
@@ -151,8 +148,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _judge(args: argparse.Namespace) -> Callable[[Task], dict]:
-    if args.judge == "table":
-        return partial(table.line, cache=args.cache)
+    if args.cache is not None:
+        return partial(kept.line, cache=args.cache)
     return partial(work.line, exact=not args.no_exact, trees=args.trees, limit=args.limit)
 
 

@@ -51,14 +51,12 @@ def true_model(case: Case) -> dict[str, Any] | None:
 def exact(case: Case, records: Sequence[Any], apart: Any) -> dict[str, Any]:
     """Errors of the true model as it stands, and with its parameters fitted."""
     import lugrectl as lg
-    from lugrectl.blocks.model import model_from_dict
 
     tree = true_model(case)
     if tree is None:
         return {"reason": "outside the catalogue"}
     try:
-        model = model_from_dict(tree, "truth")
-        error = lg.identify(records, model, holdout=apart).error
+        error = lg.identify(records, tree, holdout=apart).error
     except (lg.InputError, lg.Refused) as failure:
         return {"reason": str(failure)}
     return {"declared": error["declared"], "refitted": error["refitted"]}

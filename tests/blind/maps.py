@@ -8,9 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import lugrectl as lg
-from lugrectl.blocks.model import model_from_dict
-from lugrectl.core.errors import Refused
-from lugrectl.estimates.findings import Finding
 
 from ..rig.steady import EFFECTS, STRANGERS, draw
 from .__main__ import seeds
@@ -35,30 +32,29 @@ def answered(name: str, seed: int, strength: float) -> Answer:
     made = draw(name, seed, strength)
     runs = [lg.Record(**run, source=f"run{i}") for i, run in enumerate(made.runs)]
     try:
-        found = lg.diagnose(runs, model_from_dict(made.model, "drawn"))
-    except Refused as no:
+        found = lg.diagnose(runs, made.model).summary()
+    except lg.Refused as no:
         return Answer(name, seed, f"refused: {no}", 0.0, ())
-    effects = [e for e in found.effects if "harmonic" not in e.parameters]
+    effects = [e for e in found["effects"] if "harmonic" not in e["parameters"]]
     held = [
-        estimate.ci95[0] <= made.values[k] <= estimate.ci95[1]
+        estimate["ci95"][0] <= made.values[k] <= estimate["ci95"][1]
         for e in effects
-        for k, estimate in e.parameters.items()
-        if e.name == name and estimate.ci95 and k in made.values
+        for k, estimate in e["parameters"].items()
+        if e["name"] == name and estimate["ci95"] and k in made.values
     ]
-    said = f"{found.verdict} {' '.join(e.name for e in effects)}"
-    return Answer(name, seed, said, _right(name, found.verdict, effects), tuple(held))
+    said = f"{found['verdict']} {' '.join(e['name'] for e in effects)}"
+    return Answer(name, seed, said, _right(name, found["verdict"], effects), tuple(held))
 
 
-def _right(name: str, verdict: str, effects: list[Finding]) -> float:
+def _right(name: str, verdict: str, effects: list[dict]) -> float:
     """As for the records, whatever a swing with the angle makes of the verdict."""
     if name in STRANGERS:
         return float(verdict == "unexplained")
     if name == "none":
         return float(not effects and verdict != "unexplained")
     if verdict != "unexplained":
-        verdict = "ambiguous" if any(e.alternatives for e in effects) else "found"
-    answer = {"verdict": verdict, "effects": [e.summary() for e in effects]}
-    return credit({"names": [name], "answer": answer})
+        verdict = "ambiguous" if any(e["alternatives"] for e in effects) else "found"
+    return credit({"names": [name], "answer": {"verdict": verdict, "effects": effects}})
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -81,18 +81,10 @@ def answer(case: Case, exact: bool, trees: bool) -> dict:
 
     with tempfile.TemporaryDirectory() as folder:
         paths, model_path = write(case, Path(folder))
-        wall, cpu = time.perf_counter(), time.process_time()
-        try:
-            records = [lg.read_record(p, motion=case.model["motion"]) for p in paths]
-            train, apart = (records[:-1], records[-1]) if len(records) > 1 else (records, None)
-            found = lg.diagnose(train, lg.read_model(model_path), holdout=apart)
-        except lg.Refused as refusal:
-            return {"answer": {"verdict": "refused", "effects": [], "reason": str(refusal)}}
-        told: dict[str, Any] = {
-            "wall": time.perf_counter() - wall,
-            "cpu": time.process_time() - cpu,
-            "answer": _answer(found.summary()),
-        }
+        told, records, found = diagnosed(paths, model_path, case.model["motion"])
+        if found is None:
+            return told
+        train, apart = cut(records)
         told["floor"] = limits.floor(case, records, found)
         if exact:
             told["exact"] = limits.exact(case, train, apart)
@@ -104,7 +96,27 @@ def answer(case: Case, exact: bool, trees: bool) -> dict:
     return told
 
 
-def write(case: Case, folder: Path) -> tuple[list[Path], Path]:
+def diagnosed(paths: list[Path], model: Path, motion: str) -> tuple[dict[str, Any], list, Any]:
+    """What is kept of the answer, the records, and the answer; none where they are refused."""
+    import lugrectl as lg
+
+    wall, cpu = time.perf_counter(), time.process_time()
+    try:
+        records = [lg.read_record(p, motion=motion) for p in paths]
+        train, apart = cut(records)
+        found = lg.diagnose(train, lg.read_model(model), holdout=apart)
+    except lg.Refused as refusal:
+        return {"answer": {"verdict": "refused", "effects": [], "reason": str(refusal)}}, [], None
+    spent = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
+    return {**spent, "answer": _answer(found.summary())}, records, found
+
+
+def cut(records: list) -> tuple[list, Any]:
+    """The records to fit, and the last of several, which is held out."""
+    return (records[:-1], records[-1]) if len(records) > 1 else (records, None)
+
+
+def write(case: Case | Any, folder: Path) -> tuple[list[Path], Path]:
     """Record files in SI units under the contract's names, and the model file."""
     paths = []
     for i, run in enumerate((case, *case.more)):

@@ -20,24 +20,12 @@ OTHER_NAMES = {
 
 def answer(log: dict, damaged: bool = False) -> dict:
     """What the package says of a log {t, u, theta and/or w}: the one place that calls it."""
-    from lugrectl.blocks.model import model_from_dict
-    from lugrectl.identification.balance import balance
+    import lugrectl as lg
 
-    model = model_from_dict({"plant": {}, "friction": {"model": "lugre"}}, "drawn drive")
-    pieces, notes = read(log)
-    plain = balance(pieces, model)
-    found = {name: (e.value, *e.ci95) for name, e in plain.parameters.items()}
-    return found | {"notes": [*notes, *plain.notes]}
-
-
-def read(log: dict) -> tuple[list, list[str]]:
-    """The log as the package reads it: bad rows are searched for first."""
-    from lugrectl.record.log import Log
-    from lugrectl.record.stretches import stretches
-
-    channels = {k: v for k, v in log.items() if k != "t"}
-    labels = {k: {"t": "s", "u": "N m", "theta": "rad", "w": "rad/s"}[k] for k in log}
-    return stretches([Log("record", log["t"], channels, "row {}".format, labels, "rotary", ())])
+    plain = lg.balance(log, {"friction": "lugre"})
+    known = plain.summary()["parameters"].items()
+    found = {name: (e["value"], *e["ci95"]) for name, e in known}
+    return found | {"notes": list(plain.said)}
 
 
 def answer_of_file(path: str | Path):

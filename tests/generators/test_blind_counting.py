@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 from ..blind import __main__ as bench
-from ..blind import limits, page, plan, score, trees, work
+from ..blind import kept, limits, page, plan, score, trees, work
 from ..cases.blind_results import effect, hidden, line, ripple
 from ..rig import CATALOGUE, STRANGERS, make
 from ..rig.exported import EXPORTS, LATE
@@ -248,3 +249,13 @@ def test_files_of_a_record(tmp_path, case):
     with np.load(paths[0]) as stored:
         assert set(stored.files) == {"t", "u", "theta", "w"}
     assert "[friction]" in model.read_text()
+
+
+def test_a_record_that_was_kept_is_read_back_as_it_was(tmp_path):
+    t = np.arange(0.0, 1.0, 1e-2)
+    task = plan.Task("none", (), "normal", 1)
+    made = kept.Kept({"t": t, "w": np.sin(t)}, {"plant": {"J": 1.0}}, {"effects": []})
+    kept.save(replace(made, more=(made,)), kept.place(task, tmp_path), task.key)
+    again = kept.kept(task, tmp_path)
+    assert again.model == made.model and len(again.more) == 1
+    assert np.array_equal(again.columns["w"], made.columns["w"])

@@ -10,8 +10,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.diagnosis.result import Diagnosis
-from lugrectl.estimates.findings import Candidate, Estimate, Finding
 from lugrectl.record import read_log
 
 from ..cases.logs import machine
@@ -129,15 +127,13 @@ def test_a_refusal_for_a_wrong_reason_is_wrong():
 
 
 def test_a_diagnosis_becomes_an_answer():
-    plain = SimpleNamespace(
-        parameters={"Fc": Estimate(0.2, "N m", (0.19, 0.21)), "J": Estimate(1.0, "kg m2")},
-        combinations=(),
-        left=0.05,
-    )
-    found = Finding("gravity", {}, (Candidate("return_spring", 1.0, 0.1),))
-    result = Diagnosis(
+    Estimate, Candidate = lg.results.Estimate, lg.results.Candidate
+    known = {"Fc": Estimate(0.2, "N m", (0.19, 0.21)), "J": Estimate(1.0, "kg m2")}
+    plain = lg.results.Balance(parameters=known, left=0.05)
+    found = lg.results.Finding("gravity", {}, (Candidate("return_spring", 1.0, 0.1),))
+    result = lg.Diagnosis(
         "ambiguous", (found,), estimates={"J": Estimate(2.0, "kg m2", (1.9, 2.1))}, plain=plain
-    )  # pyright: ignore
+    )
     answer = judges.answer_of(result)
     assert answer.effects == ("gravity",) and answer.alternatives == ("return_spring",)
     assert answer.parameters == {"Fc": (0.2, 0.19, 0.21), "J": (2.0, 1.9, 2.1)}
@@ -260,8 +256,7 @@ def test_the_balance_knows_the_inertia_of_a_small_motor_in_one_direction():
     row = next(row for row in all_rows() if row.name == "un prbs_open")
     source = row.sources[0]
     found = lg.balance(read_log(DATA / source.file, **source.options), dict(row.model))
-    answer = judges.answer_of(
-        SimpleNamespace(verdict="found", effects=(), plain=found, estimates={})
-    )
+    known = judges.values_of({"plain": found.summary(), "parameters": {}})
+    answer = Answer("found", parameters=known)
     J = [v for v in row.values if v.names == ("J",)]
     assert "J" in answer.parameters and not wrong_values(J, answer)

@@ -7,8 +7,6 @@ import numpy as np
 from lugrectl.diagnosis.question import Asked
 from lugrectl.identification.selection import compare
 
-from ..blind import table
-
 T = np.arange(0.0, 12.0, 2e-3)
 
 
@@ -41,12 +39,3 @@ def test_a_stribeck_curve_is_a_value_where_the_declared_law_has_one():
 
 def test_a_speed_behind_the_position_is_named():
     assert named(record(lag=0.02), "coulomb") == ("found", ["velocity_sensor_lag"])
-
-
-def test_a_record_that_was_kept_is_read_back_as_it_was(tmp_path):
-    log = {"t": T, "w": np.sin(T)}
-    made = table.Kept(log, {"plant": {"J": 1.0}}, {"effects": []}, [], (table.Kept(log, {}),))
-    table._save(made, tmp_path / "one.npz", "one")
-    again = table._load(tmp_path / "one.npz")
-    assert again.model == made.model and len(again.more) == 1
-    assert np.array_equal(again.columns["w"], log["w"])

@@ -16,11 +16,9 @@ Judge = Callable[[Case], Answer]
 
 
 def judge_of(text: str, prototype: str | None = None) -> Judge:
-    """``lugrectl``, ``table``, ``MODULE:FUNCTION`` or ``prototype`` (which needs its folder)."""
+    """``lugrectl``, ``MODULE:FUNCTION`` or ``prototype`` (which needs its folder)."""
     if text == "lugrectl":
         return lugrectl
-    if text == "table":
-        return table
     if text == "prototype":
         return _prototype(prototype or "")
     module, _, function = text.partition(":")
@@ -104,25 +102,3 @@ def _prototype(folder: str) -> Judge:
         )
 
     return judge
-
-
-def table(case: Case) -> Answer:
-    """The comparison alone, without a fit of the model that it names."""
-    from lugrectl.diagnosis.question import Asked
-    from lugrectl.identification.selection import compare
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.toml"
-        path.write_text(toml(case.model))
-        asked = Asked.of(case.record, path)
-    start = time.process_time()
-    plain = asked.plain
-    found = compare(plain.stretches, asked.model, plain)
-    return Answer(
-        found.verdict,
-        tuple(e.name for e in found.effects),
-        tuple(e.name for e in found.alternatives),
-        frozenset(found.depends_on),
-        {k: e.ci95 for k, e in plain.parameters.items() if e.ci95},
-        time.process_time() - start,
-    )

@@ -30,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--row", action="append", help="a name or a part of it; may be repeated")
     p.add_argument("--group", help="rows of one group: table, map, format")
     p.add_argument("--judge", default="lugrectl", metavar="NAME",
-                   help="lugrectl, selection, prototype or MODULE:FUNCTION")  # fmt: skip
+                   help="lugrectl, prototype or MODULE:FUNCTION")  # fmt: skip
     p.add_argument("--prototype", metavar="DIR", help="folder of comparison_prototype.py")
     p.add_argument("--rows", type=Path, metavar="FILE", help="own rows, a TOML file")
     p.add_argument("--data", type=Path, help="folder of the logs; with --rows that of the file")

@@ -1,6 +1,4 @@
-"""The torque residual of the package's models along a measured motion.
-
-Of the balance its terms, each with its coefficient. Of a declared or diagnosed model
+"""The torque residual of a declared or diagnosed model along a measured motion.
 
     residual = J (dw/dt of the model, driven by u along the measured theta and w, minus a)
 
@@ -9,55 +7,18 @@ States of friction and effects follow the motion; each is stepped exactly as if 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from lugrectl.blocks.model import Model, as_model
+from lugrectl.blocks.model import Model
 from lugrectl.blocks.plant import assemble
-from lugrectl.identification.balance.estimate import estimate
-from lugrectl.identification.balance.problem import Ground, ground_of
-from lugrectl.identification.balance.speed_offset import with_offset
-from lugrectl.identification.balance.track import Track
-from lugrectl.record import Log, stretches
 
-from .motion import Motion, Run
+from .motion import Run
 
 FINER = 8  # steps for each sample: a load on a spring moves within one
 SMALL = 1e-6  # of a state's scale, for its own slope
-
-
-def balanced(logs: Sequence[Log], model: Mapping[str, Any]) -> Callable[[Run], np.ndarray]:
-    """The balance of some runs, as a function that gives the residual of others.
-
-    A drift with time is that in the middle of the fitted runs. Without an answer the residual is
-    the torque itself.
-    """
-    ground = ground_of(stretches(logs)[0], as_model(dict(model)), {})
-    found = estimate(with_offset(ground)) if isinstance(ground, Ground) else None
-    if found is None:
-        return lambda run: run.motion.u
-    fit, still = found.fit, found.fit.setting.rest
-
-    def missing(run: Run) -> np.ndarray:
-        m, track = run.motion, _track(run.motion, still)
-        own = {"J": m.a, "Fv": m.w}
-        columns = [own[t.key] if t.column is None else t.column(track) for t in fit.terms]
-        return m.late(fit.delay + run.hold) - sum(
-            p * x for p, x in zip(fit.p, columns, strict=False)
-        )
-
-    return missing
-
-
-def _track(m: Motion, still: float) -> Track:
-    zero = np.zeros_like(m.t)
-    dt = float(m.t[1] - m.t[0]) if len(m.t) > 1 else 1.0
-    return Track(
-        0, dt, m.t, m.u, m.angle(), m.w, m.use, zero, m.w, still, stopping=zero, starting=zero
-    )
 
 
 def residual(model: Model, run: Run) -> np.ndarray:

@@ -23,7 +23,7 @@ from .page import WIDTH, commit, keep
 from .row import Source
 from .sets import SPLITS, Cut, Split
 
-DEFAULT = ("plain", "hand", "trees")
+DEFAULT = ("ours", "hand", "trees")
 
 
 def run_of(source: Source, data: Path, split: Split) -> Run:
@@ -69,7 +69,7 @@ def _of_cut(model: Any, split: Split, cut: Cut, read: Any) -> tuple[np.ndarray, 
     """Residual and torque on the samples that count of the unseen runs."""
     of, unseen = model(read(cut.train), split, cut), read(cut.unseen)
     if isinstance(of, StandIn):
-        print(f"{split.name}: the diagnosis has no model; the balance stands in", file=sys.stderr)
+        print(f"{split.name}: the diagnosis has no model: nothing is explained", file=sys.stderr)
     residual = np.concatenate([of(run)[run.motion.use] for run in unseen])
     return residual, np.concatenate([run.motion.u[run.motion.use] for run in unseen])
 

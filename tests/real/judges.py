@@ -1,7 +1,7 @@
 """Judges: what answers a row. Each is called with the logs (path, options) and the declared model.
 
-A judge may return an ``Answer``, a dict of its fields, or an object with the attributes of a
-``Diagnosis``; :func:`answer_of` understands all three.
+A judge may return an ``Answer``, a dict of its fields, or a ``Diagnosis``, of which the document
+counts; :func:`answer_of` understands all three.
 """
 
 from __future__ import annotations
@@ -19,22 +19,21 @@ from .score import Answer, Estimate
 Logs = Sequence[tuple[Path, Mapping[str, Any]]]
 Judge = Callable[[Logs, Mapping[str, Any]], Any]
 CHANNELS = ("u", "theta", "w")
-LEAD = {"lugrectl": "diagnosed", "selection": "selected"}
 
 
 def judge_named(name: str, prototype: str | None = None) -> Judge:
-    """The judge of a name: "lugrectl", "selection", "prototype" or "MODULE:FUNCTION"."""
+    """The judge of a name: "lugrectl", "prototype" or "MODULE:FUNCTION"."""
     if name == "prototype":
         if prototype is None:
             raise SystemExit("--judge prototype needs --prototype DIR, the folder of its modules.")
         sys.path.insert(0, prototype)
         importlib.import_module("comparison_prototype")  # before the clock runs
         return of_prototype
-    if name in LEAD:
+    if name == "lugrectl":
         import lugrectl
 
         _ = lugrectl.read_record, lugrectl.diagnose
-        return globals()[LEAD[name]]
+        return diagnosed
     module, colon, function = name.partition(":")
     if not colon:
         raise SystemExit(f"--judge: {name} is neither a known judge nor MODULE:FUNCTION.")
@@ -44,45 +43,13 @@ def judge_named(name: str, prototype: str | None = None) -> Judge:
 def diagnosed(logs: Logs, model: Mapping[str, Any]) -> Any:
     """The package's diagnosis."""
     import lugrectl as lg
-    from lugrectl.core.errors import Refused
 
     motion = model.get("motion")
     try:
         records = [lg.read_record(path, motion=motion, **options) for path, options in logs]
-    except Refused as refusal:
+    except lg.Refused as refusal:
         return Answer("refused", reason=str(refusal))
     return lg.diagnose(records if len(records) > 1 else records[0], dict(model))
-
-
-def selected(logs: Logs, model: Mapping[str, Any]) -> Answer:
-    """The package's comparison of models alone, beside the plain answer."""
-    import time
-
-    from lugrectl.diagnosis.question import Asked
-    from lugrectl.identification.selection import compare
-    from lugrectl.record import read_log
-
-    began = time.process_time()
-    read = [read_log(path, motion=model.get("motion"), **options) for path, options in logs]
-    asked = Asked.of(read, dict(model))
-    plain = asked.plain
-    if not plain.names:
-        return Answer("refused", reason=" ".join(plain.said))
-    found = compare(plain.stretches, asked.model, plain)
-    values: dict[str, Estimate] = {
-        k: (e.value, *(e.ci95 or (None, None))) for k, e in plain.parameters.items()
-    }
-    for effect in found.effects:
-        values |= {f"{effect.name}.{k}": (float(v), None, None) for k, v in effect.values.items()}
-    return Answer(
-        found.verdict,
-        tuple(e.name for e in found.effects),
-        tuple(e.name for e in found.alternatives),
-        found.depends_on,
-        values,
-        reason=" ".join(found.messages),
-        seconds=time.process_time() - began,
-    )
 
 
 def of_prototype(logs: Logs, model: Mapping[str, Any]) -> Answer:
@@ -126,49 +93,35 @@ def answer_of(said: Any) -> Answer:
     """What a judge returned, as an Answer."""
     if isinstance(said, Answer):
         return said
-    if isinstance(said, Mapping):
-        lists = {k: tuple(said.get(k, ())) for k in ("effects", "alternatives", "depends_on")}
-        more = {k: said[k] for k in ("parameters", "left", "reason") if said.get(k) is not None}
-        return Answer(said["verdict"], **lists, **more)
-    others = [name for e in said.effects for name in _others(e)]
-    others += [_name(a) for a in getattr(said, "alternatives", ())]
+    if not isinstance(said, Mapping):
+        return of_document(said.summary())
+    lists = {k: tuple(said.get(k, ())) for k in ("effects", "alternatives", "depends_on")}
+    more = {k: said[k] for k in ("parameters", "left", "reason") if said.get(k) is not None}
+    return Answer(said["verdict"], **lists, **more)
+
+
+def of_document(d: Mapping[str, Any]) -> Answer:
+    """The answer that the JSON document of a diagnosis gives."""
+    others = (a["name"] for e in d["effects"] for a in e["alternatives"])
     return Answer(
-        said.verdict,
-        tuple(_name(e) for e in said.effects),
+        d["verdict"],
+        tuple(e["name"] for e in d["effects"]),
         tuple(dict.fromkeys(others)),
-        tuple(getattr(said, "depends_on", ()) or ()),
-        values_of(said),
-        left_of(said),
-        reason=getattr(said, "reason", None) or "",
+        tuple(d["depends_on"]),
+        values_of(d),
+        (d["plain"] or {}).get("left"),
+        reason=d["reason"] or "",
     )
 
 
-def _name(effect: Any) -> str:
-    return effect if isinstance(effect, str) else effect.name
-
-
-def _others(effect: Any) -> list[str]:
-    return [] if isinstance(effect, str) else [_name(a) for a in effect.alternatives]
-
-
-def values_of(said: Any) -> dict[str, Estimate]:
+def values_of(d: Mapping[str, Any]) -> dict[str, Estimate]:
     """Certain values of the balance, its sums, and over them those of the finer fit."""
-    plain = getattr(said, "plain", None)
-    made: dict[str, Estimate] = {}
-    if plain is not None:
-        made |= {k: _triple(e) for k, e in plain.parameters.items()}
-        made |= {c.text: _triple(c) for c in plain.combinations}
-    finer = getattr(said, "estimates", {})
-    return made | {k: _triple(e) for k, e in finer.items() if not e.held}
+    plain = d["plain"] or {"parameters": {}, "combinations": []}
+    made = {k: _triple(e) for k, e in plain["parameters"].items()}
+    made |= {c["text"]: _triple(c) for c in plain["combinations"]}
+    return made | {k: _triple(e) for k, e in d["parameters"].items() if not e.get("held")}
 
 
-def _triple(e: Any) -> Estimate:
-    low, high = e.ci95 or (None, None)
-    return e.value, low, high
-
-
-def left_of(said: Any) -> float | None:
-    """Share of RMS torque that remains: of the answer itself, or of the balance beside it."""
-    own = getattr(said, "left", None)
-    plain = getattr(said, "plain", None)
-    return own if own is not None else plain.left if plain is not None else None
+def _triple(e: Mapping[str, Any]) -> Estimate:
+    low, high = e["ci95"] or (None, None)
+    return e["value"], low, high

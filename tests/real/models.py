@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .along import balanced, residual
+from .along import residual
 from .motion import Motion, Run
 from .sets import Cut, Split
 
@@ -45,17 +45,10 @@ COLUMNS: Mapping[str, Callable[[Motion], np.ndarray]] = {
 
 @dataclass(frozen=True)
 class StandIn:
-    """The residual of another model, where a diagnosis has no model of its own."""
-
-    of: Residual
+    """The torque itself, where a diagnosis has no model."""
 
     def __call__(self, run: Run) -> np.ndarray:
-        return self.of(run)
-
-
-def plain(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
-    """The package's torque balance, with all its terms."""
-    return balanced([run.log for run in train], split.model)
+        return run.motion.u
 
 
 def hand(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
@@ -77,10 +70,10 @@ def _least_squares(train: Sequence[Run], names: Sequence[str], shift: float) -> 
 
 
 def trees(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
-    """Boosted trees over theta, w and a, on the residual of the balance: no physics."""
+    """Boosted trees over theta, w and a, on the residual of the diagnosis: no physics."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
-    first = plain(train, split, cut)
+    first = ours(train, split, cut)
 
     def features(m: Motion) -> np.ndarray:
         return np.column_stack([m.angle(), m.w, m.a])
@@ -92,7 +85,7 @@ def trees(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
 
 
 def ours(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
-    """The model of the package's diagnosis; that of the balance where there is none."""
+    """The model of the package's diagnosis; the torque itself where there is none."""
     import lugrectl as lg
 
     runs = [run.log for run in train]
@@ -101,8 +94,8 @@ def ours(train: Sequence[Run], split: Split, cut: Cut) -> Residual:
         curve = result.map.curves["augmented"]
         return lambda run: run.motion.u - np.interp(run.motion.w, result.map.at, curve)
     if result.model is None or None in result.model.values().values():
-        return StandIn(plain(train, split, cut))
+        return StandIn()
     return lambda run: residual(result.model, run)
 
 
-MODELS = {"plain": plain, "hand": hand, "trees": trees, "ours": ours}
+MODELS = {"ours": ours, "hand": hand, "trees": trees}

@@ -1,4 +1,4 @@
-"""The comparison alone as the judge of a record, without a fit of the model that it names.
+"""The diagnosis of a record alone, without what could have been reached on it.
 
 Drawing a record takes longer than judging it, so a folder keeps those that were drawn.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import tempfile
-import time
 import traceback
 import warnings
 from dataclasses import dataclass, field
@@ -35,8 +34,7 @@ class Kept:
 
 def kept(task: Task, cache: Path | None) -> Kept:
     """The record of a task, from the folder ``cache`` where it is there."""
-    name = sha1(task.key.encode()).hexdigest()[:10]
-    path = None if cache is None else cache / f"{name}.npz"
+    path = None if cache is None else place(task, cache)
     if path is not None and path.exists():
         return _load(path)
     case = work.case_of(task)
@@ -44,11 +42,17 @@ def kept(task: Task, cache: Path | None) -> Kept:
     made = Kept(case.columns, case.model, work.truth(case, task), list(problems(case)), others)
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _save(made, path, task.key)
+        save(made, path, task.key)
     return made
 
 
-def _save(made: Kept, path: Path, key: str) -> None:
+def place(task: Task, cache: Path) -> Path:
+    """The file of a task's record."""
+    return cache / f"{sha1(task.key.encode()).hexdigest()[:10]}.npz"
+
+
+def save(made: Kept, path: Path, key: str) -> None:
+    """Write a record, whole or not at all."""
     said = {"key": key, "model": made.model, "truth": made.truth, "problems": made.problems}
     runs = [made, *made.more]
     samples = {f"{i} {k}": x for i, run in enumerate(runs) for k, x in run.columns.items()}
@@ -86,37 +90,7 @@ def line(task: Task, *, cache: Path | None = None) -> dict[str, Any]:
 
 
 def judged(record: Any) -> dict[str, Any]:
-    """What the table says of a record, in the form of a diagnosis."""
-    import lugrectl as lg
-    from lugrectl.diagnosis.question import Asked
-    from lugrectl.identification.selection import compare
-
+    """What the diagnosis says of a record."""
     with tempfile.TemporaryDirectory() as folder:
-        paths, model = work.write(record, Path(folder))
-        asked = Asked.of(paths[:-1] if len(paths) > 1 else paths, model)
-    wall, cpu = time.perf_counter(), time.process_time()
-    try:
-        plain = asked.plain
-        found = compare(plain.stretches, asked.model, plain)
-    except lg.Refused as refusal:
-        return {"answer": {"verdict": "refused", "effects": [], "reason": str(refusal)}}
-    spent = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
-    return {**spent, "answer": _answer(found)}
-
-
-def _answer(found: Any) -> dict[str, Any]:
-    effects = [_named(e) | {"alternatives": []} for e in found.effects]
-    if effects:
-        effects[0]["alternatives"] = [_named(e) for e in found.alternatives]
-    return {
-        "verdict": found.verdict,
-        "depends_on": list(found.depends_on),
-        "effects": effects,
-        "messages": list(found.messages),
-        "rows": [row.summary() for row in found.rows[:8]],
-    }
-
-
-def _named(effect: Any) -> dict[str, Any]:
-    values = {k: {"value": v, "ci95": None} for k, v in effect.values.items()}
-    return {"name": effect.name, "parameters": values}
+        told, *_ = work.diagnosed(*work.write(record, Path(folder)), record.model["motion"])
+    return told
