@@ -18,7 +18,7 @@ from ..blocks.block import Block
 from ..engine.codegen.python_source import Emitter, indent
 from ..engine.expression.affine import affine
 from ..engine.expression.derivative import derivatives, jacobian
-from ..engine.expression.graph import Graph, Node, evaluate, rename, sharp, symbols_in
+from ..engine.expression.graph import Graph, Node, rename, sharp, symbols_in
 from ..engine.runtime.backend import compiler, load
 from ..engine.runtime.c_compiler import has_wide
 
@@ -30,7 +30,7 @@ LARGE = 1e12
 SMALL = 1e-4  # below this (e^q - 1)/q is a series
 PLACES = "amb"  # letters of the signals in the first half of a step, its middle, its second half
 CHUNK = 4096  # samples whose signals between the samples are kept at a time
-FAR, DOUBLED = 1.0, 16  # s, the last of the steps by which it is asked, each twice as long
+STEPS = 2.0 ** np.arange(-15.0, 2.0)  # s, by which it is asked
 PROBES = 16  # samples at which a block is asked how fast it oscillates
 EVEN = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, MOST])
 
@@ -63,6 +63,22 @@ def run(sub, h, given, p, fixed, x, now, later, out):
             near = 1.0 / sub - ahead
 {body}
 {store}
+"""
+
+# every set of each probed sample is a lane of its own
+_PROBE = """
+@fast
+def run(steps, given, p, x, slopes):
+    for k in range(steps.shape[0]):
+        h = steps[k]
+        for s in range(p.shape[1]):
+{body}
+"""
+_PROBE_LANES = """
+def run(steps, given, p, x, slopes):
+    for k in range(steps.shape[0]):
+        h = steps[k]
+{body}
 """
 
 
@@ -150,14 +166,13 @@ class _Way:
 
 @dataclass(frozen=True, eq=False)
 class _Code:
-    """The compiled loop of a block, and its expressions."""
+    """The compiled loop of a block, and what tells how fast its states turn."""
 
     block: Block
     loop: Any
+    probe: Any
     kept: int
     held: bool
-    after: list[Node]
-    slopes: list[Node]
 
     def start(self, own: Signals, lanes: int) -> np.ndarray:
         first = [0.0 if name == "0" else float(own[name][0]) for name in self.block.start]
@@ -185,30 +200,32 @@ class _Code:
         m, lanes = len(self.block.states), p.shape[1]
         if m < 2:
             return np.full(lanes, fine)
-        ends = [f(own[k]) for k in self.block.reads for f in (np.argmin, np.argmax)]
-        evenly = np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)
-        some = np.concatenate([evenly, ends]).astype(int)
-        shape = len(some), lanes
-        values: dict[str, Any] = {f"p{i}": row for i, row in enumerate(p)}
-        values |= {f"{c}{i}": own[k][some, None]
-                   for i, k in enumerate(self.block.reads) for c in PLACES}  # fmt: skip
-        values |= {f"x{i}": row for i, row in enumerate(self.start(own, lanes))}
-        turn, pull = np.zeros(lanes), np.zeros(lanes)
-        for k in range(DOUBLED + 1):
-            J = np.array([np.broadcast_to(x, shape) for x in evaluate(self.slopes, values)])
-            J = np.clip(np.nan_to_num(J), -LARGE, LARGE).reshape(m, m, *shape)
-            both = J * J.swapaxes(0, 1) * (1.0 - np.eye(m))[:, :, None, None]
-            step = FAR * 2.0 ** (k + 1 - DOUBLED)
-            more = np.maximum(pull, both.max(axis=(0, 1, 2)))
-            pull = np.where(np.sqrt(pull) * step < PULL, more, pull)  # beyond, it is unstable
-            if k in (0, DOUBLED):
-                turn = np.maximum(turn, -both.min(axis=(0, 1, 2)))
-            there = evaluate(self.after, values | {"h": step})
-            values |= {f"x{i}": x for i, x in enumerate(there)}
+        slopes = self._probed(p, own)
+        both = slopes * slopes.swapaxes(1, 2) * (1.0 - np.eye(m))[:, :, None, None]
+        most, turn = both.max(axis=(1, 2, 3)), -both[[0, -1]].min(axis=(0, 1, 2, 3))
+        pull = np.zeros(lanes)
+        for more, step in zip(most, STEPS, strict=True):  # beyond, it is unstable
+            pull = np.where(np.sqrt(pull) * step < PULL, np.maximum(pull, more), pull)
         need = np.maximum(
-            np.sqrt(turn) / TURN, np.minimum((m - 1) * np.sqrt(pull) / PULL, STIFFEST / dt)
+            np.sqrt(np.maximum(turn, 0.0)) / TURN,
+            np.minimum((m - 1) * np.sqrt(pull) / PULL, STIFFEST / dt),
         )
         return np.maximum(fine, EVEN[np.searchsorted(EVEN[:-1], need * dt)])
+
+    def _probed(self, p: np.ndarray, own: Signals) -> np.ndarray:
+        """Slopes of the rates by the states (steps, states, states, samples, sets), where they
+        start and where the motion of some samples drives them."""
+        reads, m, lanes = self.block.reads, len(self.block.states), p.shape[1]
+        evenly = np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)
+        ends = [f(own[k]) for k in reads for f in (np.argmin, np.argmax)]
+        some = np.concatenate([evenly, ends]).astype(int)
+        given = np.repeat([own[k][some] for k in reads], lanes, axis=1)
+        x = np.tile(self.start(own, lanes), len(some))
+        slopes = np.zeros((len(STEPS), m * m, x.shape[1]))
+        with np.errstate(all="ignore"):
+            self.probe(STEPS, given, np.tile(p, len(some)), x, slopes)
+        slopes = np.clip(np.nan_to_num(slopes), -LARGE, LARGE)
+        return slopes.reshape(len(STEPS), m, m, len(some), lanes)
 
 
 def _sharper(out: np.ndarray, sub: int) -> np.ndarray:
@@ -282,7 +299,8 @@ def _code(way: _Way) -> _Code:
     out = called(places[1], middle)[:many]
     slopes = [one for row in jacobian(rates[1], x) for one in row]
     text, kept = _source(block, out, after, held, way.by)
-    return _Code(block, load(text, way.by).run, kept, held, after, slopes)
+    probe = load(_probe_source(block, slopes, after, way.by), way.by).run
+    return _Code(block, load(text, way.by).run, probe, kept, held)
 
 
 def _advanced(
@@ -346,8 +364,7 @@ def _source(
 ) -> tuple[str, int]:
     """The text of the loop, and how many values of each set it keeps."""
     keys = [f"p{i}" for i in range(len(block.parameters))]
-    kind = {"numpy": "array", "even": "wide"}.get(by, "scalar")
-    emitter = Emitter(kind, fixed=[*keys, "h"])
+    emitter = Emitter(_kind(by), fixed=[*keys, "h"])
     codes = emitter.write([*out, *after])
     outputs, new = codes[: len(out)], codes[len(out) :]
     each, depth = ("", (1, 3, 2)) if by == "numpy" else (", s", (2, 4, 3))
@@ -372,3 +389,26 @@ def _source(
     parts = dict(zip(("head", "body", "store"), filled, strict=True))
     ahead = "0.0" if held else "(j + 0.5) / (1.0 * sub * sub)"
     return (_LANES if by == "numpy" else _LOOP).format(ahead=ahead, **parts), len(known)
+
+
+def _probe_source(block: Block, slopes: Sequence[Node], after: Sequence[Node], by: str) -> str:
+    """The text of the loop that asks for the slopes of the rates as the states are driven on."""
+    emitter = Emitter(_kind(by))
+    codes = emitter.write([*slopes, *after])
+    each, depth = ("", 2) if by == "numpy" else (", s", 3)
+    used = symbols_in([*slopes, *after])
+    body = [f"p{i} = p[{i}{each}]" for i in range(len(block.parameters))]
+    places = [(c, i) for c in PLACES for i in range(len(block.reads))]
+    body += [f"{c}{i} = given[{i}{each}]" for c, i in places if f"{c}{i}" in used]
+    body += [f"x{i} = x[{i}{each}]" for i in range(len(after))]
+    body += emitter.body
+    body += [f"slopes[k, {i}{each}] = {code}" for i, code in enumerate(codes[: len(slopes)])]
+    new = codes[len(slopes) :]
+    body += [f"n{i} = {code}" for i, code in enumerate(new)]
+    body += [f"x[{i}{each}] = n{i}" for i in range(len(new))]
+    return (_PROBE_LANES if by == "numpy" else _PROBE).format(body=indent(body, depth))
+
+
+def _kind(by: str) -> str:
+    """How an expression is written for a compiler."""
+    return {"numpy": "array", "even": "wide"}.get(by, "scalar")
