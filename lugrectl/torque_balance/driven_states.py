@@ -40,10 +40,10 @@ Pieces = Sequence[tuple[slice, float]]
 # the sets are innermost: a processor computes one while it waits for another
 _LOOP = """
 @fast
-def run(sub, h, given, p, fixed, x, now, later, out):
+def run(sub, first, last, h, given, p, fixed, x, now, later, out):
     for s in range(p.shape[1]):
 {head}
-    for k in range(out.shape[1]):
+    for k in range(last - first):
         for j in range(sub):
             i = k * sub + j
             ahead = {ahead}
@@ -54,9 +54,9 @@ def run(sub, h, given, p, fixed, x, now, later, out):
 {store}
 """
 _LANES = """
-def run(sub, h, given, p, fixed, x, now, later, out):
+def run(sub, first, last, h, given, p, fixed, x, now, later, out):
 {head}
-    for k in range(out.shape[1]):
+    for k in range(last - first):
         for j in range(sub):
             i = k * sub + j
             ahead = {ahead}
@@ -65,6 +65,26 @@ def run(sub, h, given, p, fixed, x, now, later, out):
 {store}
 """
 
+# the cubics through positions x and their steps v, at the quarters of each step
+_CUBICS = """
+@fast
+def run(sub, h, x, v, of_theta, of_w, given):
+    for k in range(x.shape[0] - 1):
+        rise = x[k + 1] - x[k]
+        second = 3.0 * rise - 2.0 * v[k] - v[k + 1]
+        third = v[k] + v[k + 1] - 2.0 * rise
+        for j in range(sub):
+            i = k * sub + j
+{at}
+            if of_theta >= 0:
+                given[0, of_theta, i] = x1
+                given[1, of_theta, i] = x2
+                given[2, of_theta, i] = x3
+            if of_w >= 0:
+                given[0, of_w, i] = (x2 - x0) * (2.0 / h)
+                given[1, of_w, i] = (x4 - x0) * (1.0 / h)
+                given[2, of_w, i] = (x4 - x2) * (2.0 / h)
+"""
 # every set of each probed sample is a lane of its own
 _PROBE = """
 @fast
@@ -144,7 +164,7 @@ def _through(
         if by == "numpy":  # a loop in Python takes as long for all as for one
             steps[:] = steps.max()
         for sub in np.unique(steps).tolist():
-            lanes = np.flatnonzero(steps == sub)
+            lanes = steps == sub if np.ptp(steps) else slice(None)
             many, made = sub, code.run(np.ascontiguousarray(p[:, lanes]), own, dt, sub)
             while many < MOST and not np.all(np.isfinite(made)):  # a step too long for it
                 many *= 4
@@ -171,6 +191,7 @@ class _Code:
     block: Block
     loop: Any
     probe: Any
+    cubics: Any
     kept: int
     held: bool
 
@@ -186,12 +207,31 @@ class _Code:
         fixed = np.zeros((self.kept, lanes))
         for first in range(0, n, CHUNK):
             last = min(first + CHUNK, n)
-            given = _between(self.block.reads, own, first, last, dt, sub, self.held)
-            part = np.zeros((many, last - first, lanes))
+            given = self._between(own, first, last, dt, sub)
             with np.errstate(all="ignore"):
-                self.loop(sub, dt / sub, given, p, fixed, x, now, later, part)
-            out[:, first:last] = part
+                self.loop(sub, first, last, dt / sub, given, p, fixed, x, now, later, out)
         return out if self.held else _sharper(out, sub)
+
+    def _between(self, own: Signals, first: int, last: int, dt: float, sub: int) -> np.ndarray:
+        """Signals in each step, (3, reads, (last - first) sub): in its first half, its middle and
+        its second half.
+
+        Positions and speeds are those of the cubic through both; a speed is the mean over the
+        step or its half. u is held by an effect on it, everything else goes in straight lines.
+        """
+        reads = self.block.reads
+        given = np.empty((len(PLACES), len(reads), (last - first) * sub))
+        for i, k in enumerate(reads):
+            if k not in ("theta", "w"):
+                a, b = _ends(own[k], first, last)
+                b = a if k == "u" and self.held else b
+                for j, share in enumerate((0.25, 0.5, 0.75)):
+                    part = (np.arange(sub) + share) / sub
+                    given[j, i] = (a[:, None] + part * (b - a)[:, None]).ravel()
+        if {"theta", "w"} & {*reads}:
+            rows = [reads.index(k) if k in reads else -1 for k in ("theta", "w")]
+            self.cubics(sub, dt / sub, *_knots(own, first, last, dt), *rows, given)
+        return given
 
     def substeps(self, p: np.ndarray, own: Signals, dt: float) -> np.ndarray:
         """Steps a sample for each set: by the length of a sample, and by how fast the states turn
@@ -238,43 +278,17 @@ def _sharper(out: np.ndarray, sub: int) -> np.ndarray:
     return out
 
 
-def _between(
-    reads: Sequence[str], own: Signals, first: int, last: int, dt: float, sub: int, held: bool
-) -> np.ndarray:
-    """Signals in each step, (3, reads, (last - first) sub): in its first half, its middle and its
-    second half.
-
-    Positions and speeds are those of the cubic through both; a speed is the mean over the step or
-    its half. u is held if ``held``, everything else goes in straight lines.
-    """
-    q = np.arange(sub)[:, None] / sub
-    at = [q + share / sub for share in (0.25, 0.5, 0.75)]
-    made: dict[str, list[np.ndarray]] = {}
-    for k in {*reads} - {"theta", "w"}:
-        a, b = _ends(own[k], first, last)
-        b = a if k == "u" and held else b
-        made[k] = [a + s * (b - a) for s in at]
-    if {"theta", "w"} & {*reads}:
-        (x0, x1), (v0, v1) = (_ends(own[k], first, last) for k in ("theta", "w"))
-        if last == len(own["w"]):  # beyond the end the speed stays
-            x1[-1] = x0[-1] + v0[-1] * dt
-        begin, middle, end = (_cubic(x0, v0 * dt, x1, v1 * dt, q + s / sub) for s in (0, 0.5, 1))
-        made["theta"] = [_cubic(x0, v0 * dt, x1, v1 * dt, s) for s in at]
-        half, whole = 2 * sub / dt, sub / dt
-        made["w"] = [(middle - begin) * half, (end - begin) * whole, (end - middle) * half]
-    every = [[made[k][i].T.ravel() for k in reads] for i in range(len(at))]
-    return np.array(every).reshape(len(at), len(reads), -1)
+def _knots(own: Signals, first: int, last: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and their steps at both ends of the samples' intervals."""
+    x, v = own["theta"][first : last + 1], own["w"][first : last + 1] * dt
+    if len(x) == last - first:  # beyond the end the speed stays
+        return np.append(x, x[-1] + v[-1]), np.append(v, v[-1])
+    return np.ascontiguousarray(x), v
 
 
 def _ends(x: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
     """Values at both ends of the samples' intervals; the last value of all is held."""
     return x[first:last], np.append(x[first + 1 : last], x[min(last, len(x) - 1)])
-
-
-def _cubic(x0: Any, v0: Any, x1: Any, v1: Any, q: Any) -> Any:
-    """The cubic through x0 and x1 with the slopes v0 and v1, at q from 0 to 1."""
-    step: Any = x1 - x0
-    return x0 + q * (v0 + q * (3.0 * step - 2.0 * v0 - v1 + q * (v0 + v1 - 2.0 * step)))
 
 
 @lru_cache(maxsize=256)
@@ -300,7 +314,7 @@ def _code(way: _Way) -> _Code:
     slopes = [one for row in jacobian(rates[1], x) for one in row]
     text, kept = _source(block, out, after, held, way.by)
     probe = load(_probe_source(block, slopes, after, way.by), way.by).run
-    return _Code(block, load(text, way.by).run, probe, kept, held)
+    return _Code(block, load(text, way.by).run, probe, _cubics(way.by), kept, held)
 
 
 def _advanced(
@@ -383,7 +397,8 @@ def _source(
     body += [f"x[{i}{each}] = n{i}" for i in range(len(new))]
     store = []
     for i in range(len(out)):
-        store += [f"out[{i}, k{each}] = now[{i}{each}]", f"now[{i}{each}] = later[{i}{each}]"]
+        store += [f"out[{i}, first + k{each}] = now[{i}{each}]"]
+        store += [f"now[{i}{each}] = later[{i}{each}]"]
         store += [f"later[{i}{each}] = 0.0"]
     filled = (indent(lines, n) for lines, n in zip((head, body, store), depth, strict=True))
     parts = dict(zip(("head", "body", "store"), filled, strict=True))
@@ -412,3 +427,11 @@ def _probe_source(block: Block, slopes: Sequence[Node], after: Sequence[Node], b
 def _kind(by: str) -> str:
     """How an expression is written for a compiler."""
     return {"numpy": "array", "even": "wide"}.get(by, "scalar")
+
+
+def _cubics(by: str) -> Any:
+    """The function that fills in positions and speeds between the samples."""
+    shares = (0.0, 0.25, 0.5, 0.75, 1.0)
+    lines = [f"q{i} = (j + {share}) / (1.0 * sub)" for i, share in enumerate(shares)]
+    lines += [f"x{i} = x[k] + q{i} * (v[k] + q{i} * (second + q{i} * third))" for i in range(5)]
+    return load(_CUBICS.format(at=indent(lines, 3)), by).run
