@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import coherence
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...blocks.effects.actuator import held_late
 from ...record import Record
@@ -149,7 +149,17 @@ def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
     """True if theta and w are coherent above the frequencies of motion: they share their noise."""
     long = [y[a:b] for a, b in pieces if b - a >= 4 * SEGMENT]
     for part in long:
-        f, both = coherence(np.diff(part[:, 0], 2), np.diff(part[1:, 1]), nperseg=SEGMENT)
+        both = _coherence(np.diff(part[:, 0], 2), np.diff(part[1:, 1]))
+        f = np.arange(len(both)) / SEGMENT
         if np.median(both[(f > BAND[0]) & (f <= BAND[1])]) <= TOGETHER:
             return False
     return bool(long)
+
+
+def _coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The coherence of two signals by Welch's method, in segments that overlap by half."""
+    window = 1.0 - np.cos(2 * np.pi * np.arange(SEGMENT) / SEGMENT)
+    parts = [sliding_window_view(one, SEGMENT)[:: SEGMENT // 2] for one in (x, y)]
+    a, b = (np.fft.rfft((p - p.mean(axis=1, keepdims=True)) * window) for p in parts)
+    each = [np.mean(np.abs(one) ** 2, axis=0) for one in (a, b)]
+    return np.abs(np.mean(a.conj() * b, axis=0)) ** 2 / (each[0] * each[1])
