@@ -29,7 +29,7 @@ MOST, STIFFEST = 1000, 64  # steps a sample at most: of those that oscillate, of
 LARGE = 1e12
 SMALL = 1e-4  # below this (e^q - 1)/q is a series
 PLACES = "amb"  # letters of the signals in the first half of a step, its middle, its second half
-CHUNK = 4096  # samples whose signals between the samples are kept at a time
+CHUNK = 32768  # steps whose signals are kept at a time
 STEPS = 2.0 ** np.arange(-15.0, 2.0)  # s, by which it is asked
 PROBES = 16  # samples at which a block is asked how fast it oscillates
 EVEN = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, MOST])
@@ -205,8 +205,9 @@ class _Code:
         out, x = np.zeros((many, n, lanes)), self.start(own, lanes)
         now, later = np.zeros((2, many, lanes))
         fixed = np.zeros((self.kept, lanes))
-        for first in range(0, n, CHUNK):
-            last = min(first + CHUNK, n)
+        some = max(1, CHUNK // sub)
+        for first in range(0, n, some):
+            last = min(first + some, n)
             given = self._between(own, first, last, dt, sub)
             with np.errstate(all="ignore"):
                 self.loop(sub, first, last, dt / sub, given, p, fixed, x, now, later, out)
