@@ -114,6 +114,7 @@ class View:
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[float, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
+        self._waves: dict[bytes, np.ndarray] = {}
         self._room = ROOM
 
     def on(self, mask: np.ndarray) -> View:
@@ -121,7 +122,7 @@ class View:
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
         made.K, made._in_rows = made.rows.K, {}
-        made._made, made._room = {}, ROOM
+        made._made, made._waves, made._room = {}, {}, ROOM
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.number)
         return made
@@ -134,6 +135,15 @@ class View:
         if made.rows.size <= self._room:
             self._made[key], self._room = made, self._room - made.rows.size
         return made
+
+    def seen_of(self, N: np.ndarray) -> np.ndarray:
+        """What the rows leave (m, k) of waves over theta of orders N (k,)."""
+        key = N.tobytes()
+        if key not in self._waves:
+            m, passed = self.motion.main, self.rows.w[:, None] * N
+            slow = (passed * (m.dt * m.spread)) ** 2
+            self._waves[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
+        return self._waves[key]
 
     def torque(self, u: np.ndarray) -> np.ndarray:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""

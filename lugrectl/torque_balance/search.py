@@ -219,7 +219,7 @@ class Search:
 
     def _of_orders(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """Waves over theta, all orders at once: what the rows leave of a wave passed at speed w."""
-        v, rows = self.view, self.view.rows
+        rows = self.view.rows
         (key,) = (k for k in keys if block.own[k].whole)
         if len(keys) > 1:
             return
@@ -231,10 +231,9 @@ class Search:
         N = N[N >= least]  # a torque of order 1 is gravity
         if not len(N):
             return
-        m = v.motion.main
-        passed = rows.w[:, None] * N
-        seen = np.exp(-((passed * rows.h) ** 2) / 18) / (1 + (passed * m.dt * m.spread) ** 6)
-        X = self._screened(block, [{key: n} for n in N]) * np.repeat(seen, 2, axis=1)
+        X = self._screened(block, [{key: n} for n in N]) * np.repeat(
+            self.view.seen_of(N), 2, axis=1
+        )
         gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
         for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
