@@ -45,12 +45,17 @@ class Breakaway:
 def breakaway_ramps(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     """Static friction in each direction and at each place, with its scatter."""
     parts = [(one, piece) for one in motions for piece in one.pieces]
-    tried = [(piece, _breakaway(one, piece)) for one, piece in parts]
-    found = [b for _, b in tried if b is not None]
-    ramps = sum(_rows(piece) for piece, b in tried if b is not None)
     held = sum(_rows(piece) for _, piece in parts if piece.held)
     rows = sum(map(len, motions))
-    if len(found) < FEWEST or ramps < RAMPS * rows or ramps + held < MOSTLY * rows:
+
+    def enough(ramps: int) -> bool:
+        return ramps >= RAMPS * rows and ramps + held >= MOSTLY * rows
+
+    if not enough(sum(_rows(piece) for _, piece in parts if piece.ramp)):
+        return None
+    tried = [(piece, _breakaway(one, piece)) for one, piece in parts]
+    found = [b for _, b in tried if b is not None]
+    if len(found) < FEWEST or not enough(sum(_rows(piece) for piece, b in tried if b is not None)):
         return None
     unit = unit_for("N m", motion)
     torque, known = (np.array([getattr(b, k) for b in found]) for k in ("torque", "known"))

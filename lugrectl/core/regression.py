@@ -78,10 +78,10 @@ def bounded(
     value = np.where(fixed, np.where(np.isfinite(lower), lower, upper), 0.0)
     b, released = np.zeros(len(g)), np.zeros(len(g), bool)
     for _ in range(24 + len(g)):
-        free = ~fixed
+        free, at = ~fixed, np.flatnonzero(~fixed)
         b[fixed] = value[fixed]
-        pull = g[free] - G[np.ix_(free, fixed)] @ value[fixed]
-        b[free] = np.linalg.solve(G[np.ix_(free, free)], pull)
+        own = G[at]
+        b[at] = np.linalg.solve(own[:, at], g[at] - own[:, fixed] @ value[fixed])
         over = np.maximum(b - upper, lower - b) * scale * free
         j = int(np.argmax(over))
         if over[j] > 0:

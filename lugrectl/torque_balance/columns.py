@@ -190,6 +190,13 @@ def neutral_of(block: Block) -> dict[str, float]:
     return {block.gain: neutral}
 
 
+def of_motion(block: Block) -> bool:
+    """Whether its torque is that of the motion alone, whatever friction, loads and inertia are."""
+    alone = {*block.acts} == {"torque"} and {*block.reads} <= {"t", "theta", "w"}
+    shares = any(p.shared for p in block.parameters.values())
+    return alone and not shares and not _jumps(block)
+
+
 def needs_inertia(block: Block) -> bool:
     """Whether an effect means nothing where J is not known: a change of it, a load with an
     inertia, a sensor whose error is seen as an acceleration."""
@@ -245,10 +252,12 @@ def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
     known = linear(block)
     one = np.ones(len(sets))
     if not known:
-        made = _torques(block, [_filled(block, values, along) for values in sets], along)
+        usual = _usual(block, along)
+        made = _torques(block, [_completed(block, values, usual) for values in sets], along)
         return Columns(*made, low=one, high=one)
     p, more = block.own[block.gain], _places(block, along)
-    each = [_unit(block, values, along) | place for values in sets for place in more]
+    usual, per = _usual(block, along), scaled(block) or ()
+    each = [_scaled(block, values, usual, per) | place for values in sets for place in more]
     made = Columns(*_torques(block, each, along), low=one, high=one)
     neutral = p.neutral or 0.0
     if len(known) == 1:
@@ -357,23 +366,36 @@ def to_coefficients(block: Block, values: Values, along: Along) -> np.ndarray:
     return np.array([size, size * (own[known[1]] - _places(block, along)[0][known[1]])])
 
 
-def _filled(block: Block, values: Values, along: Along) -> dict[str, Any]:
-    """A value of each parameter: given, shared with the plant, or its default."""
+def _usual(block: Block, along: Along) -> dict[str, Any]:
+    """A value of each parameter: shared with the plant, or its default."""
+    plant = {k: x for k, x in {**along.values, "J": along.J}.items() if x is not None}
+    return {**block.defaults(), **borrowed(block, plant)}
+
+
+def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
+    """The given values, and usual ones of the other parameters."""
     for key in values:
         if key not in block.parameters:
             block.check({key: values[key]})
-    plant = {k: x for k, x in {**along.values, "J": along.J}.items() if x is not None}
-    given = {k: x for k, x in values.items() if x is not None}
-    return {**block.defaults(), **borrowed(block, plant), **given}
+    return {**usual, **{k: x for k, x in values.items() if x is not None}}
+
+
+def _filled(block: Block, values: Values, along: Along) -> dict[str, Any]:
+    return _completed(block, values, _usual(block, along))
 
 
 def _unit(block: Block, values: Values, along: Along) -> dict[str, Any]:
     """All parameters for a strength of 1."""
-    own, p = _filled(block, values, along), block.own[block.gain]
-    neutral = p.neutral or 0.0
-    size = own[block.gain] - neutral if block.gain in values else 1.0
-    per_unit = {k: own[k] / size for k in scaled(block) or ()} if size else {}
-    return own | per_unit | {block.gain: neutral + 1.0}
+    return _scaled(block, values, _usual(block, along), scaled(block) or ())
+
+
+def _scaled(block: Block, values: Values, usual: Values, per: Sequence[str]) -> dict[str, Any]:
+    """All parameters for a strength of 1, with which those of ``per`` go."""
+    own, gain = _completed(block, values, usual), block.gain
+    neutral = block.parameters[gain].neutral or 0.0
+    size = own[gain] - neutral if gain in values else 1.0
+    per_unit = {k: own[k] / size for k in per} if size else {}
+    return own | per_unit | {gain: neutral + 1.0}
 
 
 def _places(block: Block, along: Along) -> list[dict[str, float]]:
@@ -410,6 +432,11 @@ def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 # The torque
 
 
+def _jumps(block: Block) -> bool:
+    """Whether it jumps with the direction, and so follows the bristle."""
+    return block.abrupt and not block.states and "w" in block.inputs
+
+
 def _is_stiff(block: Block) -> bool:
     of_mass = any(p.unit == "kg m2" for p in block.own.values())
     return of_mass or "sensor" in block.acts
@@ -425,16 +452,15 @@ def _torques(
     if "sensor" in block.acts:
         return None, _of_sensor(block, made, along)
     jump = None
-    if block.abrupt and not block.states and "w" in block.inputs:
-        # what jumps with the direction follows the bristle
+    if _jumps(block):
         up, down = (_outputs(block, sets, along, way) for way in (1.0, -1.0))
         made = [0.5 * (a + b) for a, b in zip(up, down, strict=True)]
         jump = [0.5 * (a - b) for a, b in zip(up, down, strict=True)]
-    parts = _parts(block, made, _weights(along, along.z, along.coulomb, np.ones(len(along))))
+    parts = [(act, _weighed(out, _weight(act, along)))
+             for act, out in block.deeds(made)]  # fmt: skip
     if jump is not None:
-        way = np.sign(along.w)
-        weights = _weights(along, along.follows, along.follows * along.level, way)
-        parts += _parts(block, jump, weights | {"torque": along.z, "input": way})
+        parts += [(act, _weighed(out, _weight_of_jump(act, along)))
+                  for act, out in block.deeds(jump)]  # fmt: skip
     inertial = [x for act, x in parts if act in ("J", "+J") or _is_stiff(block)]
     others = [x for act, x in parts if not (act in ("J", "+J") or _is_stiff(block))]
     return sum(others[1:], others[0]) if others else None, (
@@ -442,38 +468,45 @@ def _torques(
     )
 
 
-def _parts(
-    block: Block, made: list[np.ndarray], weights: Mapping[str, np.ndarray]
-) -> list[tuple[str, np.ndarray]]:
-    plain = ("torque", "input")
-    return [
-        (act, out if act in plain and act not in weights else out * weights[act][:, None])
-        for act, out in block.deeds(made)
-    ]
+def _weighed(x: np.ndarray, weight: np.ndarray | None) -> np.ndarray:
+    return x if weight is None else x * weight[:, None]
 
 
-def _weights(
-    along: Along, z: np.ndarray, coulomb: np.ndarray, way: np.ndarray
-) -> dict[str, np.ndarray]:
-    """The torque that a change of 1 adds, by what it acts on: relative, or in N m after a plus.
+def _weight(act: str, along: Along) -> np.ndarray | None:
+    """The torque that a change of 1 adds, by what it acts on: relative, or in N m after a plus;
+    None for a torque itself."""
+    if act in ("torque", "input"):
+        return None
+    if act in ("J", "+J"):
+        return along.acceleration if act == "+J" else along.J * along.acceleration
+    if act in ("Fv", "+Fv"):
+        return along.w if act == "+Fv" else along.viscous
+    return _weight_of_level(act, along, along.z, along.coulomb)
 
-    ``way`` is the sign of what jumps with w. A level that the friction law does not have is 0.
-    """
-    v = along.values
-    static = np.zeros(len(along))
+
+def _weight_of_jump(act: str, along: Along) -> np.ndarray:
+    """The same of what jumps with the direction of w."""
+    if act == "torque":
+        return along.z
+    if act in ("Fc", "Fs", "+Fc", "+Fs"):
+        return _weight_of_level(act, along, along.follows, along.follows * along.level)
+    way, weight = np.sign(along.w), _weight(act, along)
+    return way if weight is None else way * weight
+
+
+def _weight_of_level(act: str, along: Along, z: np.ndarray, coulomb: np.ndarray) -> np.ndarray:
+    """Of a level of friction; one that the friction law does not have is 0."""
+    v, static = along.values, np.zeros(len(along))
+    if act != "+Fc" and v.get("Fs") is None:
+        return coulomb if act == "Fc" else static
     if v.get("Fs") is not None and v.get("vs") is not None:
         static = sliding_level(along.w, 0.0, 1.0, v["vs"])
-    of_Fs = static * z * (v.get("Fs") or 0.0)
-    return {
-        "J": way * along.J * along.acceleration,
-        "+J": way * along.acceleration,
-        "Fc": coulomb - of_Fs,
-        "Fs": of_Fs,
-        "Fv": way * along.viscous,
-        "+Fc": (1.0 - static) * z,
-        "+Fs": static * z,
-        "+Fv": way * along.w,
-    }
+    if act == "+Fc":
+        return (1.0 - static) * z
+    if act == "+Fs":
+        return static * z
+    of_Fs = static * z * v["Fs"]
+    return coulomb - of_Fs if act == "Fc" else of_Fs
 
 
 def _of_sensor(block: Block, errors: list[np.ndarray], along: Along) -> np.ndarray:

@@ -18,7 +18,7 @@ from ..blocks.block import Block
 from ..engine.codegen.python_source import Emitter, indent
 from ..engine.expression.affine import affine
 from ..engine.expression.derivative import derivatives, jacobian
-from ..engine.expression.graph import Graph, Node, evaluate, rename, sharp, symbols_in
+from ..engine.expression.graph import Graph, Node, rename, sharp, symbols_in
 from ..engine.runtime.backend import compiler, load
 from ..engine.runtime.c_compiler import has_wide
 
@@ -29,8 +29,8 @@ MOST, STIFFEST = 1000, 64  # steps a sample at most: of those that oscillate, of
 LARGE = 1e12
 SMALL = 1e-4  # below this (e^q - 1)/q is a series
 PLACES = "amb"  # letters of the signals in the first half of a step, its middle, its second half
-CHUNK = 4096  # samples whose signals between the samples are kept at a time
-FAR, DOUBLED = 1.0, 16  # s, the last of the steps by which it is asked, each twice as long
+CHUNK = 32768  # steps whose signals are kept at a time
+STEPS = 2.0 ** np.arange(-15.0, 2.0)  # s, by which it is asked
 PROBES = 16  # samples at which a block is asked how fast it oscillates
 EVEN = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, MOST])
 
@@ -40,10 +40,10 @@ Pieces = Sequence[tuple[slice, float]]
 # the sets are innermost: a processor computes one while it waits for another
 _LOOP = """
 @fast
-def run(sub, h, given, p, fixed, x, now, later, out):
+def run(sub, first, last, h, given, p, fixed, x, now, later, out):
     for s in range(p.shape[1]):
 {head}
-    for k in range(out.shape[1]):
+    for k in range(last - first):
         for j in range(sub):
             i = k * sub + j
             ahead = {ahead}
@@ -54,15 +54,51 @@ def run(sub, h, given, p, fixed, x, now, later, out):
 {store}
 """
 _LANES = """
-def run(sub, h, given, p, fixed, x, now, later, out):
+def run(sub, first, last, h, given, p, fixed, x, now, later, out):
 {head}
-    for k in range(out.shape[1]):
+    for k in range(last - first):
         for j in range(sub):
             i = k * sub + j
             ahead = {ahead}
             near = 1.0 / sub - ahead
 {body}
 {store}
+"""
+
+# the cubics through positions x and their steps v, at the quarters of each step
+_CUBICS = """
+@fast
+def run(sub, h, x, v, of_theta, of_w, given):
+    for k in range(x.shape[0] - 1):
+        rise = x[k + 1] - x[k]
+        second = 3.0 * rise - 2.0 * v[k] - v[k + 1]
+        third = v[k] + v[k + 1] - 2.0 * rise
+        for j in range(sub):
+            i = k * sub + j
+{at}
+            if of_theta >= 0:
+                given[0, of_theta, i] = x1
+                given[1, of_theta, i] = x2
+                given[2, of_theta, i] = x3
+            if of_w >= 0:
+                given[0, of_w, i] = (x2 - x0) * (2.0 / h)
+                given[1, of_w, i] = (x4 - x0) * (1.0 / h)
+                given[2, of_w, i] = (x4 - x2) * (2.0 / h)
+"""
+# every set of each probed sample is a lane of its own
+_PROBE = """
+@fast
+def run(steps, given, p, x, slopes):
+    for k in range(steps.shape[0]):
+        h = steps[k]
+        for s in range(p.shape[1]):
+{body}
+"""
+_PROBE_LANES = """
+def run(steps, given, p, x, slopes):
+    for k in range(steps.shape[0]):
+        h = steps[k]
+{body}
 """
 
 
@@ -128,7 +164,7 @@ def _through(
         if by == "numpy":  # a loop in Python takes as long for all as for one
             steps[:] = steps.max()
         for sub in np.unique(steps).tolist():
-            lanes = np.flatnonzero(steps == sub)
+            lanes = steps == sub if np.ptp(steps) else slice(None)
             many, made = sub, code.run(np.ascontiguousarray(p[:, lanes]), own, dt, sub)
             while many < MOST and not np.all(np.isfinite(made)):  # a step too long for it
                 many *= 4
@@ -150,14 +186,14 @@ class _Way:
 
 @dataclass(frozen=True, eq=False)
 class _Code:
-    """The compiled loop of a block, and its expressions."""
+    """The compiled loop of a block, and what tells how fast its states turn."""
 
     block: Block
     loop: Any
+    probe: Any
+    cubics: Any
     kept: int
     held: bool
-    after: list[Node]
-    slopes: list[Node]
 
     def start(self, own: Signals, lanes: int) -> np.ndarray:
         first = [0.0 if name == "0" else float(own[name][0]) for name in self.block.start]
@@ -169,14 +205,34 @@ class _Code:
         out, x = np.zeros((many, n, lanes)), self.start(own, lanes)
         now, later = np.zeros((2, many, lanes))
         fixed = np.zeros((self.kept, lanes))
-        for first in range(0, n, CHUNK):
-            last = min(first + CHUNK, n)
-            given = _between(self.block.reads, own, first, last, dt, sub, self.held)
-            part = np.zeros((many, last - first, lanes))
+        some = max(1, CHUNK // sub)
+        for first in range(0, n, some):
+            last = min(first + some, n)
+            given = self._between(own, first, last, dt, sub)
             with np.errstate(all="ignore"):
-                self.loop(sub, dt / sub, given, p, fixed, x, now, later, part)
-            out[:, first:last] = part
+                self.loop(sub, first, last, dt / sub, given, p, fixed, x, now, later, out)
         return out if self.held else _sharper(out, sub)
+
+    def _between(self, own: Signals, first: int, last: int, dt: float, sub: int) -> np.ndarray:
+        """Signals in each step, (3, reads, (last - first) sub): in its first half, its middle and
+        its second half.
+
+        Positions and speeds are those of the cubic through both; a speed is the mean over the
+        step or its half. u is held by an effect on it, everything else goes in straight lines.
+        """
+        reads = self.block.reads
+        given = np.empty((len(PLACES), len(reads), (last - first) * sub))
+        for i, k in enumerate(reads):
+            if k not in ("theta", "w"):
+                a, b = _ends(own[k], first, last)
+                b = a if k == "u" and self.held else b
+                for j, share in enumerate((0.25, 0.5, 0.75)):
+                    part = (np.arange(sub) + share) / sub
+                    given[j, i] = (a[:, None] + part * (b - a)[:, None]).ravel()
+        if {"theta", "w"} & {*reads}:
+            rows = [reads.index(k) if k in reads else -1 for k in ("theta", "w")]
+            self.cubics(sub, dt / sub, *_knots(own, first, last, dt), *rows, given)
+        return given
 
     def substeps(self, p: np.ndarray, own: Signals, dt: float) -> np.ndarray:
         """Steps a sample for each set: by the length of a sample, and by how fast the states turn
@@ -185,30 +241,32 @@ class _Code:
         m, lanes = len(self.block.states), p.shape[1]
         if m < 2:
             return np.full(lanes, fine)
-        ends = [f(own[k]) for k in self.block.reads for f in (np.argmin, np.argmax)]
-        evenly = np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)
-        some = np.concatenate([evenly, ends]).astype(int)
-        shape = len(some), lanes
-        values: dict[str, Any] = {f"p{i}": row for i, row in enumerate(p)}
-        values |= {f"{c}{i}": own[k][some, None]
-                   for i, k in enumerate(self.block.reads) for c in PLACES}  # fmt: skip
-        values |= {f"x{i}": row for i, row in enumerate(self.start(own, lanes))}
-        turn, pull = np.zeros(lanes), np.zeros(lanes)
-        for k in range(DOUBLED + 1):
-            J = np.array([np.broadcast_to(x, shape) for x in evaluate(self.slopes, values)])
-            J = np.clip(np.nan_to_num(J), -LARGE, LARGE).reshape(m, m, *shape)
-            both = J * J.swapaxes(0, 1) * (1.0 - np.eye(m))[:, :, None, None]
-            step = FAR * 2.0 ** (k + 1 - DOUBLED)
-            more = np.maximum(pull, both.max(axis=(0, 1, 2)))
-            pull = np.where(np.sqrt(pull) * step < PULL, more, pull)  # beyond, it is unstable
-            if k in (0, DOUBLED):
-                turn = np.maximum(turn, -both.min(axis=(0, 1, 2)))
-            there = evaluate(self.after, values | {"h": step})
-            values |= {f"x{i}": x for i, x in enumerate(there)}
+        slopes = self._probed(p, own)
+        both = slopes * slopes.swapaxes(1, 2) * (1.0 - np.eye(m))[:, :, None, None]
+        most, turn = both.max(axis=(1, 2, 3)), -both[[0, -1]].min(axis=(0, 1, 2, 3))
+        pull = np.zeros(lanes)
+        for more, step in zip(most, STEPS, strict=True):  # beyond, it is unstable
+            pull = np.where(np.sqrt(pull) * step < PULL, np.maximum(pull, more), pull)
         need = np.maximum(
-            np.sqrt(turn) / TURN, np.minimum((m - 1) * np.sqrt(pull) / PULL, STIFFEST / dt)
+            np.sqrt(np.maximum(turn, 0.0)) / TURN,
+            np.minimum((m - 1) * np.sqrt(pull) / PULL, STIFFEST / dt),
         )
         return np.maximum(fine, EVEN[np.searchsorted(EVEN[:-1], need * dt)])
+
+    def _probed(self, p: np.ndarray, own: Signals) -> np.ndarray:
+        """Slopes of the rates by the states (steps, states, states, samples, sets), where they
+        start and where the motion of some samples drives them."""
+        reads, m, lanes = self.block.reads, len(self.block.states), p.shape[1]
+        evenly = np.linspace(0, len(next(iter(own.values()))) - 1, PROBES)
+        ends = [f(own[k]) for k in reads for f in (np.argmin, np.argmax)]
+        some = np.concatenate([evenly, ends]).astype(int)
+        given = np.repeat([own[k][some] for k in reads], lanes, axis=1)
+        x = np.tile(self.start(own, lanes), len(some))
+        slopes = np.zeros((len(STEPS), m * m, x.shape[1]))
+        with np.errstate(all="ignore"):
+            self.probe(STEPS, given, np.tile(p, len(some)), x, slopes)
+        slopes = np.clip(np.nan_to_num(slopes), -LARGE, LARGE)
+        return slopes.reshape(len(STEPS), m, m, len(some), lanes)
 
 
 def _sharper(out: np.ndarray, sub: int) -> np.ndarray:
@@ -221,43 +279,17 @@ def _sharper(out: np.ndarray, sub: int) -> np.ndarray:
     return out
 
 
-def _between(
-    reads: Sequence[str], own: Signals, first: int, last: int, dt: float, sub: int, held: bool
-) -> np.ndarray:
-    """Signals in each step, (3, reads, (last - first) sub): in its first half, its middle and its
-    second half.
-
-    Positions and speeds are those of the cubic through both; a speed is the mean over the step or
-    its half. u is held if ``held``, everything else goes in straight lines.
-    """
-    q = np.arange(sub)[:, None] / sub
-    at = [q + share / sub for share in (0.25, 0.5, 0.75)]
-    made: dict[str, list[np.ndarray]] = {}
-    for k in {*reads} - {"theta", "w"}:
-        a, b = _ends(own[k], first, last)
-        b = a if k == "u" and held else b
-        made[k] = [a + s * (b - a) for s in at]
-    if {"theta", "w"} & {*reads}:
-        (x0, x1), (v0, v1) = (_ends(own[k], first, last) for k in ("theta", "w"))
-        if last == len(own["w"]):  # beyond the end the speed stays
-            x1[-1] = x0[-1] + v0[-1] * dt
-        begin, middle, end = (_cubic(x0, v0 * dt, x1, v1 * dt, q + s / sub) for s in (0, 0.5, 1))
-        made["theta"] = [_cubic(x0, v0 * dt, x1, v1 * dt, s) for s in at]
-        half, whole = 2 * sub / dt, sub / dt
-        made["w"] = [(middle - begin) * half, (end - begin) * whole, (end - middle) * half]
-    every = [[made[k][i].T.ravel() for k in reads] for i in range(len(at))]
-    return np.array(every).reshape(len(at), len(reads), -1)
+def _knots(own: Signals, first: int, last: int, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and their steps at both ends of the samples' intervals."""
+    x, v = own["theta"][first : last + 1], own["w"][first : last + 1] * dt
+    if len(x) == last - first:  # beyond the end the speed stays
+        return np.append(x, x[-1] + v[-1]), np.append(v, v[-1])
+    return np.ascontiguousarray(x), v
 
 
 def _ends(x: np.ndarray, first: int, last: int) -> tuple[np.ndarray, np.ndarray]:
     """Values at both ends of the samples' intervals; the last value of all is held."""
     return x[first:last], np.append(x[first + 1 : last], x[min(last, len(x) - 1)])
-
-
-def _cubic(x0: Any, v0: Any, x1: Any, v1: Any, q: Any) -> Any:
-    """The cubic through x0 and x1 with the slopes v0 and v1, at q from 0 to 1."""
-    step: Any = x1 - x0
-    return x0 + q * (v0 + q * (3.0 * step - 2.0 * v0 - v1 + q * (v0 + v1 - 2.0 * step)))
 
 
 @lru_cache(maxsize=256)
@@ -282,7 +314,8 @@ def _code(way: _Way) -> _Code:
     out = called(places[1], middle)[:many]
     slopes = [one for row in jacobian(rates[1], x) for one in row]
     text, kept = _source(block, out, after, held, way.by)
-    return _Code(block, load(text, way.by).run, kept, held, after, slopes)
+    probe = load(_probe_source(block, slopes, after, way.by), way.by).run
+    return _Code(block, load(text, way.by).run, probe, _cubics(way.by), kept, held)
 
 
 def _advanced(
@@ -346,8 +379,7 @@ def _source(
 ) -> tuple[str, int]:
     """The text of the loop, and how many values of each set it keeps."""
     keys = [f"p{i}" for i in range(len(block.parameters))]
-    kind = {"numpy": "array", "even": "wide"}.get(by, "scalar")
-    emitter = Emitter(kind, fixed=[*keys, "h"])
+    emitter = Emitter(_kind(by), fixed=[*keys, "h"])
     codes = emitter.write([*out, *after])
     outputs, new = codes[: len(out)], codes[len(out) :]
     each, depth = ("", (1, 3, 2)) if by == "numpy" else (", s", (2, 4, 3))
@@ -366,9 +398,41 @@ def _source(
     body += [f"x[{i}{each}] = n{i}" for i in range(len(new))]
     store = []
     for i in range(len(out)):
-        store += [f"out[{i}, k{each}] = now[{i}{each}]", f"now[{i}{each}] = later[{i}{each}]"]
+        store += [f"out[{i}, first + k{each}] = now[{i}{each}]"]
+        store += [f"now[{i}{each}] = later[{i}{each}]"]
         store += [f"later[{i}{each}] = 0.0"]
     filled = (indent(lines, n) for lines, n in zip((head, body, store), depth, strict=True))
     parts = dict(zip(("head", "body", "store"), filled, strict=True))
     ahead = "0.0" if held else "(j + 0.5) / (1.0 * sub * sub)"
     return (_LANES if by == "numpy" else _LOOP).format(ahead=ahead, **parts), len(known)
+
+
+def _probe_source(block: Block, slopes: Sequence[Node], after: Sequence[Node], by: str) -> str:
+    """The text of the loop that asks for the slopes of the rates as the states are driven on."""
+    emitter = Emitter(_kind(by))
+    codes = emitter.write([*slopes, *after])
+    each, depth = ("", 2) if by == "numpy" else (", s", 3)
+    used = symbols_in([*slopes, *after])
+    body = [f"p{i} = p[{i}{each}]" for i in range(len(block.parameters))]
+    places = [(c, i) for c in PLACES for i in range(len(block.reads))]
+    body += [f"{c}{i} = given[{i}{each}]" for c, i in places if f"{c}{i}" in used]
+    body += [f"x{i} = x[{i}{each}]" for i in range(len(after))]
+    body += emitter.body
+    body += [f"slopes[k, {i}{each}] = {code}" for i, code in enumerate(codes[: len(slopes)])]
+    new = codes[len(slopes) :]
+    body += [f"n{i} = {code}" for i, code in enumerate(new)]
+    body += [f"x[{i}{each}] = n{i}" for i in range(len(new))]
+    return (_PROBE_LANES if by == "numpy" else _PROBE).format(body=indent(body, depth))
+
+
+def _kind(by: str) -> str:
+    """How an expression is written for a compiler."""
+    return {"numpy": "array", "even": "wide"}.get(by, "scalar")
+
+
+def _cubics(by: str) -> Any:
+    """The function that fills in positions and speeds between the samples."""
+    shares = (0.0, 0.25, 0.5, 0.75, 1.0)
+    lines = [f"q{i} = (j + {share}) / (1.0 * sub)" for i, share in enumerate(shares)]
+    lines += [f"x{i} = x[k] + q{i} * (v[k] + q{i} * (second + q{i} * third))" for i in range(5)]
+    return load(_CUBICS.format(at=indent(lines, 3)), by).run

@@ -9,10 +9,10 @@ does not (IMITATES).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,7 @@ FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "tu
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
 FREE_SIGNS = {"late", "smear", "run"}
 LARGE = 30.0  # times all torque: no term is larger, whatever the log tells of it
+ROOM = 2**24  # numbers of columns that a view keeps
 ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its limit
 
 
@@ -65,6 +66,14 @@ class Term:
     @property
     def on_input(self) -> bool:
         return "input" in self.block.acts
+
+
+class Seen(NamedTuple):
+    """Columns of an effect in the rows (m, k), and the bounds of their coefficients (k,)."""
+
+    rows: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
 
 
 class View:
@@ -104,15 +113,37 @@ class View:
         self._follows: dict[float, np.ndarray] = {}
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[float, np.ndarray] = {}
+        self._made: dict[Any, Seen] = {}
+        self._waves: dict[bytes, np.ndarray] = {}
+        self._room = ROOM
 
     def on(self, mask: np.ndarray) -> View:
         """The same motion and law on some of the rows."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
         made.K, made._in_rows = made.rows.K, {}
+        made._made, made._waves, made._room = {}, {}, ROOM
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.number)
         return made
+
+    def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
+        """What the motion and the rows alone tell is made once, while there is room for it."""
+        if key in self._made:
+            return self._made[key]
+        made = make()
+        if made.rows.size <= self._room:
+            self._made[key], self._room = made, self._room - made.rows.size
+        return made
+
+    def seen_of(self, N: np.ndarray) -> np.ndarray:
+        """What the rows leave (m, k) of waves over theta of orders N (k,)."""
+        key = N.tobytes()
+        if key not in self._waves:
+            m, passed = self.motion.main, self.rows.w[:, None] * N
+            slow = (passed * (m.dt * m.spread)) ** 2
+            self._waves[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
+        return self._waves[key]
 
     def torque(self, u: np.ndarray) -> np.ndarray:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""

@@ -7,7 +7,7 @@ a change of the torque itself; anything else by a grid around its default.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from itertools import product
 from typing import Any
 
@@ -16,8 +16,9 @@ from scipy.optimize import minimize
 
 from ..blocks.block import Block, P, members
 from ..core.regression import Prior
-from .columns import Along, columns, lanes, linear, needs_inertia, refused, searched
+from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
 from .constants import FREE_LATE, MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
+from .friction import Seen
 from .table import Contender, Table
 from .unknown import likeliest
 
@@ -29,6 +30,11 @@ GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters o
 RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
 
 Values = dict[str, float]
+
+
+def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
+    """Sets of values as a key."""
+    return tuple([tuple(values.items()) for values in sets])
 
 
 def polish(
@@ -129,13 +135,30 @@ class Search:
             pieces=pieces, level=a.level[at], J=a.J, values=a.values, d=v.K @ v.motion.d, **means,
         )  # fmt: skip
 
-    def _screened(self, block: Block, sets: Sequence[Mapping[str, float]]) -> np.ndarray:
+    def _screened(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
         """Columns of an effect at each set of values, in the rows (m, k sets)."""
         if block.states or block.exact is not None:
-            return self.view.in_rows(lanes(block, sets, self.along))
-        made = lanes(block, sets, self.few)
-        parts = [x for x in (made.wide, made.narrow) if x is not None]
-        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+            return self._seen(block, sets).rows
+
+        def made() -> Seen:
+            few = lanes(block, sets, self.few)
+            parts = [x for x in (few.wide, few.narrow) if x is not None]
+            return Seen(sum(parts[1:], parts[0]), few.low, few.high)
+
+        return self._once((block.name, "few", *kept(sets)), block, made).rows
+
+    def _seen(self, block: Block, sets: Sequence[Values]) -> Seen:
+        """The same from all samples."""
+
+        def made() -> Seen:
+            each = lanes(block, sets, self.along)
+            return Seen(self.view.in_rows(each), each.low, each.high)
+
+        return self._once((block.name, *kept(sets)), block, made)
+
+    def _once(self, key: Any, block: Block, make: Callable[[], Seen]) -> Seen:
+        """What the motion alone tells is made once."""
+        return self.view.once(key, make) if of_motion(block) else make()
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
         """Gain of each set of values."""
@@ -145,19 +168,18 @@ class Search:
         p = block.own[block.gain]
         return np.where((b >= p.low) & (b <= p.high), gain, 0.0)
 
-    def _gain(self, block: Block, q: Mapping[str, float]) -> float:
+    def _gain(self, block: Block, q: Values) -> float:
         """Gain at one set of values, from all samples."""
         own = block.own
         if any(not own[k].low <= x <= own[k].high for k, x in q.items()):
             return -1.0
-        made = self.view.in_rows(columns(block, q, self.along))
+        made = self._seen(block, [q]).rows
         return float(self._gains(block, made)[0]) if np.all(np.isfinite(made)) else -1.0
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
         """The contender of one effect, or of several of its kind at once."""
-        made = [columns(block, q, self.along) for q in each]
-        C = np.column_stack([self.view.in_rows(one) for one in made])
-        low, high = (np.concatenate([getattr(one, k) for one in made]) for k in ("low", "high"))
+        made = [self._seen(block, [q]) for q in each]
+        C, low, high = (np.concatenate(x, axis=-1) for x in zip(*made, strict=True))
         prior = Prior.free(C.shape[1], low=low, high=high)
         return Contender(block.name, each[0], block, C=C, prior=prior, cost=cost,
                          more=each[1:], **other)  # fmt: skip
@@ -198,7 +220,7 @@ class Search:
 
     def _of_orders(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """Waves over theta, all orders at once: what the rows leave of a wave passed at speed w."""
-        v, rows = self.view, self.view.rows
+        rows = self.view.rows
         (key,) = (k for k in keys if block.own[k].whole)
         if len(keys) > 1:
             return
@@ -210,10 +232,9 @@ class Search:
         N = N[N >= least]  # a torque of order 1 is gravity
         if not len(N):
             return
-        m = v.motion.main
-        passed = rows.w[:, None] * N
-        seen = np.exp(-((passed * rows.h) ** 2) / 18) / (1 + (passed * m.dt * m.spread) ** 6)
-        X = self._screened(block, [{key: n} for n in N]) * np.repeat(seen, 2, axis=1)
+        X = self._screened(block, [{key: n} for n in N]) * np.repeat(
+            self.view.seen_of(N), 2, axis=1
+        )
         gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
         for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
@@ -344,7 +365,7 @@ class Search:
         others = [dict(zip(rest, x, strict=True))
                   for x in product(*(block.own[k].choices for k in rest))]  # fmt: skip
         sets = [{key: float(p)} | other for p in places for other in others]
-        X = self.view.in_rows(lanes(block, sets, self.along))
+        X = self._seen(block, sets).rows
         few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
         best = sets[int(np.argmax(np.where(few, self._gains(block, X), 0.0)))]
         x = polish(lambda p: self._gain(block, best | {key: p[0]}), [best[key]],
@@ -405,7 +426,7 @@ class Search:
         return made | ({"gap": float(gap)} if "gap" in keys else {})
 
     def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
-        return self._gains(block, self.view.in_rows(lanes(block, sets, self.along)))
+        return self._gains(block, self._seen(block, sets).rows)
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A grid of all values around their defaults, the best of it polished."""

@@ -113,6 +113,7 @@ class Table:
 
     def settle(self) -> None:
         v = self.view
+        self._laws: dict[tuple[int, ...], np.ndarray] = {}
         fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
         size = float(np.sqrt(np.mean(v.rows.a**2))) + TINY
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
@@ -156,18 +157,27 @@ class Table:
         new = (W * W).sum(axis=0) > NEW**2 * before  # else the base has it already
         return W * new
 
+    def _told(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Products of weighted columns without what the base explains of them: with what it leaves
+        of y, with themselves, and of each first with each second one."""
+        W = C * self.root[:, None]
+        P = self.Q.T @ W
+        before = _products(W, W)
+        n = before - _products(P, P)
+        new = n > NEW**2 * before  # else the base has it already
+        x = _products(W[:, :-1:2], W[:, 1::2]) - _products(P[:, :-1:2], P[:, 1::2])
+        both = new[:-1:2] & new[1::2]
+        return W.T @ self.rest_of_y * new, n * new + TINY, x * both
+
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What each column would take off the weighted sum of squares (in nats of a normal
         distribution, doubled), and its coefficient."""
-        W = self.beside(C)
-        c, n = W.T @ self.rest_of_y, (W * W).sum(axis=0) + TINY
+        c, n, _ = self._told(C)
         return c**2 / n / self.scale**2, c / n
 
     def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
         """The same for columns two by two."""
-        W = self.beside(C)
-        c, n = W.T @ self.rest_of_y, (W * W).sum(axis=0) + TINY
-        x = (W[:, ::2] * W[:, 1::2]).sum(axis=0)
+        c, n, x = self._told(C)
         det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
         both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
         return both / (det + TINY) / self.scale**2
@@ -218,14 +228,22 @@ class Table:
             tau = tau + self.y - c.y - late
         law = (self.own if c.depends_on else self.imitates) & self.fit.free[:own]
         at = np.flatnonzero(np.r_[law, self.fit.free[own:]])
-        B = self.X[:, at]
-        c.tau = tau - B @ np.linalg.lstsq(B, tau, rcond=None)[0]
+        c.tau = self._beside_law(tau, at)
         c.share = float(np.sqrt(np.mean(c.tau**2))) / v.size
         J = v.declared.get("J")
         if c.inertial and J and self.J > GROWN * J > c.fit.b[0]:
             # the inertia that was not declared is its trace as well
             whole = float(np.sqrt(np.mean((c.X[:, -1] * c.fit.b[-1]) ** 2)))
             c.share = max(c.share, whole / v.size)
+
+    def _beside_law(self, tau: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """A torque (m,) without what columns of the base can imitate."""
+        key = tuple(at.tolist())
+        if key not in self._laws:
+            U, size, _ = np.linalg.svd(self.X[:, at], full_matrices=False)
+            self._laws[key] = U[:, size > np.finfo(float).eps * len(U) * size[0]]
+        U = self._laws[key]
+        return tau - U @ (U.T @ tau)
 
     def _unidentified(self, c: Contender) -> bool:
         """More torque than friction and another inertia: what such a term does is not identified;
@@ -294,3 +312,8 @@ class Table:
         self.scale = max(scale, 1.38 * float(np.median(alone)))
         self.rest = float(np.sqrt(np.mean(r**2))) / self.view.size
         self.weights = (NU + 1) / (NU + (r / self.scale) ** 2)
+
+
+def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Of each column of A with that of B."""
+    return np.einsum("ij,ij->j", A, B)

@@ -6,8 +6,8 @@ The innovations of the right model are white, whether or not the drive was in cl
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -153,27 +153,57 @@ def fitted(ready: Prepared, model: Model) -> Fit:
     values = model.known()
     if missing := [k for k in model.values() if k not in values]:
         raise InputError(f"{model.name}: {', '.join(missing)} has no value to simulate with.")
-    structure = tuple((part.key, id(part.block)) for part in (model.friction, *model.effects))
-    if structure not in memory:
-        memory[structure] = Drive(model), model
-    drive, key = memory[structure][0], (structure, *values.values())
+    parts = (model.friction, *model.effects)
+    structure = _Structure(model.motion, tuple((p.key, id(p.block)) for p in parts), model)
+    drive, key = _drive(structure), (structure.parts, *values.values())
     if key not in memory:
-        memory[key] = Fit(drive, values, tuned(ready, drive, values))
+        memory[key] = Fit(drive, values, tuned(ready, drive, values, memory.get("jump")))
+        memory["jump"] = memory[key].jump
     return memory[key]
 
 
-def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
-    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely."""
+@dataclass(frozen=True)
+class _Structure:
+    """What is traced of a model, whatever its values are; the model keeps its blocks alive."""
+
+    motion: str
+    parts: tuple[tuple[str, int], ...]
+    model: Model = field(compare=False)
+
+
+@lru_cache(maxsize=64)
+def _drive(structure: _Structure) -> Drive:
+    return Drive(structure.model)
+
+
+def tuned(ready: Prepared, drive: Drive, values: Values, begun: float | None = None) -> float:
+    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely.
+
+    ``begun``: that of a model like it, from where the likelier neighbour is followed.
+    """
     usual, few = max(run.usual for run in ready.runs), spread(ready.train, ENOUGH)
 
     def totals(logs: np.ndarray) -> np.ndarray:
         made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
         return np.maximum(np.nan_to_num(made.sum(axis=1), nan=-np.inf), -(WORST**3))
 
-    best = COARSE[np.argmax(totals(COARSE))]
+    best = COARSE[np.argmax(totals(COARSE)) if begun is None else _climbed(totals, begun / usual)]
     a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
     peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
     return usual * float(np.exp(best + peak))
+
+
+def _climbed(totals: Callable[[np.ndarray], np.ndarray], begun: float) -> int:
+    """The place of the likeliest of COARSE, from the one next to a factor on."""
+    at, known = int(np.argmin(np.abs(COARSE - np.log(begun)))), dict[int, float]()
+    while True:
+        near = [i for i in (at - 1, at, at + 1) if 0 <= i < len(COARSE)]
+        new = [i for i in near if i not in known]
+        known |= zip(new, totals(COARSE[new]).tolist(), strict=True) if new else ()
+        best = max(near, key=lambda i: known[i])
+        if best == at:
+            return at
+        at = best
 
 
 def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:

@@ -169,11 +169,15 @@ class _Climb:
     def scanned(self) -> Fit:
         """The best of factors on each value that is no more than a guess, one after the other."""
         fit, std = self.begun, np.sqrt(np.diag(np.linalg.inv(self.weight)))
+        moved = False
         for i in np.flatnonzero(self.log & (std > WIDE)):
             steps = np.log(FACTORS)[:, None] * (np.arange(len(std)) == i)
             sets = [self.values(self.x(fit.values) + step) for step in steps]
             fit = self.best(sets, [fit.jump] * len(sets))[1]
-        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values))
+            moved = moved or fit.values is not sets[0]
+        if not moved:
+            return fit
+        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values, fit.jump))
 
     def up(self, fit: Fit) -> Fit:
         """Gauss-Newton steps, shorter where the whole one loses, each with the best noise."""

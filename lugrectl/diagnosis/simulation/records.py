@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.signal import coherence
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ...blocks.block import unit_for
 from ...blocks.effects.actuator import held_late
@@ -324,5 +324,15 @@ def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
     a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
     if b - a < 4 * SEGMENT:
         return False
-    f, both = coherence(np.diff(y[a:b, 0], 2), np.diff(y[a + 1 : b, 1]), nperseg=SEGMENT)
+    both = _coherence(np.diff(y[a:b, 0], 2), np.diff(y[a + 1 : b, 1]))
+    f = np.arange(len(both)) / SEGMENT
     return float(np.median(both[(f > BAND[0]) & (f <= BAND[1])])) > TOGETHER
+
+
+def _coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The coherence of two signals by Welch's method, in segments that overlap by half."""
+    window = 1.0 - np.cos(2 * np.pi * np.arange(SEGMENT) / SEGMENT)
+    parts = [sliding_window_view(one, SEGMENT)[:: SEGMENT // 2] for one in (x, y)]
+    a, b = (np.fft.rfft((p - p.mean(axis=1, keepdims=True)) * window) for p in parts)
+    each = [np.mean(np.abs(one) ** 2, axis=0) for one in (a, b)]
+    return np.abs(np.mean(a.conj() * b, axis=0)) ** 2 / (each[0] * each[1])
