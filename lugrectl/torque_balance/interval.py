@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core.errors import Refused
 from ..core.regression import left_out_covariance, memory_blocks, robust
-from .constants import GREASE, ONE_MORE, SCALE, VIEWS, WHOLE, Z95
+from .constants import BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE, Z95
 from .friction import View
 from .last_fit import KAPPA, LastFit, State, quantities
 from .rows import Rows
@@ -113,7 +113,12 @@ class Interval:
         share = np.exp(score - score.max())
         share /= share.sum()
         apart = np.array([law.b for law in laws] + [b]) - b
-        return WHOLE**2 * V + (share[:, None] * apart).T @ apart
+        V = WHOLE**2 * V + (share[:, None] * apart).T @ apart
+        # every drive has a little of the same kind as what is named
+        little = BACKGROUND * d.level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
+        own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
+        V[own, own] += little[own] ** 2
+        return V
 
     @cached_property
     def _slopes(self) -> np.ndarray:

@@ -184,7 +184,10 @@ class _Judge:
         verdict, named = self._verdict(last, full, plain)
         if not named and (self.lacks or any(not t.declared for t in last.state.terms)):
             last = self._plain(last)
-            trained, full = self._on_training_rows(last.state), plain
+            trained = self._on_training_rows(last.state)
+        if not named:  # the declared model is what is shown
+            without, plain = trained, Unseen.of(trained, self.test)
+            full = plain
         interval, V = self._intervals(last)
         d = self.decision
         made = Answer(
