@@ -20,6 +20,7 @@ from ..estimates.members import Belief
 from ..record import Record
 from ..torque_balance.budget import comparison, signals
 from ..torque_balance.last_fit import LastFit
+from ..torque_balance.maps import is_map
 from ..torque_balance.model_values import (
     ModelValues,
     as_estimates,
@@ -33,6 +34,7 @@ from ..torque_balance.tabulated import tabulated
 from ..torque_balance.verdict import Answer, answer
 from .asked import Asked
 from .experiments import next_experiment
+from .mapped import judged_on, of_map
 from .moved_values import moved
 from .refusal import noted
 from .result import Diagnosis
@@ -65,10 +67,10 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     asked.refuse_open_time()
     doubts = asked.doubts()
     ready, why_not = ready_of(asked, horizon)
-    held_out = () if ready is None else ready.held_out
+    parts, held_out = judged_on(asked, () if ready is None else ready.held_out)
     report(0.0, "torque balance")
     report(0.1, "comparing explanations")
-    made = answer(asked.stretches, model, held_out, least)
+    made = answer(parts, model, held_out, least)
     values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
@@ -82,7 +84,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     doubts = doubts or asked.doubts(plain)
     notes = [*doubts, *_said(made, judged, why_not, plain), *moved(values.estimates, model)]
     rest = None if ready is None or judged is None else residuals(ready, values.model)
-    return Diagnosis(
+    made_of = Diagnosis(
         verdict=made.verdict,
         effects=effects,
         depends_on=_signals(made),
@@ -106,6 +108,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         torque_noise=noise,
         plain=plain,
     )
+    return of_map(made_of, made, asked) if made.view.is_map else made_of
 
 
 def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
@@ -113,6 +116,8 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
 
     Where every other block sees one half of a periodic motion, blocks are longer.
     """
+    if is_map(asked.stretches):  # nothing moves that could be simulated
+        return None, None
     records = asked.records()
     given = [records] if isinstance(records, Record) else records
     holdout = asked.holdout()

@@ -18,6 +18,7 @@ from ..estimates.balance import LEVELS, Balance
 from ..estimates.findings import Estimate
 from ..record import Stretch
 from ..torque_balance.base import base_row
+from ..torque_balance.maps import is_map
 
 BETTER = 0.7  # of what a log leaves as it is: what it must leave without its fault
 EXPLAINED = 0.1  # of the torque: with less left nothing is wrong
@@ -60,6 +61,8 @@ def plain_row(parts: Sequence[Stretch], model: Model) -> Balance:
 
 def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Balance:
     """The base row, without runs in another unit, with what contradicts it; ``names`` of runs."""
+    if is_map(parts):  # one run tells no levels, and none is known without the others
+        return against_stated(parts, model, plain_row(parts, model))
     runs = unlike(parts, model, names)
     parts = [part for part in parts if part.run not in runs.left_out]
     found = plain_row(parts, model)

@@ -28,6 +28,7 @@ from .balanced import NO_INERTIA, ready_of, same_values, simulated
 from .compare_laws import under_law
 from .core_choice import NEW
 from .law_comparison import LawComparison
+from .mapped import judged_on, of_map
 from .moved_values import moved
 from .refusal import noted
 from .simulation import residuals
@@ -170,7 +171,8 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     report(0.0, "torque balance")
     doubts = asked.doubts()
     ready, why_not = ready_of(asked, horizon)
-    made = alone(asked.stretches, model, () if ready is None else ready.held_out)
+    parts, held_out = judged_on(asked, () if ready is None else ready.held_out)
+    made = alone(parts, model, held_out)
     found = made.last, made.interval, made.values, made.covariance
     report(0.4, "errors on held-out samples")
     judged, values, noise = simulated(ready, made, model_values(*found, model), FLOOR)
@@ -181,7 +183,7 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []
     notes += [*(() if judged is None else judged.messages), *moved(values.estimates, model)]
     keys = () if judged is None else judged.error.keys() - {"augmented"}
-    return Identification(
+    answer = Identification(
         estimates=values.estimates,
         error=None if judged is None else {k: v for k, v in judged.error.items() if k in keys},
         model=values.model,
@@ -195,3 +197,4 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
         residuals=None if ready is None or judged is None else residuals(ready, values.model),
         torque_noise=noise,
     )
+    return of_map(answer, made, asked) if made.view.is_map else answer

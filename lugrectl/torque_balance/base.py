@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ..blocks.model import Model
 from ..estimates.balance import Balance
@@ -17,11 +18,16 @@ from .verdict import Answer, refuse_dead, seen
 
 LAW = ("x0", "vs", "z", "size", "force")  # what a table settles of friction
 
+TURNED = "u has the wrong sign: it opposes the motion. These values are those of -u."
+
 
 def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     """The plain answer: what the declared model leaves free, by one regression; Refused where
     nothing moves, or the torque has nothing to do with the motion."""
     view, width = seen(stretches, model)
+    if view.backward:
+        made = base_row([replace(s, u=-s.u) for s in stretches], model)
+        return replace(made, notes=(TURNED, *made.notes))
     refuse_dead(view, width)
     last = settled(view)
     interval = Interval(last)

@@ -32,6 +32,7 @@ from .constants import (
 )
 from .friction import Term, View
 from .law_parts import Part, parts
+from .maps import Still
 from .search import Search
 from .table import Contender, Table
 from .unknown import Unknown
@@ -54,9 +55,13 @@ class Decision:
     """
 
     def __init__(
-        self, view: View, width: Width, never: Collection[str] = (), least: float = FLOOR
+        self,
+        view: View,
+        width: Width | Still,
+        never: Collection[str] = (),
+        least: float = FLOOR,
     ) -> None:
-        self.view, self.width, self.never = view, width, frozenset(never)
+        self.view, self.width, self.never = view, width, view.never.union(never)
         self.least = least
         self.notes: list[str] = []
         self.memory: dict[str, Any] = {}

@@ -82,7 +82,18 @@ class View:
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
     inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
+
+    ``is_map``: runs at steady speeds, ``backward``: friction would drive all of them.
+    ``signals`` are those on which an unknown torque may depend, ``never`` the effects that such a
+    log cannot show, ``held_out`` its own (run, start, end), s, to judge on; empty where parts of
+    the log are.
     """
+
+    is_map = backward = False
+    longest_fall = np.inf  # rad/s: the largest Stribeck speed
+    signals = frozenset({"t", "theta", "w", "u"})
+    never: frozenset[str] = frozenset()
+    held_out: Sequence[tuple[int, float, float]] = ()
 
     def __init__(
         self,
@@ -96,11 +107,8 @@ class View:
         self.J_range, self.sure = J_range, True
         self.declared = model.known()
         self.terms = [t.copy() for t in terms]
-        hold = np.concatenate(
-            [np.full(len(r.samples), 0.5 * r.dt + FREE_LATE) for r in motion.runs]
-        )
-        self.hold = hold  # a torque that is read at instants is so early
-        self.longest_hold = float(hold.max())
+        self.hold = motion.hold  # a torque that is read at instants is so early
+        self.longest_hold = float(motion.hold.max())
         self.latest = FREE_LATE / self.longest_hold  # a held torque is no later than a current loop
         self.noise = float(np.mean(rows.shake**2))
         number = int(np.clip(motion.duration / BLOCK, FEWEST_BLOCKS, MOST_BLOCKS))
@@ -144,6 +152,24 @@ class View:
             slow = (passed * (m.dt * m.spread)) ** 2
             self._waves[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
         return self._waves[key]
+
+    @property
+    def with_offset(self) -> np.ndarray:
+        """The runs that have an offset of their own beside the first one's."""
+        return np.unique(self.motion.run)[1:]
+
+    @property
+    def apart(self) -> np.ndarray | None:
+        """Numbers (m,) of the rows that err together; None where the residual says it."""
+        return None
+
+    def follows_speed(self, r: np.ndarray) -> bool:
+        """Whether residuals (m,) of runs at steady speeds still depend on the speed."""
+        return False
+
+    def scatter(self, r: np.ndarray) -> float:
+        """The noise of residuals (m,) that is known without a model, N m."""
+        return 0.0
 
     def torque(self, u: np.ndarray) -> np.ndarray:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""
@@ -202,7 +228,8 @@ class View:
         self.u = self._changed(m.u)
         fixed = [self.K @ np.column_stack([m.w, self.grease(GREASE[0])])]
         names: list[Any] = ["J", "late", *FRICTION]
-        priors = [Prior.free(len(names), low=[self._least(n) for n in names])]
+        ends = {"low": [self.least(n) for n in names], "high": [self.most(n) for n in names]}
+        priors = [Prior.free(len(names), **ends)]
         for term in self.terms:
             if not term.on_input:
                 made = self.columns(term.block, term.q)
@@ -211,7 +238,7 @@ class View:
                 priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
         self.y = self.torque(self.u) - self.K @ m.d
         self.force = float(np.sqrt(np.mean(self.y**2))) + 1e-300
-        for run in np.unique(m.run)[1:]:  # each run has its own offset
+        for run in self.with_offset:
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
             names.append("run")
             most = BETWEEN * self.force
@@ -222,7 +249,10 @@ class View:
             self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
         self.late = self.K @ (self.hold * m.slope(m.held(self.u)))
 
-    def _least(self, name: str) -> float:
+    def most(self, name: str) -> float:
+        return np.inf
+
+    def least(self, name: str) -> float:
         """One direction: Coulomb friction and an offset are one."""
         free = name in FREE_SIGNS or name == "Fc" and self.motion.one_way
         return -np.inf if free else 0.0
@@ -357,6 +387,15 @@ class View:
     def changed(self, block: Block, q: Mapping[str, float]) -> np.ndarray:
         """What an effect on the torque makes of it (n,)."""
         return changed_input(block, q, self.along())
+
+
+def places(motion: Motion) -> Along:
+    """The motion alone, before anything is known of the drive."""
+    none = np.zeros(len(motion))
+    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
+    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
+                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
+                 **unknown)  # fmt: skip
 
 
 def declared_terms(model: Model, along: Along) -> list[Term]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.errors import Refused
 from ..core.regression import log_density, paired
 from .constants import BLOCK, LEAST_ROWS
 from .friction import View
@@ -17,6 +18,8 @@ from .rows import Rows
 PART = 2.0  # s: length of alternate parts
 PARTS = 40  # of a log at least: both kinds see every place and speed
 LONGER = 6.0  # windows reach: a part is so many times as long
+TOO_FEW = "the runs at steady speed are too few to fit some and to judge on others."
+MORE = "Record at least three speeds in each direction."
 OUTLIER = 10.0  # robust standard deviations beyond which a row counts no more
 
 
@@ -30,9 +33,12 @@ class Split:
     @classmethod
     def of(cls, view: View, held_out: Sequence[Any] = ()) -> Split:
         """``held_out`` are (run, start, end) in the stamps of the logs, s; every other part of the
-        log where it is empty."""
+        log where it is empty, or every third run of a map."""
         rows, m = view.rows, view.motion
         t, run = m.stamp[rows.at], m.run[rows.at]
+        held_out = held_out if len(held_out) else view.held_out
+        if not len(held_out) and view.is_map:
+            raise Refused(TOO_FEW, MORE)
         if not len(held_out):
             return cls._alternate(rows)
         train, test = np.ones(len(rows), bool), np.zeros(len(rows), bool)
@@ -40,7 +46,9 @@ class Split:
             here = run == own
             test |= here & (t >= start + rows.reach) & (t <= end - rows.reach)
             train &= ~(here & (t >= start - rows.reach) & (t <= end + rows.reach))
-        return cls(train, test) if cls._enough(train, test) else cls._alternate(rows)
+        if view.is_map or cls._enough(train, test):
+            return cls(train, test)
+        return cls._alternate(rows)
 
     @classmethod
     def _alternate(cls, rows: Rows) -> Split:

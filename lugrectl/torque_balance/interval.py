@@ -52,13 +52,16 @@ class Interval:
 
     @cached_property
     def blocks(self) -> list[np.ndarray]:
-        fit = self.last.fit
+        fit, apart = self.last.fit, self.last.view.apart
+        if apart is not None:
+            return [apart]
         return memory_blocks(fit.r * fit.w**0.5, FEWEST)
 
     @cached_property
     def kappa(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
-        return max(KAPPA, len(self.last.fit.r) / (4 * (self.blocks[0][-1] + 1)))
+        memory = 4 if self.last.view.apart is None else 1  # blocks are so many memories long
+        return max(KAPPA, len(self.last.fit.r) / (memory * (self.blocks[0][-1] + 1)))
 
     @property
     def likelihood(self) -> float:
@@ -71,7 +74,7 @@ class Interval:
         last, state = self.last, self.last.state
         v, d = last.view, last.design
         m, fine = v.motion, v.deflection(state.bristle(v))[0]
-        shapes = [(share * v.vs, e) for share in SPEEDS for e in EXPONENTS]
+        shapes = [(min(share * v.vs, v.longest_fall), e) for share in SPEEDS for e in EXPONENTS]
         falls = [state.copy(vs=vs, exponent=e).fall(m.fine_w) for vs, e in shapes]
         dips = v.K @ m.coarse(np.column_stack([fine * fall for fall in falls]))
         dip, grease = d.names.index("dip"), d.names.index("grease")

@@ -179,7 +179,7 @@ class Design:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
         add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
         most = 0.0 if "stribeck" in s.lacks else DIP * v.force
-        add("dip", v.K @ s.dip, low=-most, high=most)
+        add("dip", v.K @ s.dip, low=0.0 if v.is_map else -most, high=most)
         add("Fv", v.K @ m.w, low=0.0)
         grease = v.K @ v.grease(s.grease or GREASE[0])
         add("grease", grease, low=0.0, high=np.inf if s.grease else 0.0)
@@ -214,7 +214,7 @@ class Design:
             most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
             add(name, x, sd=little, low=-most, high=most)
         most = BETWEEN * v.force
-        for run in np.unique(m.run)[1:]:
+        for run in v.with_offset:
             add("run", v.K @ (1.0 * (m.run == run)), low=-most, high=most)
 
     def _effect(self, i: int, term: Term) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.linalg import solveh_banded
 
-from .constants import ENOUGH, FINE, NOISE_FIT, SOFT
+from .constants import ENOUGH, FINE, FREE_LATE, NOISE_FIT, SOFT
 from .numerics import bend, half_response, slope
 from .samples import Samples
 from .sensors import Sensors
@@ -218,6 +218,8 @@ class Motion:
         )
         self.elapsed = self.t - self.t.min()
         self.duration = float(self.elapsed.max())
+        held = [np.full(len(r.samples), 0.5 * r.dt + FREE_LATE) for r in self.runs]
+        self.hold = np.concatenate(held)
 
     @classmethod
     def of(cls, groups: Sequence[Samples]) -> Motion:

@@ -17,6 +17,7 @@ from .last_fit import LastFit
 
 CERTAIN = 0.5  # half-width over value up to which an inertia is given
 BINS = 8  # of speed in each direction, for the friction curve
+PLAIN = 4  # values of a plain law: Fc, Fs, vs, Fv
 UNITS = {"J": "kg m2", "Fc": "N m", "Fv": "N m s/rad", "Fs": "N m", "constant_torque": "N m",
          "u_delay": "s", "w_lag": "s", "w_gain": "1"}  # fmt: skip
 OTHER_WAY = "record the other direction"
@@ -53,7 +54,8 @@ def plain_balance(
         notes=tuple(_notes(last, values, certain, sure)),
         names=names,
         covariance=C,
-        half_width=v.rows.h,
+        half_width=v.rows.h or None,
+        is_map=v.is_map,
         residual=_residual(last),
         stretches=tuple(stretches),
         motion=v.model.motion,
@@ -67,13 +69,14 @@ def _by_plain_names(
     v = last.view
     has = {t.name: t.key for t in last.state.terms}
     scale = {"late": v.longest_hold}
-    names = {"J": "J", "Fc": "Fc", "Fv": "Fv"}
+    names = {"Fc": "Fc", "Fv": "Fv"} | ({} if v.is_map else {"J": "J"})
     if "constant_torque" in has:
         names[f"{has['constant_torque']}.torque"] = "constant_torque"
     elif not v.motion.one_way:
         names["offset"] = "constant_torque"
     lateness = [t for t in last.state.terms if t.name == "input_delay"]
-    names[f"{lateness[0].key}.delay" if lateness else "late"] = "u_delay"
+    if not v.is_map:
+        names[f"{lateness[0].key}.delay" if lateness else "late"] = "u_delay"
     for term in last.state.terms:
         own = {f"{term.key}.{k}" for k in term.block.own}
         names |= {k: k for k in interval.names if k in own and k not in names}
@@ -87,8 +90,8 @@ def _by_plain_names(
 
 def of_sensors(last: LastFit) -> dict[str, Value]:
     """How late w is against theta, and its scale, where both were recorded."""
-    s = last.view.motion.sensors
-    if not np.isfinite(s.lag_error):
+    s = None if last.view.is_map else last.view.motion.sensors
+    if s is None or not np.isfinite(s.lag_error):
         return {}
     lag, half = s.lag, Z95 * s.lag_error
     return {"w_lag": (lag, lag - half, lag + half)}
@@ -127,7 +130,7 @@ def _certain(
         return known[name][2] - known[name][1]
 
     made = set()
-    J = known["J"]
+    J = known.get("J", (0.0, 0.0, 0.0))
     if sure and J[0] > 0 and wide("J") < 2 * CERTAIN * J[0]:
         made.add("J")
     if several and wide("Fc") < level and not v.motion.one_way:
@@ -155,12 +158,20 @@ def _sums(last: LastFit, values: Mapping[str, Value], certain: set[str]) -> list
 
 
 def friction_curve(last: LastFit) -> list[CurvePoint]:
-    """Mean friction torque in bins of speed: what the other terms leave of u."""
+    """Mean friction torque in bins of speed, or of each run of a map: what the other terms leave
+    of u."""
     d, v = last.design, last.view
     at = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
     friction = d.X[:, at] @ last.fit.b[at]
     r = d.y - d.X @ last.fit.b
     w, made = v.motion.w[v.rows.at], []
+    if v.apart is not None:
+        many = np.bincount(v.apart)
+        left, speed, torque = (np.bincount(v.apart, x) / many for x in (r, w, friction + r))
+        half = Z95 * float(np.sqrt(np.sum(left**2) / max(len(left) - PLAIN, 1)))
+        points = zip(speed.tolist(), torque.tolist(), many.tolist(), strict=True)
+        return sorted([CurvePoint(x, y, (y - half, y + half), n) for x, y, n in points],
+                      key=lambda p: p.w)  # fmt: skip
     for side in (-1.0, 1.0):
         own = np.flatnonzero(side * w > 0)
         if len(own) < 2 * BINS:

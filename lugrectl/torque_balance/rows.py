@@ -116,6 +116,11 @@ class Rows:
     def __len__(self) -> int:
         return len(self.at)
 
+    @property
+    def passed(self) -> float:
+        """The way that half a window passes, rad."""
+        return float(np.median(self.w)) * self.h
+
     def only(self, mask: np.ndarray) -> Rows:
         """The same without some rows."""
         made = copy(self)

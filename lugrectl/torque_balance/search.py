@@ -89,7 +89,8 @@ class Search:
 
     def _contenders(self) -> Iterator[Contender]:
         for name, block in members("effect").items():
-            if name in self.never | OF_THE_LAW or refused(block):
+            of_the_law = name in OF_THE_LAW and not (self.view.is_map and linear(block))
+            if name in self.never or of_the_law or refused(block):
                 continue
             if self.only is not None and name not in self.only:
                 continue
@@ -137,7 +138,7 @@ class Search:
 
     def _screened(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
         """Columns of an effect at each set of values, in the rows (m, k sets)."""
-        if block.states or block.exact is not None:
+        if block.states or block.exact is not None or self.view.is_map:
             return self._seen(block, sets).rows
 
         def made() -> Seen:
@@ -227,14 +228,14 @@ class Search:
         N = np.arange(1, ORDERS + 1.0)
         if self.linear:
             N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
-        N = N[(N * self.span > 4) & (N * np.median(rows.w) * rows.h < 6)]
+        N = N[(N * self.span > 4) & (N * rows.passed < 6)]
         least = 2 if set(block.acts) == {"torque"} and not self.linear else 1
         N = N[N >= least]  # a torque of order 1 is gravity
         if not len(N):
             return
-        X = self._screened(block, [{key: n} for n in N]) * np.repeat(
-            self.view.seen_of(N), 2, axis=1
-        )
+        X = self._screened(block, [{key: n} for n in N])
+        if not v.is_map:  # the middle of a row stands for its window
+            X = X * np.repeat(v.seen_of(N), 2, axis=1)
         gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
         for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
@@ -433,6 +434,9 @@ class Search:
         many = (24, 9, 5, 3)[min(len(keys), 4) - 1]
         grids = [self._grid(block.own[k], many) for k in keys]
         sets = [dict(zip(keys, map(float, x), strict=True)) for x in product(*grids)]
+        if self.view.is_map:  # few rows: each is entered, as the screening knows no bounds
+            yield from (self._contender(block, q, cost=float(np.log(len(sets)))) for q in sets)
+            return
         X = self._screened(block, sets)
         best = sets[int(np.argmax(self._gains(block, np.nan_to_num(X))))]
         steps = [0.3 * float(np.min(np.diff(g))) if len(g) > 1 else 0.1 for g in grids]

@@ -115,7 +115,7 @@ class Table:
         v = self.view
         self._laws: dict[tuple[int, ...], np.ndarray] = {}
         fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
-        size = float(np.sqrt(np.mean(v.rows.a**2))) + TINY
+        size = float(np.sqrt(np.mean(v.rows.a**2))) or 1.0
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
         if not self.chosen:  # what effects scale is the friction of the declared model
             v.torques(fit.b)
@@ -309,7 +309,8 @@ class Table:
         G, _ = normal_equations(X, r, w, prior, scale, 0.0)
         lever = np.einsum("ij,ij->i", X, np.linalg.solve(G, X.T).T) * w
         alone = np.abs(r) / np.maximum(1 - lever, 0.05)
-        self.scale = max(scale, 1.38 * float(np.median(alone)))
+        alike = self.view.scatter(self.y - self.X @ self.fit.b)
+        self.scale = max(scale, 1.38 * float(np.median(alone)), alike)
         self.rest = float(np.sqrt(np.mean(r**2))) / self.view.size
         self.weights = (NU + 1) / (NU + (r / self.scale) ** 2)
 

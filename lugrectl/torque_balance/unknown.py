@@ -32,9 +32,18 @@ class Unknown:
         self.times = spline(time, 10)
         shapes = [K @ self.place, K @ spline(x, 16)] if turns else [K @ self.place]
         sided = spline(np.abs(m.w) / m.top, 16) * np.sign(m.w)[:, None]
+        if self.view.is_map:  # a few speeds of several decades, both directions or one
+            pace = np.unique(np.abs(m.w), return_inverse=True)[1]
+            by_speed = spline(pace / pace.max(), 12)
+            sided = by_speed * np.sign(m.w)[:, None]
+            ways = [
+                K @ (by_speed * (side * m.w > 0)[:, None])
+                for side in (1, -1)
+                if np.any(side * m.w > 0)
+            ]
         self.still: dict[Signals, list[np.ndarray]] = {
             ("theta",): shapes,
-            ("w",): [K @ sided],
+            ("w",): [K @ sided, *ways] if self.view.is_map else [K @ sided],
             ("t",): [K @ spline(time, 24)],
         }
         self.mixed = K @ product(spline(w, 6), self.coarse)
@@ -59,7 +68,7 @@ class Unknown:
         """The contenders, the likeliest first; in the first pass by their promise alone."""
         made, quick = [], self.table.quick
         for depends_on, bases in self._bases():
-            for C in bases:
+            for C in bases if self.view.signals >= set(depends_on) else ():
                 for size in (QUICK,) if quick else SIZES:
                     c = self._contender(depends_on, C, size, len(bases))
                     c.gain = self.table.promise(c) - c.cost

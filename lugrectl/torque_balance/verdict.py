@@ -14,14 +14,16 @@ import numpy as np
 from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
+from ..core.option_names import option
 from ..record.stretches import Stretch
-from .columns import Along, columns
+from .columns import columns
 from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
-from .friction import Term, View, declared_terms
+from .friction import Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
 from .last_fit import LastFit, State, state_of, terms_of
+from .maps import Still, is_map, map_of
 from .motion import Motion
 from .open_values import find_open
 from .rows import Rows
@@ -41,6 +43,8 @@ NO_GAIN = (
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
 MOST_STRUCK = 12  # names that may be struck
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
+OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
+TURN = "Check the sign of u; {} reverses it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
@@ -93,8 +97,10 @@ class Answer:
         return self.view.sure
 
 
-def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
-    """The log as the table sees it: motion, windows, declared effects."""
+def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Still]:
+    """The log as the table sees it: motion, windows, declared effects; or a map."""
+    if is_map(stretches):
+        return map_of(stretches, model), Still()
     motion, known = Motion.of(sampled(stretches)), model.known()
     here, turns = places(motion), motion.span > 2 and model.motion != "linear"
     weight = columns(members("effect")["gravity"], {}, here).wide
@@ -118,19 +124,12 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width]:
     return view, width
 
 
-def places(motion: Motion) -> Along:
-    """The motion alone, before anything is known of the drive."""
-    none = np.zeros(len(motion))
-    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
-    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
-                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
-                 **unknown)  # fmt: skip
-
-
-def refuse_dead(view: View, width: Width) -> None:
+def refuse_dead(view: View, width: Width | Still) -> None:
     """Refused where the torque has nothing to do with the motion."""
     if np.ptp(view.motion.u) == 0:
         raise Refused("u is the same in every row: the torque channel is dead.")
+    if view.backward:
+        raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
     if width.impossible and not view.declared.get("J"):
         raise Refused(
             "the inertia comes out negative and there is no friction: u follows the motion, or has "
@@ -154,8 +153,19 @@ def answer(
     refuse_dead(view, width)
     split = Split.of(view, held_out)
     train, test = view.on(split.train), view.on(split.test)
-    decision = Decision(train, width, least=least)
-    return _Judge(view, train, test, split, decision).answer()
+    made = _Judge(view, train, test, split, Decision(train, width, least=least)).answer()
+    if not view.is_map:
+        return made
+    # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
+    every, other = np.ones(len(view.rows), bool), made
+    both = view.on(every), view.on(every)
+    made = _Judge(view, *both, split, Decision(both[0], width, least=least)).answer()
+    for key in ("without", "with_names", "refitted", "trained", "declared_error"):
+        setattr(made, key, getattr(other, key))
+    r = made.last.design.y - made.last.design.X @ made.last.fit.b
+    if made.verdict != "unexplained" and view.follows_speed(r):
+        made.verdict, made.depends_on = "unexplained", ["w"]
+    return made
 
 
 class _Judge:
@@ -341,7 +351,8 @@ class _Judge:
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        lower = gain(plain, full, v.motion.duration) > Z_LOWER and full.error < plain.error
+        sure = v.is_map or gain(plain, full, v.motion.duration) > Z_LOWER  # a few runs cannot be
+        lower = sure and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
             return self._no_names(last, named), False
@@ -385,7 +396,7 @@ class _Judge:
         interval = Interval(last)
         orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
         widest = np.inf  # a window that hides a wave tells nothing of it
-        if orders:
+        if orders and not self.view.is_map:
             slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
             widest = 5 / (max(orders) * slow) / self.view.rows.h
         self.rivals = self._rivals(last)
@@ -410,6 +421,8 @@ class _Judge:
     # ---- sensors, and loads that only the inertia shows
     def _late_speed(self, made: Answer) -> None:
         """w that lags theta is named where theta shows it."""
+        if self.view.is_map:
+            return
         sensors: Sensors = self.view.motion.sensors
         lag, error = sensors.lag, sensors.lag_error
         declared = {t.name for t in self.view.terms}

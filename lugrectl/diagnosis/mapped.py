@@ -1,0 +1,213 @@
+"""What a map of runs at steady speeds has beside any other answer: points, curves, ripples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy import signal, stats
+
+from ..blocks.block import members, unit_for
+from ..core.errors import InputError
+from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
+from ..record import stretches
+from ..record.stretches import Stretch
+from ..torque_balance.constants import FLOOR
+from ..torque_balance.last_fit import Design, LastFit
+from ..torque_balance.maps import MapView, Nodes, Run, is_map
+from ..torque_balance.verdict import Answer
+from .asked import Asked
+
+FINE = 400  # speeds at which the curves are drawn
+LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated
+HIGHEST = 8  # order of a turn that is examined
+LEAST_RUNS = 3  # that turn so far
+CHANCE = 0.01  # probability that any order is named although there is no ripple
+FAR = 6.0  # robust standard deviations by which a run differs from the others ...
+LARGE = 0.1  # ... and of all torque
+MAP = "{} runs at steady speeds were taken as one map of torque over speed; they do not tell {}."
+DIFFERS = "{} differs from what the other runs say by {:.3g} {}."
+SWINGS = (
+    "The torque varies with the angle: {} of friction. Its phase in the runs is unknown, so it is "
+    "not part of the model."
+)
+NOT_STEADY = "{} is not at a steady speed like the other runs; hold out one that is, or none."
+LOG_ANGLE = (
+    "To distinguish {} from {}: log theta from one zero mark in every run, over slow turns in both "
+    "directions."
+)
+Span = tuple[int, float, float]
+Swing = tuple[int, Estimate]
+
+
+def judged_on(asked: Asked, held_out: Sequence[Span]) -> tuple[list[Stretch], list[Span]]:
+    """All stretches with (run, start, end) in s that are held out: of a map every third run, where
+    nothing else is asked for."""
+    parts, other = list(asked.stretches), asked.holdout()
+    if not is_map(parts) or other is None:
+        return parts, list(held_out)
+    if isinstance(other, str):
+        ends = [[s.t[[0, -1]] for s in parts if s.run == run] for run in range(len(asked.logs))]
+        return parts, [(i, float(np.mean([x[0][0], x[-1][1]])), np.inf) for i, x in enumerate(ends)]
+    run, log = len(asked.logs), other.log
+    assert log is not None
+    added = [replace(s, run=run) for s in stretches([log])[0]]
+    if not is_map([*parts, *added]):
+        raise InputError(NOT_STEADY.format(other.source))
+    return [*parts, *added], [(run, -np.inf, np.inf)]
+
+
+def of_map(found: Any, made: Answer, asked: Asked) -> Any:
+    """An answer, of a diagnosis or an identification, with what only a map has."""
+    view, unit = made.view, unit_for("N m", asked.model.motion)
+    assert isinstance(view, MapView)
+    swing = swings(asked.stretches, unit)
+    error = _error(made, unit)
+    known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}
+    silent = [k for k, p in asked.model.declarations().items() if p.fitted and k not in known]
+    values = {k: x for k, x in asked.model.values().items() if k in silent}
+    friction = 0.01 * view.size
+    said = [MAP.format(len(np.unique(view.motion.run)), ", ".join(silent) or "J")]
+    said += _different(made, [log.source for log in asked.logs], unit)
+    orders = [f"{n} times per turn by {e.value / friction:.2g} %" for n, e in swing]
+    named = {s for t in made.last.state.terms for s in t.block.inputs}
+    said += [SWINGS.format(", ".join(orders))] if swing and "theta" not in named else []
+    made_of = {
+        "error": error, "estimates": known, "map": friction_map(made, asked.model.motion, swing),
+        "model": found.model.with_values(values), "messages": (*found.messages, *said),
+    }  # fmt: skip
+    keys = ("unit", "declared", "refitted", "augmented")
+    if not hasattr(found, "verdict"):
+        return replace(found, **made_of | {"error": {k: error[k] for k in error if k != keys[-1]}})
+    made_of["torque_error"] = {k: error[k] for k in keys}
+    made_of["depends_on"] = tuple(s for s in found.depends_on if s != "t")
+    made_of["free_error"] = {k: error[k] for k in ("signal", *keys)} | {"in_sample": False}
+    return _swung(replace(found, **made_of), made, swing)
+
+
+def _error(made: Answer, unit: str) -> dict[str, Any]:
+    """Of means over stretches of the held-out runs."""
+    m, rows = made.view.motion, made.view.rows
+    assert isinstance(m, Nodes)
+    test = np.isin(m.row, np.flatnonzero(made.split.test))
+    steps = np.diff(made.last.design.y)[np.diff(m.run[rows.at]) == 0]
+    time = [float(np.ptp(m.stamp[m.run == run])) for run in np.unique(m.run)]
+    errors = {
+        "declared": made.declared_error,
+        "refitted": made.without.error,
+        "augmented": made.with_names.error,
+    }
+    noise = float(np.sqrt(np.mean(steps**2) / 2))
+    floor = min([noise, *(x for x in errors.values() if x is not None)])
+    return {
+        "signal": "u", "unit": unit, "samples": int(m.size[test].sum()),
+        "horizon": float(np.median(time)), **errors, "noise_floor": floor,
+    }  # fmt: skip
+
+
+def _different(made: Answer, names: Sequence[str], unit: str) -> list[str]:
+    """A sentence on each run that differs from the others."""
+    view, last = made.view, made.last
+    assert isinstance(view, MapView)
+    left = view.by_run(last.design.y - last.design.X @ last.fit.b)
+    most = max(FAR * 1.4826 * float(np.median(np.abs(left))), LARGE * view.force)
+    far, runs = np.abs(left) > most, np.unique(view.motion.run)
+    return [DIFFERS.format(names[runs[i]], left[i], unit) for i in np.flatnonzero(far)]
+
+
+def friction_map(made: Answer, motion: str, swing: Sequence[Swing] = ()) -> FrictionMap:
+    """The mean torque of each run without what depends on the angle, and the curves of the fits to
+    training runs."""
+    view, d = made.view, made.last.design
+    assert isinstance(view, MapView)
+    over_angle = ~_of_speed(d)
+    y = d.y - d.X[:, over_angle] @ made.last.fit.b[over_angle]
+    u, many = view.by_run(y), np.bincount(view.apart)
+    error = np.sqrt(np.maximum(view.by_run(y**2) - u**2, 0.0) / np.maximum(many - 1, 1))
+    w = view.by_run(view.motion.w[view.rows.at])
+    half = np.linspace(np.abs(w).min(), np.abs(w).max(), FINE // 2)
+    at = np.concatenate([-half[::-1], half])
+    fits = {"refitted": made.refitted or made.last, "augmented": made.trained or made.last}
+    curves = {name: _curve(last, at) for name, last in fits.items()}
+    held_out = view.by_run(1.0 * made.split.test) > 0.5
+    return FrictionMap(w, u, error, held_out, at, curves, motion, tuple(swing))
+
+
+def _of_speed(design: Design) -> np.ndarray:
+    """Which columns depend on the speed alone, or on nothing."""
+    terms = design.state.terms
+    return np.array([n != "~" if isinstance(n, str) else "theta" not in terms[n[0]].block.inputs
+                     for n in design.names])  # fmt: skip
+
+
+def _curve(last: LastFit, w: np.ndarray) -> np.ndarray:
+    """Torque (n,) at other speeds (n,), without what depends on the angle."""
+    view, one = last.view, np.ones(1)
+    runs = [Run(i, float(x), 0.0, one, one, 0 * one, 0 * one, one, np.zeros(1, int))
+            for i, x in enumerate(w)]  # fmt: skip
+    other = MapView(Nodes(runs, True), view.model)
+    other.x0, other.vs, other.force = view.x0, view.vs, view.force
+    d, b = Design(other, last.state.copy()), dict(zip(last.design.names, last.fit.b, strict=True))
+    return d.X @ np.where(_of_speed(d), [b.get(n, 0.0) for n in d.names], 0.0)
+
+
+# The ripple over an angle of which each run has its own zero
+
+
+def swings(parts: Sequence[Stretch], unit: str) -> list[Swing]:
+    """The orders of a turn at which the torque swings, largest first, with amplitudes.
+
+    An order is named if its power exceeds that of half an order beside it on either side by more
+    than chance allows, whatever the colour of the noise (F tests of the runs, joined as Fisher
+    does).
+    """
+    orders, power = np.arange(1.0, 2 * HIGHEST + 2) / 2.0, []
+    for s in parts:
+        theta = s.theta
+        if theta is None:
+            assert s.w is not None
+            theta = np.cumsum(s.w) * s.dt
+        if np.ptp(theta) >= 2 * np.pi * LEAST_TURNS:
+            u = signal.detrend(s.u) * np.hanning(len(s.u)) * 2.0
+            power.append(np.abs(2.0 * np.exp(-1j * np.outer(orders, theta)) @ u / len(u)) ** 2)
+    if len(power) < LEAST_RUNS:
+        return []
+    found = [_swing(n, np.array(power), unit) for n in range(1, HIGHEST + 1)]
+    return sorted((s for s in found if s), key=lambda s: -s[1].value)
+
+
+def _swing(order: int, power: np.ndarray, unit: str) -> Swing | None:
+    """``power`` is (runs, half orders from 1/2 on)."""
+    below, own, above = power[:, 2 * order - 2 : 2 * order + 1].T
+    beside, many = 0.5 * (below + above), len(own)
+    chance = -4.0 * np.sum(np.log1p(-own / (own + 2.0 * beside)))
+    if stats.chi2.sf(chance, 2 * many) > CHANCE / HIGHEST:
+        return None
+    excess = own - beside
+    mean, half = float(np.mean(excess)), float(stats.sem(excess) * stats.t.ppf(0.975, many - 1))
+    size, low, high = np.sqrt(np.maximum([mean, mean - half, mean + half], 0.0)).tolist()
+    return order, Estimate(size, unit, (low, high))
+
+
+def _swung(found: Any, made: Answer, swing: Sequence[Swing]) -> Any:
+    """A ripple that is the largest part of what is missing is named by what can cause it: a map
+    does not tell its causes apart, nor its phase."""
+    shares = [made.last.share(i) for i, t in enumerate(made.last.state.terms) if not t.declared]
+    size = swing[0][1].value / np.sqrt(2.0) / made.view.size if swing else 0.0
+    known = {*found.depends_on}.union(*(t.block.inputs for t in made.view.terms))
+    if found.verdict == "unexplained" or "theta" in known or size < max([FLOOR, *shares]):
+        return found
+    order, amplitude = swing[0]
+    name = "gravity" if order == 1 else "torque_ripple"
+    others = [n for n, b in members("effect").items() if not {"J", "torque"} & {*b.acts}
+              and any(p.whole and p.low <= order <= p.high for p in b.own.values())]  # fmt: skip
+    own = {"amplitude": amplitude}
+    own |= {} if order == 1 else {"harmonic": Estimate(float(order), "1/rev")}
+    finding = Finding(name, own, tuple(Candidate(n, 0.0, 0.0) for n in others))
+    said = LOG_ANGLE.format(name, " or ".join(others))
+    return replace(
+        found, verdict="ambiguous", effects=(*found.effects, finding), experiment=said,
+        depends_on=(*found.depends_on, "theta"),
+    )  # fmt: skip

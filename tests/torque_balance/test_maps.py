@@ -1,0 +1,206 @@
+"""Runs at steady speeds as one friction map, from made-up logs with known values."""
+
+import json
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.core.errors import InputError
+from lugrectl.diagnosis.asked import Asked
+
+FC, FV = 0.3, 0.02
+SPEEDS = np.r_[-np.geomspace(0.5, 12, 8), np.geomspace(0.5, 12, 8)]
+MODEL = lg.Model.of(friction="coulomb")
+NOISE, SCATTER = 0.003, 0.002  # N m: of a sample, and of a run
+
+
+@pytest.fixture(autouse=True)
+def new_core(monkeypatch):
+    monkeypatch.setattr("lugrectl.diagnosis.diagnose.NEW", True)
+
+
+def runs(added=None, speeds=SPEEDS, n=300, dt=0.01, has=("theta",), seed=1):
+    """Fc sign(w) + Fv w + ``added``(w, theta), N m; each run is over other angles."""
+    chance, made = np.random.default_rng(seed), []
+    for w in speeds:
+        t = dt * np.arange(n)
+        theta = chance.uniform(-1, 1) + w * t
+        u = FC * np.sign(w) + FV * w + (0.0 if added is None else added(w, theta))
+        u = u + NOISE * chance.standard_normal(n) + SCATTER * chance.standard_normal()
+        both = {"theta": theta, "w": w + 0.02 * chance.standard_normal(n)}
+        made.append({"t": t, "u": u} | {k: both[k] for k in has})
+    return made
+
+
+def holds(estimate, truth, relative=0.2):
+    """Whether the interval holds the truth and is no wider than a share of it."""
+    low, high = estimate.ci95
+    return low <= truth <= high and high - low < 2 * relative * abs(truth)
+
+
+def named(found):
+    return [e.name for e in found.effects]
+
+
+def test_plain_friction_is_adequate_with_its_values():
+    found = lg.diagnose(runs(), MODEL)
+    assert found.verdict == "adequate" and not found.effects
+    assert holds(found.estimates["Fc"], FC, 0.05) and holds(found.estimates["Fv"], FV, 0.1)
+    assert "J" not in found.estimates and found.model.J is None
+    assert any("do not tell J" in m for m in found.messages)
+    assert found.plain.is_map and len(found.plain.curve) == len(SPEEDS)
+    held = [p.ci95[0] <= FC * np.sign(p.w) + FV * p.w <= p.ci95[1] for p in found.plain.curve]
+    assert sum(held) >= len(SPEEDS) - 1
+
+
+def test_the_answer_has_the_face_of_a_map():
+    found = lg.diagnose(runs(lambda w, x: 0.5 * np.sin(x + 0.4)), MODEL)
+    document = json.loads(found.to_json())
+    assert document["error"]["signal"] == "u" and document["torque_error"]["unit"] == "N m"
+    assert document["error"]["augmented"] < 0.1 * document["error"]["refitted"]
+    assert len(document["map"]["w"]) == len(document["map"]["held_out"]) == len(SPEEDS)
+    assert sum(document["map"]["held_out"]) == 4
+    assert {row["term"] for row in document["budget"]} >= {"coulomb", "viscous", "gravity"}
+    assert document["comparison"][0]["model"] == "declared"
+    steps = np.abs(found.map.u - FC * np.sign(found.map.w) - FV * found.map.w)
+    assert np.max(steps) < 0.05 * FC  # without what hangs on the angle
+    for curve in found.map.curves.values():
+        assert len(curve) == len(found.map.at)
+    assert found.plot() is not None
+
+
+def test_gravity_of_an_arm_and_that_it_may_be_declared():
+    made = runs(lambda w, x: 0.5 * np.sin(x + 0.4))
+    found = lg.diagnose(made, MODEL)
+    assert found.verdict == "found" and named(found) == ["gravity"]
+    own = found.effects[0].parameters
+    assert holds(own["amplitude"], 0.5, 0.05) and holds(own["phase"], 0.4)
+    assert holds(found.estimates["Fc"], FC)
+    declared = MODEL.with_effect("gravity", {"amplitude": 0.45, "phase": 0.5})
+    again = lg.diagnose(made, declared)
+    assert again.verdict == "adequate" and holds(again.estimates["gravity.amplitude"], 0.5, 0.05)
+
+
+@pytest.mark.parametrize(
+    "added, name, values",
+    [
+        (lambda w, x: 0.06 * np.sin(3 * x + 0.4), "torque_ripple", {"amplitude": 0.06}),
+        (
+            lambda w, x: 0.08 * np.sign(w) * np.sin(2 * x + 0.4),
+            "position_dependent_friction",
+            {"ratio": 0.08 / FC},
+        ),
+        (lambda w, x: 0.002 * w * abs(w), "quadratic_drag", {"coefficient": 0.002}),
+        (lambda w, x: 0.006 * abs(w), "viscous_asymmetry", {"ratio": 0.006 / FV}),
+    ],
+)
+def test_what_hangs_on_angle_and_speed_is_named(added, name, values):
+    found = lg.diagnose(runs(added), MODEL)
+    assert found.verdict == "found" and named(found) == [name]
+    assert all(holds(found.effects[0].parameters[k], x) for k, x in values.items())
+    assert found.error["augmented"] < found.error["refitted"]
+
+
+def test_a_bend_of_the_friction_curve():
+    bend = lg.diagnose(runs(lambda w, x: 0.1 * np.sign(w) * abs(w) ** 0.5 - FV * w), MODEL)
+    assert named(bend) == ["sublinear_viscous"]
+    assert bend.effects[0].parameters["exponent"].may_be(0.5)
+
+
+def test_a_constant_is_an_asymmetry_as_well():
+    found = lg.diagnose(runs(lambda w, x: 0.05), MODEL)
+    names = {*named(found), *(a.name for a in found.effects[0].alternatives)}
+    assert found.verdict == "ambiguous" and len(found.effects) == 1
+    assert names == {"constant_torque", "coulomb_asymmetry"} and found.experiment
+
+
+def test_one_direction_gives_the_sum():
+    found = lg.diagnose(runs(lambda w, x: 0.05, speeds=np.geomspace(0.5, 12, 7)), MODEL)
+    (total,) = found.plain.combinations
+    assert total.text == "Fc + constant_torque" and total.ci95[0] <= FC + 0.05 <= total.ci95[1]
+    assert "direction" in total.to_separate and "Fc" not in found.estimates
+    assert holds(found.estimates["Fv"], FV)
+
+
+def test_six_runs_with_speed_alone():
+    found = lg.diagnose(runs(speeds=[-9, -4, -1, 1, 4, 9], has=("w",)), MODEL)
+    assert found.verdict == "adequate" and len(found.map.w) == 6
+    assert holds(found.estimates["Fc"], FC, 0.4) and holds(found.estimates["Fv"], FV, 0.4)
+
+
+def test_short_runs_of_a_low_rate_beside_others():
+    slow = runs(speeds=SPEEDS[:3], n=24, dt=0.25, has=("w",))
+    found = lg.diagnose([*slow, *runs(speeds=SPEEDS[3:], has=("w", "theta"))], MODEL)
+    assert found.verdict == "adequate" and len(found.map.w) == len(SPEEDS)
+    assert holds(found.estimates["Fc"], FC, 0.1) and holds(found.estimates["Fv"], FV, 0.1)
+
+
+def test_a_ripple_is_said_where_no_angle_was_recorded():
+    made = runs(lambda w, x: 0.06 * np.sin(3 * x), speeds=4 * SPEEDS, has=("w",))
+    found = lg.diagnose(made, MODEL)
+    assert found.map.swing[0][0] == 3 and holds(found.map.swing[0][1], 0.06, 0.1)
+    assert found.verdict == "ambiguous" and found.effects[0].alternatives
+    assert "phase" not in found.effects[0].parameters and not found.model.effects
+
+
+@pytest.mark.parametrize(
+    "added",
+    [
+        lambda w, x: 0.15 * np.sign(w) * np.exp(-(((abs(w) - 4) / 1.2) ** 2)),
+        lambda w, x: 0.15 * np.sign(w) * (abs(w) > 5),
+    ],
+)
+def test_what_no_effect_explains_is_unexplained(added):
+    speeds = np.linspace(0.5, 12, 12)
+    found = lg.diagnose(runs(added, speeds=[*speeds, *-speeds]), MODEL)
+    assert found.verdict == "unexplained" and "w" in found.depends_on and found.experiment
+
+
+def test_torque_of_the_wrong_sign_is_refused_with_values_of_the_other():
+    made = [run | {"u": -run["u"]} for run in runs()]
+    found = lg.diagnose(made, MODEL)
+    assert found.verdict == "refused" and "opposes" in found.reason and "u=-1" in found.experiment
+    assert holds(found.plain.parameters["Fc"], FC, 0.05)
+    assert any("-u" in m for m in found.messages)
+
+
+@pytest.mark.parametrize("differs", [lambda u: u + 0.2, lambda u: -u])
+def test_a_run_that_differs_moves_nothing_and_is_said(differs):
+    made = runs()
+    made[5] = made[5] | {"u": differs(made[5]["u"])}
+    made = [lg.read_record(run, motion="rotary") for run in made]
+    found = lg.diagnose(made, MODEL)
+    assert found.verdict == "adequate" and any("differs" in m for m in found.messages)
+    assert holds(found.estimates["Fc"], FC) and holds(found.estimates["Fv"], FV, 0.4)
+
+
+def test_the_plain_balance_of_a_map():
+    plain = Asked.of(runs(), MODEL).plain
+    assert plain.is_map and holds(plain.parameters["Fc"], FC, 0.05)
+    assert not {"J", "u_delay"} & plain.parameters.keys()
+
+
+def test_too_few_runs_have_a_plain_answer():
+    found = lg.diagnose(runs(speeds=[-6, -1, 1, 6.5]), MODEL)
+    assert found.verdict == "refused" and "too few" in found.reason
+    sums = [c for c in found.plain.combinations if c.text.startswith("Fc")]
+    assert sums or "Fc" in found.plain.parameters
+
+
+def test_other_ways_to_hold_out():
+    made = runs(lambda w, x: 0.5 * np.sin(x))
+    last = lg.diagnose(made, MODEL, holdout="last")
+    apart = lg.diagnose(made[:-1], MODEL, holdout=made[-1])
+    assert named(last) == named(apart) == ["gravity"]
+    assert apart.map.held_out.tolist() == [False] * (len(made) - 1) + [True]
+    assert apart.error["augmented"] < 0.2 * apart.error["refitted"]
+    moving = {"t": made[0]["t"], "u": made[0]["u"], "theta": np.sin(5 * made[0]["t"])}
+    with pytest.raises(InputError, match="steady"):
+        lg.diagnose(made[:-1], MODEL, holdout=moving)
+
+
+def test_a_linear_axis_has_its_own_units():
+    found = lg.diagnose(runs(lambda w, x: 0.05), lg.Model.of(friction="coulomb", motion="linear"))
+    assert found.error["unit"] == "N" and found.effects
+    assert found.plain.parameters["Fc"].unit == "N"
