@@ -234,8 +234,8 @@ class Search:
         if not len(N):
             return
         X = self._screened(block, [{key: n} for n in N])
-        if not v.is_map:  # the middle of a row stands for its window
-            X = X * np.repeat(v.seen_of(N), 2, axis=1)
+        if not self.view.is_map:  # the middle of a row stands for its window
+            X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
         gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
         for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
