@@ -16,6 +16,7 @@ from .constants import Z95
 from .last_fit import LastFit
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))
+INSTEAD: dict[tuple[str, ...], tuple[str, ...]]
 INSTEAD = {("t", "u"): ("t", "w"), ("theta", "u"): ("theta", "w")}  # u has mostly the sign of w
 SIZES = (12, 24, 48, 96)  # points
 STIFFNESS = tuple(10.0 ** np.arange(-9.0, 1.0))  # of the curvature, over the rows
