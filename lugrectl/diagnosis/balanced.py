@@ -162,7 +162,8 @@ def simulated(
         return None, values, None
     model = made.view.model
     ready = as_it_acts(ready, made)
-    refitted, trained = completed(made.refitted, model), completed(made.trained, model, made.parts)
+    refitted = completed(made.refitted or made.last, model)
+    trained = completed(made.trained or made.last, model, made.parts)
     try:
         own_law = not told_by_balance(model)
         if (_clean(made, least) or own_law) and not made.only_inertia:

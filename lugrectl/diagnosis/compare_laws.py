@@ -18,6 +18,7 @@ from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.regression import paired
 from ..core.validation import positive, share, shown
+from ..engine.runtime.threads import each_beside
 from ..parallel.blas_threads import one_blas_thread
 from ..torque_balance.base import alone
 from ..torque_balance.constants import ALPHA
@@ -175,15 +176,23 @@ def law_names(given: Any) -> list[str]:
 def _fitted(
     ready: Prepared, asked: Asked, names: Sequence[str], limit: float, report: Progress
 ) -> tuple[list[_Fit], dict[str, str]]:
-    """The fits of the laws, and why others could not be fitted."""
-    fits, refused = [], {}
-    for i, name in enumerate(names):
-        report(0.1 + 0.9 * i / len(names), f"friction law {name}")
+    """The fits of the laws, side by side, and why others could not be fitted."""
+
+    def one(name: str) -> _Fit | str:
         try:
             with within(limit):
-                fits.append(_fit(ready, asked, name))
+                return _fit(ready, asked, name)
         except (Refused, InputError) as no:
-            refused[name] = str(no)
+            return str(no)
+
+    fits, refused = [], {}
+    report(0.1, f"friction law {names[0]}")
+    for i, (name, found) in enumerate(zip(names, each_beside(one, names), strict=True), 1):
+        if isinstance(found, str):
+            refused[name] = found
+        else:
+            fits.append(found)
+        report(0.1 + 0.9 * i / len(names), f"friction law {names[min(i, len(names) - 1)]}")
     if not fits:
         raise Refused(next(iter(refused.values())))
     return fits, refused
@@ -226,5 +235,6 @@ def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
 
 
 def _row(f: _Fit, chosen: _Fit) -> ComparedLaw:
-    gain, se = (0.0, 0.0) if f is chosen else paired(f.windows, chosen.windows)
-    return ComparedLaw(f.name, gain, se, f.torque, f.error, f.parameters)
+    d = f.windows - chosen.windows
+    se = float(np.sqrt(len(d)) * np.std(d, ddof=1)) if f is not chosen else 0.0
+    return ComparedLaw(f.name, float(d.sum()), se, f.torque, f.error, f.parameters)

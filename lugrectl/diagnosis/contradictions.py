@@ -1,4 +1,4 @@
-"""What makes a log impossible as it was given: a sign, a column, a unit, a held value.
+"""What makes a log impossible as it was given: a sign, a column, the unit of a run, a held value.
 
 Each is seen by base rows alone: the log as it is, and as it would be without the fault.
 """

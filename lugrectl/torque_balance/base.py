@@ -38,6 +38,7 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
 def settled(view: View) -> LastFit:
     """The declared model at its best friction law."""
     table = Table(view)
+    assert table.scale is not None  # the table has been settled
     return best_law(view, state_of(table), table.scale, straight=True)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.block import members
+from ..blocks.declared_values import Stated
 from ..blocks.model import Model
 from ..estimates.balance import Combination
 from ..estimates.covariance import Joint
@@ -58,6 +59,13 @@ def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model
     if means_the_same(made.friction.block):
         return made
     return made.with_values(made.kept(_inside(made, law_values(last, made))))
+
+
+def bounds_of(model: Model, key: str) -> tuple[float, float]:
+    """Where a value may lie: by its declaration, and as the model states it."""
+    p, one = model.declarations()[key], model.stated.get(key, Stated())
+    low = p.low if one.low is None else max(p.low, one.low)
+    return low, p.high if one.high is None else min(p.high, one.high)
 
 
 def _law_part(name: str, known: Mapping[str, float]) -> dict[str, float | None]:
@@ -116,7 +124,8 @@ def model_values(
         ends = values[told[key]][1:] if key in told else None
         whole_turn = ends is not None and own[key].angle and ends[1] - ends[0] >= 2 * np.pi
         if ends is not None and not whole_turn and key not in held:
-            ends = max(ends[0], own[key].low), min(ends[1], own[key].high)
+            low, high = bounds_of(made, key)
+            ends = min(max(ends[0], low), value), max(min(ends[1], high), value)
         else:
             ends = None
         if own[key].whole and made.motion == "rotary" and key in told:
@@ -163,6 +172,7 @@ def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     own = model.declarations()
     made = {}
     for key, x, h in zip(joint.names, joint.values.tolist(), half.tolist(), strict=True):
-        ends = max(x - h, own[key].low), min(x + h, own[key].high)
+        low, high = bounds_of(model, key)
+        ends = min(max(x - h, low), x), max(min(x + h, high), x)
         made[key] = Estimate(x, model.unit(key), ends)
     return made

@@ -92,9 +92,9 @@ DIAGNOSES: dict[str, Callable[[], Any]] = {
     "found": lambda: lg.diagnose(log(load=ripple), DRIVE),
     # in one direction a friction that depends on the angle is the same torque as a ripple
     "ambiguous": lambda: lg.diagnose(
-        log(mean=6.0, size=0.1, load=lambda theta, w: 0.05 * np.sin(5.0 * theta + 0.4)), DRIVE
+        log(mean=6.0, size=0.1, load=lambda theta, w: 0.02 * np.sin(5.0 * theta + 0.4)), DRIVE
     ),
-    "unexplained": lambda: lg.diagnose(log(12.0, seed=4, load=bumps), DRIVE),
+    "unexplained": lambda: lg.diagnose(log(16.0, seed=2, load=bumps), DRIVE),
     "refused": lambda: lg.diagnose(in_ms(), FREE),
     "map": lambda: lg.diagnose(steady(), DRIVE),
     "runs": lambda: lg.diagnose([log(6.0), log(6.0, seed=2, speed=True)], DRIVE),

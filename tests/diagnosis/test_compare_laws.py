@@ -111,7 +111,7 @@ def test_laws_are_fitted_side_by_side_in_the_order_of_their_names(monkeypatch):
     monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
     both, said = threading.Barrier(2, timeout=20.0), []
 
-    def fitted(ready, name, model):
+    def fitted(ready, asked, name):
         both.wait()
         if name == "dahl":
             raise Refused("no bristle.")
@@ -119,7 +119,7 @@ def test_laws_are_fitted_side_by_side_in_the_order_of_their_names(monkeypatch):
 
     monkeypatch.setattr(compare_laws, "_fit", fitted)
     names = ["viscous", "dahl"]
-    made = compare_laws._fitted(None, lg.Model.of(), names, 60.0, lambda *x: said.append(x))
+    made = compare_laws._fitted(None, None, names, 60.0, lambda *x: said.append(x))
     fits, refused = made
     assert [fit.name for fit in fits] == ["viscous"] and refused == {"dahl": "no bristle."}
     assert [round(part, 2) for part, _ in said] == [0.1, 0.55, 1.0]
