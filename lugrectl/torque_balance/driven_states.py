@@ -275,7 +275,12 @@ def _sharper(out: np.ndarray, sub: int) -> np.ndarray:
     out[:, 0] *= 2.0
     s = (np.arange(sub) + 0.5) / sub
     spread = float(np.mean((1.0 - s) * s**2))
-    out[:, 1:-1] -= spread * (out[:, 2:] - 2.0 * out[:, 1:-1] + out[:, :-2])
+    some, last, before = max(1, CHUNK // out.shape[2]), out.shape[1] - 1, out[:, :1].copy()
+    for a in range(1, last, some):
+        b = min(a + some, last)
+        part = np.concatenate([before, out[:, a : b + 1]], axis=1)
+        out[:, a:b] -= spread * (part[:, 2:] - 2.0 * part[:, 1:-1] + part[:, :-2])
+        before = part[:, -2:-1].copy()
     return out
 
 
