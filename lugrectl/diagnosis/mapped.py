@@ -79,7 +79,7 @@ def of_map(found: Any, made: Answer, asked: Asked) -> Any:
         "model": found.model.with_values(values), "messages": (*found.messages, *said),
     }  # fmt: skip
     keys = ("unit", "declared", "refitted", "augmented")
-    if not hasattr(found, "verdict"):
+    if not hasattr(found, "torque_error"):
         return replace(found, **made_of | {"error": {k: error[k] for k in error if k != keys[-1]}})
     made_of["torque_error"] = {k: error[k] for k in keys}
     made_of["depends_on"] = tuple(s for s in found.depends_on if s != "t")

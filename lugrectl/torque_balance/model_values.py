@@ -169,7 +169,6 @@ def with_scale(joint: Joint) -> Joint:
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     """Values of a joint distribution with their intervals."""
     half: Any = Z95 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
-    own = model.declarations()
     made = {}
     for key, x, h in zip(joint.names, joint.values.tolist(), half.tolist(), strict=True):
         low, high = bounds_of(model, key)
