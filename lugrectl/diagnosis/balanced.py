@@ -290,7 +290,7 @@ def _signals(made: Answer) -> tuple[str, ...]:
 
 def _beliefs(made: Answer, values: ModelValues) -> tuple[Belief, ...]:
     """The models that explain the record as well as the first."""
-    others = [r for r in made.rivals if r.view.sure]
+    others = made.rivals
     weight = 1.0 / (len(others) + 1)
     beliefs = []
     for last in others:
