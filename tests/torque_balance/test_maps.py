@@ -7,7 +7,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.errors import InputError
-from lugrectl.diagnosis.asked import Asked
 
 FC, FV = 0.3, 0.02
 SPEEDS = np.r_[-np.geomspace(0.5, 12, 8), np.geomspace(0.5, 12, 8)]
@@ -17,7 +16,8 @@ NOISE, SCATTER = 0.003, 0.002  # N m: of a sample, and of a run
 
 @pytest.fixture(autouse=True)
 def new_core(monkeypatch):
-    monkeypatch.setattr("lugrectl.diagnosis.diagnose.NEW", True)
+    for face in ("diagnose", "identify", "balance", "asked", "compare_laws"):
+        monkeypatch.setattr(f"lugrectl.diagnosis.{face}.NEW", True)
 
 
 def runs(added=None, speeds=SPEEDS, n=300, dt=0.01, has=("theta",), seed=1):
@@ -176,9 +176,23 @@ def test_a_run_that_differs_moves_nothing_and_is_said(differs):
 
 
 def test_the_plain_balance_of_a_map():
-    plain = Asked.of(runs(), MODEL).plain
+    plain = lg.balance(runs(), MODEL)
     assert plain.is_map and holds(plain.parameters["Fc"], FC, 0.05)
     assert not {"J", "u_delay"} & plain.parameters.keys()
+
+
+def test_identify_gives_the_declared_friction():
+    fit = lg.identify(runs(), MODEL)
+    assert holds(fit.estimates["Fc"], FC, 0.05) and holds(fit.estimates["Fv"], FV, 0.1)
+    assert fit.model.J is None and len(fit.map.w) == len(SPEEDS)
+    assert fit.error["signal"] == "u" and "augmented" not in fit.error
+    assert any("do not tell J" in m for m in fit.messages)
+
+
+def test_a_fall_of_friction_at_low_speed_that_the_law_lacks():
+    found = lg.diagnose(runs(lambda w, x: 0.15 * np.sign(w) * np.exp(-((w / 1.2) ** 2))), MODEL)
+    assert found.verdict == "found" and named(found) == ["stribeck"]
+    assert holds(found.estimates["Fc"], FC) and holds(found.estimates["Fv"], FV, 0.3)
 
 
 def test_too_few_runs_have_a_plain_answer():
