@@ -46,10 +46,10 @@ def breakaway_ramps(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     """Static friction in each direction and at each place, with its scatter."""
     parts = [(one, piece) for one in motions for piece in one.pieces]
     held = sum(_rows(piece) for _, piece in parts if piece.held)
-    rows = sum(map(len, motions))
+    all_rows = sum(map(len, motions))
 
     def enough(ramps: int) -> bool:
-        return ramps >= RAMPS * rows and ramps + held >= MOSTLY * rows
+        return ramps >= RAMPS * all_rows and ramps + held >= MOSTLY * all_rows
 
     if not enough(sum(_rows(piece) for _, piece in parts if piece.ramp)):
         return None
