@@ -36,7 +36,7 @@ from .asked import Asked
 from .contradictions import unfit_law
 from .experiments import longer, next_experiment, short
 from .mapped import judged_on, of_map
-from .moved_values import moved
+from .moved_values import at_bounds, moved
 from .refusal import noted
 from .result import Diagnosis
 from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
@@ -85,7 +85,8 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     doubts = doubts or asked.doubts(plain)
     law = unfit_law(made, values.model, plain, least)
     notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain)]
-    notes += [*moved(values.estimates, model), *short(asked.seen, found.stretches)]
+    notes += [*moved(values.estimates, model), *at_bounds(values.estimates, model)]
+    notes += [*short(asked.seen, found.stretches)]
     unfit = bool(law) and made.verdict == "adequate"  # friction depends on w in another way
     verdict, signals_ = ("unexplained", ("w",)) if unfit else (made.verdict, _signals(made))
     experiment = next_experiment(verdict, signals_, effects, plain, made.sure)

@@ -24,13 +24,13 @@ from ..torque_balance.constants import FLOOR
 from ..torque_balance.model_values import model_values
 from ..torque_balance.plain import plain_balance
 from .asked import Asked, judged_by
-from .balanced import NO_INERTIA, judged_on, ready_of, same_values, simulated
+from .balanced import NO_INERTIA, ready_of, same_values, simulated
 from .compare_laws import under_law
 from .contradictions import unfit_law
 from .core_choice import NEW
 from .law_comparison import LawComparison
 from .mapped import judged_on, of_map
-from .moved_values import moved
+from .moved_values import at_bounds, moved
 from .refusal import noted
 from .simulation import residuals
 
@@ -184,7 +184,11 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     notes = [*([law] if law else []), *(doubts or asked.doubts(plain))]
     notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
     notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []
-    notes += [*(() if judged is None else judged.messages), *moved(values.estimates, model)]
+    notes += [
+        *(() if judged is None else judged.messages),
+        *moved(values.estimates, model),
+        *at_bounds(values.estimates, model),
+    ]
     keys = () if judged is None else judged.error.keys() - {"augmented"}
     answer = Identification(
         estimates=values.estimates,
