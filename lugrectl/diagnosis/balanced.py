@@ -33,9 +33,10 @@ from ..torque_balance.plain import plain_balance
 from ..torque_balance.tabulated import tabulated
 from ..torque_balance.verdict import Answer, answer
 from .asked import Asked
-from .experiments import next_experiment
+from .contradictions import unfit_law
+from .experiments import longer, next_experiment, short
 from .mapped import judged_on, of_map
-from .moved_values import moved
+from .moved_values import at_bounds, moved
 from .refusal import noted
 from .result import Diagnosis
 from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
@@ -74,7 +75,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
-    judged, values, noise = simulated(ready, made, values, least)
+    judged, values, noise, why_not = simulated(ready, made, values, least, why_not)
     plain = plain_balance(
         made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches
     )
@@ -82,13 +83,19 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     values = values.beside(plain.combinations)
     effects = _findings(made, values, found)
     doubts = doubts or asked.doubts(plain)
-    notes = [*doubts, *_said(made, judged, why_not, plain), *moved(values.estimates, model)]
+    law = unfit_law(made, values.model, plain, least)
+    notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain)]
+    notes += [*moved(values.estimates, model), *at_bounds(values.estimates, model)]
+    notes += [*short(asked.seen, found.stretches)]
+    unfit = bool(law) and made.verdict == "adequate"  # friction depends on w in another way
+    verdict, signals_ = ("unexplained", ("w",)) if unfit else (made.verdict, _signals(made))
+    experiment = next_experiment(verdict, signals_, effects, plain, made.sure)
     rest = None if ready is None or judged is None else residuals(ready, values.model)
     made_of = Diagnosis(
-        verdict=made.verdict,
+        verdict=verdict,
         effects=effects,
-        depends_on=_signals(made),
-        experiment=next_experiment(made.verdict, made.depends_on, effects, plain, made.sure),
+        depends_on=signals_,
+        experiment=longer(asked.seen, found.stretches, experiment),
         error=None if judged is None else judged.error,
         free_error=None if judged is None else judged.free_error,
         torque_error=_torque_error(made, model),
@@ -100,7 +107,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         messages=noted(asked, notes),
         ranking=_ranking(found),
         traces=None if judged is None else judged.traces,
-        table=tabulated(made.last, made.depends_on) if made.verdict == "unexplained" else None,
+        table=tabulated(made.last, signals_) if verdict == "unexplained" else None,
         comparison=found,
         joint=values.joint,
         residuals=rest,
@@ -152,14 +159,14 @@ def _same_motion(ready: Prepared) -> bool:
 
 
 def simulated(
-    ready: Prepared | None, made: Answer, values: ModelValues, least: float
-) -> tuple[Judged | None, ModelValues, float | None]:
+    ready: Prepared | None, made: Answer, values: ModelValues, least: float, why_not: Refused | None
+) -> tuple[Judged | None, ModelValues, float | None, Refused | None]:
     """Errors before and after, and values of a last polish where the log is clean, or the law has
-    values of which the balance knows nothing."""
+    values of which the balance knows nothing; and why there are none."""
     if ready is None or values.model.known().get("J") is None:
-        return None, values, None
+        return None, values, None, why_not
     if not (made.sure or made.view.declared.get("J")):
-        return None, values, None
+        return None, values, None, why_not
     model = made.view.model
     ready = as_it_acts(ready, made)
     refitted = completed(made.refitted or made.last, model)
@@ -174,9 +181,11 @@ def simulated(
                 refitted = _polished(ready, refitted, values, own_law)[0] if named else trained
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
-        return errors(ready, models), values, torque_noise(ready, values.model)
-    except (InputError, Refused):
-        return None, values, None
+        return errors(ready, models), values, torque_noise(ready, values.model), why_not
+    except Refused as no:
+        return None, values, None, no
+    except InputError as no:
+        return None, values, None, Refused(str(no))
 
 
 def as_it_acts(ready: Prepared, made: Answer) -> Prepared:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..core.display import with_interval
 from ..core.errors import Refused
@@ -19,6 +20,8 @@ from ..estimates.findings import Estimate
 from ..record import Stretch
 from ..torque_balance.base import base_row
 from ..torque_balance.maps import is_map
+from ..torque_balance.own_law import means_the_same, misfit
+from ..torque_balance.verdict import Answer
 
 BETTER = 0.7  # of what a log leaves as it is: what it must leave without its fault
 EXPLAINED = 0.1  # of the torque: with less left nothing is wrong
@@ -31,6 +34,10 @@ HELD = (
     "{0} is {1} {2:.6g}{3}, but this log says {4}{3} ({5}): correct the value or its unit, or let "
     "it be fitted."
 )
+COULOMB = {"Fc": ("Coulomb", "N m"), "Fv": ("viscous", "N m s/rad")}
+COMPARE = "Declare another law, or compare them ({})."
+LACKS = "The declared law '{}' has no {} friction, and the log shows {:.3g} {} of it. "
+UNFIT = "The declared law '{}' does not fit this log, whatever its values. "
 OFF = 1.5  # times another value: farther than a missing effect takes a balance
 SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of all: no answer
 
@@ -161,6 +168,27 @@ def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
     how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
     unit = model.unit(key)
     return HELD.format(key, how, value, "" if unit == "1" else f" {unit}", *with_interval(e))
+
+
+# ---- a law that is not that of the drive
+
+
+def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
+    """A sentence where the declared law cannot be that of the drive; "" where it can.
+
+    ``shown`` has the values of the answer. What the shape of a law of ours lacks is an effect.
+    """
+    law, motion = shown.friction.block, shown.motion
+    lacks = [k for k in COULOMB if k not in law.own]
+    if not lacks and means_the_same(law) or misfit(made.last, shown) < 2 * least:
+        return ""
+    for key in lacks:
+        level = {**plain.uncertain, **plain.parameters}.get(key)
+        if level is not None and level.ci95 is not None and level.ci95[0] > 0:
+            kind, unit = COULOMB[key]
+            said = LACKS.format(law.name, kind, level.value, unit_for(unit, motion))
+            return said + COMPARE.format(option("law", "auto"))
+    return UNFIT.format(law.name) + COMPARE.format(option("law", "auto"))
 
 
 # ---- runs in another unit or sign

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+from .order_of_notes import grave_first
 
 # what both notice, in the words of the fit and in those of the plain answer, which are kept
 ALIKE = (
@@ -35,3 +39,10 @@ def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
 def _same(pairs: Sequence[tuple[str, str]], sentence: str, note: str) -> bool:
     """Whether a sentence of the fit and a note of the plain answer are one of these pairs."""
     return any(re.search(mine, sentence) and re.search(its, note) for mine, its in pairs)
+
+
+def with_plain(result: Any, asked: Any) -> Any:
+    """A result with the plain answer beside it, and what was noticed when the logs were read."""
+    said = (*asked.plain.reading, *asked.plain.against)
+    messages = grave_first(said_once(result.messages, said))
+    return replace(result, plain=asked.plain, messages=messages, records=tuple(asked.seen))

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from ..estimates.balance import Balance
 from ..estimates.findings import Finding
+from ..record import Record
 
 AGAIN = (
     "record the same motion again, twice. What returns at the same instants depends on the motion; "
@@ -20,6 +22,33 @@ ADVICE = {  # if the residual depends on several of these signals, the first one
     "w": "record constant speeds, from slow to fast, in both directions",
 }
 INERTIA = "Record a motion that starts, stops and changes its speed fast: it shows the inertia."
+
+FEW = 24  # independent stretches: with fewer a comparison is uncertain
+LEAST = 18.0  # s of motion with which a model can be fitted and checked on held-out samples
+SHORT = (
+    "The record is short: {0:.3g} s, in which {1} independent stretches of motion were compared. "
+    "With fewer than {2} the comparison is uncertain."
+)
+LONGER = "Record {:.0f} s or more of such motion first: this record is short."
+
+
+def short(records: Sequence[Record], stretches: int | None) -> tuple[str, ...]:
+    """A sentence where so few independent stretches were compared that an answer is uncertain."""
+    if stretches is None or stretches >= FEW:
+        return ()
+    return (SHORT.format(_duration(records), stretches, FEW),)
+
+
+def longer(records: Sequence[Record], stretches: int | None, then: str | None) -> str | None:
+    """What to record next: where a record is short, more of it, and then what ``then`` says."""
+    if not short(records, stretches) or not stretches:
+        return then
+    first = LONGER.format(max(LEAST, math.ceil(_duration(records) * FEW / stretches)))
+    return " ".join(filter(None, (first, then)))
+
+
+def _duration(records: Sequence[Record]) -> float:
+    return sum(record.summary()["duration"] for record in records)
 
 
 def next_experiment(

@@ -26,10 +26,11 @@ from ..torque_balance.plain import plain_balance
 from .asked import Asked, judged_by
 from .balanced import NO_INERTIA, ready_of, same_values, simulated
 from .compare_laws import under_law
+from .contradictions import unfit_law
 from .core_choice import NEW
 from .law_comparison import LawComparison
 from .mapped import judged_on, of_map
-from .moved_values import moved
+from .moved_values import at_bounds, moved
 from .refusal import noted
 from .simulation import residuals
 
@@ -175,13 +176,19 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     made = alone(parts, model, held_out)
     found = made.last, made.interval, made.values, made.covariance
     report(0.4, "errors on held-out samples")
-    judged, values, noise = simulated(ready, made, model_values(*found, model), FLOOR)
+    values = model_values(*found, model)
+    judged, values, noise, why_not = simulated(ready, made, values, FLOOR, why_not)
     plain = same_values(plain_balance(*found, made.sure, asked.stretches), values)
     values = values.beside(plain.combinations)
-    notes = [*(doubts or asked.doubts(plain))]
+    law = unfit_law(made, values.model, plain, FLOOR)
+    notes = [*([law] if law else []), *(doubts or asked.doubts(plain))]
     notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
     notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []
-    notes += [*(() if judged is None else judged.messages), *moved(values.estimates, model)]
+    notes += [
+        *(() if judged is None else judged.messages),
+        *moved(values.estimates, model),
+        *at_bounds(values.estimates, model),
+    ]
     keys = () if judged is None else judged.error.keys() - {"augmented"}
     answer = Identification(
         estimates=values.estimates,
@@ -197,4 +204,5 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
         residuals=None if ready is None or judged is None else residuals(ready, values.model),
         torque_noise=noise,
     )
+    return of_map(answer, made, asked) if made.view.is_map else answer
     return of_map(answer, made, asked) if made.view.is_map else answer

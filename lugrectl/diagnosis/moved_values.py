@@ -14,6 +14,8 @@ from ..estimates.findings import Estimate
 FAR = 0.2  # of the declared value, from which a change may have the causes below
 ALIKE = 0.05  # relative spread within which factors count as equal
 SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque multiplies
+NEAR = 1e-4  # of a bound: at it
+AT = "{} lies at its declared {} = {:.6g}: the record would take it further."
 MOVED = "{} is {} [{}], declared {:.6g}"
 LEFT = "The record moves declared values beyond their 95 % intervals: {}."
 SCALE = (
@@ -39,6 +41,20 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
         if key in left and abs((ratio := found[key].value / left[key]) - 1.0) > FAR
     }
     return [LEFT.format("; ".join([*said, *_causes(factors)]))]
+
+
+def at_bounds(found: Mapping[str, Estimate], declared: Model) -> list[str]:
+    """A sentence for each value that lies at a bound that the model states."""
+    made = []
+    for key, one in declared.stated.items():
+        for name, end in (("min", one.low), ("max", one.high)):
+            if (
+                key in found
+                and end is not None
+                and math.isclose(found[key].value, end, rel_tol=NEAR)
+            ):
+                made.append(AT.format(key, name, end))
+    return made
 
 
 def _said(key: str, estimate: Estimate, declared: Model) -> str:

@@ -21,6 +21,7 @@ from ..identification.likelihood.simulation_error import missing_torque
 from ..identification.selection import Comparison, Named, compare
 from ..identification.unknown_torque.table import tabulate
 from ..record import Record
+from .duplicate_messages import with_plain
 from .judged import judged
 from .missed_motion import missed_motion
 from .never_worse import borne
@@ -30,7 +31,7 @@ from .plain_answer import plainly
 from .question import Asked, judged_by
 from .record_length import longer, short
 from .record_length import said as length_of
-from .refusal import refusal, with_plain
+from .refusal import refusal
 from .result import Diagnosis
 from .rivals import rivals
 from .steady_runs import diagnose_map

@@ -11,12 +11,12 @@ from ..friction_maps.low_speed import as_shown
 from ..friction_maps.points import is_map
 from ..identification.selection import alone
 from ..record import Record, unlikely_time
+from .duplicate_messages import with_plain
 from .identify import Identification
 from .judged import judged
 from .other_law import lacking
 from .plain_answer import plainly
 from .question import Asked, judged_by
-from .refusal import with_plain
 from .steady_runs import (
     Fits,
     begin_map,

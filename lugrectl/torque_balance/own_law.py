@@ -53,6 +53,23 @@ def told_by_balance(model: Model) -> bool:
     return known and means_the_same(law)
 
 
+def misfit(last: LastFit, model: Model) -> float:
+    """How far the law at the values of a model is from the friction of a last fit: RMS in rows, as
+    a share of friction."""
+    made = torque(model.friction.block, model.friction.values, last.view.along()).wide
+    if made is None:
+        return 0.0
+    off = last.view.K @ made[:, 0] - _friction(last)
+    return float(np.sqrt(np.mean(np.nan_to_num(off, nan=1e6) ** 2))) / last.view.size
+
+
+def _friction(last: LastFit) -> np.ndarray:
+    """The friction torque (m,) of a last fit in its rows."""
+    d = last.design
+    at = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
+    return d.X[:, at] @ last.fit.b[at]
+
+
 def law_values(last: LastFit, model: Model) -> dict[str, float]:
     """The values of an own law with which it comes nearest to the friction of a last fit, in rows.
 
@@ -61,9 +78,7 @@ def law_values(last: LastFit, model: Model) -> dict[str, float]:
     law, known = model.friction.block, model.known()
     own = law.own
     keys = [k for k, p in own.items() if p.fitted and not (p.choices or k in model.held())]
-    d, v = last.design, last.view
-    friction = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
-    target = d.X[:, friction] @ last.fit.b[friction] + last.fit.r * last.scale
+    v, target = last.view, _friction(last) + last.fit.r * last.scale
     rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
     K, along = v.K[rows], v.along()
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])

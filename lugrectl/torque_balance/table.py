@@ -241,7 +241,7 @@ class Table:
         key = tuple(at.tolist())
         if key not in self._laws:
             U, size, _ = np.linalg.svd(self.X[:, at], full_matrices=False)
-            self._laws[key] = U[:, size > np.finfo(float).eps * len(U) * size[0]]
+            self._laws[key] = U[:, size > np.finfo(float).eps * len(U) * np.max(size, initial=0.0)]
         U = self._laws[key]
         return tau - U @ (U.T @ tau)
 

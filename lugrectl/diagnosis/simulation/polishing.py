@@ -104,7 +104,7 @@ class _Climb:
         self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
         fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
-        keys = [k for k in free if k not in fixed]
+        keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
         self.keys = keys = tuple(sorted(keys, key="Fs".__eq__))  # Fs last, as it stands on Fc
         self.own, self.said = own, [model.stated.get(k, Stated()) for k in keys]
         found = np.array([values[k] for k in keys])
@@ -112,6 +112,7 @@ class _Climb:
         usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
         self.size = np.maximum(np.abs(found), usual)
         at = {k: i for i, k in enumerate(start.names if start is not None else ()) if k in keys}
+        at = {k: i for k, i in at.items() if self.said[keys.index(k)].std is None}
         std = {k: s.std for k, s in zip(keys, self.said, strict=True) if s.std and k not in at}
         known = np.diag([std.get(k, np.inf) ** -2.0 for k in keys])
         if start is not None and at:
