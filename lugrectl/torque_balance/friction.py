@@ -3,7 +3,7 @@ declared effects, and what differs between runs.
 
     K u = J K a + late K (h du/dt) + K F(w, z) + declared effects + offsets of runs + residual
 
-Friction has more shapes than its declared law: what the law imitates is told apart from what it
+Friction has more shapes than its declared law: what the law imitates is kept apart from what it
 does not (IMITATES).
 """
 

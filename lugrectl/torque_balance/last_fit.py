@@ -50,7 +50,7 @@ class State:
     """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape.
 
     ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
-    drive has is held to its size. ``lacks`` are parts of friction that the law does not have.
+    drive has is held to its size. ``absent`` are parts of friction that the law does not have.
     """
 
     k: dict[str, float]
@@ -59,11 +59,11 @@ class State:
     exponent: float = 2.0
     grease: float = 0.0
     bare: bool = False
-    lacks: frozenset[str] = frozenset()
+    absent: frozenset[str] = frozenset()
 
     def copy(self, **other: Any) -> State:
         made = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        own = {k: getattr(self, k) for k in ("vs", "exponent", "grease", "bare", "lacks")}
+        own = {k: getattr(self, k) for k in ("vs", "exponent", "grease", "bare", "absent")}
         return State(**{**made, **own, **other})
 
     def apply(self, view: View) -> None:
@@ -83,7 +83,7 @@ class State:
 
     def bristle(self, view: View) -> float:
         """The length of the bristles, rad; next to none where the law has none."""
-        return RIGID * view.x0 if "presliding" in self.lacks else view.x0
+        return RIGID * view.x0 if "presliding" in self.absent else view.x0
 
     def fall(self, w: np.ndarray) -> np.ndarray:
         """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
@@ -178,7 +178,7 @@ class Design:
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
         add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
-        most = 0.0 if "stribeck" in s.lacks else DIP * v.force
+        most = 0.0 if "stribeck" in s.absent else DIP * v.force
         add("dip", v.K @ s.dip, low=0.0 if v.is_map else -most, high=most)
         add("Fv", v.K @ m.w, low=0.0)
         grease = v.K @ v.grease(s.grease or GREASE[0])
@@ -186,7 +186,7 @@ class Design:
         add("damping", v.K @ m.slope(v.z))
         fine = last = v.deflection(s.bristle(v))[0]
         for kind, x, share in NEAR_REST:
-            if NEAR[kind] in s.lacks:
+            if NEAR[kind] in s.absent:
                 continue
             if kind == "turn":
                 new = v.deflection(x * m.top * v.rows.h + v.x0)[0]

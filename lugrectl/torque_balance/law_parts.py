@@ -29,7 +29,7 @@ class Part:
     share: float
 
 
-def lacking(model: Model) -> list[str]:
+def missing(model: Model) -> list[str]:
     """The parts that neither the declared law nor a declared effect has."""
     law, here = model.friction, {p.block.name for p in model.effects}
     has = {"stribeck": "Fs" in law.values or not {"Fc"} <= law.values.keys(),
@@ -38,8 +38,8 @@ def lacking(model: Model) -> list[str]:
 
 
 def parts(table: Table) -> list[Part]:
-    """The parts that are lacking, each by the base with and without it."""
-    return [_part(table, name) for name in lacking(table.view.model)]
+    """The parts that are missing, each by the base with and without it."""
+    return [_part(table, name) for name in missing(table.view.model)]
 
 
 def _part(table: Table, name: str) -> Part:

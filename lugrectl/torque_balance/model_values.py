@@ -48,7 +48,7 @@ class ModelValues:
 
 def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:
     """The declared model and the effects of a last fit, at its values; ``parts`` are effects that
-    the declared law of friction lacks."""
+    the declared law of friction does not have."""
     made = model
     for term in last.state.terms:
         if not term.declared:

@@ -133,7 +133,7 @@ class Table:
         self.rest_of_y = rooted - self.Q @ (self.Q.T @ rooted)
 
     def _stretch(self, J: float) -> float:
-        """The residual is one of the motion: over J. Where J is not told, one of the torque."""
+        """The residual is one of the motion, over J; where J is not determined, of the torque."""
         if not (self.scale_J and self.view.sure):
             return 1.0
         return max(1.0, self.scale_J / max(J, 1e-3 * self.scale_J))

@@ -88,7 +88,7 @@ class Answer:
 
     @property
     def parts(self) -> list[str]:
-        """The parts of friction that the declared law lacks."""
+        """The parts of friction that the declared law does not have."""
         return [] if self.decision is None else [p.name for p in self.decision.parts]
 
     @property
@@ -183,7 +183,7 @@ class _Judge:
         self.struck: set[str] = set()
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
-        self.lacks: frozenset[str] = frozenset()  # parts of friction that are not named
+        self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
         self.bends = False  # whether a bend of the friction curve is named
 
     def answer(self) -> Answer:
@@ -192,7 +192,7 @@ class _Judge:
         without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
         verdict, named = self._verdict(last, full, plain)
-        if not named and (self.lacks or any(not t.declared for t in last.state.terms)):
+        if not named and (self.absent or any(not t.declared for t in last.state.terms)):
             last = self._plain(last)
             trained = self._on_training_rows(last.state)
         if not named:  # the declared model is what is shown
@@ -328,9 +328,9 @@ class _Judge:
     def _without(self, state: State) -> LastFit:
         """The same without names, and with what every drive has held to its size."""
         declared = [t for t in state.terms if t.declared]
-        lacks = frozenset(p.name for p in self.decision.parts)
+        absent = frozenset(p.name for p in self.decision.parts)
         terms = [t.copy() for t in declared]
-        bare = state.copy(terms=terms, grease=0.0, bare=True, lacks=lacks)
+        bare = state.copy(terms=terms, grease=0.0, bare=True, absent=absent)
         return best_law(self.train, bare, self.decision.table.scale, straight=True)
 
     def _verdict(self, last: LastFit, full: Unseen, plain: Unseen) -> tuple[str, bool]:
@@ -369,7 +369,7 @@ class _Judge:
         d, state = self.decision, last.state
         self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
         self.candidates += [(-p.share, p.name) for p in d.parts]
-        self.lacks, d.parts = frozenset(p.name for p in d.parts), []
+        self.absent, d.parts = frozenset(p.name for p in d.parts), []
         if d.unknown and not d.depends_on:
             d.depends_on = sorted(d.unknown[0].depends_on)
         d.alternatives = []
@@ -379,7 +379,7 @@ class _Judge:
     def _plain(self, last: LastFit) -> LastFit:
         """The declared model alone, fitted to all rows."""
         declared = [t.copy() for t in last.state.terms if t.declared]
-        state = last.state.copy(terms=declared, lacks=self.lacks)
+        state = last.state.copy(terms=declared, absent=self.absent)
         return best_law(self.view, state, last.scale, straight=True)
 
     def _declared_error(self, last: LastFit) -> float | None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.old_diagnose import NO_FIT, WORSE
 from lugrectl.diagnosis.identify import ONLY_PLAIN
 from lugrectl.diagnosis.never_worse import FAILED
+from lugrectl.diagnosis.old_diagnose import NO_FIT, WORSE
 from lugrectl.diagnosis.order_of_notes import GRAVE, grave_first
 from lugrectl.diagnosis.other_law import LACKS, OWN
 from lugrectl.report import text, write

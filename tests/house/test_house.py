@@ -36,7 +36,8 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
     ],
 }
 SHOWING = {"report", "paper", "cli", "__main__", "demo"}  # rooms that draw and print
-ARROWS = 107  # between the rooms of the package, at most: four and a half for each
+# between the rooms of the package, at most; 103 without the rooms that torque_balance replaces
+ARROWS = 110
 LINES = 70  # of a function without its docstring, at most
 
 
