@@ -176,7 +176,7 @@ def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
 def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
     """A sentence where the declared law cannot be that of the drive; "" where it can.
 
-    ``shown`` has the values of the answer. What the shape of a law of ours does not have is an effect.
+    ``shown`` has the values of the answer. What a law of ours does not have is an effect.
     """
     law, motion = shown.friction.block, shown.motion
     lacks = [k for k in COULOMB if k not in law.own]
