@@ -162,7 +162,7 @@ def _answered(
         ranking=_ranking(found),
         traces=own.traces,
         table=_table(own.final, job, found, seed),
-        comparison=found,
+        comparison=found,  # pyright: ignore[reportArgumentType]
         joint=won.joint,
         residuals=residuals(won.whole),
         rivals=rivals(won, found),
@@ -197,7 +197,7 @@ def _only_compared(asked: Asked, found: Comparison, reason: str) -> Diagnosis:
         record=asked.seen[0],
         messages=(*noticed, *found.messages, NO_FIT.format(reason), *_length(asked, found, True)),
         ranking=_ranking(found),
-        comparison=found,
+        comparison=found,  # pyright: ignore[reportArgumentType]
     )
 
 

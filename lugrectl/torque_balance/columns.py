@@ -333,7 +333,7 @@ def step_of(block: Block, key: str, value: float, along: Along) -> float:
 
 
 def to_values(
-    block: Block, coefficients: Sequence[float], values: Values, along: Along
+    block: Block, coefficients: Sequence[float] | np.ndarray, values: Values, along: Along
 ) -> dict[str, float]:
     """The parameters that coefficients of :func:`columns` mean, beside the values given there."""
     known, made = linear(block), dict(values)

@@ -205,7 +205,7 @@ class Design:
             rows.append(("~", m.theta - m.theta.mean()))
         elif "gravity" not in here:
             weight = columns(members("effect")["gravity"], {}, v.along()).wide
-            rows += [("~", x) for x in weight.T]
+            rows += [("~", x) for x in np.asarray(weight).T]
         for name, x in rows:
             if name == "offset" and "constant_torque" in here:
                 continue

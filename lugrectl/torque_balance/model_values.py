@@ -95,9 +95,10 @@ def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
 
 def _values(last: LastFit, model: Model) -> dict[str, float]:
     """A value for each parameter of the model."""
-    known = model.known()
-    own = {k: x for k, x in last.values.items() if "." in k} | _plant(last, known)
-    return {k: float(own.get(k, known.get(k, p.value))) for k, p in model.declarations().items()}
+    declared = model.declarations()
+    made = {k: p.value for k, p in declared.items()} | model.known()
+    made |= {k: x for k, x in last.values.items() if "." in k} | _plant(last, model.known())
+    return {k: float(made[k]) for k in declared}
 
 
 def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:

@@ -38,6 +38,7 @@ class Smoother:
         if sensors.theta is not None:
             self.theta = sensors.theta
         else:
+            assert sensors.w is not None
             self.theta = samples.each(self._summed, sensors.w)
             self.variance = sensors.w_variance * self.dt**2 * DRIFT + 1e-300
         self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)

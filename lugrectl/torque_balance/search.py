@@ -306,7 +306,7 @@ class Search:
         def spectrum(x: np.ndarray) -> np.ndarray:
             return np.abs(np.fft.rfft(np.bincount(at, x * table.root, minlength=n))) ** 2
 
-        room = float(np.sum(table.root**2)) - sum(spectrum(q) for q in table.Q.T)
+        room = np.sum(table.root**2) - np.sum([spectrum(q) for q in table.Q.T], axis=0)
         # a wave of few periods is any course in time
         seen = (f > max(0.2, PERIODS / T)) & (f < min(60.0, 0.4 / step))
         if not seen.any():
@@ -397,7 +397,7 @@ class Search:
             return float(self._loads(block, [self._load(keys, f, z, *gap)])[0])
 
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
-        f, z, *gap = np.exp(polish(gain, np.log(best[:many]), steps[:many], 40))
+        f, z, *gap = np.exp(polish(gain, np.log(best[:many]).tolist(), steps[:many], 40))
         if f < 0.84 * slowest or z > 0.95:
             return  # at the edge of what a resonance may be: J that falls with frequency
         self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)

@@ -98,6 +98,7 @@ class Sensors:
         phi = (1 - (np.arange(-half, half + 1) / half) ** 2) ** 3
         phi /= phi.sum()
         dphi = np.gradient(phi) / dt
+        assert self.theta is not None
         turned = self._windows(self.theta, dphi)
         if len(turned) < 8:
             return

@@ -41,6 +41,14 @@ class Contender:
     declared law can imitate, ``tau`` (m,) that torque, ``J``.
     """
 
+    fit: Fit
+    X: np.ndarray
+    y: np.ndarray
+    full: Prior
+    e: np.ndarray
+    tau: np.ndarray
+    J: float
+
     def __init__(
         self,
         name: str,
@@ -93,7 +101,10 @@ class Table:
     """
 
     def __init__(self, view: View) -> None:
-        self.view, self.scale, self.weights, self.scale_J = view, None, None, None
+        self.view = view
+        self.scale: Any = None
+        self.weights: Any = None
+        self.scale_J: Any = None
         self.quick, self.chosen = True, []
         self.restart()
 

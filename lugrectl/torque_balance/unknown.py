@@ -99,8 +99,8 @@ def likeliest(contenders: list[Contender]) -> list[Contender]:
 
 def waves(theta: np.ndarray, n: int) -> np.ndarray:
     """The first n harmonics of an angle, (m, 2 n)."""
-    turns = np.exp(1j * theta[:, None] * np.arange(1, n + 1))
-    return np.stack([turns.imag, turns.real], axis=2).reshape(len(theta), -1)
+    turns = theta[:, None] * np.arange(1, n + 1)
+    return np.stack([np.sin(turns), np.cos(turns)], axis=2).reshape(len(theta), -1)
 
 
 def spline(x: np.ndarray, n: int) -> np.ndarray:

@@ -260,12 +260,12 @@ def observer_gain(
     scale[0] *= dt
     a, push = step[:n, :n] * scale / scale[:, None], jump * step[:n, n] / scale
     P = np.zeros((n, n))
-    both = np.ix_(kept, kept)
+    both = kept[:, None], kept
     P[both] = _riccati(a[both], (H * scale / size[:, None])[:, kept], np.outer(push, push)[both])
     P *= np.outer(scale, scale)
     S = H @ P @ H.T + np.diag(size**2)
     gain, covariance = np.zeros((n, 2)), np.eye(2)
-    gain[:, seen], covariance[np.ix_(seen, seen)] = P @ H.T @ np.linalg.inv(S), S
+    gain[:, seen], covariance[seen[:, None], seen] = P @ H.T @ np.linalg.inv(S), S
     return gain, covariance
 
 

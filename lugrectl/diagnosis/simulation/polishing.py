@@ -87,7 +87,7 @@ def polish(
         return Polished(begun.values, NONE, False, gain, error)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
     found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
-    joint = Joint(names, found, matrix[np.ix_(at, at)], climb.log[at])
+    joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
     return Polished(fit.values, joint, True, gain, error)
 
 
