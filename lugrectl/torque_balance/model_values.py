@@ -97,7 +97,8 @@ def _values(last: LastFit, model: Model) -> dict[str, float]:
     """A value for each parameter of the model."""
     known = model.known()
     own = {k: x for k, x in last.values.items() if "." in k} | _plant(last, known)
-    return {k: float(own.get(k, known.get(k, p.value))) for k, p in model.declarations().items()}
+    usual = {k: float(p.value or 0.0) for k, p in model.declarations().items()}
+    return {k: float(own.get(k, known.get(k, x))) for k, x in usual.items()}
 
 
 def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:
