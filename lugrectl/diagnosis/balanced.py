@@ -25,6 +25,7 @@ from ..torque_balance.model_values import (
     ModelValues,
     as_estimates,
     completed,
+    lifted,
     model_values,
     with_scale,
 )
@@ -214,7 +215,7 @@ def _polished(
     model = values.model
     free = [k for k, p in model.declarations().items() if p.fitted and k not in model.held()]
     free = [k for k in free if k in trained.values()]
-    made = polish(ready, trained, free, values.joint, always)
+    made = polish(ready, lifted(trained, ready.model), free, values.joint, always)
     if not made.gained:
         return trained, values
     polished = trained.with_values(made.values)

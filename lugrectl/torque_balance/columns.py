@@ -225,6 +225,8 @@ def _refused(known: _Known) -> str:
             _torques(block, [_filled(block, {}, log)], log)
     except TraceError as error:
         return f"{block.name} has states and cannot be compiled: {error}"
+    except NameError:  # a misspelt name is no reason to leave an effect out: it is said
+        raise
     except Exception as error:  # whatever a function of the user raises
         return f"{block.name} cannot be evaluated along a log: {type(error).__name__}: {error}"
     return ""

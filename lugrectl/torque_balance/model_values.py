@@ -17,9 +17,10 @@ from ..estimates.findings import Estimate
 from .constants import SCALE, Z95
 from .interval import WITHOUT_SCALE, Interval, Value
 from .last_fit import LastFit
-from .own_law import law_values, means_the_same
+from .own_law import DIPPED, law_values, means_the_same, static_values
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
+SEEN = 1.05  # times Fc: an Fs that rows show
 LEAST = 1e-3  # of the level of friction: a stiffness must have one
 
 
@@ -68,6 +69,14 @@ def bounds_of(model: Model, key: str) -> tuple[float, float]:
     return low, p.high if one.high is None else min(p.high, one.high)
 
 
+def lifted(model: Model, declared: Model) -> Model:
+    """The model with an Fs above Fc, from which a fit can find both ways; a declared one stays."""
+    known = model.known()
+    if declared.known().get("Fs") is not None or not {"Fc", "Fs"} <= known.keys():
+        return model
+    return model.with_values({"Fs": max(known["Fs"], DIPPED * known["Fc"])})
+
+
 def _law_part(name: str, known: Mapping[str, float]) -> dict[str, float | None]:
     """The values of an effect that is a part of friction, as far as the fit has them."""
     own = members("effect")[name].own
@@ -95,10 +104,15 @@ def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
 
 def _values(last: LastFit, model: Model) -> dict[str, float]:
     """A value for each parameter of the model."""
-    declared = model.declarations()
-    made = {k: p.value for k, p in declared.items()} | model.known()
-    made |= {k: x for k, x in last.values.items() if "." in k} | _plant(last, model.known())
-    return {k: float(made[k]) for k in declared}
+    known = model.known()
+    plant, law = _plant(last, known), model.friction.block
+    if {"Fs", "vs"} <= law.own.keys() - known.keys() and means_the_same(law):
+        Fs, vs = static_values(last, plant["Fc"], plant["Fv"])
+        if Fs > SEEN * plant["Fc"]:  # else the rows do not show it
+            plant["Fs"], plant["vs"] = Fs, vs
+    own = {k: x for k, x in last.values.items() if "." in k} | plant
+    usual = {k: float(p.value or 0.0) for k, p in model.declarations().items()}
+    return {k: float(own.get(k, known.get(k, x))) for k, x in usual.items()}
 
 
 def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,6 +18,7 @@ SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
 SAME = 0.01  # relative difference of two torques
 MOST, FURTHEST = 60, 7.0  # evaluations; natural logarithm of a factor on a value
 ENOUGH = 4000  # rows
+DIPPED = 1.3  # of Fc: where Fs starts
 
 
 def means_the_same(law: Block) -> bool:
@@ -76,9 +77,23 @@ def law_values(last: LastFit, model: Model) -> dict[str, float]:
     ``model`` has a value for everything; declared ones are where this starts, held ones stay.
     """
     law, known = model.friction.block, model.known()
-    own = law.own
-    keys = [k for k, p in own.items() if p.fitted and not (p.choices or k in model.held())]
-    v, target = last.view, _friction(last) + last.fit.r * last.scale
+    keys = [k for k, p in law.own.items() if p.fitted and not (p.choices or k in model.held())]
+    return _nearest(last, law, {k: known[k] for k in law.own}, keys) if keys else {}
+
+
+def static_values(last: LastFit, Fc: float, Fv: float) -> tuple[float, float]:
+    """Fs and vs with which the Stribeck curve comes nearest to the friction of a last fit."""
+    law = members("friction")["stribeck"]
+    known = law.defaults() | {"Fc": Fc, "Fv": Fv, "vs": last.state.vs}
+    found = _nearest(last, law, known | {"Fs": DIPPED * Fc}, ("Fs", "vs"))
+    return max(found["Fs"], Fc), found["vs"]
+
+
+def _nearest(
+    last: LastFit, law: Block, known: Mapping[str, float], keys: Sequence[str]
+) -> dict[str, float]:
+    """The values of a law; ``keys`` are free, and start at the known ones."""
+    v, own, target = last.view, law.own, _friction(last) + last.fit.r * last.scale
     rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
     K, along = v.K[rows], v.along()
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
@@ -86,16 +101,14 @@ def law_values(last: LastFit, model: Model) -> dict[str, float]:
 
     def values(x: np.ndarray) -> dict[str, float]:
         found = np.clip(start * np.exp(x), *ends).tolist()
-        return {k: known[k] for k in own} | dict(zip(keys, found, strict=True))
+        return {**known, **dict(zip(keys, found, strict=True))}
 
-    def misfit(x: np.ndarray) -> np.ndarray:
+    def off(x: np.ndarray) -> np.ndarray:
         made = torque(law, values(x), along).wide
         assert made is not None
         return np.nan_to_num((K @ made[:, 0] - target[rows]) / last.scale, nan=1e6)
 
-    if not keys:
-        return {}
     bounds = (-FURTHEST, FURTHEST)
-    made = least_squares(misfit, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
+    made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
                          diff_step=1e-3, max_nfev=MOST)  # fmt: skip
     return values(made.x)

@@ -144,6 +144,7 @@ class Probe:
         small = NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
             J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
+        small = max(small, 1e-100)
         noisy = J * np.sqrt(variance) / small
         if known and len(thin) > 2:  # what the acceleration itself shows where it is calm
             calm = np.quantile(np.abs(np.diff(thin, 2)), 0.15) / 0.189 / 2.45

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose, identify
+from lugrectl.core.errors import Refused
 from lugrectl.report import text
 
 from ..cases.balance_drive import FC, simulate, torque
@@ -27,12 +28,11 @@ def test_a_refusal_names_the_option_and_claims_no_change(turned):
     assert text(no).count("wrong sign") == 1
 
 
-def test_a_fit_with_the_other_sign_says_where_it_was_changed(turned):
-    found = identify(turned, DECLARED)
-    (said,) = [m for m in found.messages if "sign was changed" in m]
-    assert "not in the plain torque balance" in said and 'scale="u=-1"' in said
-    assert found.estimates["J"].value == pytest.approx(0.004, rel=0.01)
-    assert "wrong sign" in found.plain.refused
+def test_a_fit_is_refused_too_and_the_plain_answer_is_that_of_the_other_sign(turned):
+    with pytest.raises(Refused, match="wrong sign") as no:
+        identify(turned, DECLARED)
+    assert 'scale="u=-1"' in str(no.value)
+    assert no.value.plain.parameters["J"].value == pytest.approx(0.004, rel=0.01)
 
 
 def test_the_option_repairs_it(turned):

@@ -76,7 +76,7 @@ def test_that_there_is_no_screen_is_said_before_the_work(tmp_path, monkeypatch, 
         said.append(capsys.readouterr().err)
         raise lg.InputError("enough.")
 
-    monkeypatch.setattr("lugrectl.diagnosis.plain_answer.plain_answer", work)
+    monkeypatch.setattr("lugrectl.diagnosis.asked.plain_answer", work)
     assert main(["plot", str(csv(tmp_path))]) == 2
     assert said == [f"lugrectl: {NO_SCREEN}.\n"]
 
