@@ -11,7 +11,9 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..blocks.model import Model
+from ..core.deadline import OutOfTime
 from ..core.errors import InputError, Refused
+from ..core.option_names import option
 from ..core.progress import Progress
 from ..estimates.balance import Balance
 from ..estimates.comparison import Comparison
@@ -47,6 +49,8 @@ NO_INERTIA = (
     "The log does not determine the inertia, and none is declared: what is named does not depend "
     "on it, and no motion is simulated."
 )
+STOPPED = "the fit was stopped at its limit of time."
+MORE_TIME = "Give it more time with {}, or a shorter part of the record."
 ON_ALL_ROWS = "Values are fitted to all rows; the errors are of rows that no fit and no choice saw."
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
@@ -183,6 +187,8 @@ def simulated(
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model), why_not
+    except OutOfTime:  # all else is known
+        return None, values, None, Refused(STOPPED, MORE_TIME.format(option("time_limit")))
     except Refused as no:
         return None, values, None, no
     except InputError as no:

@@ -104,6 +104,8 @@ def _makes_a_drive(other: Balance, found: Balance) -> bool:
 
 def swapped(parts: Sequence[Stretch], model: Model, found: Balance, turned: Balance) -> str:
     """A sentence where only the exchange of u with theta or w makes a drive of the log, else ""."""
+    if all(np.ptp(p.u) == 0 for p in parts):
+        return ""
     known = [b.left for b in (found, turned) if b.left is not None]
     least = min(known, default=np.inf)
     for role in ("theta", "w") if parts and parts[0].theta is None else ("theta",):

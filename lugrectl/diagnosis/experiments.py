@@ -34,7 +34,7 @@ LONGER = "Record {:.0f} s or more of such motion first: this record is short."
 
 def short(records: Sequence[Record], stretches: int | None) -> tuple[str, ...]:
     """A sentence where so few independent stretches were compared that an answer is uncertain."""
-    if stretches is None or stretches >= FEW:
+    if stretches is None or stretches >= FEW or _duration(records) >= LEAST:
         return ()
     return (SHORT.format(_duration(records), stretches, FEW),)
 

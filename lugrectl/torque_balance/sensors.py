@@ -41,7 +41,7 @@ class Sensors:
         if self.theta is not None:
             noise = self._noise(self.theta, white, 0.1)
             rounding = max(self.count**2 / 12, (1e-9 * np.ptp(self.theta)) ** 2)
-            self.theta_variance = max(rounding, noise**2)
+            self.theta_variance = max(rounding, noise**2, 1e-60)
         if self.w is not None:
             noise = self._noise(self.w, white, 0.3)
             self.w_variance = max(noise**2, (1e-7 * np.ptp(self.w)) ** 2)

@@ -127,7 +127,7 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
 def refuse_dead(view: View, width: Width | Still) -> None:
     """Refused where the torque has nothing to do with the motion."""
     if np.ptp(view.motion.u) == 0:
-        raise Refused("u is the same in every row: the torque channel is dead.")
+        raise Refused("u is constant in every row: the torque channel is dead.")
     if view.backward:
         raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
     if width.impossible and not view.declared.get("J"):

@@ -100,7 +100,7 @@ def test_the_fit_stops_itself_and_what_was_compared_stands():
     d = lg.diagnose(log, lg.Model.of(friction="coulomb"), time_limit=1e-3)
     assert d.verdict == "adequate" and d.error is None
     said = " ".join(d.messages)
-    assert "the fit was stopped after 0.001 s. Give it more time with time_limit, " in said
+    assert "Give it more time with time_limit, " in said
     low, high = d.plain.parameters["Fc"].ci95
     assert low <= FC <= high
 
