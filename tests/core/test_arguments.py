@@ -274,13 +274,14 @@ def test_records_are_read_for_the_motion_of_the_model():
 def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path, monkeypatch):
     from importlib import import_module
 
-    home, name = import_module(f"lugrectl.{work}"), work.split(".")[1]
+    room, name = work.split(".")
+    home, inside = (import_module(f"lugrectl.{room}.{p}{name}") for p in ("", "old_"))
 
     def prepared(record, model, holdout, horizon):
         assert same(record, RECORD) and model == MODEL and horizon == 0.5
         raise lg.Refused("far enough")
 
-    monkeypatch.setattr(home, "prepared", prepared)
+    monkeypatch.setattr(inside, "prepared", prepared)
     lg.write_model(MODEL, tmp_path / "m.toml")
     for model in (tmp_path / "m.toml", str(tmp_path / "m.toml"), P, MODEL):
         named = replace(lg.Model.of(model), name=MODEL.name)
