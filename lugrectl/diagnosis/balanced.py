@@ -80,21 +80,25 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")
-    judged, values, noise, why_not = simulated(ready, made, values, least, why_not)
     plain = plain_balance(
         made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches
     )
+    sure = knows_inertia(plain, model)
+    judged, values, noise, why_not = simulated(
+        ready if sure else None, made, values, least, why_not
+    )
     plain = asked.completed(same_values(plain, values), perf_counter() - start)
     values = values.beside(plain.combinations)
+    values = values if sure else values.told(model)
     effects = _findings(made, values, found)
     doubts = doubts or asked.doubts(plain)
     law = unfit_law(made, values.model, plain, least)
-    notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain)]
+    notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain, sure)]
     notes += [*moved(values.estimates, model), *at_bounds(values.estimates, model)]
     notes += [*short(asked.seen, found.stretches)]
     unfit = bool(law) and made.verdict == "adequate"  # friction depends on w in another way
     verdict, signals_ = ("unexplained", ("w",)) if unfit else (made.verdict, _signals(made))
-    experiment = next_experiment(verdict, signals_, effects, plain, made.sure)
+    experiment = next_experiment(verdict, signals_, effects, plain, sure)
     rest = None if ready is None or judged is None else residuals(ready, values.model)
     made_of = Diagnosis(
         verdict=verdict,
@@ -163,14 +167,17 @@ def _same_motion(ready: Prepared) -> bool:
     return len(seen[0] & seen[1]) > 0.5 * len(seen[1])
 
 
+def knows_inertia(plain: Balance, model: Model) -> bool:
+    """Whether the log determines the inertia, or it is declared."""
+    return "J" in plain.parameters or model.known().get("J") is not None
+
+
 def simulated(
     ready: Prepared | None, made: Answer, values: ModelValues, least: float, why_not: Refused | None
 ) -> tuple[Judged | None, ModelValues, float | None, Refused | None]:
     """Errors before and after, and values of a last polish where the log is clean, or the law has
     values of which the balance knows nothing; and why there are none."""
-    if ready is None or values.model.known().get("J") is None:
-        return None, values, None, why_not
-    if not (made.sure or made.view.declared.get("J")):
+    if ready is None:
         return None, values, None, why_not
     model = made.view.model
     ready = as_it_acts(ready, made)
@@ -317,7 +324,7 @@ def _beliefs(made: Answer, values: ModelValues) -> tuple[Belief, ...]:
 
 
 def _said(
-    made: Answer, judged: Judged | None, why_not: Refused | None, plain: Balance
+    made: Answer, judged: Judged | None, why_not: Refused | None, plain: Balance, sure: bool
 ) -> Sequence[str]:
     notes = [*made.notes]
     if made.candidates:
@@ -326,7 +333,7 @@ def _said(
         )
     if why_not is not None:
         notes.append(NO_MOTION.format(f"{why_not} {why_not.experiment or ''}".rstrip()))
-    elif judged is None and not made.sure:
+    elif not (sure or made.view.is_map):
         notes.append(NO_INERTIA)
     if judged is not None:
         notes += [*judged.messages, *_worse(judged.error, bool(made.named or made.parts))]

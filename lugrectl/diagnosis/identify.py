@@ -24,7 +24,7 @@ from ..torque_balance.constants import FLOOR
 from ..torque_balance.model_values import model_values
 from ..torque_balance.plain import plain_balance
 from .asked import Asked, judged_by
-from .balanced import NO_INERTIA, ready_of, same_values, simulated
+from .balanced import NO_INERTIA, knows_inertia, ready_of, same_values, simulated
 from .compare_laws import under_law
 from .contradictions import unfit_law
 from .core_choice import NEW
@@ -177,13 +177,18 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     found = made.last, made.interval, made.values, made.covariance
     report(0.4, "errors on held-out samples")
     values = model_values(*found, model)
-    judged, values, noise, why_not = simulated(ready, made, values, FLOOR, why_not)
-    plain = same_values(plain_balance(*found, made.sure, asked.stretches), values)
+    plain = plain_balance(*found, made.sure, asked.stretches)
+    sure = knows_inertia(plain, model)
+    judged, values, noise, why_not = simulated(
+        ready if sure else None, made, values, FLOOR, why_not
+    )
+    plain = same_values(plain, values)
     values = values.beside(plain.combinations)
+    values = values if sure else values.told(model)
     law = unfit_law(made, values.model, plain, FLOOR)
     notes = [*([law] if law else []), *(doubts or asked.doubts(plain))]
     notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
-    notes += [NO_INERTIA] if judged is None and not (why_not or made.sure) else []
+    notes += [NO_INERTIA] if not (why_not or sure or made.view.is_map) else []
     notes += [
         *(() if judged is None else judged.messages),
         *moved(values.estimates, model),

@@ -194,7 +194,8 @@ class Decision:
         if best.gain - alone <= best.gain - name.gain or best.gain <= good[0].gain:
             return good[0], good[0], good[1:]
         others = [both[c.name] for c in good if c.name in both and c is not name]
-        return name, best, [c for c in others if c.gain - alone > RIVAL * (best.gain - alone)]
+        others = [c for c in others if c.gain - alone > RIVAL * (best.gain - alone)]
+        return name, best, [*others, *(c for c in good if c.name == OFFSET)]
 
     def _with_offset(self, c: Contender) -> Contender:
         """The same contender with an offset of the torque beside it."""
@@ -269,7 +270,7 @@ class Decision:
         table.back(self.before)
         if pairs:
             total, c, n = max(pairs, key=lambda p: p[0])
-            if total > self.odd[0].gain and self.proven(n, self.e0):
+            if total > NEAR * self.odd[0].gain and self.proven(n, self.e0):
                 self.verdict, self.alternatives, self.depends_on, self.odd = "found", [], [], []
                 table.extend(c)
                 self._extend(n)

@@ -46,6 +46,14 @@ class ModelValues:
         kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
         return replace(self, estimates=made, joint=_only(self.joint, kept))
 
+    def told(self, declared: Model) -> ModelValues:
+        """The same without values that are neither declared nor told by the log."""
+        known = declared.known()
+        gone = [k for k, e in self.estimates.items() if e.ci95 is None and k not in known]
+        model = self.model.with_values(dict.fromkeys(gone))
+        estimates = {k: e for k, e in self.estimates.items() if k not in gone}
+        return replace(self, model=model, estimates=estimates)
+
 
 def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:
     """The declared model and the effects of a last fit, at its values; ``parts`` are effects that

@@ -185,6 +185,7 @@ class _Judge:
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
         self.bends = False  # whether a bend of the friction curve is named
+        self.whole: tuple[Interval, np.ndarray] | None = None  # intervals by every description
 
     def answer(self) -> Answer:
         last = self._held()
@@ -221,6 +222,9 @@ class _Judge:
             values = interval.values(interval.covariance())
             last = self._bent(last, values)
             lost = self._lost(last, values)
+            if not lost and any(not t.declared for t in last.state.terms):
+                interval, V = self._intervals(last)
+                lost = self._lost(last, interval.values(V))
             if not lost:
                 break
             self._strike(last, lost[-1])
@@ -345,8 +349,11 @@ class _Judge:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
             return verdict, False
-        if verdict == "adequate":  # a bend, or a load that joined the base
+        joined = {t.name for t in d.joined}
+        if d.heavy and any(state.terms[i].name in joined for i in named):
             d.alternatives = list(d.heavy)
+            verdict = "ambiguous" if verdict == "found" else verdict
+        if verdict == "adequate":  # a bend, or a load that joined the base
             verdict = "ambiguous" if d.alternatives else "found"
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
@@ -393,6 +400,8 @@ class _Judge:
     # ---- all rows
     def _intervals(self, last: LastFit) -> tuple[Interval, np.ndarray]:
         """Intervals of the model that is shown."""
+        if self.whole is not None and self.whole[0].last is last:
+            return self.whole
         interval = Interval(last)
         orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
         widest = np.inf  # a window that hides a wave tells nothing of it
@@ -404,7 +413,8 @@ class _Judge:
         others += [{k: r.values[k] for k in ("J", "Fc", "Fv")} for r in self.rivals]
         V = interval.covariance(others)
         last.state.apply(self.view)
-        return interval, V
+        self.whole = interval, V
+        return self.whole
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
         """The drive with an alternative in place of the one named effect: J, Fc, Fv are as
