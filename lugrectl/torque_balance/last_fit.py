@@ -9,7 +9,7 @@ says.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -32,7 +32,7 @@ from .columns import (
 from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST, Z95
 from .friction import LARGE, Term, View
 from .stated import with_stated
-from .table import Contender, Table, is_lateness
+from .table import Table, is_lateness
 
 Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
 FURTHEST = 10.0  # steps by which a value that is not linear moves at most at a time ...
@@ -370,18 +370,6 @@ def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
     return state.k[key] / at[key] if at[key] else 1.0
 
 
-def terms_of(c: Contender, used: Collection[str]) -> list[Term]:
-    """The effects of a contender, with names of their own beside those that are used."""
-    assert c.block is not None
-    many = len(linear(c.block)) if c.C is not None else 0
-    count, made = list(used).count(c.name), []
-    for i, q in enumerate(c.each):
-        n = count + i + 1
-        key = c.name if n == 1 else f"{c.name}_{n}"
-        made.append(Term(c.block, key, dict(q), np.array(c.b[i * many : (i + 1) * many])))
-    return made
-
-
 def state_of(table: Table) -> State:
     """The last fit begins where the table ended."""
     v = table.view
@@ -398,5 +386,5 @@ def state_of(table: Table) -> State:
         if (term.key, 0) in b:
             term.b = np.array([b[term.key, i] for i in range(len(linear(term.block)))])
     for c in table.chosen:
-        terms += terms_of(c, [t.name for t in terms])
+        terms += c.terms([t.name for t in terms])
     return State(k, terms, v.vs)

@@ -14,8 +14,9 @@ import numpy as np
 
 from ..blocks.block import Block
 from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
+from .columns import linear
 from .constants import GROWN, SCREEN
-from .friction import IMITATES, View
+from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
 KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large is not identified
@@ -76,6 +77,19 @@ class Contender:
         own = {} if self.block is None else self.block.own
         return tuple(x for k, x in self.q.items() if own[k].whole)
 
+    def terms(self, used: Collection[str] = ()) -> list[Term]:
+        """Its effects, with names of their own beside those that are used."""
+        if self.block is None:
+            return []
+        many = len(linear(self.block)) if self.C is not None else 0
+        count, made = list(used).count(self.name), []
+        for i, q in enumerate(self.each):
+            n = count + i + 1
+            key = self.name if n == 1 else f"{self.name}_{n}"
+            b = np.array(self.b[i * many : (i + 1) * many])
+            made.append(Term(self.block, key, dict(q), b))
+        return made
+
     def added(
         self, view: View, X: np.ndarray, y: np.ndarray, prior: Prior
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
@@ -130,6 +144,7 @@ class Table:
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
         if not self.chosen:  # what effects scale is the friction of the declared model
             v.torques(fit.b)
+        v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         v.J = self.J
         if self.quick or self.scale_J is None:
             self.scale_J = self.J

@@ -22,7 +22,7 @@ from .decision import Decision
 from .friction import Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
-from .last_fit import LastFit, State, state_of, terms_of
+from .last_fit import LastFit, State, state_of
 from .maps import Still, is_map, map_of
 from .motion import Motion
 from .open_values import find_open
@@ -424,7 +424,7 @@ class _Judge:
         for c in d.named if len(own) == 1 else ():
             if c.name in d.alternatives and c.name != own[0].name:
                 terms = [t.copy() for t in last.state.terms if t.declared]
-                other = last.state.copy(terms=[*terms, *terms_of(c, ())])
+                other = last.state.copy(terms=[*terms, *c.terms()])
                 made.append(LastFit(self.view, other, last.scale, turns=2))
         return made
 
