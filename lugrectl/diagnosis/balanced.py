@@ -34,7 +34,7 @@ from ..torque_balance.model_values import (
 from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
 from ..torque_balance.tabulated import tabulated
-from ..torque_balance.verdict import Answer, answer
+from ..torque_balance.verdict import WHOLE_INERTIA, Answer, answer
 from .asked import Asked
 from .contradictions import unfit_law
 from .experiments import longer, next_experiment, short
@@ -279,20 +279,23 @@ def _torque_error(made: Answer, model: Model) -> dict[str, Any]:
 
 
 def _findings(made: Answer, values: ModelValues, found: Comparison) -> tuple[Finding, ...]:
-    """The effects with their values, alternatives to the first."""
-    tied = tuple(_candidate(found, name) for name in made.alternatives)
+    """The effects with their values and the alternatives to each."""
+
+    def tied(name: str) -> tuple[Candidate, ...]:
+        return tuple(_candidate(found, other) for other in made.alternatives.get(name, ()))
+
     effects = []
     if made.lag is not None:
         lag = Estimate(made.lag[0], "s", made.lag[1:])
         effects.append(Finding("velocity_sensor_lag", {"time_constant": lag}))
     if made.only_inertia:
-        effects.insert(0, Finding("elastic_coupling", {}, tied))
+        effects.insert(0, Finding(WHOLE_INERTIA, {}, tied(WHOLE_INERTIA)))
     declared = {p.key for p in made.view.model.effects}
     parts = [p for p in values.model.effects if p.key not in declared]
-    for i, part in enumerate(parts):
+    for part in parts:
         own = {k: values.estimates[f"{part.key}.{k}"] for k in part.block.own
                if f"{part.key}.{k}" in values.estimates}  # fmt: skip
-        effects.append(Finding(part.block.name, own, tied if i == 0 else ()))
+        effects.append(Finding(part.block.name, own, tied(part.key)))
     return tuple(effects)
 
 

@@ -6,7 +6,7 @@ torque explains, two are tried at once.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -45,7 +45,7 @@ WEIGHT, OFFSET = "gravity", "constant_torque"
 
 
 class Decision:
-    """``verdict``, ``table.chosen`` (the likeliest first), ``alternatives`` to the first of them,
+    """``verdict``, ``table.chosen`` (the likeliest first), ``alternatives`` to each by name,
     ``depends_on`` of an unknown torque.
 
     ``joined`` are effects so large that they became part of the base before anything was judged,
@@ -66,7 +66,7 @@ class Decision:
         self.notes: list[str] = []
         self.memory: dict[str, Any] = {}
         self.joined: list[Term] = []
-        self.heavy: list[str] = []
+        self.heavy: dict[str, list[str]] = {}
         self.linear = view.model.motion == "linear"
         self.table = table = Table(view)
         self.strangers = Unknown(table, self.linear, width.sure)
@@ -110,7 +110,7 @@ class Decision:
             alike = [c.name for c in rivals if c.gain > 0.97 * weight.gain
                      or not self.better(weight, c, least=0.0)]  # fmt: skip
             self._join(np.inf)
-            self.heavy = alike
+            self.heavy = {WEIGHT: alike} if alike else {}
 
     def _join(self, less: float) -> None:
         """Gravity becomes part of the base, unless that leaves more than ``less`` of before."""
@@ -157,24 +157,29 @@ class Decision:
     def decide(self, banned: Collection[str]) -> None:
         """From the table without the banned names: the best, its rivals, what stands beside it."""
         self.banned = frozenset(banned)
-        self.verdict, self.alternatives, self.depends_on = "adequate", [], []
+        self.verdict, self.depends_on = "adequate", []
+        self.alternatives: dict[str, list[str]] = {}
         self.table.back(self.before)
         large = [c for c in self.named if c.name not in banned
                  and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
         good = [c for c in large if self.proven(c, self.e0)]
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
+            self.verdict = "found"
             best, own, others = self._first(good[:FIRSTS])
-            rivals = [c.name for c in others
-                      if c.gain > RIVAL * own.gain and not self.better(own, c)]  # fmt: skip
-            self.alternatives = rivals[:3]
-            self.verdict = "ambiguous" if rivals else "found"
+            self._among(own, others)
             self._extend(best)
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
             self._two_at_once(large[:TOGETHER])
         self.parts = [p for p in parts(self.table) if p.name not in banned and self._needed(p)]
+
+    def _among(self, c: Contender, others: Sequence[Contender]) -> None:
+        """What explains as much as c stands beside it as its alternatives."""
+        alike = [o.name for o in others if o.gain > RIVAL * c.gain and not self.better(c, o)]
+        if alike:
+            self.alternatives[c.name], self.verdict = alike[:3], "ambiguous"
 
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""
@@ -216,13 +221,15 @@ class Decision:
         more = [n for n in named if self.proven(n, table.e) and n.name not in self._taken()]
         odd, far = self._stranger(rest, more)
         if odd is not None:
-            self.verdict, self.alternatives = "unexplained", []
+            self.verdict, self.alternatives = "unexplained", {}
             self.depends_on = sorted(odd.depends_on)
             if far:  # no name comes near: none is given
                 table.back(self.before)
             return
         second = next((n for n in more if n.share > SECOND * self.floor(n)), None)
         if second is not None and len(table.chosen) < MOST:
+            large = [n for n in more if n is not second and n.share > self.floor(n)]
+            self._among(second, large)
             self._extend(second)
 
     def _taken(self) -> set[str]:
@@ -271,7 +278,7 @@ class Decision:
         if pairs:
             total, c, n = max(pairs, key=lambda p: p[0])
             if total > NEAR * self.odd[0].gain and self.proven(n, self.e0):
-                self.verdict, self.alternatives, self.depends_on, self.odd = "found", [], [], []
+                self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
                 table.extend(c)
                 self._extend(n)
                 return

@@ -334,9 +334,9 @@ class View:
         """Friction and load along the log from the coefficients of the base."""
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         self.coulomb = k["Fc"] * self.z
-        self.coulomb = self.coulomb + self.law[:, :3] @ [k["bump"], k["short_tail"], k["long_tail"]]
+        near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
+        self.coulomb = self.coulomb + self.law @ near_rest
         self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(GREASE[0])
-        self.viscous = self.viscous + k["bend"] * self.law[:, 3]
         self.friction, self.J = self.coulomb + self.viscous, float(b[0])
         for term in self.terms:
             if not term.on_input:
@@ -357,7 +357,7 @@ class View:
         if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
             scale = max(k["Fc"], 0.3 * float(np.sqrt(np.mean(self.coulomb**2))))
             return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
-        made = k["Fc"] + k["bump"] * level(m.w, 0.0, 1.0, self.vs)
+        made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
         for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
             made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)
         return made

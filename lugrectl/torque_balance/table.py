@@ -126,6 +126,7 @@ class Table:
         """The base without any chosen effect, friction's shape settled (beside the likeliest)."""
         v = self.view
         v.start()
+        self.likeliest = beside
         found = v.choose(self.scale, beside)
         self.scale = found if self.scale is None else self.scale
         self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
@@ -143,7 +144,7 @@ class Table:
         size = float(np.sqrt(np.mean(v.rows.a**2))) or 1.0
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
         if not self.chosen:  # what effects scale is the friction of the declared model
-            v.torques(fit.b)
+            v.torques(self._beside_likeliest(fit))
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         v.J = self.J
         if self.quick or self.scale_J is None:
@@ -157,6 +158,13 @@ class Table:
         self.Q, _ = np.linalg.qr(self.X[:, fit.free] * self.root[:, None])
         rooted = self.y * self.root
         self.rest_of_y = rooted - self.Q @ (self.Q.T @ rooted)
+
+    def _beside_likeliest(self, fit: Fit) -> np.ndarray:
+        """The coefficients (k,) of the base, beside the likeliest effect where there is one."""
+        if self.likeliest is None:
+            return fit.b
+        X, y, prior = self.likeliest.added(self.view, self.X, self.y, self.prior)
+        return robust(X, y, prior, self.scale, self.view.noise, fit.w, 3).b
 
     def _stretch(self, J: float) -> float:
         """The residual is one of the motion, over J; where J is not determined, of the torque."""

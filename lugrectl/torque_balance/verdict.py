@@ -36,6 +36,7 @@ from .width import Declared, Width, fine_wave
 
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
+WHOLE_INERTIA = "elastic_coupling"  # what an inertia that is far too large is a trace of
 NO_GAIN = (
     "What could be named does not lower the torque error on rows that no fit has seen, or leaves "
     "more than it explains."
@@ -56,7 +57,7 @@ class Answer:
     ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
     it by name with their ``covariance`` over ``interval.names``; ``decision`` is None where nothing
     was searched. ``named`` are the effects beside
-    the declared ones, ``alternatives`` explain as much as the first of them, ``candidates`` were
+    the declared ones, ``alternatives`` explain as much as one of them, ``candidates`` were
     named and are not held. ``without`` and ``with_names`` are the errors of held-out rows,
     ``refitted`` and ``trained`` the fits to training rows behind them.
     """
@@ -71,7 +72,7 @@ class Answer:
     covariance: np.ndarray
     without: Unseen
     with_names: Unseen
-    alternatives: list[str] = field(default_factory=list)
+    alternatives: dict[str, list[str]] = field(default_factory=dict)
     candidates: list[str] = field(default_factory=list)
     depends_on: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -351,7 +352,7 @@ class _Judge:
             return verdict, False
         joined = {t.name for t in d.joined}
         if d.heavy and any(state.terms[i].name in joined for i in named):
-            d.alternatives = list(d.heavy)
+            d.alternatives |= d.heavy
             verdict = "ambiguous" if verdict == "found" else verdict
         if verdict == "adequate":  # a bend, or a load that joined the base
             verdict = "ambiguous" if d.alternatives else "found"
@@ -379,7 +380,7 @@ class _Judge:
         self.absent, d.parts = frozenset(p.name for p in d.parts), []
         if d.unknown and not d.depends_on:
             d.depends_on = sorted(d.unknown[0].depends_on)
-        d.alternatives = []
+        d.alternatives = {}
         self.notes.append(NO_GAIN)
         return "unexplained"
 
@@ -422,7 +423,7 @@ class _Judge:
         own, d = [t for t in last.state.terms if not t.declared], self.decision
         made = []
         for c in d.named if len(own) == 1 else ():
-            if c.name in d.alternatives and c.name != own[0].name:
+            if c.name in d.alternatives.get(own[0].name, ()):
                 terms = [t.copy() for t in last.state.terms if t.declared]
                 other = last.state.copy(terms=[*terms, *c.terms()])
                 made.append(LastFit(self.view, other, last.scale, turns=2))
@@ -457,7 +458,7 @@ class _Judge:
         if not J or not made.sure or told or strange or made.values["J"][1] < GROWN * J:
             return
         made.only_inertia, made.verdict, made.depends_on = True, "ambiguous", []
-        made.alternatives = ["backlash", *made.alternatives][:3]
+        made.alternatives = {WHOLE_INERTIA: ["backlash"]}
         made.notes.append("J is that of drive and load together; the drive's own lies below.")
 
 
