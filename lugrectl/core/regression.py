@@ -16,6 +16,7 @@ import numpy as np
 
 NU = 4.0  # degrees of freedom of Student's t: a few bad rows cannot rule
 TINY = 1e-300
+LEVER = 0.02  # a block that tells all of a value by itself has nothing to be compared with
 CLIPS = (3.0, 10.0, 30.0)  # nats: a gain must also stand when no block counts for more
 
 
@@ -216,7 +217,8 @@ def left_out_covariance(
 ) -> np.ndarray:
     """Covariance (k, k) of b from fits that leave one block out, the widest over block sizes.
 
-    What the rows do not determine stays as wide as its prior.
+    What one block alone tells is as wide as white noise leaves it; what no row determines stays as
+    wide as its prior.
     """
     w, k = fit.w / scale**2, X.shape[1]
     G, _ = normal_equations(X, y, fit.w, prior, scale, noise)
@@ -230,10 +232,11 @@ def left_out_covariance(
         parts = np.split(X * w[:, None] ** 0.5, first[1:])
         told = np.stack([x.T @ x for x in parts])
         moved = np.add.reduceat(score, first)[:, :, None]
-        d = np.linalg.solve(np.eye(k) * (1 + 1e-6) - told @ inverse, moved)[:, :, 0] @ inverse
+        d = np.linalg.solve(np.eye(k) * (1 + LEVER) - told @ inverse, moved)[:, :, 0] @ inverse
         new = d.T @ d * (len(first) - 1) / len(first)
         V = new if V is None else widest(V, new)
     assert V is not None
+    V = widest(V, inverse)
     P = np.diag(prior.precision)
     return V + inverse @ P @ inverse
 

@@ -90,9 +90,8 @@ class State:
         return free_level(w, 0.0, 1.0, self.vs, self.exponent)
 
     def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
-        """The state that a fit says. Values that are not linear move by a part at most."""
+        """The state that a fit says."""
         new = self.copy()
-        along = view.along()
         for name, x in zip(names, b, strict=True):
             if isinstance(name, str):
                 new.k[name] = float(x)
@@ -100,10 +99,8 @@ class State:
                 new.terms[name[0]].b[name[1]] = x
             else:
                 term, key = new.terms[name[0]], name[1]
-                step, p = step_of(term.block, key, term.q[key], along), term.block.own[key]
-                most = FURTHEST * step if term.block.states else room(term, key, step)
-                moved = term.q[key] + float(np.clip(x, -most, most))
-                term.q[key] = float(np.clip(moved, p.low, p.high))
+                p = term.block.own[key]
+                term.q[key] = float(np.clip(term.q[key] + x, p.low, p.high))
         return new
 
 
@@ -243,7 +240,9 @@ class Design:
             made = replace(made, wide=v.motion.held(made.wide))
         S = v.in_rows(made)
         for j, key in enumerate(keys):
-            add((i, key), S[:, j] * per[key], sd=room(term, key, step[key]))
+            sd = room(term, key, step[key])
+            most = FURTHEST * step[key] if block.states else sd
+            add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
 
 
 def room(term: Term, key: str, step: float) -> float:

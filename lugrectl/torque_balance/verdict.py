@@ -469,7 +469,7 @@ def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:
     gain, p = own[term.block.gain], term.block.own[term.block.gain]
     if not np.isfinite([*own.values()]).all():
         return False
-    if p.unit == "kg m2" and (values["J"][1] <= 0 or gain[2] - gain[1] > abs(gain[0])):
+    if p.unit == "kg m2" and values["J"][1] <= 0:
         return False  # which inertia is whose?
     for k, x in own.items():  # an instant must be known to within half of the log
         q = term.block.own[k]
