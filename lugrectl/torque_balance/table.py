@@ -155,7 +155,9 @@ class Table:
         self.e_seen = v.blocks.seen(fit.r, self._stretch(self.J))
         # weights of the richest description: only true outliers lose weight
         self.root = np.sqrt(fit.w if self.weights is None else self.weights)
-        self.Q, _ = np.linalg.qr(self.X[:, fit.free] * self.root[:, None])
+        # a bound of J is none for what changes J
+        open_ = fit.free | (np.arange(len(fit.b)) == 0)
+        self.Q, _ = np.linalg.qr(self.X[:, open_] * self.root[:, None])
         rooted = self.y * self.root
         self.rest_of_y = rooted - self.Q @ (self.Q.T @ rooted)
 
