@@ -111,24 +111,28 @@ class Table:
     """The base as it stands (the declared model and what was chosen) and scores beside it.
 
     ``quick`` is the first pass, in which fits are scored on the rows that they have seen. ``e``
-    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain.
+    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain. A
+    given ``scale`` of the residual says that friction's shape is settled already.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, scale: float | None = None) -> None:
         self.view = view
-        self.scale: Any = None
+        self.scale: Any = scale
         self.weights: Any = None
         self.scale_J: Any = None
         self.quick, self.chosen = True, []
-        self.restart()
+        self.restart(settled=scale is not None)
 
-    def restart(self, beside: Contender | None = None) -> None:
+    def restart(self, beside: Contender | None = None, settled: bool = False) -> None:
         """The base without any chosen effect, friction's shape settled (beside the likeliest)."""
         v = self.view
         v.start()
         self.likeliest = beside
-        found = v.choose(self.scale, beside)
-        self.scale = found if self.scale is None else self.scale
+        if settled:
+            v.set_law(v.x0, v.vs)
+        else:
+            found = v.choose(self.scale, beside)
+            self.scale = found if self.scale is None else self.scale
         self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
         joined = {t.key for t in v.terms}
         self.imitates = np.array(
