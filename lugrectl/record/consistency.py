@@ -184,18 +184,20 @@ def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
     power = np.array([(terms[:, 1] * terms[:, 1]).sum(), (terms[:, 1] * terms[:, 2]).sum()])
 
     def solve(keep: np.ndarray) -> np.ndarray:
-        x = np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+        return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+
+    def told(x: np.ndarray) -> np.ndarray:
         return np.array([x[0], x[1:3] @ power])
 
     every = np.arange(len(blocks))
-    full = solve(every)
-    left = np.array([solve(every != k) for k in every])
+    x = solve(every >= 0)
+    left = np.array([told(solve(every != k)) for k in every])
     error = np.sqrt((len(every) - 1) * np.var(left, axis=0))
     if not np.all(error > 0):
         return None
-    x = np.linalg.lstsq(terms / size, u, rcond=None)[0]
-    r2 = 1 - np.var(u - (terms / size) @ x) / np.var(u)
-    return TorqueFit(float(full[0] / error[0]), float(full[1] / error[1]), float(r2))
+    r2 = 1 - np.var(u - terms @ x) / np.var(u)
+    inertia, friction = told(x) / error
+    return TorqueFit(float(inertia), float(friction), float(r2))
 
 
 def _torque_sign(record: Record) -> Record:

@@ -18,7 +18,7 @@ LATE_W = 3e-3  # a w that lags by more is named
 VERY_LATE = 0.3  # a w may be late by this much (a filter, a slow bus)
 FAR_W = 0.04  # a w that is later than this is not used
 ENOUGH = 60_000  # samples from which stiffness, width and effects are chosen
-PARTS, STRANGE = 16, 4  # of a longer log, in which effects are searched; those that fit least
+PARTS, STRANGE = 20, 8  # of a longer log, in which effects are searched; those that fit least
 
 # the rows
 WIDTHS = (0.010, 0.012, 0.0144, 0.0173, 0.0208, 0.025, 0.03, 0.036, 0.05, 0.07, 0.1, 0.14, 0.19,

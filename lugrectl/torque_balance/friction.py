@@ -81,7 +81,8 @@ class View:
 
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``version`` how often
+    they have been settled.
 
     ``is_map``: runs at steady speeds, ``backward``: friction would drive all of them.
     ``signals`` are those on which an unknown torque may depend, ``never`` the effects that such a
@@ -123,7 +124,7 @@ class View:
         self._in_rows: dict[float, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
         self._waves: dict[bytes, np.ndarray] = {}
-        self._room = ROOM
+        self._room, self.version = ROOM, 0
 
     def on(self, mask: np.ndarray) -> View:
         """The same motion and law on some of the rows."""
@@ -136,7 +137,7 @@ class View:
         return made
 
     def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
-        """What the motion and the rows alone tell is made once, while there is room for it."""
+        """What is known by its key is made once, while there is room for it."""
         if key in self._made:
             return self._made[key]
         made = make()
@@ -332,6 +333,7 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
+        self.version += 1
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         self.coulomb = k["Fc"] * self.z
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
