@@ -177,10 +177,10 @@ def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
-    size = np.linalg.norm(terms, axis=0)
-    blocks = np.array_split(np.arange(len(u)), BLOCKS)
-    grams = np.array([terms[b].T @ terms[b] for b in blocks]) / np.outer(size, size)
-    sides = np.array([terms[b].T @ u[b] for b in blocks]) / size
+    blocks = list(zip(np.array_split(terms, BLOCKS), np.array_split(u, BLOCKS), strict=True))
+    grams = np.array([x.T @ x for x, _ in blocks])
+    size = np.sqrt(np.diag(grams.sum(0)))
+    grams, sides = grams / np.outer(size, size), np.array([x.T @ y for x, y in blocks]) / size
     power = np.array([(terms[:, 1] * terms[:, 1]).sum(), (terms[:, 1] * terms[:, 2]).sum()])
 
     def solve(keep: np.ndarray) -> np.ndarray:

@@ -95,7 +95,10 @@ def _nearest(
     """The values of a law; ``keys`` are free, and start at the known ones."""
     v, own, target = last.view, law.own, _friction(last) + last.fit.r * last.scale
     rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
-    K, along = v.K[rows], v.along()
+    K, along, w = v.K[rows], v.along(), None
+    if not law.states and law.inputs == ("w",):  # samples at which no row looks do not matter
+        used = np.unique(K.indices)
+        K, w = K[:, used], v.motion.w[used]
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
     ends = np.array([(own[k].low, own[k].high) for k in keys]).T
 
@@ -104,9 +107,8 @@ def _nearest(
         return {**known, **dict(zip(keys, found, strict=True))}
 
     def off(x: np.ndarray) -> np.ndarray:
-        made = torque(law, values(x), along).wide
-        assert made is not None
-        return np.nan_to_num((K @ made[:, 0] - target[rows]) / last.scale, nan=1e6)
+        made = law(w, **values(x))[0] if w is not None else torque(law, values(x), along).wide[:, 0]
+        return np.nan_to_num((K @ made - target[rows]) / last.scale, nan=1e6)
 
     bounds = (-FURTHEST, FURTHEST)
     made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",

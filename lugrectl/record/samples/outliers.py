@@ -8,6 +8,7 @@ from scipy import ndimage
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 _AROUND = 61  # rows about a sample that show what is usual there
 _FAR = 10.0  # times the usual distance from the curve through the neighbours
+_EVEN = 1e-6  # of a step: stamps that differ by less are even
 _RARE = 0.97  # share of the samples that shows how far from the curve the channel is anyway
 # least distance of an outlier, as a share of the channel's range: a drive may ask for a short
 # torque, and a computed speed may jump, but a position has inertia behind it
@@ -124,7 +125,9 @@ def _off_cubic(x: np.ndarray) -> np.ndarray:
 
 def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """The same with the recorded stamps; nan where they do not allow it."""
-    made = np.full(len(x), np.nan)
+    made, steps = np.full(len(x), np.nan), np.diff(t)
+    if np.ptp(steps) < _EVEN * np.abs(steps).max():
+        return made  # the cubic in rows says the same
     beside = [sliding(t, k) - t[2:-2] for k in (0, 1, 3, 4)]
     value = np.zeros(len(x) - 4)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
