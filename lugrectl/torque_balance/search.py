@@ -27,7 +27,7 @@ MINORITY = 0.3  # of the rows: a stop is touched by fewer
 GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
 RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
 CLOSER, FARTHEST = 0.35, 1.5  # steps of a polish: over the last ones; how far a top may lie
-TURNS = 4  # of a polish; two in the first pass, and where an earlier search has found it
+TURNS = 4  # of a polish, two more in one dimension; two in the first pass, or where it is known
 
 Values = dict[str, float]
 
@@ -107,7 +107,7 @@ class Search:
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
         self.beside = tuple((c.name, *kept(c.each)) for c in table.chosen
                             if c.u is not None or c.block is not None and c.block.load)  # fmt: skip
-        self.turns = 2 if table.quick else TURNS
+        self.turns = 2 if table.quick and only is None else TURNS
         self.few = self._at_rows()
 
     def rows(self) -> list[Contender]:
@@ -220,7 +220,8 @@ class Search:
         def gains(points: np.ndarray) -> np.ndarray:
             return self._each(block, [q | dict(zip(steps, x, strict=True)) for x in points.tolist()])
 
-        x = polish(gains, [q[k] for k in steps], [*steps.values()], self.turns)
+        turns = self.turns + 2 * (len(steps) == 1)
+        x = polish(gains, [q[k] for k in steps], [*steps.values()], turns)
         return q | dict(zip(steps, x.tolist(), strict=True))
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:

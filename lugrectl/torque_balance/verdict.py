@@ -425,7 +425,7 @@ class _Judge:
         if any(not t.declared for t in state.terms):
             again = {t.key: t for t in self._found_again(self.all).terms}
             state.terms = [again.get(t.key, t) for t in state.terms]
-        return LastFit(self.all, state, few.scale)
+        return LastFit(self.all, state, few.scale, turns=2)
 
     def _intervals(self, last: LastFit, few: LastFit) -> tuple[Interval, np.ndarray]:
         """Intervals of the model that is shown; how much its description matters, ``few`` say."""
