@@ -81,8 +81,8 @@ class View:
 
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``version`` how often
-    they have been settled.
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
+    all of these hang on.
 
     ``is_map``: runs at steady speeds, ``backward``: friction would drive all of them.
     ``signals`` are those on which an unknown torque may depend, ``never`` the effects that such a
@@ -124,7 +124,7 @@ class View:
         self._in_rows: dict[float, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
         self._waves: dict[bytes, np.ndarray] = {}
-        self._room, self.version = ROOM, 0
+        self._room, self.settled = ROOM, b""
 
     def on(self, mask: np.ndarray) -> View:
         """The same motion and law on some of the rows."""
@@ -333,7 +333,7 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
-        self.version += 1
+        self.settled = b.tobytes() + np.array([self.x0, self.vs]).tobytes()
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         self.coulomb = k["Fc"] * self.z
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]

@@ -189,7 +189,7 @@ class Search:
 
     def _once(self, key: Any, block: Block, make: Callable[[], Seen]) -> Seen:
         """What has been made of the same motion, friction and torque is not made again."""
-        drive = () if of_motion(block) else (self.view.version, *self.beside)
+        drive = () if of_motion(block) else (self.view.settled, *self.beside)
         return self.view.once((*key, *drive), make)
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
