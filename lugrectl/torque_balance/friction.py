@@ -145,6 +145,12 @@ class View:
             self._made[key], self._room = made, self._room - made.rows.size
         return made
 
+    def _now(self, settled: bytes) -> None:
+        """What hangs on another friction makes room."""
+        old = [] if settled == self.settled else [k for k in self._made if self.settled in k]
+        self._room += sum(self._made.pop(key).rows.size for key in old)
+        self.settled = settled
+
     def seen_of(self, N: np.ndarray) -> np.ndarray:
         """What the rows leave (m, k) of waves over theta of orders N (k,)."""
         key = N.tobytes()
@@ -333,7 +339,7 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
-        self.settled = b.tobytes() + np.array([self.x0, self.vs]).tobytes()
+        self._now(np.r_[b, self.x0, self.vs].tobytes())
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         self.coulomb = k["Fc"] * self.z
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]

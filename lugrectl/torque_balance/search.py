@@ -105,8 +105,11 @@ class Search:
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
-        self.beside = tuple((c.name, *kept(c.each)) for c in table.chosen
-                            if c.u is not None or c.block is not None and c.block.load)  # fmt: skip
+        chosen = [c for c in table.chosen if c.block is not None]
+        self.changed = {
+            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
+            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
+        }
         self.turns = 2 if table.quick and only is None else TURNS
         self.few = self._at_rows()
 
@@ -189,7 +192,8 @@ class Search:
 
     def _once(self, key: Any, block: Block, make: Callable[[], Seen]) -> Seen:
         """What has been made of the same motion, friction and torque is not made again."""
-        drive = () if of_motion(block) else (self.view.settled, *self.beside)
+        drive = [] if of_motion(block) else [self.view.settled]
+        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
         return self.view.once((*key, *drive), make)
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
