@@ -209,8 +209,11 @@ def _torque_sign(record: Record) -> Record:
     """
     if _is_steady(record):
         return record  # nothing accelerates
-    fit, slow = torque_fit(record), torque_fit(record, _SLOW_BAND)
-    if fit is None or slow is None:
+    fit = torque_fit(record)
+    if fit is None or fit.r2 >= 0.05 and min(fit.inertia_t, fit.power_t) >= -_SURE:
+        return record
+    slow = torque_fit(record, _SLOW_BAND)
+    if slow is None:
         return record
     if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):
         raise Refused(

@@ -278,7 +278,8 @@ class Decision:
         for c in firsts:
             table.back(self.before)
             table.extend(c)
-            more = [n for n in self._beside()[0] if n.name not in self._taken() and n.share > self.floor(n)]
+            named = self._beside()[0]
+            more = [n for n in named if n.name not in self._taken() and n.share > self.floor(n)]
             if more:
                 pairs.append((float(np.sum(more[0].e - self.e0)), c, more[0]))
         table.back(self.before)

@@ -30,6 +30,7 @@ from .constants import (
     FREE_LATE,
     GREASE,
     MOST_BLOCKS,
+    NEAR_REST,
     TAIL,
 )
 from .motion import Motion
@@ -82,7 +83,7 @@ class View:
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
     inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
-    all of these hang on.
+    all of these depend on.
 
     ``is_map``: runs at steady speeds, ``backward``: friction would drive all of them.
     ``signals`` are those on which an unknown torque may depend, ``never`` the effects that such a
@@ -121,7 +122,7 @@ class View:
         self._path = strokes(motion.fine_steps)
         self._follows: dict[float, np.ndarray] = {}
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
-        self._in_rows: dict[float, np.ndarray] = {}
+        self._in_rows: dict[Any, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
         self._waves: dict[bytes, np.ndarray] = {}
         self._room, self.settled = ROOM, b""
@@ -146,7 +147,7 @@ class View:
         return made
 
     def _now(self, settled: bytes) -> None:
-        """What hangs on another friction makes room."""
+        """What depends on another friction makes room."""
         old = [] if settled == self.settled else [k for k in self._made if self.settled in k]
         self._room += sum(self._made.pop(key).rows.size for key in old)
         self.settled = settled
@@ -203,6 +204,28 @@ class View:
             blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
             self._in_rows[x0] = self.K @ np.column_stack([z, m.slope(z), blurred])
         return self._in_rows[x0]
+
+    def near_rest(self, x0: float) -> np.ndarray:
+        """What friction may do near rest beside a bristle of length x0, in the rows (m, k)."""
+        key, m, made = ("near", x0), self.motion, []
+        if key not in self._in_rows:
+            fine = last = self.deflection(x0)[0]
+            for kind, x, _ in NEAR_REST:
+                if kind == "turn":
+                    new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
+                    shape, last = new - last, new
+                else:
+                    shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
+                made.append(self.K @ m.coarse(shape))
+            self._in_rows[key] = np.column_stack(made)
+        return self._in_rows[key]
+
+    def grease_rows(self, exponent: float) -> np.ndarray:
+        """|w|^exponent sign(w) in the rows (m,)."""
+        key = "grease", exponent
+        if key not in self._in_rows:
+            self._in_rows[key] = self.K @ self.grease(exponent)
+        return self._in_rows[key]
 
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""

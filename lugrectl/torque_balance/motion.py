@@ -177,8 +177,9 @@ class SmoothRuns:
     def _shaken(self) -> np.ndarray:
         """White noise of the channels' size, sent through the same smoothing."""
         random, n = np.random.default_rng(1), len(self.samples)
-        theta = random.standard_normal(n) * self.smoother.variance**0.5
-        w = random.standard_normal(n) * self.sensors.w_variance**0.5
+        white = random.standard_normal((2, min(n, ENOUGH)))  # of a long log again and again
+        theta = np.resize(white[0], n) * self.smoother.variance**0.5
+        w = np.resize(white[1], n) * self.sensors.w_variance**0.5
         noise = self.smoother(self.stiffness, theta, None if self.smoother.w is None else w)
         return self.bend(noise)
 

@@ -12,6 +12,7 @@ from itertools import combinations, product
 from typing import Any
 
 import numpy as np
+
 from ..blocks.block import Block, P, members
 from ..core.regression import Prior
 from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
@@ -40,8 +41,8 @@ def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
 def polish(
     gains: Callable[[np.ndarray], np.ndarray], x: Sequence[float], step: Sequence[float], turns: int
 ) -> np.ndarray:
-    """The largest gain near x (k,) among points that come closer: those around the top of a parabola
-    through the last ones. ``gains`` of points (m, k) are (m,), several at once."""
+    """The largest gain near x (k,) among points that come closer: those around the top of a
+    parabola through the last ones. ``gains`` of points (m, k) are (m,), several at once."""
     centre, step = np.array(x, float), np.array(step, float)
     one = np.eye(len(centre))
     both = [a + b for a, b in combinations(one, 2)]
@@ -222,7 +223,9 @@ class Search:
             return q
 
         def gains(points: np.ndarray) -> np.ndarray:
-            return self._each(block, [q | dict(zip(steps, x, strict=True)) for x in points.tolist()])
+            return self._each(
+                block, [q | dict(zip(steps, x, strict=True)) for x in points.tolist()]
+            )
 
         turns = self.turns + 2 * (len(steps) == 1)
         x = polish(gains, [q[k] for k in steps], [*steps.values()], turns)
