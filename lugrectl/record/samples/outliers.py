@@ -102,7 +102,9 @@ def distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     beside = np.array([1, 1, 1, 0, 1, 1, 1], bool)
     low = ndimage.rank_filter(x, 2, footprint=beside, mode="mirror")
     high = ndimage.rank_filter(x, 3, footprint=beside, mode="mirror")
-    far = np.fmin(outside(x, low, high), np.fmin(_off_cubic(x), off_cubic_in_time(t, x)))
+    far, steps = np.fmin(outside(x, low, high), _off_cubic(x)), np.diff(t)
+    if np.ptp(steps) > _EVEN * np.abs(steps).max():  # else the stamps say the same as the rows
+        far = np.fmin(far, off_cubic_in_time(t, x))
     far[2:] = np.fmin(far[2:], outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
     far[:-2] = np.fmin(far[:-2], outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
     for end, then, after, last in ((0, 1, 2, 3), (-1, -2, -3, -4)):
@@ -125,9 +127,7 @@ def _off_cubic(x: np.ndarray) -> np.ndarray:
 
 def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """The same with the recorded stamps; nan where they do not allow it."""
-    made, steps = np.full(len(x), np.nan), np.diff(t)
-    if np.ptp(steps) < _EVEN * np.abs(steps).max():
-        return made  # the cubic in rows says the same
+    made = np.full(len(x), np.nan)
     beside = [sliding(t, k) - t[2:-2] for k in (0, 1, 3, 4)]
     value = np.zeros(len(x) - 4)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
