@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.errors import Refused
-from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, MOST_ROWS, NOISY, WIDE, WIDTHS
+from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, NOISY, WIDE, WIDTHS
 from .motion import Motion, SmoothRuns
 from .rows import averages, bump, centres, half_samples
 
@@ -62,7 +62,7 @@ class Probe:
         if s.filtered:  # a filtered difference of theta tells little more than theta
             of_w = max(of_w, 0.25 * of_theta)
         variance = 1 / (1 / of_theta + 1 / of_w)
-        step = max(1, int(0.55 * half), len(samples) // MOST_ROWS)
+        step = max(1, int(0.55 * half))
         at = centres(samples.pieces, half, step)
         K = averages(phi, at, len(samples))
         a = np.zeros(len(at))
