@@ -42,7 +42,7 @@ NO_GAIN = (
     "more than it explains."
 )
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
-MOST_STRUCK = 12  # names that may be struck
+MOST_STRUCK = 2  # names that may be struck: after more, none has ever been right
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
 TURN = "Check the sign of u; {} reverses it."
@@ -215,7 +215,7 @@ class _Judge:
     # ---- what the last fit holds
     def _held(self) -> LastFit:
         """The last fit to all rows, with the names that it holds."""
-        for _ in range(MOST_STRUCK):
+        while True:
             self._share()
             last = best_law(self.view, self._found_again(), self.decision.table.scale)
             last = self._without_small_waves(last)
@@ -227,9 +227,8 @@ class _Judge:
                 interval, V = self._intervals(last)
                 lost = self._lost(last, interval.values(V))
             if not lost:
-                break
+                return last
             self._strike(last, lost[-1])
-        return last
 
     def _found_again(self) -> State:
         """The chosen effects at their values on all rows: an order, an instant, a gap."""
@@ -278,6 +277,8 @@ class _Judge:
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
         d = self.decision
+        if len(self.struck) > MOST_STRUCK:
+            self.struck |= {c.name for c in d.named}
         if name in {t.name for t in d.joined}:
             self.view, self.train, self.test = (v.rid(name) for v in
                                                 (self.view, self.train, self.test))  # fmt: skip
