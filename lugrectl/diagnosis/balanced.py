@@ -152,18 +152,19 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
 
 def _same_motion(ready: Prepared) -> bool:
     """Whether most held-out samples lie at angles that training samples pass the same way."""
-    seen: list[set[tuple[float, float]]] = [set(), set()]
+    seen: list[set[int]] = [set(), set()]
     for i, run in enumerate(ready.runs):
         turn = (
             2 * np.pi if ready.model.motion == "rotary" else max(float(np.ptp(run.theta)), 1e-300)
         )
         place = np.floor(run.theta / turn * PLACES) % PLACES
         way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
+        at = (3 * place + way).astype(int)
         out = np.zeros(len(run.t), bool)
         for own, start, end in ready.held_out:
             out |= (own == i) & (run.t >= start) & (run.t <= end)
         for own, where in ((~out, 0), (out, 1)):
-            seen[where] |= set(zip(place[own].tolist(), way[own].tolist(), strict=True))
+            seen[where] |= set(np.flatnonzero(np.bincount(at[own] + 1)).tolist())
     return len(seen[0] & seen[1]) > 0.5 * len(seen[1])
 
 

@@ -177,25 +177,27 @@ def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
-    size = np.linalg.norm(terms, axis=0)
-    blocks = np.array_split(np.arange(len(u)), BLOCKS)
-    grams = np.array([terms[b].T @ terms[b] for b in blocks]) / np.outer(size, size)
-    sides = np.array([terms[b].T @ u[b] for b in blocks]) / size
+    blocks = list(zip(np.array_split(terms, BLOCKS), np.array_split(u, BLOCKS), strict=True))
+    grams = np.array([x.T @ x for x, _ in blocks])
+    size = np.sqrt(np.diag(grams.sum(0)))
+    grams, sides = grams / np.outer(size, size), np.array([x.T @ y for x, y in blocks]) / size
     power = np.array([(terms[:, 1] * terms[:, 1]).sum(), (terms[:, 1] * terms[:, 2]).sum()])
 
     def solve(keep: np.ndarray) -> np.ndarray:
-        x = np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+        return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+
+    def told(x: np.ndarray) -> np.ndarray:
         return np.array([x[0], x[1:3] @ power])
 
     every = np.arange(len(blocks))
-    full = solve(every)
-    left = np.array([solve(every != k) for k in every])
+    x = solve(every >= 0)
+    left = np.array([told(solve(every != k)) for k in every])
     error = np.sqrt((len(every) - 1) * np.var(left, axis=0))
     if not np.all(error > 0):
         return None
-    x = np.linalg.lstsq(terms / size, u, rcond=None)[0]
-    r2 = 1 - np.var(u - (terms / size) @ x) / np.var(u)
-    return TorqueFit(float(full[0] / error[0]), float(full[1] / error[1]), float(r2))
+    r2 = 1 - np.var(u - terms @ x) / np.var(u)
+    inertia, friction = told(x) / error
+    return TorqueFit(float(inertia), float(friction), float(r2))
 
 
 def _torque_sign(record: Record) -> Record:
@@ -207,8 +209,11 @@ def _torque_sign(record: Record) -> Record:
     """
     if _is_steady(record):
         return record  # nothing accelerates
-    fit, slow = torque_fit(record), torque_fit(record, _SLOW_BAND)
-    if fit is None or slow is None:
+    fit = torque_fit(record)
+    if fit is None or fit.r2 >= 0.05 and min(fit.inertia_t, fit.power_t) >= -_SURE:
+        return record
+    slow = torque_fit(record, _SLOW_BAND)
+    if slow is None:
         return record
     if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):
         raise Refused(

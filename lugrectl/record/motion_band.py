@@ -42,7 +42,9 @@ def regression(target: np.ndarray, source: np.ndarray, dt: float) -> tuple[float
     """Fit target = g (source + T d source/dt) + ...; return g and T."""
     first = np.gradient(source, dt)
     terms = np.column_stack([source, first, np.gradient(first, dt), np.ones_like(source)])
-    size = np.linalg.norm(terms, axis=0)
+    gram = terms.T @ terms
+    size = np.sqrt(np.diag(gram))
     size[size == 0] = 1.0  # a source that does not change explains nothing
-    found = np.linalg.lstsq(terms / size, target, rcond=None)[0] / size
+    found = np.linalg.lstsq(gram / np.outer(size, size), terms.T @ target / size, rcond=1e-12)[0]
+    found = found / size
     return float(found[0]), float(found[1] / found[0]) if found[0] else 0.0

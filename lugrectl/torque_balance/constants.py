@@ -17,7 +17,8 @@ FREE_LATE = 5e-4  # how late a held torque may act for nothing: a current loop
 LATE_W = 3e-3  # a w that lags by more is named
 VERY_LATE = 0.3  # a w may be late by this much (a filter, a slow bus)
 FAR_W = 0.04  # a w that is later than this is not used
-ENOUGH = 60_000  # samples from which stiffness and width are chosen
+ENOUGH = 60_000  # samples from which stiffness, width and effects are chosen
+PARTS, STRANGE = 20, 8  # of a longer log, in which effects are searched; those that fit least
 
 # the rows
 WIDTHS = (0.010, 0.012, 0.0144, 0.0173, 0.0208, 0.025, 0.03, 0.036, 0.05, 0.07, 0.1, 0.14, 0.19,
@@ -28,6 +29,7 @@ LOST = 0.05  # share of J that noise in the acceleration may take away
 FINE_WAVE = 0.1  # of the power of the fast torque: a wave over the angle that needs narrow windows
 LEAST_ROWS = 30  # rows in which something moves: fewer say nothing
 MOST_ROWS = 40_000  # windows overlap less, and widen, where there would be more
+SPARSEST = 3  # times the usual distance of windows: every sample is in one
 STILL = 0.1  # share of a window at rest from which on it is left out
 AT_REST = 0.004  # of top speed: slower is rest
 

@@ -65,6 +65,7 @@ class Decision:
         self.least = least
         self.notes: list[str] = []
         self.memory: dict[str, Any] = {}
+        self._known: dict[tuple[int, ...], tuple[list[Contender], list[Contender]]] = {}
         self.joined: list[Term] = []
         self.heavy: dict[str, list[str]] = {}
         self.linear = view.model.motion == "linear"
@@ -87,6 +88,13 @@ class Decision:
         """The rows of the table beside the base as it stands."""
         self.search = self._search()
         self.named, self.unknown = self.search.rows(), self.strangers.rows()
+
+    def _beside(self) -> tuple[list[Contender], list[Contender]]:
+        """The rows beside what is chosen; looked for once, as the chosen ones live on in them."""
+        key = tuple(id(c) for c in self.table.chosen)
+        if key not in self._known:
+            self._known[key] = self._search().rows(), self.strangers.rows()
+        return self._known[key]
 
     # ---- a load that hides everything else
     def _weight_first(self) -> None:
@@ -216,7 +224,7 @@ class Decision:
         name comes near, or the end."""
         table = self.table
         table.extend(c)
-        named, unknown = self._search().rows(), self.strangers.rows()
+        named, unknown = self._beside()
         rest = [g for g in unknown if self.proven(g, table.e)]
         more = [n for n in named if self.proven(n, table.e) and n.name not in self._taken()]
         odd, far = self._stranger(rest, more)
@@ -270,7 +278,7 @@ class Decision:
         for c in firsts:
             table.back(self.before)
             table.extend(c)
-            named = self._search().rows()
+            named = self._beside()[0]
             more = [n for n in named if n.name not in self._taken() and n.share > self.floor(n)]
             if more:
                 pairs.append((float(np.sum(more[0].e - self.e0)), c, more[0]))

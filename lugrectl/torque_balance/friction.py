@@ -30,6 +30,7 @@ from .constants import (
     FREE_LATE,
     GREASE,
     MOST_BLOCKS,
+    NEAR_REST,
     TAIL,
 )
 from .motion import Motion
@@ -81,7 +82,8 @@ class View:
 
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
+    all of these depend on.
 
     ``is_map``: runs at steady speeds, ``backward``: friction would drive all of them.
     ``signals`` are those on which an unknown torque may depend, ``never`` the effects that such a
@@ -120,10 +122,10 @@ class View:
         self._path = strokes(motion.fine_steps)
         self._follows: dict[float, np.ndarray] = {}
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
-        self._in_rows: dict[float, np.ndarray] = {}
+        self._in_rows: dict[Any, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
         self._waves: dict[bytes, np.ndarray] = {}
-        self._room = ROOM
+        self._room, self.settled = ROOM, b""
 
     def on(self, mask: np.ndarray) -> View:
         """The same motion and law on some of the rows."""
@@ -136,13 +138,19 @@ class View:
         return made
 
     def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
-        """What the motion and the rows alone tell is made once, while there is room for it."""
+        """What is known by its key is made once, while there is room for it."""
         if key in self._made:
             return self._made[key]
         made = make()
         if made.rows.size <= self._room:
             self._made[key], self._room = made, self._room - made.rows.size
         return made
+
+    def _now(self, settled: bytes) -> None:
+        """What depends on another friction makes room."""
+        old = [] if settled == self.settled else [k for k in self._made if self.settled in k]
+        self._room += sum(self._made.pop(key).rows.size for key in old)
+        self.settled = settled
 
     def seen_of(self, N: np.ndarray) -> np.ndarray:
         """What the rows leave (m, k) of waves over theta of orders N (k,)."""
@@ -196,6 +204,28 @@ class View:
             blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
             self._in_rows[x0] = self.K @ np.column_stack([z, m.slope(z), blurred])
         return self._in_rows[x0]
+
+    def near_rest(self, x0: float) -> np.ndarray:
+        """What friction may do near rest beside a bristle of length x0, in the rows (m, k)."""
+        key, m, made = ("near", x0), self.motion, []
+        if key not in self._in_rows:
+            fine = last = self.deflection(x0)[0]
+            for kind, x, _ in NEAR_REST:
+                if kind == "turn":
+                    new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
+                    shape, last = new - last, new
+                else:
+                    shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
+                made.append(self.K @ m.coarse(shape))
+            self._in_rows[key] = np.column_stack(made)
+        return self._in_rows[key]
+
+    def grease_rows(self, exponent: float) -> np.ndarray:
+        """|w|^exponent sign(w) in the rows (m,)."""
+        key = "grease", exponent
+        if key not in self._in_rows:
+            self._in_rows[key] = self.K @ self.grease(exponent)
+        return self._in_rows[key]
 
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
@@ -332,6 +362,7 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
+        self._now(np.r_[b, self.x0, self.vs].tobytes())
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         self.coulomb = k["Fc"] * self.z
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]

@@ -83,7 +83,7 @@ class Interval:
         def fit(j: int, exponent: float, turns: int = 2) -> None:
             X[:, dip] = dips[:, j]
             if exponent and exponent != state.grease:
-                X[:, grease] = v.K @ v.grease(exponent)
+                X[:, grease] = v.grease_rows(exponent)
             prior = d.prior.but(grease, high=np.inf if exponent else 0.0)
             f = robust(X, d.y, prior, last.scale, v.noise, last.fit.w, turns)
             price = ONE_MORE * self.kappa if exponent else 0.0

@@ -178,19 +178,13 @@ class Design:
         most = 0.0 if "stribeck" in s.absent else DIP * v.force
         add("dip", v.K @ s.dip, low=0.0 if v.is_map else -most, high=most)
         add("Fv", v.K @ m.w, low=0.0)
-        grease = v.K @ v.grease(s.grease or GREASE[0])
+        grease = v.grease_rows(s.grease or GREASE[0])
         add("grease", grease, low=0.0, high=np.inf if s.grease else 0.0)
         add("damping", v.K @ m.slope(v.z))
-        fine = last = v.deflection(s.bristle(v))[0]
-        for kind, x, share in NEAR_REST:
-            if NEAR[kind] in s.absent:
-                continue
-            if kind == "turn":
-                new = v.deflection(x * m.top * v.rows.h + v.x0)[0]
-                shape, last = new - last, new
-            else:
-                shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
-            add("~", v.K @ m.coarse(shape), sd=share * self.level)
+        near = v.near_rest(s.bristle(v))
+        for (kind, _, share), column in zip(NEAR_REST, near.T, strict=True):
+            if NEAR[kind] not in s.absent:
+                add("~", column, sd=share * self.level)
 
     def _background(self) -> None:
         """Every drive has a little of an offset, warming, unbalance: BACKGROUND of friction."""

@@ -11,6 +11,7 @@ signal is known: its impulse response, through which the torque is sent too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +20,7 @@ from scipy.linalg import solveh_banded
 
 from .constants import ENOUGH, FINE, FREE_LATE, NOISE_FIT, SOFT
 from .numerics import bend, half_response, slope
-from .samples import Samples
+from .samples import Samples, joined
 from .sensors import Sensors
 
 THIRD = np.array([-1.0, 3, -3, 1])  # third difference: what the smoothing holds small
@@ -43,6 +44,13 @@ class Smoother:
             self.variance = sensors.w_variance * self.dt**2 * DRIFT + 1e-300
         self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+
+    def only(self, samples: Samples, at: Sequence[slice]) -> Smoother:
+        """The same for parts of the log."""
+        made = copy(self)
+        made.sensors, made.theta = self.sensors.only(samples, at), joined(self.theta, at)
+        made.w, made._systems = made.sensors.w, {}
+        return made
 
     def _summed(self, w: np.ndarray) -> np.ndarray:
         return np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * self.dt]
@@ -141,6 +149,19 @@ class SmoothRuns:
         judge = smoother if few is samples else Smoother(Sensors(few))
         return cls(smoother, judge.stiffness())
 
+    def only(self, at: Sequence[slice]) -> SmoothRuns:
+        """Parts of the log, as smooth as it is."""
+        made, k = copy(self), self.between
+        made.samples = self.samples.only(at)
+        made.smoother = self.smoother.only(made.samples, at)
+        made.sensors = made.smoother.sensors
+        for key in ("theta", "w", "acceleration", "path", "shake"):
+            setattr(made, key, joined(getattr(self, key), at))
+        fine = [slice(k * one.start, k * one.stop) for one in at]
+        made.fine_w = joined(self.fine_w, fine)
+        made.fine_steps = made._joined(joined(np.r_[self.fine_steps, 0.0], fine)[:-1], k)
+        return made
+
     def slope(self, x: np.ndarray) -> np.ndarray:
         return self.samples.each(lambda y: slope(y, self.dt), x)
 
@@ -156,8 +177,9 @@ class SmoothRuns:
     def _shaken(self) -> np.ndarray:
         """White noise of the channels' size, sent through the same smoothing."""
         random, n = np.random.default_rng(1), len(self.samples)
-        theta = random.standard_normal(n) * self.smoother.variance**0.5
-        w = random.standard_normal(n) * self.sensors.w_variance**0.5
+        white = random.standard_normal((2, min(n, ENOUGH)))  # of a long log again and again
+        theta = np.resize(white[0], n) * self.smoother.variance**0.5
+        w = np.resize(white[1], n) * self.sensors.w_variance**0.5
         noise = self.smoother(self.stiffness, theta, None if self.smoother.w is None else w)
         return self.bend(noise)
 

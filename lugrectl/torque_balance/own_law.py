@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.sparse import csr_matrix
 
 from ..blocks.block import Block, is_ours, members
 from ..blocks.model import Model
@@ -17,7 +18,7 @@ SLIDING, BRISTLE = {"Fc", "Fs", "Fv", "vs"}, {"sigma0", "sigma1"}
 SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
 SAME = 0.01  # relative difference of two torques
 MOST, FURTHEST = 60, 7.0  # evaluations; natural logarithm of a factor on a value
-ENOUGH = 4000  # rows
+ENOUGH = 1500  # rows
 DIPPED = 1.3  # of Fc: where Fs starts
 
 
@@ -95,7 +96,12 @@ def _nearest(
     """The values of a law; ``keys`` are free, and start at the known ones."""
     v, own, target = last.view, law.own, _friction(last) + last.fit.r * last.scale
     rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
-    K, along = v.K[rows], v.along()
+    K, alone = v.K[rows], not law.states and law.inputs == ("w",)
+    if alone:  # samples at which no row looks do not matter
+        used, places = np.unique(K.indices, return_inverse=True)
+        K, w = csr_matrix((K.data, places, K.indptr)), v.motion.w[used]
+    else:
+        along = v.along()
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
     ends = np.array([(own[k].low, own[k].high) for k in keys]).T
 
@@ -104,9 +110,8 @@ def _nearest(
         return {**known, **dict(zip(keys, found, strict=True))}
 
     def off(x: np.ndarray) -> np.ndarray:
-        made = torque(law, values(x), along).wide
-        assert made is not None
-        return np.nan_to_num((K @ made[:, 0] - target[rows]) / last.scale, nan=1e6)
+        made = law(w, **values(x))[0] if alone else torque(law, values(x), along).wide[:, 0]
+        return np.nan_to_num((K @ made - target[rows]) / last.scale, nan=1e6)
 
     bounds = (-FURTHEST, FURTHEST)
     made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",

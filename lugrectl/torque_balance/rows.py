@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
-from .constants import AT_REST, LEAST_ROWS, MOST_ROWS, STILL
+from .constants import AT_REST, LEAST_ROWS, MOST_ROWS, SPARSEST, STILL
 from .motion import Motion, SmoothRuns
 
 OVERLAP = 0.55  # of the half-width: distance of neighbouring windows
@@ -91,12 +91,9 @@ class Rows:
     """
 
     def __init__(self, motion: Motion, h: float) -> None:
-        self.h = h
-        parts = [_Windows(r, h, motion.top) for r in motion.runs]
-        many = sum(len(p.at) for p in parts)
-        if many > MOST_ROWS:
-            sparser = int(np.ceil(many / MOST_ROWS))
-            parts = [_Windows(r, h, motion.top, sparser) for r in motion.runs]
+        sparser = -(-round(sum(len(r.w) * r.dt for r in motion.runs) / (OVERLAP * h)) // MOST_ROWS)
+        self.h = h = h * max(1.0, sparser / SPARSEST)
+        parts = [_Windows(r, h, motion.top, min(sparser, SPARSEST)) for r in motion.runs]
         first = [at.start for at in motion.at]
         self.at = np.concatenate([p.at + a for p, a in zip(parts, first, strict=True)])
         if len(self.at) < LEAST_ROWS:

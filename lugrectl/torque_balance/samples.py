@@ -87,16 +87,24 @@ class Samples:
         period = int(size * len(self) / most)
         at = [slice(a, min(a + size, p.stop)) for p in self.pieces
               for a in range(p.start, p.stop, period)]  # fmt: skip
-        at = [one for one in at if one.stop - one.start >= SHORTEST]
-        ends = np.cumsum([0, *(one.stop - one.start for one in at)]).tolist()
+        return self.only([one for one in at if one.stop - one.start >= SHORTEST])
 
-        def part(x: np.ndarray) -> np.ndarray:
-            return np.concatenate([x[one] for one in at])
+    def only(self, at: Sequence[slice]) -> Samples:
+        """Parts of the log as pieces of their own."""
+        theta, w = (None if x is None else joined(x, at) for x in (self.theta, self.w))
+        made = {k: joined(getattr(self, k), at) for k in ("t", "stamp", "u", "d", "ok", "run")}
+        return replace(self, theta=theta, w=w, pieces=in_turn(at), **made)
 
-        theta, w = (None if x is None else part(x) for x in (self.theta, self.w))
-        made = {k: part(getattr(self, k)) for k in ("t", "stamp", "u", "d", "ok", "run")}
-        pieces = tuple(map(slice, ends[:-1], ends[1:]))
-        return replace(self, theta=theta, w=w, pieces=pieces, **made)
+
+def joined(x: np.ndarray, at: Sequence[slice]) -> np.ndarray:
+    """Parts of x (n, ...), one after the other."""
+    return np.concatenate([x[one] for one in at])
+
+
+def in_turn(at: Sequence[slice]) -> tuple[slice, ...]:
+    """The places that parts have one after the other."""
+    ends = np.cumsum([0, *(one.stop - one.start for one in at)]).tolist()
+    return tuple(map(slice, ends[:-1], ends[1:]))
 
 
 def lattice_step(x: np.ndarray) -> float:

@@ -7,12 +7,11 @@ a change of the torque itself; anything else by a grid around its default.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from itertools import product
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import combinations, product
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ..blocks.block import Block, P, members
 from ..core.regression import Prior
@@ -28,6 +27,8 @@ ORDER_WAYS = {"torque_ripple": 2}  # how many orders of an effect are entered; e
 MINORITY = 0.3  # of the rows: a stop is touched by fewer
 GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
 RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
+CLOSER, FARTHEST = 0.35, 1.5  # steps of a polish: over the last ones; how far a top may lie
+TURNS = 4  # of a polish, two more in one dimension; two in the first pass, or where it is known
 
 Values = dict[str, float]
 
@@ -38,13 +39,40 @@ def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
 
 
 def polish(
-    gain: Callable[[np.ndarray], float], x: Sequence[float], step: Sequence[float], most: int
+    gains: Callable[[np.ndarray], np.ndarray], x: Sequence[float], step: Sequence[float], turns: int
 ) -> np.ndarray:
-    """The largest gain near x, by Nelder and Mead."""
-    start = np.asarray(x, float)
-    corners = np.vstack([start, start + np.diag(step)])
-    options = {"initial_simplex": corners, "maxfev": most}
-    return minimize(lambda p: -gain(p), start, method="Nelder-Mead", options=options).x
+    """The largest gain near x (k,) among points that come closer: those around the top of a
+    parabola through the last ones. ``gains`` of points (m, k) are (m,), several at once."""
+    centre, step = np.array(x, float), np.array(step, float)
+    one = np.eye(len(centre))
+    both = [a + b for a, b in combinations(one, 2)]
+    around = np.vstack([0 * one[:1], one, -one, *both])
+    best, most = centre, -np.inf
+    for _ in range(turns):
+        made = gains(centre + around * step)
+        i = int(np.argmax(made))
+        if made[i] > most:
+            best, most = centre + around[i] * step, float(made[i])
+        top = _top(around, made)
+        centre = best if top is None else centre + top * step
+        step = step * (1.0 if top is None and i else CLOSER)
+    return best
+
+
+def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+    """Where the parabola through values (m,) at points (m, k) is highest; None where it is not
+    near."""
+    k = around.shape[1]
+    i, j = np.triu_indices(k)
+    A = np.column_stack([np.ones(len(around)), around, around[:, i] * around[:, j]])
+    b = np.linalg.solve(A, values)
+    H = np.zeros((k, k))
+    H[i, j] += b[k + 1 :]
+    H = H + H.T
+    if np.linalg.eigvalsh(H)[-1] >= 0:
+        return None
+    top = -np.linalg.solve(H, b[1 : k + 1])
+    return top if np.max(np.abs(top)) < FARTHEST else None
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
@@ -78,13 +106,19 @@ class Search:
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
+        chosen = [c for c in table.chosen if c.block is not None]
+        self.changed = {
+            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
+            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
+        }
+        self.turns = 2 if table.quick and only is None else TURNS
         self.few = self._at_rows()
 
     def rows(self) -> list[Contender]:
         """The likeliest first; only those that the screening promises something are entered."""
         self.tried = [c for c in self._contenders() if not self._there(c)]
-        worth = [c for c in self.tried if self.table.promise(c) > SCREEN]
-        entered = [self.table.enter(c) for c in worth]
+        worth = [(self.table.promise(c), c) for c in self.tried]
+        entered = self.table.entered([(x, c) for x, c in worth if x > SCREEN])
         return likeliest([c for c in entered if self._possible(c)])
 
     def _contenders(self) -> Iterator[Contender]:
@@ -158,8 +192,10 @@ class Search:
         return self._once((block.name, *kept(sets)), block, made)
 
     def _once(self, key: Any, block: Block, make: Callable[[], Seen]) -> Seen:
-        """What the motion alone tells is made once."""
-        return self.view.once(key, make) if of_motion(block) else make()
+        """What has been made of the same motion, friction and torque is not made again."""
+        drive = [] if of_motion(block) else [self.view.settled]
+        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
+        return self.view.once((*key, *drive), make)
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
         """Gain of each set of values."""
@@ -169,13 +205,31 @@ class Search:
         p = block.own[block.gain]
         return np.where((b >= p.low) & (b <= p.high), gain, 0.0)
 
-    def _gain(self, block: Block, q: Values) -> float:
-        """Gain at one set of values, from all samples."""
-        own = block.own
-        if any(not own[k].low <= x <= own[k].high for k, x in q.items()):
-            return -1.0
-        made = self._seen(block, [q]).rows
-        return float(self._gains(block, made)[0]) if np.all(np.isfinite(made)) else -1.0
+    def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
+        """Gain of each set of values, from all samples; -1 beyond bounds."""
+        own, made = block.own, np.full(len(sets), -1.0)
+        inside = [i for i, q in enumerate(sets)
+                  if all(own[k].low <= x <= own[k].high for k, x in q.items())]  # fmt: skip
+        if inside:
+            each = lanes(block, [sets[i] for i in inside], self.along)
+            made[inside] = np.nan_to_num(self._gains(block, self.view.in_rows(each)), nan=-1.0)
+        return made
+
+    def _polished(
+        self, block: Block, q: Values, steps: Mapping[str, float], gain: float = np.inf
+    ) -> Values:
+        """The best values near q; itself where its ``gain`` promises nothing."""
+        if gain < SCREEN:
+            return q
+
+        def gains(points: np.ndarray) -> np.ndarray:
+            return self._each(
+                block, [q | dict(zip(steps, x, strict=True)) for x in points.tolist()]
+            )
+
+        turns = self.turns + 2 * (len(steps) == 1)
+        x = polish(gains, [q[k] for k in steps], [*steps.values()], turns)
+        return q | dict(zip(steps, x.tolist(), strict=True))
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
         """The contender of one effect, or of several of its kind at once."""
@@ -239,11 +293,11 @@ class Search:
         gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
         for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
-            n = float(N[i])
+            q = {key: float(N[i])}
             if self.linear:
-                step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * n
-                n = float(polish(lambda p: self._gain(block, {key: p[0]}), [n], [step], 25)[0])
-            yield self._contender(block, {key: n}, cost=cost)
+                step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * q[key]
+                q = self._polished(block, q, {key: step})
+            yield self._contender(block, q, cost=cost)
         if set(block.acts) == {"torque"} and not self.linear:
             yield from self._of_waves(block, key, N, gains, X)
 
@@ -286,11 +340,10 @@ class Search:
             0.05, 3, 16
         )  # fmt: skip
         gains = self._gains(block, self._screened(block, [{key: x} for x in grid]))
-        best, cost = float(grid[int(np.argmax(gains))]), np.log(len(grid) if instant else 4)
+        q, cost = {key: float(grid[int(np.argmax(gains))])}, np.log(len(grid) if instant else 4)
         if instant:
-            best = float(polish(lambda p: self._gain(block, {key: p[0]}), [best], [0.004 * T],
-                                12)[0])  # fmt: skip
-        yield self._contender(block, {key: best}, cost=float(cost))
+            q = self._polished(block, q, {key: 0.004 * T}, gains.max())
+        yield self._contender(block, q, cost=float(cost))
 
     def _of_frequency(self, block: Block, key: str) -> Iterator[Contender]:
         """All frequencies by the Fourier transform of what the base leaves, over what the base
@@ -312,10 +365,10 @@ class Search:
         if not seen.any():
             return
         power = spectrum(table.rest_of_y) / np.maximum(room, 1e-3 * room.max()) * seen
-        best = f[int(np.argmax(power))]
-        best = float(polish(lambda p: self._gain(block, {key: p[0]}), [best], [0.15 / T], 20)[0])
-        if best * T > PERIODS:
-            yield self._contender(block, {key: best}, cost=float(np.log(seen.sum() / 2)))
+        q = {key: float(f[int(np.argmax(power))])}
+        q = self._polished(block, q, {key: 0.15 / T}, power.max() / table.scale**2)
+        if q[key] * T > PERIODS:
+            yield self._contender(block, q, cost=float(np.log(seen.sum() / 2)))
 
     def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """The torque itself is another one: what fits the acceleration best, whatever J is."""
@@ -368,11 +421,10 @@ class Search:
         sets = [{key: float(p)} | other for p in places for other in others]
         X = self._seen(block, sets).rows
         few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
-        best = sets[int(np.argmax(np.where(few, self._gains(block, X), 0.0)))]
-        x = polish(lambda p: self._gain(block, best | {key: p[0]}), [best[key]],
-                   [0.01 * self.span], 15)[0]  # fmt: skip
-        cost = float(np.log(len(sets) / len(others)))
-        yield self._contender(block, best | {key: float(x)}, cost=cost)
+        gains = np.where(few, self._gains(block, X), 0.0)
+        best = sets[int(np.argmax(gains))]
+        best = self._polished(block, best, {key: 0.01 * self.span}, gains.max())
+        yield self._contender(block, best, cost=float(np.log(len(sets) / len(others))))
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A load behind a spring or a gap, driven by the measured motion.
@@ -381,6 +433,7 @@ class Search:
         once, and only polished again.
         """
         many = 3 if "gap" in keys else 2
+        again = block.name in self.memory
         tried = self._springs(block, keys)
         if not tried:
             return
@@ -390,14 +443,18 @@ class Search:
         if gains.max() < 2 * SCREEN:
             return
 
-        def gain(p: np.ndarray) -> float:
-            f, z, *gap = np.exp(p)
-            if not 0.8 * slowest < f < FASTEST or z > 1:
-                return -1.0
-            return float(self._loads(block, [self._load(keys, f, z, *gap)])[0])
+        def around(points: np.ndarray) -> np.ndarray:
+            p = np.exp(points)
+            inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < FASTEST) & (p[:, 1] <= 1)
+            made = np.full(len(p), -1.0)
+            if inside.any():
+                made[inside] = self._each(block, [self._load(keys, *x) for x in p[inside].tolist()])
+            return made
 
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
-        f, z, *gap = np.exp(polish(gain, np.log(best[:many]).tolist(), steps[:many], 40))
+        turns = 2 if again else self.turns
+        x = polish(around, np.log(best[:many]).tolist(), steps[:many], turns)
+        f, z, *gap = np.exp(x).tolist()
         if f < 0.84 * slowest or z > 0.95:
             return  # at the edge of what a resonance may be: J that falls with frequency
         self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
@@ -438,11 +495,10 @@ class Search:
             yield from (self._contender(block, q, cost=float(np.log(len(sets)))) for q in sets)
             return
         X = self._screened(block, sets)
-        best = sets[int(np.argmax(self._gains(block, np.nan_to_num(X))))]
+        gains = self._gains(block, np.nan_to_num(X))
         steps = [0.3 * float(np.min(np.diff(g))) if len(g) > 1 else 0.1 for g in grids]
-        x = polish(lambda p: self._gain(block, dict(zip(keys, p, strict=True))),
-                   [best[k] for k in keys], steps, 40 * len(keys))  # fmt: skip
-        q = dict(zip(keys, map(float, x), strict=True))
+        q = self._polished(block, sets[int(np.argmax(gains))], dict(zip(keys, steps, strict=True)),
+                           gains.max())  # fmt: skip
         yield self._contender(block, q, cost=float(np.log(len(sets))))
 
     def _grid(self, p: P, many: int) -> np.ndarray:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
+
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage
@@ -10,7 +13,7 @@ from ..core.errors import Refused
 from ..core.regression import NU
 from .constants import FAR_W, VERY_LATE
 from .numerics import local_noise, slope
-from .samples import Samples
+from .samples import Samples, joined
 
 KERNEL = 0.03  # half-width (s) of the kernel on which theta and w are compared
 FILTER = 0.03  # s: a filter makes a w no later than this
@@ -53,6 +56,13 @@ class Sensors:
         """Standard deviation of the noise of a channel where the motion is calm."""
         own, unit = (local_noise(y, self.samples.pieces, quantile) for y in (x, white))
         return own / unit
+
+    def only(self, samples: Samples, at: Sequence[slice]) -> Sensors:
+        """The same channels in parts of the log."""
+        made = copy(self)
+        made.samples, made.theta = samples, samples.theta
+        made.w = None if self.w is None else joined(self.w, at)
+        return made
 
     @property
     def late(self) -> bool:

@@ -19,6 +19,7 @@ from .constants import GROWN, SCREEN
 from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
+FAR_BEHIND = 0.03  # of the best gain: what promises less decides nothing beside it
 KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large is not identified
 
 
@@ -111,24 +112,28 @@ class Table:
     """The base as it stands (the declared model and what was chosen) and scores beside it.
 
     ``quick`` is the first pass, in which fits are scored on the rows that they have seen. ``e``
-    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain.
+    (blocks,) is the score of the base, ``left`` the share of friction that it does not explain. A
+    given ``scale`` of the residual says that friction's shape is settled already.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, scale: float | None = None) -> None:
         self.view = view
-        self.scale: Any = None
+        self.scale: Any = scale
         self.weights: Any = None
         self.scale_J: Any = None
         self.quick, self.chosen = True, []
-        self.restart()
+        self.restart(settled=scale is not None)
 
-    def restart(self, beside: Contender | None = None) -> None:
+    def restart(self, beside: Contender | None = None, settled: bool = False) -> None:
         """The base without any chosen effect, friction's shape settled (beside the likeliest)."""
         v = self.view
         v.start()
         self.likeliest = beside
-        found = v.choose(self.scale, beside)
-        self.scale = found if self.scale is None else self.scale
+        if settled:
+            v.set_law(v.x0, v.vs)
+        else:
+            found = v.choose(self.scale, beside)
+            self.scale = found if self.scale is None else self.scale
         self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
         joined = {t.key for t in v.terms}
         self.imitates = np.array(
@@ -143,10 +148,10 @@ class Table:
         fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
         size = float(np.sqrt(np.mean(v.rows.a**2))) or 1.0
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
-        if not self.chosen:  # what effects scale is the friction of the declared model
+        if not self.chosen:  # what effects scale is the friction and inertia of the declared model
             v.torques(self._beside_likeliest(fit))
+            v.J = self.J
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
-        v.J = self.J
         if self.quick or self.scale_J is None:
             self.scale_J = self.J
         r = np.abs(self.y - self.X @ fit.b)
@@ -229,13 +234,22 @@ class Table:
         return float(g @ np.linalg.solve(G, g)) / self.scale**2 / 2
 
     # ---- one row
+    def entered(self, promised: Collection[tuple[float, Contender]]) -> list[Contender]:
+        """The contenders that come near the best one, by what the screening promises of each."""
+        made: list[Contender] = []
+        for promise, c in sorted(promised, key=lambda pair: -pair[0]):
+            if promise < FAR_BEHIND * max((one.gain for one in made), default=0.0):
+                break
+            made.append(self.enter(c))
+        return made
+
     def enter(self, c: Contender) -> Contender:
         """The whole model settled again with this contender: score, gain, torque."""
         v = self.view
         X, y, prior = c.added(v, self.X, self.y, self.prior)
         if c.inertial:
             prior = prior.but(0, low=0.0, high=np.inf)
-        fit = robust(X, y, prior, self.scale, v.noise, weights=self.root**2)
+        fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=3)
         c.fit, c.X, c.y, c.full = fit, X, y, prior
         c.b = fit.b[len(self.prior) :]
         c.J = float(fit.b[0]) + (self._inertia_of(c) if c.inertial else 0.0)

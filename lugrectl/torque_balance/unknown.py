@@ -72,10 +72,9 @@ class Unknown:
                 for size in (QUICK,) if quick else SIZES:
                     c = self._contender(depends_on, C, size, len(bases))
                     c.gain = self.table.promise(c) - c.cost
-                    if quick:
-                        made.append(c)
-                    elif c.gain > 2 * SCREEN:
-                        made.append(self.table.enter(c))
+                    made.append(c)
+        if not quick:
+            made = self.table.entered([(c.gain, c) for c in made if c.gain > 2 * SCREEN])
         return likeliest(made)
 
     def _contender(self, depends_on: Signals, C: np.ndarray, size: float, many: int) -> Contender:

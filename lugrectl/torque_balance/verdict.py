@@ -19,6 +19,7 @@ from ..record.stretches import Stretch
 from .columns import columns
 from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
+from .enough import enough
 from .friction import Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
@@ -47,6 +48,7 @@ ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
 TURN = "Check the sign of u; {} reverses it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
+SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
 
@@ -121,8 +123,15 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
     terms = declared_terms(model, here)
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
-    find_open(view, width.sure)
     return view, width
+
+
+def shown(view: View, width: Width | Still) -> View:
+    """Enough of the log for a search; declared effects have all of their values then."""
+    few = enough(view, width) if isinstance(width, Width) else view
+    find_open(few, width.sure)
+    view.terms = few.terms
+    return few
 
 
 def refuse_dead(view: View, width: Width | Still) -> None:
@@ -152,15 +161,17 @@ def answer(
     """
     view, width = seen(stretches, model)
     refuse_dead(view, width)
-    split = Split.of(view, held_out)
-    train, test = view.on(split.train), view.on(split.test)
-    made = _Judge(view, train, test, split, Decision(train, width, least=least)).answer()
+    few = shown(view, width)
+    split = Split.of(few, held_out)
+    train, test = few.on(split.train), few.on(split.test)
+    decision = Decision(train, width, least=least)
+    made = _Judge(few, train, test, split, decision, view).answer()
     if not view.is_map:
         return made
     # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
     every, other = np.ones(len(view.rows), bool), made
     both = view.on(every), view.on(every)
-    made = _Judge(view, *both, split, Decision(both[0], width, least=least)).answer()
+    made = _Judge(view, *both, split, Decision(both[0], width, least=least), view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
     r = made.last.design.y - made.last.design.X @ made.last.fit.b
@@ -174,19 +185,21 @@ class _Judge:
 
     The table has seen training rows only. What it names is fitted to all rows, and struck where
     that fit does not hold it; the same names fitted to training rows are judged on the others.
+    Of a long log, ``view`` are parts that are enough for this; ``every`` row gives the values.
     """
 
     def __init__(
-        self, view: View, train: View, test: View, split: Split, decision: Decision
+        self, view: View, train: View, test: View, split: Split, decision: Decision, every: View
     ) -> None:
         self.view, self.train, self.test, self.split = view, train, test, split
-        self.decision = decision
+        self.decision, self.all = decision, every
         self.struck: set[str] = set()
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
         self.bends = False  # whether a bend of the friction curve is named
         self.whole: tuple[Interval, np.ndarray] | None = None  # intervals by every description
+        self.apart: tuple[LastFit, list[dict[str, float]]] | None = None  # by others of them
 
     def answer(self) -> Answer:
         last = self._held()
@@ -200,13 +213,14 @@ class _Judge:
         if not named:  # the declared model is what is shown
             without, plain = trained, Unseen.of(trained, self.test)
             full = plain
-        interval, V = self._intervals(last)
+        few, last = last, self._of_all(last)
+        interval, V = self._intervals(last, few)
         d = self.decision
         made = Answer(
-            verdict, d, self.view, self.split, last, interval, interval.values(V), V, plain, full,
+            verdict, d, self.all, self.split, last, interval, interval.values(V), V, plain, full,
             d.alternatives, [n for _, n in sorted(self.candidates)], d.depends_on,
             [*d.notes, *self.notes], refitted=without, trained=trained, rivals=self.rivals,
-            declared_error=self._declared_error(last),
+            declared_error=self._declared_error(few),
         )  # fmt: skip
         self._late_speed(made)
         self._whole_inertia(made)
@@ -217,27 +231,26 @@ class _Judge:
         """The last fit to all rows, with the names that it holds."""
         while True:
             self._share()
-            last = best_law(self.view, self._found_again(), self.decision.table.scale)
+            last = best_law(self.view, self._found_again(self.view), self.decision.table.scale)
             last = self._without_small_waves(last)
             interval = Interval(last)
             values = interval.values(interval.covariance())
             last = self._bent(last, values)
             lost = self._lost(last, values)
             if not lost and any(not t.declared for t in last.state.terms):
-                interval, V = self._intervals(last)
+                interval, V = self._intervals(last, last)
                 lost = self._lost(last, interval.values(V))
             if not lost:
                 return last
             self._strike(last, lost[-1])
 
-    def _found_again(self) -> State:
+    def _found_again(self, view: View) -> State:
         """The chosen effects at their values on all rows: an order, an instant, a gap."""
-        d, table = self.decision, Table(self.view)
+        d, table = self.decision, Table(view, self.decision.table.scale)
         for c in d.table.chosen:
             search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
             same = [row for row in search.rows() if row.gain > 0 and row.order == c.order]
             table.extend(same[0] if same else table.enter(search.again(c)))
-        self.view.set_law(d.view.x0, d.view.vs)
         return state_of(table)
 
     def _without_small_waves(self, last: LastFit) -> LastFit:
@@ -280,8 +293,10 @@ class _Judge:
         if len(self.struck) > MOST_STRUCK:
             self.struck |= {c.name for c in d.named}
         if name in {t.name for t in d.joined}:
+            alone = self.all is self.view
             self.view, self.train, self.test = (v.rid(name) for v in
                                                 (self.view, self.train, self.test))  # fmt: skip
+            self.all = self.view if alone else self.all
             self.decision = Decision(self.train, d.width, {*d.never, name}, d.least)
         else:
             d.decide(self.struck)
@@ -319,7 +334,7 @@ class _Judge:
         for other in (self.view, self.test):
             other.terms = [t for t in other.terms if t.declared]
             other.terms += [t.copy() for t in joined]
-            for key in ("x0", "vs", "z", "size", "force"):
+            for key in (*SETTLED, "z"):
                 setattr(other, key, getattr(self.train, key))
 
     def _on_training_rows(self, state: State) -> LastFit:
@@ -400,23 +415,42 @@ class _Judge:
         return Unseen.left(design.y - design.X @ b, self.test.rows).error
 
     # ---- all rows
-    def _intervals(self, last: LastFit) -> tuple[Interval, np.ndarray]:
-        """Intervals of the model that is shown."""
-        if self.whole is not None and self.whole[0].last is last:
-            return self.whole
-        interval = Interval(last)
-        orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
-        widest = np.inf  # a window that hides a wave tells nothing of it
-        if orders and not self.view.is_map:
-            slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
-            widest = 5 / (max(orders) * slow) / self.view.rows.h
-        self.rivals = self._rivals(last)
-        others = [other.values for other in other_views(last, widest)]
-        others += [{k: r.values[k] for k in ("J", "Fc", "Fv")} for r in self.rivals]
-        V = interval.covariance(others)
-        last.state.apply(self.view)
-        self.whole = interval, V
+    def _of_all(self, few: LastFit) -> LastFit:
+        """The fit of the same model to all rows."""
+        if self.all is self.view:
+            return few
+        state = few.state.copy()
+        self.all.terms = [t.copy() for t in self.view.terms]
+        for key in SETTLED:
+            setattr(self.all, key, getattr(self.train, key))
+        if any(not t.declared for t in state.terms):
+            again = {t.key: t for t in self._found_again(self.all).terms}
+            state.terms = [again.get(t.key, t) for t in state.terms]
+        return LastFit(self.all, state, few.scale, turns=2)
+
+    def _intervals(self, last: LastFit, few: LastFit) -> tuple[Interval, np.ndarray]:
+        """Intervals of the model that is shown; how much its description matters, ``few`` say."""
+        if self.whole is None or self.whole[0].last is not last:
+            interval = Interval(last)
+            V = interval.covariance([{k: x + last.values[k] for k, x in one.items()}
+                                     for one in self._others(few)])  # fmt: skip
+            last.state.apply(last.view)
+            self.whole = interval, V
         return self.whole
+
+    def _others(self, last: LastFit) -> list[dict[str, float]]:
+        """How far the values by every other description are from those of a fit."""
+        if self.apart is None or self.apart[0] is not last:
+            orders = [t.q[k] for t in last.state.terms for k in t.q if t.block.own[k].whole]
+            widest = np.inf  # a window that hides a wave tells nothing of it
+            if orders and not self.view.is_map:
+                slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
+                widest = 5 / (max(orders) * slow) / self.view.rows.h
+            self.rivals = self._rivals(last)
+            others = [other.values for other in other_views(last, widest)]
+            others += [{k: r.values[k] for k in ("J", "Fc", "Fv")} for r in self.rivals]
+            self.apart = last, [{k: x - last.values[k] for k, x in o.items()} for o in others]
+        return self.apart[1]
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
         """The drive with an alternative in place of the one named effect: J, Fc, Fv are as

@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.errors import Refused
-from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, NOISY, WIDE, WIDTHS
+from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, MOST_ROWS, NOISY, WIDE, WIDTHS
 from .motion import Motion, SmoothRuns
 from .rows import averages, bump, centres, half_samples
 
@@ -37,25 +37,21 @@ class Probe:
 
     ``J`` with its standard error, ``lost`` the share of it that noise takes away, ``noisy`` the
     noise of J a over what is small enough, ``left`` the residual over all torque, ``drag`` the
-    share of the torque by which friction opposes the motion.
+    share of the torque by which friction opposes the motion, ``r`` (m,) the residuals at ``t`` (s).
     """
 
     def __init__(self, motion: Motion, h: float, declared: Declared) -> None:
         self.h, self.declared = h, declared
         parts = [self._windows(r) for r in motion.runs]
-        first = [at.start for at in motion.at]
-        rows = []
-        for (a, variance, K, thin), start in zip(parts, first, strict=True):
-            rows.append((a, variance, K, start, thin))
-        self._fit(motion, rows)
+        self._fit(motion, parts)
 
     @property
     def enough(self) -> bool:
         return self.rows >= 3 * (5 + self.declared.place.shape[1])
 
-    def _windows(self, runs: SmoothRuns) -> tuple[np.ndarray, float, object, int]:
-        """Acceleration, its noise (variance) and the averages in the windows of one rate, and every
-        how many windows are independent."""
+    def _windows(self, runs: SmoothRuns) -> tuple:
+        """Acceleration, its noise (variance), the averages and the centres of the windows of one
+        rate, and every how many windows are independent."""
         samples, s, dt = runs.samples, runs.sensors, runs.dt
         half = half_samples(self.h, dt)
         phi = bump(half)
@@ -66,7 +62,7 @@ class Probe:
         if s.filtered:  # a filtered difference of theta tells little more than theta
             of_w = max(of_w, 0.25 * of_theta)
         variance = 1 / (1 / of_theta + 1 / of_w)
-        step = max(1, int(0.55 * half))
+        step = max(1, int(0.55 * half), len(samples) // MOST_ROWS)
         at = centres(samples.pieces, half, step)
         K = averages(phi, at, len(samples))
         a = np.zeros(len(at))
@@ -74,17 +70,17 @@ class Probe:
             a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
         if s.w is not None:
             a += variance / of_w * (K @ runs.slope(s.w))
-        return a, variance, K, max(1, round(half / step))
+        return a, variance, K, at, max(1, round(half / step))
 
-    def _fit(self, motion: Motion, rows: list) -> None:
+    def _fit(self, motion: Motion, parts: list[tuple]) -> None:
         direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
         late = motion.slope(motion.u)
         signals = np.column_stack(
             [direction, motion.w, np.ones(len(motion)), late, self.declared.place]
         )
-        X, y, moves, variance, thin = [], [], [], [], []
-        for a, own, K, start, every in rows:
-            at = slice(start, start + K.shape[1])
+        X, y, moves, variance, thin, t = [], [], [], [], [], []
+        for (a, own, K, middle, every), at in zip(parts, motion.at, strict=True):
+            t.append(motion.elapsed[at][middle])
             X.append(np.column_stack([a, K @ signals[at]]))
             y.append(K @ motion.u[at])
             moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
@@ -93,7 +89,7 @@ class Probe:
         moving = np.concatenate(moves)
         self.rows = int(moving.sum())
         if self.enough:
-            noise = np.concatenate(variance)[moving]
+            noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
             self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
             self._judge(motion, np.concatenate(thin), float(noise.mean()))
 
@@ -106,7 +102,7 @@ class Probe:
             r = y - X @ b
             scale = 1.5 * np.median(np.abs(r)) + 1e-300
             k = 5 / (4 + (r / scale) ** 2)
-        self._X, self._b, self._r, self._scale, self._size = X, b, r, scale, size
+        self._X, self._b, self.r, self._scale, self._size = X, b, r, scale, size
         self._inverse = np.linalg.inv(G)
         self.rms = float(np.sqrt(np.mean(y**2))) + 1e-300
         told = self._inverse[0, 0] / size[0] ** 2
@@ -119,7 +115,7 @@ class Probe:
     @cached_property
     def _memory(self) -> float:
         """Rows that tell as much as one that knows nothing of its neighbours."""
-        r = self._r
+        r = self.r
         power = float(np.mean(r * r)) + 1e-300
         c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         return 1 + 2 * sum(max(0.0, one) for one in c)
@@ -157,7 +153,8 @@ class Width:
 
     ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
     it is free. ``impossible``: the torque follows the motion, or has the wrong sign;
-    ``backward``: friction would drive. ``heavy``: gravity that is large.
+    ``backward``: friction would drive. ``heavy``: gravity that is large. ``r`` (m,) are the
+    residuals of a plain balance at ``t`` (s).
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -181,7 +178,7 @@ class Width:
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
-        self.h, self.left, self.heavy = p.h, p.left, p.heavy
+        self.h, self.left, self.heavy, self.t, self.r = p.h, p.left, p.heavy, p.t, p.r
 
     def _try(self, grid: list[float], stop: bool) -> None:
         for h in grid:

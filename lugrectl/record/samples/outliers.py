@@ -8,6 +8,7 @@ from scipy import ndimage
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 _AROUND = 61  # rows about a sample that show what is usual there
 _FAR = 10.0  # times the usual distance from the curve through the neighbours
+_EVEN = 1e-6  # of a step: stamps that differ by less are even
 _RARE = 0.97  # share of the samples that shows how far from the curve the channel is anyway
 # least distance of an outlier, as a share of the channel's range: a drive may ask for a short
 # torque, and a computed speed may jump, but a position has inertia behind it
@@ -101,7 +102,9 @@ def distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     beside = np.array([1, 1, 1, 0, 1, 1, 1], bool)
     low = ndimage.rank_filter(x, 2, footprint=beside, mode="mirror")
     high = ndimage.rank_filter(x, 3, footprint=beside, mode="mirror")
-    far = np.fmin(outside(x, low, high), np.fmin(_off_cubic(x), off_cubic_in_time(t, x)))
+    far, steps = np.fmin(outside(x, low, high), _off_cubic(x)), np.diff(t)
+    if np.ptp(steps) > _EVEN * np.abs(steps).max():  # else the stamps say the same as the rows
+        far = np.fmin(far, off_cubic_in_time(t, x))
     far[2:] = np.fmin(far[2:], outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
     far[:-2] = np.fmin(far[:-2], outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
     for end, then, after, last in ((0, 1, 2, 3), (-1, -2, -3, -4)):
