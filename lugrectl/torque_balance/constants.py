@@ -15,7 +15,8 @@ NOISE_FIT = (
 FINE = 1e-3  # friction is evaluated at least this often: reversals do not wait for a sample
 FREE_LATE = 5e-4  # how late a held torque may act for nothing: a current loop
 LATE_W = 3e-3  # a w that lags by more is named
-VERY_LATE = 0.3  # a w may be late by this much (a filter, a slow bus)
+VERY_LATE = 0.3  # a w or u may be late by this much (a filter, a slow bus)
+LATE_STEP = 0.01  # from one delay of u that is tried to the next, up to VERY_LATE
 FAR_W = 0.04  # a w that is later than this is not used
 ENOUGH = 60_000  # samples from which stiffness and width are chosen
 
@@ -48,6 +49,7 @@ FLOOR = 0.015  # of friction: the least torque that is worth a name; twice for a
 LATE_FLOOR = 0.33  # times the floor, for a delay of 1 ms or more beyond the free one
 Z_NOTHING = 2.6  # standard errors better than "nothing is missing", for the best of about thirty
 Z_EQUAL = 2.33  # standard errors within which two models explain equally well
+ODDS = 20.0  # to one: what a gain must be worth beside NATS
 NATS = 2.0  # beside the log of the number of contenders: gain below which nothing is proven
 SCREEN = 4.0  # nats that a contender must promise before it is entered and scored
 WAVES_AT_ONCE = 6  # waves over the angle that one ripple may have

@@ -90,6 +90,7 @@ class View:
     """
 
     is_map = backward = False
+    logged_late = 0.0  # s: each torque acted so long before its row
     longest_fall = np.inf  # rad/s: the largest Stribeck speed
     signals = frozenset({"t", "theta", "w", "u"})
     never: frozenset[str] = frozenset()

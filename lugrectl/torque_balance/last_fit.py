@@ -341,6 +341,7 @@ def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
     held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
     made = {k: float(at[k]) for k in ("J", "Fc", "Fv", "grease")}
     made |= {"Fs": at["Fc"] + at["dip"], "offset": at.get("offset", 0.0), "late": at["late"]}
+    made["late"] -= v.logged_late / v.longest_hold
     made["Fc + constant"] = at["Fc"] + held
     made["sum"] = (
         at["Fc"] + at["dip"] * float(state.fall(np.array(w))) + at["Fv"] * w + held

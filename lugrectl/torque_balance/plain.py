@@ -24,6 +24,7 @@ OTHER_WAY = "record the other direction"
 OTHER_SPEEDS = "record other speeds"
 NO_J = "J is not determined by this log: that needs faster changes of speed."
 ONE_WAY = "The drive moves in one direction: Fc and a constant torque are one number."
+LATE = "u comes {:.3g} ms late: it acted that long before its rows."
 BACKWARD = (
     "Friction would drive the motion ({:.3g} {} at {:.3g} {}): u has the wrong sign, or a load "
     "drives."
@@ -201,6 +202,8 @@ def _residual(last: LastFit) -> Residual:
 
 def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: bool) -> list[str]:
     v, made = last.view, []
+    if v.logged_late:
+        made.append(LATE.format(-1e3 * values["late"][0] * v.longest_hold))
     if not sure or "J" not in certain:
         made.append(NO_J)
     if v.motion.one_way:

@@ -23,6 +23,7 @@ from .friction import Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
 from .last_fit import LastFit, State, state_of
+from .lateness import as_acted, logged_late
 from .maps import Still, is_map, map_of
 from .motion import Motion
 from .open_values import find_open
@@ -121,6 +122,10 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
     find_open(view, width.sure)
+    late = logged_late(view)
+    if late:
+        view, width = seen(as_acted(stretches, late), model)
+        view.logged_late += late
     return view, width
 
 
