@@ -31,7 +31,7 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     refuse_dead(view, width)
     last = settled(view)
     interval = Interval(last)
-    V = interval.covariance()
+    V = interval.covariance([other.values for other in other_views(last)])
     return plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
 
 

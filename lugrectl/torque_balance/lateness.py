@@ -22,8 +22,10 @@ from .table import Contender, Table, proven
 
 def logged_late(view: View) -> float:
     """How late (s) u was logged; 0 where no such row of the table is proven."""
+    if not view.sure or np.ptp(view.motion.u) == 0:
+        return 0.0
     table = Table(view)
-    if table.fit.free[1] or table.fit.b[1] > 0 or not view.sure:
+    if table.fit.free[1] or table.fit.b[1] > 0:
         return 0.0
     m, grid = view.motion, np.arange(0.0, VERY_LATE, LATE_STEP)
 
