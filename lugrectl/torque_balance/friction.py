@@ -238,7 +238,8 @@ class View:
                 names += [(term.key, k) for k in range(len(made.low))]
                 priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
         self.y = self.torque(self.u) - self.K @ m.d
-        self.force = float(np.sqrt(np.mean(self.y**2))) + 1e-300
+        known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
+        self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
         for run in self.with_offset:
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
             names.append("run")
@@ -308,7 +309,9 @@ class View:
                 if beside is not None:
                     X, y, prior = beside.added(self, X, y, prior)
                 if found[0] is None:
-                    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+                    free = prior.low < prior.high
+                    r = y - X[:, ~free] @ prior.low[~free]
+                    r = r - X[:, free] @ np.linalg.lstsq(X[:, free], r, rcond=None)[0]
                     found[0] = 1.4826 * float(np.median(np.abs(r)))
                 fit = robust(X, y, prior, found[0], self.noise, turns=3)
                 seen[i, j] = -float(np.sum(np.log1p(fit.r**2 / 4)))

@@ -108,7 +108,7 @@ class Interval:
         told = last.fit.free | np.isin(np.arange(len(b)), [at[k] for k in ("J", "Fc", "Fv")])
         precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
         if v.J_range and not v.sure:  # a declared J that is held is known that well
-            precision[0] = 16 / max(float(np.ptp(v.J_range)), 1e-300) ** 2
+            precision[0] = 16 / max(float(np.ptp(v.J_range)), SCALE * v.J_range[1]) ** 2
         prior = d.prior.but(slice(None), precision=precision)
         V = left_out_covariance(d.X, d.y, last.fit, prior, last.scale, v.noise, self.blocks)
         laws = self.laws

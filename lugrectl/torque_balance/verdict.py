@@ -44,6 +44,7 @@ NO_GAIN = (
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
 MOST_STRUCK = 12  # names that may be struck
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
+COAST = "Record the torque; of a drive that coasts, declare J."
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
 TURN = "Check the sign of u; {} reverses it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
@@ -112,6 +113,8 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
     if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
         width.sure, width.impossible = False, False
         width.range = (J / 1.1, 1.1 * J) if J else width.range
+    if J and np.ptp(motion.u) == 0:  # all torques are known up to one factor: J is declared
+        width.sure, width.impossible, width.range = False, False, (J, J)
     wave = fine_wave(motion, width.h) if model.motion != "linear" else 0.0
     if wave:  # at windows this narrow noise would take the inertia
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
@@ -131,8 +134,9 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
 
 def refuse_dead(view: View, width: Width | Still) -> None:
     """Refused where the torque has nothing to do with the motion."""
-    if np.ptp(view.motion.u) == 0:
-        raise Refused("u is constant in every row: the torque channel is dead.")
+    coasts = np.ptp(view.motion.u) == 0 and not view.is_map
+    if coasts and (not view.declared.get("J") or unlike_friction(view)):
+        raise Refused("u is constant in every row: the torque channel is dead.", COAST)
     if view.backward:
         raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
     if width.impossible and not view.declared.get("J"):
@@ -141,6 +145,12 @@ def refuse_dead(view: View, width: Width | Still) -> None:
             "the wrong sign.",
             "Log the commanded torque, positive where it speeds up positive motion.",
         )
+
+
+def unlike_friction(view: View) -> bool:
+    """Whether friction does not explain a motion without changes of torque."""
+    table = Table(view)
+    return table.left * view.size > MOSTLY * view.force
 
 
 def answer(
