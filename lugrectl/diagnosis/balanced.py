@@ -203,9 +203,9 @@ def simulated(
 
 
 def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
-    """The same without what the torque columns of the runs have beside the torque that acts."""
-    offsets, late = _offsets(made.last), _late(made)
-    return ready.with_torque(offsets, late) if offsets or late else ready
+    """The same without what the columns of the runs have beside the torque and the speed."""
+    known = _offsets(made.last), _late(made), made.view.w_above[0]
+    return ready.as_it_acts(*known) if any(known) else ready
 
 
 def polished_values(ready: Prepared, made: Answer) -> Model:

@@ -91,6 +91,7 @@ class View:
 
     is_map = backward = False
     logged_late = 0.0  # s: each torque acted so long before its row
+    w_above = 0.0, 0.0  # rad/s: what a w alone says at rest, with its standard error
     longest_fall = np.inf  # rad/s: the largest Stribeck speed
     signals = frozenset({"t", "theta", "w", "u"})
     never: frozenset[str] = frozenset()
@@ -175,6 +176,12 @@ class View:
     def torque(self, u: np.ndarray) -> np.ndarray:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""
         return self.K @ self.motion.held(u)
+
+    def lowered(self, above: float) -> View:
+        """The same rows with speeds that are lower by so much (rad/s)."""
+        other = View(self.motion.lowered(above), self.rows, self.model, self.J_range, self.terms)
+        other.sure = self.sure
+        return other
 
     def rid(self, name: str) -> View:
         """The same without an effect."""

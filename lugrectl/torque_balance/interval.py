@@ -196,6 +196,7 @@ def other_views(last: LastFit, widest: float = np.inf) -> list[LastFit]:
             other = View(motion, rows, view.model, view.J_range, view.terms)
             other.sure, other.x0, other.vs, other.size = view.sure, view.x0, view.vs, view.size
             other.force, other.logged_late = view.force, view.logged_late
+            other.w_above = view.w_above
             made.append(LastFit(other, last.state.copy(), last.scale, turns=2))
         except (Refused, np.linalg.LinAlgError):
             continue

@@ -11,6 +11,7 @@ signal is known: its impulse response, through which the torque is sent too.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -229,6 +230,15 @@ class Motion:
     def varied(self, stiffer: float) -> Motion:
         """The same log, smoothed with another stiffness."""
         return Motion([SmoothRuns(r.smoother, r.stiffness * stiffer) for r in self.runs])
+
+    def lowered(self, above: float) -> Motion:
+        """The same log with speeds that are lower by so much (rad/s)."""
+        made = copy(self)
+        made.w, made.fine_w = self.w - above, self.fine_w - above
+        made.theta, made.path = (x - above * self.elapsed for x in (self.theta, self.path))
+        steps = [np.full(len(r.fine_w), r.dt / r.between) for r in self.runs]
+        made.fine_steps = self.fine_steps - above * np.concatenate(steps)[:-1]
+        return made
 
     def __len__(self) -> int:
         return len(self.t)

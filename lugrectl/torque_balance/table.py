@@ -119,9 +119,9 @@ class Table:
     (blocks,) is the score of the base, ``left`` the share of friction that it does not explain.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, scale: float | None = None) -> None:
         self.view = view
-        self.scale: Any = None
+        self.scale: Any = scale
         self.weights: Any = None
         self.scale_J: Any = None
         self.quick, self.chosen = True, []

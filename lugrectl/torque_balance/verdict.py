@@ -16,6 +16,7 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
 from ..record.stretches import Stretch
+from .channels import as_acted, logged_late, speed_offset
 from .columns import columns
 from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
@@ -23,7 +24,6 @@ from .friction import Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, best_law, other_views
 from .last_fit import LastFit, State, state_of
-from .lateness import as_acted, logged_late
 from .maps import Still, is_map, map_of
 from .motion import Motion
 from .open_values import find_open
@@ -125,10 +125,14 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
     find_open(view, width.sure)
-    late = logged_late(view)
-    if late:
-        view, width = seen(as_acted(stretches, late), model)
+    if np.ptp(motion.u) == 0:
+        return view, width
+    table = Table(view)
+    late, (above, error) = logged_late(view, table), speed_offset(view, table)
+    if late or above:
+        view, width = seen(as_acted(stretches, late, above), model)
         view.logged_late += late
+        view.w_above = view.w_above[0] + above, max(view.w_above[1], error)
     return view, width
 
 
