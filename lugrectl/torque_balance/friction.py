@@ -24,6 +24,7 @@ from ..blocks.model import Model
 from ..core.regression import Blocks, Prior, robust
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .constants import (
+    BACKGROUND,
     BETWEEN,
     BLOCK,
     FEWEST_BLOCKS,
@@ -286,6 +287,8 @@ class View:
         precision = np.zeros(B.shape[1])
         precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (LARGE * self.force) ** 2
         precision[1] = 0.1
+        between = [j for j, n in enumerate(self.names) if n == "run"]
+        precision[between] = 1 / (BACKGROUND * self.force) ** 2
         return replace(self.bounds, precision=precision)
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:

@@ -215,7 +215,7 @@ class Design:
             add(name, x, sd=little, low=-most, high=most)
         most = BETWEEN * v.force
         for run in v.with_offset:
-            add("run", v.K @ (1.0 * (m.run == run)), low=-most, high=most)
+            add("run", v.K @ (1.0 * (m.run == run)), BACKGROUND * self.level, -most, most)
 
     def _effect(self, i: int, term: Term) -> None:
         """Linear columns, and of each other value the slope of the torque over it."""

@@ -285,7 +285,7 @@ def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
 
 
 def _too_short(horizon: float) -> Refused:
-    needed, rate = 8 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
+    needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
     shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
     return Refused(
         "The records are too short, or lose too many samples, to fit the model and to check it on "
