@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -139,15 +140,16 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
     holdout = asked.holdout()
     try:
         ready = prepared(given, asked.model, holdout, horizon)
-        for longer in LONGER if holdout is None else ():
-            if _same_motion(ready):
-                return ready, None
-            ready = prepared(given, asked.model, holdout, horizon, longer)
+        if holdout is not None or _same_motion(ready):
+            return ready, None
     except Refused as no:
         return None, no
-    if holdout is None and not _same_motion(ready):
-        return None, Refused(OTHER_PLACES)
-    return ready, None
+    for longer in LONGER:
+        with suppress(Refused):
+            ready = prepared(given, asked.model, holdout, horizon, longer)
+            if _same_motion(ready):
+                return ready, None
+    return None, Refused(OTHER_PLACES)
 
 
 def _same_motion(ready: Prepared) -> bool:

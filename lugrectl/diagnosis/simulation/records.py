@@ -290,7 +290,7 @@ def _too_short(horizon: float) -> Refused:
     return Refused(
         "The records are too short, or lose too many samples, to fit the model and to check it on "
         "held-out samples.",
-        f"Record at least {needed:.0f} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
+        f"Record at least {needed:.3g} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
         f"or give a second run with {option('holdout')}.",
     )
 
