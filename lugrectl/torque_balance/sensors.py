@@ -33,8 +33,7 @@ class Sensors:
         self.samples, self.theta, self.w = samples, samples.theta, samples.w
         self.lag, self.lag_error, self.gain = 0.0, np.inf, 1.0
         self.offset = self.offset_error = 0.0
-        recorded = [x for x in (self.theta, self.w) if x is not None]
-        if all(np.ptp(x) == 0 for x in recorded):
+        if not samples.moves:
             raise Refused("nothing moves.", "Record a motion that starts, stops and reverses.")
         self.count = samples.count
         white = np.random.default_rng(0).standard_normal(len(samples))
