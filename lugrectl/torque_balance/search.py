@@ -336,9 +336,10 @@ class Search:
         """From an instant on, or with a time constant."""
         t, T = self.along.t, self.view.motion.duration
         instant = not np.isfinite(block.own[key].low)
-        grid = t.min() + np.linspace(0.04, 0.96, 93) * T if instant else T * np.geomspace(
-            0.05, 3, 16
-        )  # fmt: skip
+        fast = self.view.rows.h if block.states else 0.05 * T  # memory may be as short as a row
+        grid = np.geomspace(fast, 3 * T, 16)
+        if instant:
+            grid = t.min() + np.linspace(0.04, 0.96, 93) * T
         gains = self._gains(block, self._screened(block, [{key: x} for x in grid]))
         q, cost = {key: float(grid[int(np.argmax(gains))])}, np.log(len(grid) if instant else 4)
         if instant:
