@@ -203,7 +203,10 @@ class Search:
             return self.table.gains_of_pairs(X)
         gain, b = self.table.gains(X)
         p = block.own[block.gain]
-        return np.where((b >= p.low) & (b <= p.high), gain, 0.0)
+        meant = (b >= p.low) & (b <= p.high)
+        if any(one.passed for one in block.own.values()):
+            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
+        return np.where(meant, gain, 0.0)
 
     def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
         """Gain of each set of values, from all samples; -1 beyond bounds."""
@@ -420,9 +423,7 @@ class Search:
         others = [dict(zip(rest, x, strict=True))
                   for x in product(*(block.own[k].choices for k in rest))]  # fmt: skip
         sets = [{key: float(p)} | other for p in places for other in others]
-        X = self._seen(block, sets).rows
-        few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
-        gains = np.where(few, self._gains(block, X), 0.0)
+        gains = self._gains(block, self._seen(block, sets).rows)
         best = sets[int(np.argmax(gains))]
         best = self._polished(block, best, {key: 0.01 * self.span}, gains.max())
         yield self._contender(block, best, cost=float(np.log(len(sets) / len(others))))
