@@ -189,7 +189,7 @@ class View:
     def lowered(self, above: float) -> View:
         """The same rows with speeds that are lower by so much (rad/s)."""
         other = View(self.motion.lowered(above), self.rows, self.model, self.J_range, self.terms)
-        other.sure = self.sure
+        other.sure, other.x0, other.vs = self.sure, self.x0, self.vs
         return other
 
     def rid(self, name: str) -> View:

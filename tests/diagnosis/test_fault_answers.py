@@ -139,9 +139,7 @@ def test_as_long_as_is_advised_is_enough():
 
 def test_the_memory_of_an_own_effect_may_be_short():
     @lg.block("effect", out="d", acts="torque", states="c")
-    def creeping_hose(
-        w, c, k=lg.P(0.0, "N m/rad", 0, neutral=0.0), tau=lg.P(0.5, "s", 1e-2)
-    ):
+    def creeping_hose(w, c, k=lg.P(0.0, "N m/rad", 0, neutral=0.0), tau=lg.P(0.5, "s", 1e-2)):
         """d = k c, dc/dt = w - c/tau."""
         return k * c, w - c / tau
 
