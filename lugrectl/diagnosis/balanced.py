@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from time import perf_counter
 from typing import Any
@@ -139,15 +140,16 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
     holdout = asked.holdout()
     try:
         ready = prepared(given, asked.model, holdout, horizon)
-        for longer in LONGER if holdout is None else ():
-            if _same_motion(ready):
-                return ready, None
-            ready = prepared(given, asked.model, holdout, horizon, longer)
+        if holdout is not None or _same_motion(ready):
+            return ready, None
     except Refused as no:
         return None, no
-    if holdout is None and not _same_motion(ready):
-        return None, Refused(OTHER_PLACES)
-    return ready, None
+    for length in LONGER:
+        with suppress(Refused):
+            ready = prepared(given, asked.model, holdout, horizon, length)
+            if _same_motion(ready):
+                return ready, None
+    return None, Refused(OTHER_PLACES)
 
 
 def _same_motion(ready: Prepared) -> bool:
@@ -204,9 +206,9 @@ def simulated(
 
 
 def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
-    """The same without what the torque columns of the runs have beside the torque that acts."""
-    offsets, late = _offsets(made.last), _late(made)
-    return ready.with_torque(offsets, late) if offsets or late else ready
+    """The same without what the columns of the runs have beside the torque and the speed."""
+    known = _offsets(made.last), _late(made), made.view.w_above[0]
+    return ready.as_it_acts(*known) if any(known) else ready
 
 
 def polished_values(ready: Prepared, made: Answer) -> Model:

@@ -24,14 +24,14 @@ TURNED = "u has the wrong sign: it opposes the motion. These values are those of
 def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     """The plain answer: what the declared model leaves free, by one regression; Refused where
     nothing moves, or the torque has nothing to do with the motion."""
-    view, width = seen(stretches, model)
+    view, _, width = seen(stretches, model)
     if view.backward:
         made = base_row([replace(s, u=-s.u) for s in stretches], model)
         return replace(made, notes=(TURNED, *made.notes))
     refuse_dead(view, width)
     last = settled(view)
     interval = Interval(last)
-    V = interval.covariance()
+    V = interval.covariance([other.values for other in other_views(last)])
     return plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
 
 
@@ -47,7 +47,7 @@ def alone(
 ) -> Answer:
     """The values of the declared structure by all rows, its errors on held-out ones; Refused where
     nothing can be learnt. Friction's shape is settled on training rows."""
-    view, width = seen(stretches, model)
+    view, _, width = seen(stretches, model)
     refuse_dead(view, width)
     split = Split.of(view, held_out)
     train, test = view.on(split.train), view.on(split.test)

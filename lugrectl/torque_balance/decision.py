@@ -21,24 +21,21 @@ from .constants import (
     LATE_FLOOR,
     LESS,
     MOST,
-    NATS,
     NEAR,
     REST,
     RIVAL,
     SECOND,
     TOGETHER,
     Z_EQUAL,
-    Z_NOTHING,
 )
 from .friction import Term, View
 from .law_parts import Part, parts
 from .maps import Still
 from .search import Search
-from .table import Contender, Table
+from .table import Contender, Table, proven
 from .unknown import Unknown
 from .width import Width
 
-ODDS = 20.0  # to one: what a gain must be worth beside NATS
 FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
 WEIGHT, OFFSET = "gravity", "constant_torque"
@@ -149,8 +146,7 @@ class Decision:
 
     # ---- what is proven, what is large enough, what is better
     def proven(self, c: Contender, e0: np.ndarray) -> bool:
-        gain, error = paired(c.e, e0)
-        return gain > np.log(ODDS) + NATS and gain > Z_NOTHING * error
+        return proven(*paired(c.e, e0))
 
     def floor(self, c: Contender) -> float:
         """The least share of friction that is worth a name: a delay is known as a time."""
@@ -191,8 +187,7 @@ class Decision:
 
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""
-        proven = part.gain > max(np.log(ODDS) + NATS, Z_NOTHING * part.error)
-        return proven and part.share > FLOOR
+        return proven(part.gain, part.error) and part.share > FLOOR
 
     def _first(self, good: list[Contender]) -> tuple[Contender, Contender, list[Contender]]:
         """The best contender, with its score and those of the others.

@@ -24,6 +24,7 @@ from ..blocks.model import Model
 from ..core.regression import Blocks, Prior, robust
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .constants import (
+    BACKGROUND,
     BETWEEN,
     BLOCK,
     FEWEST_BLOCKS,
@@ -92,6 +93,8 @@ class View:
     """
 
     is_map = backward = False
+    logged_late = 0.0  # s: each torque acted so long before its row
+    w_above = 0.0, 0.0  # rad/s: what a w alone says at rest, with its standard error
     longest_fall = np.inf  # rad/s: the largest Stribeck speed
     signals = frozenset({"t", "theta", "w", "u"})
     never: frozenset[str] = frozenset()
@@ -183,6 +186,12 @@ class View:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""
         return self.K @ self.motion.held(u)
 
+    def lowered(self, above: float) -> View:
+        """The same rows with speeds that are lower by so much (rad/s)."""
+        other = View(self.motion.lowered(above), self.rows, self.model, self.J_range, self.terms)
+        other.sure, other.x0, other.vs = self.sure, self.x0, self.vs
+        return other
+
     def rid(self, name: str) -> View:
         """The same without an effect."""
         made = copy(self)
@@ -267,7 +276,8 @@ class View:
                 names += [(term.key, k) for k in range(len(made.low))]
                 priors.append(Prior.free(len(made.low), low=made.low, high=made.high))
         self.y = self.torque(self.u) - self.K @ m.d
-        self.force = float(np.sqrt(np.mean(self.y**2))) + 1e-300
+        known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
+        self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
         for run in self.with_offset:
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
             names.append("run")
@@ -307,6 +317,8 @@ class View:
         precision = np.zeros(B.shape[1])
         precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (LARGE * self.force) ** 2
         precision[1] = 0.1
+        between = [j for j, n in enumerate(self.names) if n == "run"]
+        precision[between] = 1 / (BACKGROUND * self.force) ** 2
         return replace(self.bounds, precision=precision)
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
@@ -337,7 +349,9 @@ class View:
                 if beside is not None:
                     X, y, prior = beside.added(self, X, y, prior)
                 if found[0] is None:
-                    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+                    free = prior.low < prior.high
+                    r = y - X[:, ~free] @ prior.low[~free]
+                    r = r - X[:, free] @ np.linalg.lstsq(X[:, free], r, rcond=None)[0]
                     found[0] = 1.4826 * float(np.median(np.abs(r)))
                 fit = robust(X, y, prior, found[0], self.noise, turns=3)
                 seen[i, j] = -float(np.sum(np.log1p(fit.r**2 / 4)))

@@ -108,7 +108,7 @@ class Interval:
         told = last.fit.free | np.isin(np.arange(len(b)), [at[k] for k in ("J", "Fc", "Fv")])
         precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
         if v.J_range and not v.sure:  # a declared J that is held is known that well
-            precision[0] = 16 / max(float(np.ptp(v.J_range)), 1e-300) ** 2
+            precision[0] = 16 / max(float(np.ptp(v.J_range)), SCALE * v.J_range[1]) ** 2
         prior = d.prior.but(slice(None), precision=precision)
         V = left_out_covariance(d.X, d.y, last.fit, prior, last.scale, v.noise, self.blocks)
         laws = self.laws
@@ -195,7 +195,8 @@ def other_views(last: LastFit, widest: float = np.inf) -> list[LastFit]:
             rows = Rows(motion, max(1.0, min(wider, widest)) * view.rows.h)
             other = View(motion, rows, view.model, view.J_range, view.terms)
             other.sure, other.x0, other.vs, other.size = view.sure, view.x0, view.vs, view.size
-            other.force = view.force
+            other.force, other.logged_late = view.force, view.logged_late
+            other.w_above = view.w_above
             made.append(LastFit(other, last.state.copy(), last.scale, turns=2))
         except (Refused, np.linalg.LinAlgError):
             continue

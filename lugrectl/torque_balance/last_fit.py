@@ -206,7 +206,7 @@ class Design:
             add(name, x, sd=little, low=-most, high=most)
         most = BETWEEN * v.force
         for run in v.with_offset:
-            add("run", v.K @ (1.0 * (m.run == run)), low=-most, high=most)
+            add("run", v.K @ (1.0 * (m.run == run)), BACKGROUND * self.level, -most, most)
 
     def _effect(self, i: int, term: Term) -> None:
         """Linear columns, and of each other value the slope of the torque over it."""
@@ -334,6 +334,7 @@ def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
     held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
     made = {k: float(at[k]) for k in ("J", "Fc", "Fv", "grease")}
     made |= {"Fs": at["Fc"] + at["dip"], "offset": at.get("offset", 0.0), "late": at["late"]}
+    made["late"] -= v.logged_late / v.longest_hold
     made["Fc + constant"] = at["Fc"] + held
     made["sum"] = (
         at["Fc"] + at["dip"] * float(state.fall(np.array(w))) + at["Fv"] * w + held

@@ -252,6 +252,15 @@ class Motion:
         """The same log, smoothed with another stiffness."""
         return Motion([SmoothRuns(r.smoother, r.stiffness * stiffer) for r in self.runs])
 
+    def lowered(self, above: float) -> Motion:
+        """The same log with speeds that are lower by so much (rad/s)."""
+        made = copy(self)
+        made.w, made.fine_w = self.w - above, self.fine_w - above
+        made.theta, made.path = (x - above * self.elapsed for x in (self.theta, self.path))
+        steps = [np.full(len(r.fine_w), r.dt / r.between) for r in self.runs]
+        made.fine_steps = self.fine_steps - above * np.concatenate(steps)[:-1]
+        return made
+
     def __len__(self) -> int:
         return len(self.t)
 

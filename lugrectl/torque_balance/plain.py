@@ -19,11 +19,13 @@ CERTAIN = 0.5  # half-width over value up to which an inertia is given
 BINS = 8  # of speed in each direction, for the friction curve
 PLAIN = 4  # values of a plain law: Fc, Fs, vs, Fv
 UNITS = {"J": "kg m2", "Fc": "N m", "Fv": "N m s/rad", "Fs": "N m", "constant_torque": "N m",
-         "u_delay": "s", "w_lag": "s", "w_gain": "1"}  # fmt: skip
+         "u_delay": "s", "w_lag": "s", "w_offset": "rad/s"}  # fmt: skip
 OTHER_WAY = "record the other direction"
 OTHER_SPEEDS = "record other speeds"
 NO_J = "J is not determined by this log: that needs faster changes of speed."
 ONE_WAY = "The drive moves in one direction: Fc and a constant torque are one number."
+LATE = "u comes {:.3g} ms late: it acted that long before its rows."
+ABOVE = "w is {:.3g} {} too {}: the drive stands there."
 BACKWARD = (
     "Friction would drive the motion ({:.3g} {} at {:.3g} {}): u has the wrong sign, or a load "
     "drives."
@@ -89,12 +91,16 @@ def _by_plain_names(
 
 
 def of_sensors(last: LastFit) -> dict[str, Value]:
-    """How late w is against theta, and its scale, where both were recorded."""
-    s = None if last.view.is_map else last.view.motion.sensors
-    if s is None or not np.isfinite(s.lag_error):
+    """How late w is against theta, and how much it is above the speed, where the log tells."""
+    if last.view.is_map:
         return {}
-    lag, half = s.lag, Z95 * s.lag_error
-    return {"w_lag": (lag, lag - half, lag + half)}
+    s, (above, error) = last.view.motion.sensors, last.view.w_above
+    made = {}
+    if np.isfinite(s.lag_error):
+        made["w_lag"] = (s.lag, s.lag_error)
+    if above or s.offset:
+        made["w_offset"] = (s.offset, s.offset_error) if s.offset else (above, error)
+    return {k: (x, x - Z95 * e, x + Z95 * e) for k, (x, e) in made.items()}
 
 
 def _estimate(name: str, x: Value, model: Model) -> Estimate:
@@ -201,6 +207,11 @@ def _residual(last: LastFit) -> Residual:
 
 def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: bool) -> list[str]:
     v, made = last.view, []
+    if v.logged_late:
+        made.append(LATE.format(-1e3 * values["late"][0] * v.longest_hold))
+    if above := v.w_above[0]:
+        unit = unit_for("rad/s", v.model.motion)
+        made.append(ABOVE.format(abs(above), unit, "high" if above > 0 else "low"))
     if not sure or "J" not in certain:
         made.append(NO_J)
     if v.motion.one_way:

@@ -75,6 +75,10 @@ class Samples:
         return np.concatenate([function(x[at]) for at in self.pieces])
 
     @property
+    def moves(self) -> bool:
+        return any(np.ptp(x) > 0 for x in (self.theta, self.w) if x is not None)
+
+    @property
     def count(self) -> float:
         """The step of the encoder, rad; 0 where theta lies on no lattice."""
         return 0.0 if self.theta is None else lattice_step(self.theta)
@@ -117,7 +121,8 @@ def lattice_step(x: np.ndarray) -> float:
 
 
 def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
-    """The stretches of a log by rate and channels; runs follow one another in time.
+    """The stretches of a log by rate and channels; runs follow one another in time. Where others
+    move, those that rest throughout say nothing.
 
     Raises Refused where no stretch is long enough.
     """
@@ -129,7 +134,8 @@ def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
     for i, s in enumerate(long):
         kind = next((k for k in groups if _alike(k, s)), (s.dt, s.theta is None, s.w is None))
         groups.setdefault(kind, []).append(i)
-    return [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
+    made = [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
+    return [one for one in made if one.moves] or made
 
 
 def _alike(kind: tuple[float, bool, bool], s: Stretch) -> bool:

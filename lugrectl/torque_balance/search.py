@@ -203,7 +203,10 @@ class Search:
             return self.table.gains_of_pairs(X)
         gain, b = self.table.gains(X)
         p = block.own[block.gain]
-        return np.where((b >= p.low) & (b <= p.high), gain, 0.0)
+        meant = (b >= p.low) & (b <= p.high)
+        if any(one.passed for one in block.own.values()):
+            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
+        return np.where(meant, gain, 0.0)
 
     def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
         """Gain of each set of values, from all samples; -1 beyond bounds."""
@@ -336,9 +339,10 @@ class Search:
         """From an instant on, or with a time constant."""
         t, T = self.along.t, self.view.motion.duration
         instant = not np.isfinite(block.own[key].low)
-        grid = t.min() + np.linspace(0.04, 0.96, 93) * T if instant else T * np.geomspace(
-            0.05, 3, 16
-        )  # fmt: skip
+        fast = self.view.rows.h if block.states else 0.05 * T  # memory may be as short as a row
+        grid = np.geomspace(fast, 3 * T, 16)
+        if instant:
+            grid = t.min() + np.linspace(0.04, 0.96, 93) * T
         gains = self._gains(block, self._screened(block, [{key: x} for x in grid]))
         q, cost = {key: float(grid[int(np.argmax(gains))])}, np.log(len(grid) if instant else 4)
         if instant:
@@ -419,9 +423,7 @@ class Search:
         others = [dict(zip(rest, x, strict=True))
                   for x in product(*(block.own[k].choices for k in rest))]  # fmt: skip
         sets = [{key: float(p)} | other for p in places for other in others]
-        X = self._seen(block, sets).rows
-        few = np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
-        gains = np.where(few, self._gains(block, X), 0.0)
+        gains = self._gains(block, self._seen(block, sets).rows)
         best = sets[int(np.argmax(gains))]
         best = self._polished(block, best, {key: 0.01 * self.span}, gains.max())
         yield self._contender(block, best, cost=float(np.log(len(sets) / len(others))))

@@ -26,17 +26,17 @@ class Sensors:
 
     ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
     ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
-    encoder, late, and where it is too late to say more. ``lag`` (s) with its standard error, and
-    ``gain``, are those of
+    encoder, late, and where it is too late to say more. ``lag`` (s) and ``offset`` (rad/s) with
+    their standard errors, and ``gain``, are those of
 
-        dtheta/dt = gain w(t + lag)
+        dtheta/dt = gain w(t + lag) - offset
     """
 
     def __init__(self, samples: Samples) -> None:
         self.samples, self.theta, self.w = samples, samples.theta, samples.w
         self.lag, self.lag_error, self.gain = 0.0, np.inf, 1.0
-        recorded = [x for x in (self.theta, self.w) if x is not None]
-        if all(np.ptp(x) == 0 for x in recorded):
+        self.offset = self.offset_error = 0.0
+        if not samples.moves:
             raise Refused("nothing moves.", "Record a motion that starts, stops and reverses.")
         self.count = samples.count
         white = np.random.default_rng(0).standard_normal(len(samples))
@@ -124,7 +124,9 @@ class Sensors:
             shift = float(np.clip(self.lag, -0.05, VERY_LATE))
         X = np.column_stack(columns)
         information = X.T @ (X * weights[:, None])
-        self.lag_error = float(np.sqrt(2 * np.linalg.pinv(information)[1, 1])) * scale
+        error = np.sqrt(2 * np.diag(np.linalg.pinv(information))) * scale
+        self.lag_error, self.offset_error = float(error[1]), float(error[2])
+        self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > FAR_W:  # so late is no filter of one kind
             self.lag_error = max(self.lag_error, 0.03 * abs(self.lag))
         self._correct(shift, scale * np.sqrt(0.5 * half) * 0.6)
@@ -133,6 +135,7 @@ class Sensors:
         """w without its lag; ``left`` is the noise of a sample that the misfit means."""
         assert self.w is not None
         dt, late = self.samples.dt, self.late
+        self.w = self.w - self.offset
         if shift:
             self.w = self._moved(shift)
         elif late:

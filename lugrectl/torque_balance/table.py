@@ -15,7 +15,7 @@ import numpy as np
 from ..blocks.block import Block
 from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
 from .columns import linear
-from .constants import GROWN, SCREEN
+from .constants import GROWN, NATS, ODDS, SCREEN, Z_NOTHING
 from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
@@ -26,6 +26,11 @@ KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large
 def is_lateness(block: Block | None) -> bool:
     """Whether an effect is itself a delay of the torque: beside it none is left for nothing."""
     return block is not None and "input" in block.acts and block.own[block.gain].unit == "s"
+
+
+def proven(gain: float, error: float) -> bool:
+    """Whether a gain in nats, with its standard error, is more than chance."""
+    return gain > np.log(ODDS) + NATS and gain > Z_NOTHING * error
 
 
 def has_inertia(block: Block | None) -> bool:

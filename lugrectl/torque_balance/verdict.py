@@ -16,6 +16,7 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
 from ..record.stretches import Stretch
+from .channels import as_acted, logged_late, speed_offset
 from .columns import columns
 from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
 from .decision import Decision
@@ -43,8 +44,9 @@ NO_GAIN = (
     "more than it explains."
 )
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
-MOST_STRUCK = 12  # names that may be struck
+MOST_STRUCK = 2  # names that may be struck: after more, none has ever been right
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
+COAST = "Record the torque; of a drive that coasts, declare J."
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
 TURN = "Check the sign of u; {} reverses it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
@@ -100,10 +102,12 @@ class Answer:
         return self.view.sure
 
 
-def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Still]:
-    """The log as the table sees it: motion, windows, declared effects; or a map."""
+def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width | Still]:
+    """The log as the table sees it: motion, windows, declared effects; or a map. Then enough of it
+    for a search, itself where it is short; declared effects have all of their values."""
     if is_map(stretches):
-        return map_of(stretches, model), Still()
+        view = map_of(stretches, model)
+        return view, view, Still()
     motion, known = Motion.of(sampled(stretches)), model.known()
     here, turns = places(motion), motion.span > 2 and model.motion != "linear"
     weight = columns(members("effect")["gravity"], {}, here).wide
@@ -114,6 +118,8 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
     if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
         width.sure, width.impossible = False, False
         width.range = (J / 1.1, 1.1 * J) if J else width.range
+    if J and np.ptp(motion.u) == 0:  # all torques are known up to one factor: J is declared
+        width.sure, width.impossible, width.range = False, False, (J, J)
     wave = fine_wave(motion, width.h) if model.motion != "linear" else 0.0
     if wave:  # at windows this narrow noise would take the inertia
         narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
@@ -123,21 +129,26 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, Width | Stil
     terms = declared_terms(model, here)
     view = View(motion, Rows(motion, width.h), model, width.range, terms)
     view.sure = width.sure
-    return view, width
-
-
-def shown(view: View, width: Width | Still) -> View:
-    """Enough of the log for a search; declared effects have all of their values then."""
     few = enough(view, width) if isinstance(width, Width) else view
     find_open(few, width.sure)
     view.terms = few.terms
-    return few
+    if np.ptp(motion.u) == 0:
+        return view, few, width
+    table = Table(few)
+    late, (above, error) = logged_late(few, table), speed_offset(few, table)
+    if late or above:
+        view, few, width = seen(as_acted(stretches, late, above), model)
+        for one in {id(v): v for v in (view, few)}.values():
+            one.logged_late += late
+            one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
+    return view, few, width
 
 
 def refuse_dead(view: View, width: Width | Still) -> None:
     """Refused where the torque has nothing to do with the motion."""
-    if np.ptp(view.motion.u) == 0:
-        raise Refused("u is constant in every row: the torque channel is dead.")
+    coasts = np.ptp(view.motion.u) == 0 and not view.is_map
+    if coasts and (not view.declared.get("J") or unlike_friction(view)):
+        raise Refused("u is constant in every row: the torque channel is dead.", COAST)
     if view.backward:
         raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
     if width.impossible and not view.declared.get("J"):
@@ -146,6 +157,12 @@ def refuse_dead(view: View, width: Width | Still) -> None:
             "the wrong sign.",
             "Log the commanded torque, positive where it speeds up positive motion.",
         )
+
+
+def unlike_friction(view: View) -> bool:
+    """Whether friction does not explain a motion without changes of torque."""
+    table = Table(view)
+    return table.left * view.size > MOSTLY * view.force
 
 
 def answer(
@@ -159,9 +176,8 @@ def answer(
     ``held_out`` are (run, start, end), in s of the logs: what no fit and no choice may see;
     ``least`` is the smallest torque that is worth a name, as a share of friction.
     """
-    view, width = seen(stretches, model)
+    view, few, width = seen(stretches, model)
     refuse_dead(view, width)
-    few = shown(view, width)
     split = Split.of(few, held_out)
     train, test = few.on(split.train), few.on(split.test)
     decision = Decision(train, width, least=least)
@@ -229,7 +245,7 @@ class _Judge:
     # ---- what the last fit holds
     def _held(self) -> LastFit:
         """The last fit to all rows, with the names that it holds."""
-        for _ in range(MOST_STRUCK):
+        while True:
             self._share()
             last = best_law(self.view, self._found_again(self.view), self.decision.table.scale)
             last = self._without_small_waves(last)
@@ -241,9 +257,8 @@ class _Judge:
                 interval, V = self._intervals(last, last)
                 lost = self._lost(last, interval.values(V))
             if not lost:
-                break
+                return last
             self._strike(last, lost[-1])
-        return last
 
     def _found_again(self, view: View) -> State:
         """The chosen effects at their values on all rows: an order, an instant, a gap."""
@@ -291,6 +306,8 @@ class _Judge:
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
         d = self.decision
+        if len(self.struck) > MOST_STRUCK:
+            self.struck |= {c.name for c in d.named}
         if name in {t.name for t in d.joined}:
             alone = self.all is self.view
             self.view, self.train, self.test = (v.rid(name) for v in

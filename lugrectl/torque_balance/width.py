@@ -212,7 +212,7 @@ class Width:
     def _undeclared(self, good: list[Probe]) -> list[Probe]:
         known = [p for p in self.tried if p.J > 0 and p.error < 0.3 * p.J]
         best = max((p.J - p.error for p in known if p.error < 0.15 * p.J), default=0.0)
-        good = [p for p in good if p in known and p.J > 0.9 * best]
+        good = [p for p in good if p in known and p.J > (1 - LOST) * best]
         self.sure = bool(good) and best > 0 and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
         if self.sure:
             first = good[0]

@@ -168,15 +168,20 @@ class Prepared:
                 own[where.counted] = signals(run, where)[..., of]
         return np.concatenate(made).T
 
-    def with_torque(self, run_offsets: Mapping[int, float], u_delay: float = 0.0) -> Prepared:
+    def as_it_acts(
+        self, run_offsets: Mapping[int, float], u_delay: float = 0.0, above: float = 0.0
+    ) -> Prepared:
         """The same with the torque as it acted: an offset (N m) of the column of a run, by its
-        number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0."""
+        number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0. A speed that
+        was recorded alone is lowered by ``above`` (rad/s)."""
         turn, runs = 1 if u_delay >= 0 else -1, []  # earlier is later in reversed time
         for i, run in enumerate(self.runs):
             u = run.u - run_offsets.get(i, 0.0)
             for a, b in run.pieces if u_delay else ():
                 u[a:b] = held_late(u[a:b][::turn], run.dt, abs(u_delay))[::turn]
-            runs.append(replace(run, u=u))
+            low, theta = np.array([0.0, above]), run.theta - above * (run.t - run.t[0])
+            moved = {"recorded": run.recorded - low, "y": run.y - low, "theta": theta}
+            runs.append(replace(run, u=u, **moved))
         return replace(self, runs=tuple(runs), memory={})
 
 
@@ -280,12 +285,12 @@ def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
 
 
 def _too_short(horizon: float) -> Refused:
-    needed, rate = 8 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
+    needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
     shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
     return Refused(
         "The records are too short, or lose too many samples, to fit the model and to check it on "
         "held-out samples.",
-        f"Record at least {needed:.0f} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
+        f"Record at least {needed:.3g} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
         f"or give a second run with {option('holdout')}.",
     )
 

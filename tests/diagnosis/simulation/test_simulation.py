@@ -200,8 +200,8 @@ def test_a_speed_that_repeats_theta_is_no_sensor():
 @pytest.mark.parametrize("delay", [0.0035, -0.0035])
 def test_a_torque_written_down_late_or_early(record, delay):
     ready = prepared(record, TRUE, None, 1.0)
-    wrong = ready.with_torque({}, -delay)
-    right = wrong.with_torque({}, delay)
+    wrong = ready.as_it_acts({}, -delay)
+    right = wrong.as_it_acts({}, delay)
     made = [errors(one, {"augmented": TRUE}).error["augmented"] for one in (ready, wrong, right)]
     assert made[1] > 10.0 * made[0]
     assert made[2] < 0.2 * made[1]
@@ -209,7 +209,7 @@ def test_a_torque_written_down_late_or_early(record, delay):
 
 def test_an_offset_of_a_run_is_taken_off(record):
     ready = prepared([record, log(seed=1, shift=0.02)], TRUE, None, 1.0)
-    known = ready.with_torque({1: 0.02})
+    known = ready.as_it_acts({1: 0.02})
     assert errors(known, {"augmented": TRUE}).error["augmented"] == pytest.approx(1e-3, rel=0.1)
     assert errors(ready, {"augmented": TRUE}).error["augmented"] > 5e-3
 
