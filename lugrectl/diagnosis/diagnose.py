@@ -15,7 +15,6 @@ from ..torque_balance.constants import ALPHA, FLOOR
 from .asked import Asked, judged_by
 from .balanced import diagnosed
 from .compare_laws import under_law
-from .core_choice import NEW
 from .refusal import refusal
 from .result import Diagnosis
 
@@ -124,10 +123,6 @@ def diagnose(
         return under_law(diagnose, record, model, law, **options)
     limits = share(least, "least"), share(alpha, "alpha")
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
-    if not NEW:
-        from .old_diagnose import answered as before
-
-        return before(record, model, holdout, horizon, seed, limits, limit, report, reading)
     asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     try:

@@ -1,7 +1,5 @@
 """What each friction law is known to do: loops, virgin curves, drift, memory."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
@@ -9,9 +7,8 @@ from scipy.integrate import trapezoid
 import lugrectl as lg
 from lugrectl.blocks.multi_element_laws import MaxwellSlip
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.identification.likelihood.predictor import Predictor
 
-from ..cases.laws import FC, FS, FV, LAWS, S0, S1, VS, model_of, values_of
+from ..cases.laws import FC, FV, LAWS, S0, S1, VS, model_of, values_of
 
 
 @pytest.fixture(autouse=True)
@@ -188,12 +185,3 @@ def test_each_run_of_a_log_starts_unbent():
         [{"Fc": FC, "sigma0": S0}], theta, [(0, 50), (50, 100)], np.array([99])
     )
     np.testing.assert_allclose(z[0, 0], 1e-4, rtol=1e-6)
-
-
-def test_the_steady_torque_along_a_log_has_the_exponent():
-    w = np.array([0.02, -0.3])
-    held = SimpleNamespace(data=SimpleNamespace(log=SimpleNamespace(w=w)))
-    values = {"Fc": FC, "Fs": FS, "Fv": FV, "vs": VS, "delta": 0.5, "eps": 1e-6}
-    F = Predictor.friction(held, values)  # pyright: ignore[reportArgumentType]
-    h = FC + (FS - FC) * np.exp(-np.sqrt(np.abs(w) / VS))
-    np.testing.assert_allclose(F, h * np.sign(w) + FV * w, rtol=1e-9)

@@ -10,7 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import as_model
 from lugrectl.core.errors import InputError
-from lugrectl.diagnosis.question import Asked
+from lugrectl.diagnosis.asked import Asked
 
 P = lg.table1()
 MODEL = lg.Model.of(P)

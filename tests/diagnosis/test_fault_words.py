@@ -5,38 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from lugrectl import InputError, Refused, identify, read_record
+from lugrectl import InputError, Refused, balance, identify, read_record
 from lugrectl.cli import main
-from lugrectl.diagnosis.duplicate_messages import said_once
-from lugrectl.diagnosis.question import Asked
 from lugrectl.record.files.cells import with_remark
 
 from ..cases.faulty_logs import columns, late, put, with_w, write
-
-LATE = "w is 8.00 ms behind dtheta/dt: shifted by that time."
-
-
-@pytest.mark.parametrize(
-    ("sentence", "note"),
-    [
-        ("w lags theta by 8.1 ms, as a filtered velocity does: not changed.", LATE),
-        ("w is not d theta/dt but 0.85 times it: w is ignored and so on.", LATE),
-        ("t is repeated in 3 rows.", "first.csv: t is repeated in 3 rows."),
-    ],
-)
-def test_one_of_two_sentences_that_say_the_same_is_left(sentence, note):
-    assert said_once([sentence, "other"], [note]) == ("other", note)
-
-
-def test_the_sentence_that_says_more_is_left():
-    of_fit = "12 runs at steady speed were taken as one map; they do not identify J, sigma0."
-    note = "The runs keep one speed each: they are a map, which does not show J."
-    assert said_once([of_fit], [note, LATE]) == (of_fit, LATE)
-
-
-def test_sentences_on_other_things_stay():
-    said = ("w is 0.1 rad/s too high: w is ignored.", "w has the opposite sign of d theta/dt.")
-    assert said_once(said, [LATE]) == (*said, LATE)
 
 
 @pytest.mark.parametrize(
@@ -101,7 +74,7 @@ def coasting():
 
 
 def test_a_declared_inertia_gives_the_friction_of_a_drive_that_coasts():
-    plain = Asked.of(coasting(), {"plant": {"J": 0.004}, "friction": {"model": "coulomb"}}).plain
+    plain = balance(coasting(), {"plant": {"J": 0.004}, "friction": {"model": "coulomb"}})
     assert plain.parameters["Fc"].value == pytest.approx(0.12, rel=0.02)
     assert plain.parameters["Fv"].value == pytest.approx(0.006, rel=0.02)
     assert (

@@ -1,14 +1,9 @@
 """A log in one direction: friction there is a sum, and the answer says so everywhere."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from lugrectl import Model, diagnose, identify
-from lugrectl.diagnosis.one_direction import next_way, not_alone, one_way, shown_sums
-from lugrectl.diagnosis.question import Asked
-from lugrectl.estimates.findings import Estimate
+from lugrectl import Model, balance, diagnose, identify
 from lugrectl.report import text
 from lugrectl.report.wording import toml_of
 
@@ -57,38 +52,19 @@ def test_json_says_what_the_value_stands_for(identified):
 
 @pytest.mark.parametrize("model", [declared(), declared(Fc=FC)], ids=["open", "declared"])
 def test_the_other_direction_is_what_to_record_next(model):
-    plain = Asked.of(log(4.0), model).plain
-    said = next_way(plain.together, "First so.")
-    assert said == f"First so. Record the other direction, too: it separates the parts of {SUM}."
+    found = diagnose(log(4.0), model)
+    assert f"Record the other direction, too: it separates the parts of {SUM}." in found.experiment
 
 
-def test_held_values_and_both_directions_are_as_they_were():
-    found = {"Fc": Estimate(0.2, "N m", (0.1, 0.3))}
-    plain = Asked.of(log(4.0), declared().fix("J")).plain
-    held = {"Fc": replace(found["Fc"], held=True)}
-    assert not_alone(held, shown_sums(held, plain), plain) == held
-    assert shown_sums(found, replace(plain, together={})) == {}
-    assert not_alone(found, {}, plain) == found and next_way({}, None) is None
-    assert one_way(found, {}, plain, declared()) == []
-
-
-def test_runs_in_one_direction_each_say_what_the_fit_and_the_plain_balance_know():
-    """The fit leaves the offset of each run free, so that a constant torque counts as Fc."""
+def test_runs_in_one_direction_each_show_both_together():
     forward = log(4.0)
     u = -forward["u"]
     theta, _ = simulate(u, DT, w0=-20.0, load=lambda theta, w: LOAD)
     backward = forward | {"u": u, "theta": theta}
-    plain = Asked.of([forward, backward], declared()).plain
+    plain = balance([forward, backward], declared())
     assert plain.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
-    own = {"Fc": Estimate(FC + LOAD, "N m", (0.1, 0.2))}
-    sums = shown_sums(own, plain)
-    fitted = not_alone(own, sums, plain)
-    assert fitted["Fc"].together == SUM and fitted["Fc"].ci95 is None
-    (said,) = one_way(fitted, sums, plain, declared())
-    assert "Each run moves in one direction only" in said and "constant_torque = 0.05 N m" in said
-    assert next_way(sums, None) is None
-    turned = Asked.of([backward, forward], declared()).plain
-    assert turned.together["Fc"].text == "Fc - constant_torque"
+    fitted = identify([forward, backward], declared()).estimates
+    assert fitted["Fc"].may_be(FC)
 
 
 def test_runs_that_turn_back_are_not_sums():
@@ -96,7 +72,7 @@ def test_runs_that_turn_back_are_not_sums():
     u = 0.5 * np.sin(2.0 * np.pi * 0.8 * t)
     theta, _ = simulate(u, DT, load=lambda theta, w: LOAD)
     run = {"t": t, "u": u, "theta": theta}
-    assert Asked.of([run, run], declared()).plain.together == {}
+    assert balance([run, run], declared()).together == {}
 
 
 @pytest.fixture(scope="module")
@@ -136,15 +112,3 @@ def test_what_never_shows_is_marked_in_the_model_file(spindle):
     lines = {line.split(" =")[0]: line for line in toml_of(found, None).splitlines()}
     assert lines["Fc"].endswith(f"only {SUM}") and "std" in lines["Fv"]
     assert lines["Fs"].endswith("not determined") and lines["vs"].endswith("not determined")
-
-
-def test_values_that_no_fit_is_sure_of_share_a_sum():
-    """At one speed nothing tells Fc from Fv: one sentence says so of both."""
-    plain = Asked.of(log(4.0), declared()).plain
-    (c,) = set(plain.together.values())
-    both = replace(c, parts={"Fc": 1.0, "Fv": 20.0, "constant_torque": 1.0})
-    plain = replace(plain, together={"Fc": both, "Fv": both})
-    found = {"Fc": Estimate(0.2, "N m", (0.0, 0.4)), "Fv": Estimate(0.01, "N m s/rad", (0, 0.02))}
-    (said,) = one_way(found, shown_sums(found, plain), plain, declared())
-    assert "Fc and Fv are not determined alone" in said
-    assert "Fc + 20 Fv + constant_torque is 0.4 N m" in said

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.diagnosis.question import Asked
+from lugrectl.diagnosis.asked import Asked
 
 from ..cases.logs import machine
 

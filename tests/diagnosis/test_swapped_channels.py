@@ -3,8 +3,6 @@
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.plain_answer import plain_answer
-from lugrectl.diagnosis.question import Asked
 
 from ..cases.logs import machine
 
@@ -19,7 +17,7 @@ def log(**columns):
 
 
 def plain(given):
-    return plain_answer(list(Asked.of(given, MODEL).logs), lg.Model.of(friction="coulomb"))
+    return lg.balance(given, lg.Model.of(friction="coulomb"))
 
 
 @pytest.mark.parametrize("beside", [{}, {"w": "w"}])
