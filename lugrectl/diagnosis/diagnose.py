@@ -59,7 +59,7 @@ def diagnose(
         differ in the offset of the torque, in friction (by a factor) and, if no declared effect
         depends on theta, in the zero of theta. These differences are fitted relative to the first
         run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
-        are one friction map: see :func:`lugrectl.diagnosis.steady_runs.diagnose_map`.
+        are one friction map: friction, and what hangs on speed and angle, from their mean torques.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified. Files are read with its motion.
     holdout : None, "last", or a record as above

@@ -37,38 +37,11 @@ def held(torque, rest=0):
     return switched(np.r_[np.zeros(rest), np.full(300, float(torque))])
 
 
-@pytest.mark.parametrize("runs", [[held(40.0, 100)], [held(40.0, 100), held(-80.0, 100)]])
-def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
-    plain = lg.balance(runs)
-    assert not plain.parameters and not plain.combinations
-    assert "one value in each direction (40" in plain.said[-1] and "any inertia" in plain.said[-1]
-    found = lg.diagnose(runs, MODEL)
-    assert found.verdict == "refused" and "two or more torques" in found.reason
-
-
 def test_a_torque_that_changes_at_speed_does():
     """Switched off at speed the drive coasts: two torques in one direction."""
     found = lg.balance(switched(np.r_[np.zeros(100), np.full(300, 40.0), np.zeros(100)]))
     low, high = found.parameters["J"].ci95
     assert low < J < high
-
-
-def test_runs_at_constant_torques_are_one_data_set():
-    """None of them has a dead channel: together they show friction over the speed."""
-    runs = [held(20.0), held(40.0), held(80.0)]
-    assert lg.diagnose(runs, MODEL).verdict != "refused"
-    plain = lg.balance(runs)
-    assert plain.parameters["Fv"].value == pytest.approx(FV, rel=0.01)
-    both = next(c for c in plain.combinations if c.text == "Fc + constant_torque")
-    assert both.ci95[0] < FC < both.ci95[1]
-
-
-def test_a_steady_run_is_one_point_of_a_map_however_it_starts():
-    """The speed within a run follows its inertia: two points do not give three values."""
-    runs = [held(40.0), held(-80.0)]
-    plain = lg.balance(runs)
-    assert plain.is_map and not {"Fc", "Fv", "constant_torque"} & {*plain.parameters}
-    assert lg.diagnose(runs, MODEL).verdict == "refused"
 
 
 def test_one_constant_torque_is_refused_with_what_it_may_be():

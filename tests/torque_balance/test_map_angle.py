@@ -51,23 +51,6 @@ def test_a_declared_torque_over_the_angle_is_fitted(declared):
     within(lg.identify(arm(lambda theta: 25.0 * np.sin(theta + 0.4)), model).estimates["Fc"], FC)
 
 
-def test_a_held_torque_meets_the_angle_in_the_middle_of_its_step():
-    """Else gravity of 40 N m looks like viscous friction of 0.2 N m s/rad, where there is none."""
-    chance, t = np.random.default_rng(4), np.arange(0.0, 3.0, 0.01)
-    runs = []
-    for w in np.outer(np.geomspace(0.03, 0.6, 8), [1.0, -1.0]).ravel():
-        theta = 0.1 * np.sign(w) + w * t
-        u = FC * np.sign(w) + 40.0 * np.sin(theta + w * 0.005)
-        u += 0.1 * chance.standard_normal(len(t))
-        runs.append(lg.Record(t=t, u=u, theta=theta, motion="rotary"))
-    model = COULOMB.with_effect("gravity", {"amplitude": 35.0, "phase": 0.0})
-    found = lg.identify(runs, model).estimates
-    low, high = found["Fv"].ci95
-    assert low == 0.0 and high < 0.1
-    for key, true in (("gravity.amplitude", 40.0), ("Fc", FC)):
-        assert found[key].ci95[0] <= true <= found[key].ci95[1]
-
-
 def test_a_ripple_is_fitted_where_its_order_is_declared():
     model = COULOMB.with_effect("torque_ripple", {"harmonic": 12.0})
     found = lg.identify(arm(lambda theta: 3.0 * np.sin(12.0 * theta + 0.5)), model)
