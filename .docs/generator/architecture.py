@@ -32,7 +32,7 @@ WAY = (  # in the order in which `diagnose` comes to them
 )
 ADD = (  # what, in which room, how
     ("an effect, a friction law", "blocks", "one function with ``@block`` and its equation"),
-    ("where its values are searched", "torque_balance", "nothing: ``search`` reads its declaration"),
+    ("where its values are searched", "torque_balance", "``search`` reads its declaration"),
     ("an observer, a controller", "blocks", "one function; it is in all comparisons by its name"),
     ("a file format", "record", "a reader beside the others"),
     ("a check of a linear system", "linear", "a function that returns a result with a picture"),
