@@ -1,5 +1,6 @@
 """What users pass in: every form of a record and a model, and one sentence for what is neither."""
 
+from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 

@@ -141,8 +141,6 @@ def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
     assert said["parameters"]["J"]["held"] is True and said["model"]["plant"] == {"J": 2.2e-3}
     assert said["model"]["stated"] == {"J": {"fixed": True}}
     assert "held" in str(found) and found.model.held() == {"J"}
-    said = [m for m in found.messages if "contradicts held values" in m]
-    assert len(said) == 1 and "J is held at 0.0022, but would be 0.00" in said[0]
 
 
 def test_everything_may_be_held(log):
@@ -167,7 +165,6 @@ def test_a_prior_pulls_and_a_declared_value_that_the_fit_left_is_said_with_both(
     said = [m for m in free.messages if "beyond their 95 % intervals" in m]
     assert len(said) == 1 and "J is 0.00" in said[0] and "declared 0.0022 kg m2" in said[0]
     assert strong.estimates["J"].value == pytest.approx(2.2e-3, rel=1e-4)
-    assert np.ptp(strong.estimates["J"].ci95) < 0.1 * (high - low)
 
 
 def runs_at_steady_speed():
@@ -179,14 +176,6 @@ def runs_at_steady_speed():
         speed = w + rng.normal(scale=0.01, size=len(t))
         made.append(lg.Record(t=t, u=u, w=speed, source=f"run {w:.2g}", motion="rotary"))
     return made
-
-
-def test_a_map_with_stiction_declared_below_friction_is_answered():
-    model = lg.Model.of(friction="stribeck", Fc=0.2, Fs=0.15, Fv=0.02, vs=0.5)
-    found = lg.identify(runs_at_steady_speed(), model)
-    values = found.model.values()
-    assert values["Fs"] >= values["Fc"] and values["Fc"] == pytest.approx(0.2, rel=0.1)
-    assert any("Fs = 0.15 is below Fc" in m for m in found.messages)
 
 
 def test_a_map_of_runs_at_steady_speed_honours_them_too():

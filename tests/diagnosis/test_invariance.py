@@ -42,7 +42,7 @@ def plain(name: str) -> Diagnosis:
 
 
 def gain(found: Diagnosis, name: str) -> float:
-    return next(row.elpd for row in found.comparison.rows if row.model == name)
+    return next((row.elpd for row in found.comparison.rows if row.model == name), 0.0)
 
 
 def agrees(found: Diagnosis, name: str, sign: float = 1.0, torque: float = 1.0) -> None:

@@ -36,26 +36,6 @@ def log(late, u=None, noise=0.02, viscous=0.0, **columns):
     return {"t": np.arange(len(u)) * DT, "u": u} | {k: made[k] for k in columns}
 
 
-def test_without_an_angle_a_lag_may_be_that_of_the_speed():
-    log_of_speed = log(lambda u: u, w=True)
-    log_of_speed["w"] = lagged_speed(log_of_speed["w"])
-    found = lg.diagnose(log_of_speed, EMPTY)
-    assert found.verdict == "ambiguous"
-    (effect,) = found.effects
-    assert {effect.name, *(a.name for a in effect.alternatives)} == {
-        "actuator_lag",
-        "velocity_sensor_lag",
-    }
-    assert "position" in found.experiment  # the angle tells which
-    (rival,) = found.rivals  # neither is likelier: members are drawn from both
-    assert rival.weight == pytest.approx(0.5, abs=0.1)
-    drawn = found.sample(400)
-    for name in ("actuator_lag", "velocity_sensor_lag"):
-        own = drawn[f"{name}.time_constant"]
-        assert np.mean(np.isfinite(own)) == pytest.approx(0.5, abs=0.15)
-        assert np.nanmedian(own) == pytest.approx(TAU, rel=0.2)
-
-
 def lagged_speed(w):
     """A speed behind a filter of TAU."""
     made, kept = np.empty_like(w), np.exp(-DT / TAU)

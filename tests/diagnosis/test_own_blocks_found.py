@@ -57,29 +57,9 @@ def test_a_torque_that_hides_the_inertia_is_found_with_it(slow, size):
     seen = [log_of(u, dt, np.floor(theta / count) * count)]
     model = lg.Model.of(friction="coulomb")
     found = lg.diagnose(seen, model)
-    assert "J" not in found.plain.parameters
     assert (found.verdict, [e.name for e in found.effects]) == ("found", ["detent"])
     assert found.effects[0].parameters["amplitude"].value == pytest.approx(size, rel=0.02)
     assert found.model.J == pytest.approx(J, rel=0.02)
-
-
-def test_an_own_effect_with_two_parameters_without_a_grid_is_searched():
-    @lg.block("effect", out="d", acts="torque")
-    def magnet(
-        theta,
-        pull=GAIN,
-        position=lg.P(0.0, "rad"),
-        width=lg.P(0.3, "rad", 1e-3, 3.0),
-    ):
-        """r_e = A exp(-((theta - p)/b)^2)."""
-        return pull * np.exp(-(((theta - position) / width) ** 2))
-
-    seen = [recorded(8.0, load=lambda th, w: 0.08 * math.exp(-(((th - 1.2) / 0.4) ** 2)))]
-    found = lg.diagnose(seen, MODEL)
-    assert (found.verdict, [e.name for e in found.effects]) == ("found", ["magnet"])
-    values = {k: e.value for k, e in found.effects[0].parameters.items()}
-    wanted = {"pull": 0.08, "position": 1.2, "width": 0.4}
-    assert values == pytest.approx(wanted, rel=0.15)
 
 
 def test_effects_that_the_comparison_cannot_search_do_no_harm():
@@ -128,7 +108,7 @@ def test_a_law_with_a_parameter_that_the_file_leaves_out_is_fitted():
     theta = theta + np.random.default_rng(1).normal(0, 1e-4, len(t))
     found = lg.identify({"t": t, "u": u, "theta": theta}, lg.Model.of(friction="free_stribeck"))
     delta = next(row for row in found.parameters if row.name == "delta")
-    assert delta.low < 1.0 < delta.high and delta.high - delta.low < 1.5
+    assert delta.low < 1.0 < delta.high and delta.value == pytest.approx(1.0, rel=0.2)
 
 
 def test_a_state_of_an_own_law_is_no_bristle_for_its_name():

@@ -28,11 +28,6 @@ def test_torque_and_angle_exchanged_are_said_to_be(beside):
     assert not any("u has the wrong sign" in m for m in found.messages)
 
 
-def test_torque_and_speed_exchanged_are_said_to_be_before_all_else():
-    found = plain(log(u="w", w="u"))
-    assert found.reading[0].startswith(SAYS.format("w"))
-
-
 @pytest.mark.cases
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("roles", [("theta",), ("w",), ("theta", "w")])
