@@ -125,7 +125,7 @@ def compare_laws(
     asked.refuse_open_time()
     ready, no = ready_of(asked, horizon)
     if ready is None:
-        raise no or Refused("nothing can be simulated.")
+        raise no or Refused(*OF_MAP)
     fits, refused = _fitted(ready, asked, names, limit, report)
     return _chosen(fits, refused, asked.model, bar)
 

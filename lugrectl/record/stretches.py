@@ -82,8 +82,7 @@ class Stretch:
     ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
     (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
     not recorded, ``d`` (M,) the measured load torque. ``ok`` (M,) is False where a sample is
-    missing, bad or bridged over more than a sample, ``ok_u`` (M,) where that is so
-    of u (None: of all). ``jitter`` is the RMS distance of the stamps
+    missing, bad or bridged over more than a sample. ``jitter`` is the RMS distance of the stamps
     from even ones, in steps.
     """
 
@@ -96,4 +95,3 @@ class Stretch:
     ok: np.ndarray
     jitter: float = 0.0
     d: np.ndarray | None = None
-    ok_u: np.ndarray | None = None

@@ -57,17 +57,3 @@ def test_a_few_rows_that_rise_are_not_called_noise():
     with pytest.raises(Refused) as no:
         identify({"t": 0.02 * rows, "u": 0.2 + 0.1 * rows, "w": 0.06 + 0.9 * rows}, {})
     assert "noise" not in str(no.value)
-
-
-def coasting():
-    """Two runs of J dw/dt = -Fc sign(w) - Fv w from 30 and -45 rad/s, u = 0 throughout."""
-    runs, dt = [], 1e-3
-    for start in (30.0, -45.0):
-        w = np.empty(1500)
-        w[0] = abs(start)
-        for k in range(1499):
-            w[k + 1] = max(w[k] - dt * (0.12 + 0.006 * w[k]) / 0.004, 0.0)
-        noise = 0.02 * np.random.default_rng(3).standard_normal(1500)
-        t = np.arange(1500) * dt
-        runs.append({"t": t, "u": 0 * t, "w": np.sign(start) * w + noise})
-    return runs

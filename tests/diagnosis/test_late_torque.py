@@ -20,12 +20,6 @@ def lagged(x, tau=TAU):
     return means
 
 
-def fast():
-    """A torque of which most accelerates."""
-    t = np.arange(round(SECONDS / DT)) * DT
-    return sum(0.5 * np.sin(2 * np.pi * f * t + f) for f in (1.1, 4.3, 7.7))
-
-
 def log(late, u=None, noise=0.02, viscous=0.0, **columns):
     """u as asked for, and the motion that follows its late form; the angle only if asked for."""
     u = torque(SECONDS, DT, seed=3) if u is None else u
@@ -34,15 +28,6 @@ def log(late, u=None, noise=0.02, viscous=0.0, **columns):
     step = 2 * np.pi / 65536
     made = {"w": w + noise * rng.standard_normal(len(w)), "theta": np.floor(theta / step) * step}
     return {"t": np.arange(len(u)) * DT, "u": u} | {k: made[k] for k in columns}
-
-
-def lagged_speed(w):
-    """A speed behind a filter of TAU."""
-    made, kept = np.empty_like(w), np.exp(-DT / TAU)
-    y = w[0]
-    for i, x in enumerate(w):
-        made[i] = y = kept * y + (1.0 - kept) * x
-    return made
 
 
 def test_a_clean_log_of_speed_tells_a_lag_of_the_torque():

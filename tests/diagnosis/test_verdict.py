@@ -62,10 +62,11 @@ def test_an_offset_that_matters_is_named_beside_its_own_small_part_in_the_base(t
 def test_a_load_behind_a_gap_and_a_soft_spring_is_found(tmp_path, motion):
     block, omega = REGISTRY["effect", "backlash"], 2 * np.pi * 9.0
     load = {"load_inertia": 0.6 * J, "stiffness": 0.6 * J * omega**2, "gap": 0.08}
-    load |= {"damping": 2 * 0.15 * omega * 0.6 * J, "load_friction": 0.0}
+    load["damping"] = 2 * 0.15 * omega * 0.6 * J
     t, theta, w, _ = motion
     along = {"theta": theta, "w": w}
-    torque = driven(block, [load], along, [(slice(0, len(t)), DT)])[0].ravel()
+    values = {k: p.value for k, p in block.parameters.items()} | load
+    torque = driven(block, [values], along, [(slice(0, len(t)), DT)])[0].ravel()
     found = judged(tmp_path, motion, torque)
     assert (found.verdict, names(found)) == ("found", ["backlash"])
 

@@ -1,7 +1,6 @@
 """A speed that is off at rest, a torque that hardly changes, and sums that say nothing."""
 
 import numpy as np
-import pytest
 
 import lugrectl as lg
 
@@ -17,11 +16,6 @@ def answered(offset, seconds=10.0):
     _, w = simulate(u, DT)
     noise = np.random.default_rng(3).normal(0.0, 0.02, len(u))
     return lg.balance(log_of(u, DT, w=w + noise + offset), MODEL)
-
-
-@pytest.fixture(scope="module")
-def shifted():
-    return answered(0.5)
 
 
 def test_a_true_speed_has_no_offset():

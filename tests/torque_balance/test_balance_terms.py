@@ -12,11 +12,6 @@ from ..cases.balance_drive import FC, J, log_of, recorded, simulate
 MODEL, DT = lg.Model.of(), 2e-3
 
 
-def inside(estimate, truth):
-    low, high = estimate.ci95
-    return low <= truth <= high
-
-
 @pytest.fixture(scope="module")
 def one_way():
     """Speeds up and down, never back, under a constant torque."""
