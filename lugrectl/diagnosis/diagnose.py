@@ -45,21 +45,19 @@ def diagnose(
 
     Whatever may be missing is a row of one table: each effect of the catalogue, and an unknown
     torque over some signals, beside the declared model with free values. A row counts by how well
-    it predicts parts of the log that its fit has not seen. The model that wins has the values of
-    the table, or, where the log is clean, of a fit by its one-step predictions: where the torque
-    that this fit does not predict is below ``least``. Errors are those of simulations from the
-    recorded torque alone, on held-out samples; they decide nothing. A fit for the errors has not
-    used these samples; the table's values are of all samples.
+    it predicts parts of the log that its fit has not seen. What is named must hold in a last fit
+    to all samples, which gives the values, and lower the torque error of held-out samples. On a
+    clean log a fit by one-step predictions refines the values: where the torque that it does not
+    predict is below ``least``. Errors are those of simulations from the recorded torque alone, on
+    held-out samples; they decide nothing, and their fit has not used these samples.
 
     Parameters
     ----------
     record : path, DataFrame, dict of arrays or Record, or a list of them
-        One run, or several; a folder stands for the runs in it. Rates that differ by a little are
-        brought together; runs of other rates are compared, but not simulated. Up to eight runs may
-        differ in the offset of the torque, in friction (by a factor) and, if no declared effect
-        depends on theta, in the zero of theta. These differences are fitted relative to the first
-        run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
-        are one friction map: friction, and what hangs on speed and angle, from their mean torques.
+        One run, or several; a folder stands for the runs in it. Runs may differ in their rates,
+        and in the offset of the torque, which is fitted relative to the first run. Four or more
+        runs at a steady speed each are one friction map: friction, and what depends on speed and
+        angle, from their mean torques.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified. Files are read with its motion.
     holdout : None, "last", or a record as above

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.blocks.block import REGISTRY
-from lugrectl.torque_balance.driven_states import driven
 
 J, FC, FV, VS, DT = 1e-3, 0.1, 0.002, 0.05, 2e-3
 MODEL = f"""
@@ -57,18 +55,6 @@ def test_an_offset_that_matters_is_named_beside_its_own_small_part_in_the_base(t
     assert "constant_torque" in causes <= {"constant_torque", "coulomb_asymmetry"}
     shares = {one.term: one.share for one in found.comparison.budget}
     assert shares[found.effects[0].name] == pytest.approx(0.05, rel=0.4)
-
-
-def test_a_load_behind_a_gap_and_a_soft_spring_is_found(tmp_path, motion):
-    block, omega = REGISTRY["effect", "backlash"], 2 * np.pi * 9.0
-    load = {"load_inertia": 0.6 * J, "stiffness": 0.6 * J * omega**2, "gap": 0.08}
-    load["damping"] = 2 * 0.15 * omega * 0.6 * J
-    t, theta, w, _ = motion
-    along = {"theta": theta, "w": w}
-    values = {k: p.value for k, p in block.parameters.items()} | load
-    torque = driven(block, [values], along, [(slice(0, len(t)), DT)])[0].ravel()
-    found = judged(tmp_path, motion, torque)
-    assert (found.verdict, names(found)) == ("found", ["backlash"])
 
 
 def test_an_inertia_far_above_the_declared_one_is_said(tmp_path, motion):

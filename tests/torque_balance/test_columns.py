@@ -147,8 +147,8 @@ def test_twice_the_coefficients_are_twice_the_torque(effect):
 
 
 def test_nothing_is_left_at_the_neutral_value(effect):
-    log, own = motion(), members("effect")[effect]
-    values = values_of(effect) | {own.gain: own.own[own.gain].neutral}
+    log, neutral = motion(), effect.own[effect.gain].neutral
+    values = values_of(effect) | {effect.gain: neutral}
     assert np.abs(both(torque(effect, values, log))).max(initial=0.0) < 1e-12
 
 
