@@ -14,22 +14,25 @@ import lugrectl
 from .rst import code, filled, listed, prose, table, title
 
 ROOT = Path(lugrectl.__file__).parent
-SPLIT = ("identification", "engine")  # rooms with rooms of their own
+SPLIT = ("engine",)  # rooms with rooms of their own
 WAY = (  # in the order in which `diagnose` comes to them
     "record.read.read_record",
     "record.stretches.stretches",
-    "identification.balance.balance.balance",
-    "identification.selection.compare.record_of",
-    "identification.selection.table.tabulate",
-    "identification.selection.verdict.decide",
-    "identification.selection.values.valued",
-    "diagnosis.winning_model.decided",
-    "diagnosis.judged.judged",
+    "torque_balance.motion.Motion",
+    "torque_balance.rows.Rows",
+    "torque_balance.base.base_row",
+    "torque_balance.search.Search",
+    "torque_balance.table.Table",
+    "torque_balance.decision.Decision",
+    "torque_balance.last_fit.LastFit",
+    "torque_balance.verdict.answer",
+    "diagnosis.simulation.polishing.polish",
+    "diagnosis.simulation.judge.errors",
     "report.text",
 )
 ADD = (  # what, in which room, how
     ("an effect, a friction law", "blocks", "one function with ``@block`` and its equation"),
-    ("where its values are searched", "identification.candidates", "a grid in ``search_ranges``"),
+    ("where its values are searched", "torque_balance", "``search`` reads its declaration"),
     ("an observer, a controller", "blocks", "one function; it is in all comparisons by its name"),
     ("a file format", "record", "a reader beside the others"),
     ("a check of a linear system", "linear", "a function that returns a result with a picture"),

@@ -23,12 +23,3 @@ def interval(
     known = np.hypot(resolution, SCALE * value)
     half = np.hypot(student(freedom) * error, 1.96 * known)
     return Estimate(float(value), unit, (float(value - half), float(value + half)))
-
-
-def repeated(values: np.ndarray, unit: str, resolution: float) -> Estimate | None:
-    """The mean of repetitions; None of fewer than two."""
-    n = len(values)
-    if n < 2:
-        return None
-    error = float(np.std(values, ddof=1)) / np.sqrt(n)
-    return interval(float(np.mean(values)), error, n - 1, unit, resolution=resolution)

@@ -9,7 +9,7 @@ of w and F_i replaces. Parallel bristles are its smooth relative.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -22,7 +22,6 @@ from .bristle_laws import power
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, level
 from .law_forms import FORMS, Form
 
-TURNS = 200  # turning points of a log before a sample, which set its deflections
 FEW, MANY = 4, 20  # elements unless given, and at most
 N = P(2.0, "1", 1.0, 20.0, usual=True)
 KEYS = {
@@ -99,18 +98,6 @@ class Elements:
         return zip(self.parts, z, strict=True)
 
 
-def _turns(theta: np.ndarray, runs: Sequence[tuple[int, int]], at: int) -> np.ndarray:
-    """The last TURNS turning points of the run before a sample, then the sample itself."""
-    begin = next((a for a, b in runs if a <= at < b), 0)
-    own = theta[begin : at + 1]
-    steps = np.diff(own)
-    moves = np.flatnonzero(steps)
-    way = steps[moves]
-    back = moves[1:][way[1:] * way[:-1] < 0.0][-TURNS:]
-    points = np.concatenate([own[:1] if len(back) < TURNS else own[:0], own[back], own[-1:]])
-    return np.pad(points, (TURNS + 2 - len(points), 0), mode="edge")
-
-
 class MaxwellSlip(Elements):
     """F = sum k_i z_i + Fv w, dz_i/dt = w, but 0 where k_i |z_i| = nu_i Fc and z_i w > 0.
 
@@ -121,10 +108,9 @@ class MaxwellSlip(Elements):
     the lists ``stiffness`` (k_i, N m/rad) and ``share`` (nu_i, sum 1); sigma0 is the sum of the
     k_i, and if it stands beside the list, only the ratio of the k_i counts. By rule
     k_i = 2 (N + 1 - i)/(N (N + 1)) sigma0 and nu_i = 2 i/(N (N + 1)). A fit changes sigma0, Fc and
-    Fv and keeps the ratios; it finds the deflections at the start of a stretch from the turning
-    points before it. The slip sets in over the last 1e-4 of the limit. The first long simulation
-    compiles: about 20 s with 10 elements, a minute with 20. Passive from w to F: each element
-    stores k_i z_i^2/2 and only loses.
+    Fv and keeps the ratios. The slip sets in over the last 1e-4 of the limit. The first long
+    simulation compiles: about 20 s with 10 elements, a minute with 20. Passive from w to F: each
+    element stores k_i z_i^2/2 and only loses.
     """
 
     name = "maxwell_slip"
@@ -133,25 +119,6 @@ class MaxwellSlip(Elements):
 
     def __call__(self, w: Any, *z: Any, sigma0: Any, Fc: Any, Fv: Any) -> tuple[Any, ...]:
         return self.pull(z, sigma0) + Fv * w, *self.stopped(w, z, sigma0, Fc)
-
-    def before(
-        self,
-        values: Sequence[Mapping[str, Any]],
-        theta: np.ndarray,
-        runs: Sequence[tuple[int, int]],
-        start: np.ndarray,
-    ) -> np.ndarray:
-        """Deflections (sets, starts, N) at samples of a log, from the last turns before them.
-
-        Exact up to noise, because only the turning points count.
-        """
-        k, nu = np.array(self.parts).T
-        limit = np.array([nu / k * v["Fc"] / max(v["sigma0"], 1e-12) for v in values])[:, None]
-        way = np.array([_turns(theta, runs, s) for s in start])
-        z = np.zeros((len(values), len(start), self.elements))
-        for moved in np.diff(way, axis=1).T:
-            z = np.clip(z + moved[:, None], -limit, limit)
-        return z
 
 
 class ParallelBristles(Elements):

@@ -23,9 +23,7 @@ def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
     return (u - F - d) / J
 
 
-def assemble(
-    model: Model, *, levels: Sequence[str] = (), sensed: bool = False, loads: Sequence[str] = ()
-) -> Block:
+def assemble(model: Model, *, sensed: bool = False, loads: Sequence[str] = ()) -> Block:
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
     Effects act in physical order: on the command, in the motor, as loads, on levels, as other
@@ -35,10 +33,6 @@ def assemble(
 
     Parameters
     ----------
-    levels : sequence of str
-        Adds for each an input ``x_name`` that multiplies this parameter by 1 + x: an effect on a
-        level can then be given as a time series. "torque" adds an input ``x_torque``, which
-        resists but is not part of the load.
     sensed : bool
         Adds the outputs theta_m, w_m, with the sensor effects and their states inside; these
         are left out otherwise.
@@ -53,7 +47,7 @@ def assemble(
                 "its block to the drive's inputs."
             )
     uses = tuple(Part(f"{use.key}.", use.block) for use in model.effects)
-    return _Motion(friction, uses, tuple(levels), sensed, tuple(loads)).block()
+    return _Motion(friction, uses, sensed, tuple(loads)).block()
 
 
 def load_outputs(model: Model) -> tuple[str, ...]:
@@ -84,7 +78,6 @@ class _Motion:
 
     friction: Part
     uses: tuple[Part, ...]
-    levels: tuple[str, ...]
     sensed: bool
     loads: tuple[str, ...] = ()
 
@@ -108,15 +101,10 @@ class _Motion:
     def states(self) -> tuple[str, ...]:
         return ("theta", "w", *(name for part in self.parts for name in part.states))
 
-    @cached_property
-    def inputs(self) -> tuple[str, ...]:
-        return ("u", "d", *(f"x_{name}" for name in self.levels))
-
     def __call__(self, t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
-        signals = {"t": t, **dict(zip((*self.inputs, *self.states), given, strict=True))}
-        more = {n: signals[f"x_{n}"] for n in self.levels if n != "torque"}
+        signals = {"t": t, **dict(zip(("u", "d", *self.states), given, strict=True))}
         rates: dict[str, tuple[Any, ...]] = {}
-        torque, values = _applied(self.effects, signals, values, more, rates)
+        torque, values = _applied(self.effects, signals, values, rates)
         law = self.friction.results(signals, values)
         rates[""] = self.friction.rates(law)
         measured = through_sensors(self.sensors, signals, values, rates) if self.sensed else ()
@@ -131,7 +119,7 @@ class _Motion:
             name="plant",
             kind="plant",
             function=self,
-            inputs=self.inputs,
+            inputs=("u", "d"),
             outputs=("theta", "w", "F", *(("w_m", "theta_m") if self.sensed else ()), *loads),
             states=self.states,
             parameters={
@@ -172,13 +160,11 @@ def _applied(
     effects: Sequence[Part],
     signals: dict[str, Any],
     values: Mapping[str, Any],
-    more: Mapping[str, Any],
     rates: dict[str, tuple[Any, ...]],
 ) -> tuple[Any, dict[str, Any]]:
     """All effects: the resisting torque and the plant's values; u and load are set in signals.
 
-    Effects on levels read the plant's own values, before any effect and before ``more`` (the
-    other factors) multiplies them: so these scale an added Stribeck peak, too (colder oil).
+    Effects on levels read the plant's own values, before any effect multiplies them.
     """
 
     def deeds(at: str, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -188,14 +174,13 @@ def _applied(
                 rates[part.prefix] = part.rates(results)
                 yield from part.block.deeds(results)
 
-    scaled = _leveled(values, [*more.items()])
     for at in ("command", "motor"):
-        for _, u in deeds(at, scaled):
+        for _, u in deeds(at, values):
             signals["u"] = u  # the next one reads it
-    load = sum((out for _, out in deeds("load", scaled)), signals["d"])
+    load = sum((out for _, out in deeds("load", values)), signals["d"])
     signals["load"] = load
-    scaled = _leveled(scaled, [*deeds("level", values)])
-    torque = signals.get("x_torque", 0.0)
+    scaled = _leveled(values, [*deeds("level", values)])
+    torque = 0.0
     for act, out in deeds("torque", scaled):
         if act == "torque":
             torque = torque + out

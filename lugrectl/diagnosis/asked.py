@@ -17,7 +17,6 @@ from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretche
 from ..record.as_record import as_holdout, as_logs
 from ..torque_balance.maps import is_map
 from .contradictions import checked, doubtful
-from .core_choice import NEW
 from .swapped import refuse_swapped
 
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
@@ -118,10 +117,6 @@ class Asked:
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     """The plain answer to logs that were read."""
-    if not NEW:
-        from .plain_answer import plain_answer as before
-
-        return before(logs, model)
     return Asked(tuple(logs), len(logs) > 1, model).plain
 
 

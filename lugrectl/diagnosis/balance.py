@@ -9,7 +9,6 @@ from ..core.errors import Refused
 from ..estimates.balance import Balance
 from ..parallel.blas_threads import one_blas_thread
 from .asked import Asked
-from .core_choice import NEW
 
 
 @one_blas_thread()
@@ -65,10 +64,6 @@ def balance(
     (0.3, 0.02)
     """
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
-    if not NEW:
-        from .question import balanced as before
-
-        return before(record, model, reading)
     asked = Asked.of(record, {} if model is None else model, **reading)
     try:
         asked.refuse_open_time()

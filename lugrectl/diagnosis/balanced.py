@@ -52,7 +52,6 @@ NO_INERTIA = (
 )
 STOPPED = "the fit was stopped at its limit of time."
 MORE_TIME = "Give it more time with {}, or a shorter part of the record."
-ON_ALL_ROWS = "Values are fitted to all rows; the errors are of rows that no fit and no choice saw."
 WORSE = (
     "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
     "without it by {1:.3g}: the torque error falls, the motion error does not."

@@ -24,7 +24,6 @@ from ..torque_balance.base import alone
 from ..torque_balance.constants import ALPHA
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
-from .core_choice import NEW
 from .law_comparison import ComparedLaw, LawComparison
 from .simulation import Prepared, errors
 from .simulation.drive import fitted, loglik
@@ -119,10 +118,6 @@ def compare_laws(
     names, bar = law_names(laws), NormalDist().inv_cdf(1.0 - share(alpha, "alpha"))
     limit = positive(time_limit, "time_limit", "seconds")
     reading = {"columns": columns, "units": units, "scale": scale, "rate": rate}
-    if not NEW:
-        from .old_compare_laws import compared as before
-
-        return before(record, model, holdout, reading, horizon, names, bar, limit, progress)
     asked = Asked.of(record, model, holdout, **reading)
     report = reporter(progress)
     report(0.0, "torque balance")
@@ -130,7 +125,7 @@ def compare_laws(
     asked.refuse_open_time()
     ready, no = ready_of(asked, horizon)
     if ready is None:
-        raise no or Refused("nothing can be simulated.")
+        raise no or Refused(*OF_MAP)
     fits, refused = _fitted(ready, asked, names, limit, report)
     return _chosen(fits, refused, asked.model, bar)
 

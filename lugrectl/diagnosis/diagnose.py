@@ -15,7 +15,6 @@ from ..torque_balance.constants import ALPHA, FLOOR
 from .asked import Asked, judged_by
 from .balanced import diagnosed
 from .compare_laws import under_law
-from .core_choice import NEW
 from .refusal import refusal
 from .result import Diagnosis
 
@@ -46,21 +45,19 @@ def diagnose(
 
     Whatever may be missing is a row of one table: each effect of the catalogue, and an unknown
     torque over some signals, beside the declared model with free values. A row counts by how well
-    it predicts parts of the log that its fit has not seen. The model that wins has the values of
-    the table, or, where the log is clean, of a fit by its one-step predictions: where the torque
-    that this fit does not predict is below ``least``. Errors are those of simulations from the
-    recorded torque alone, on held-out samples; they decide nothing. A fit for the errors has not
-    used these samples; the table's values are of all samples.
+    it predicts parts of the log that its fit has not seen. What is named must hold in a last fit
+    to all samples, which gives the values, and lower the torque error of held-out samples. On a
+    clean log a fit by one-step predictions refines the values: where the torque that it does not
+    predict is below ``least``. Errors are those of simulations from the recorded torque alone, on
+    held-out samples; they decide nothing, and their fit has not used these samples.
 
     Parameters
     ----------
     record : path, DataFrame, dict of arrays or Record, or a list of them
-        One run, or several; a folder stands for the runs in it. Rates that differ by a little are
-        brought together; runs of other rates are compared, but not simulated. Up to eight runs may
-        differ in the offset of the torque, in friction (by a factor) and, if no declared effect
-        depends on theta, in the zero of theta. These differences are fitted relative to the first
-        run and reported in ``messages``. Four or more runs at a steady speed each, of any rates,
-        are one friction map: see :func:`lugrectl.diagnosis.steady_runs.diagnose_map`.
+        One run, or several; a folder stands for the runs in it. Runs may differ in their rates,
+        and in the offset of the torque, which is fitted relative to the first run. Four or more
+        runs at a steady speed each are one friction map: friction, and what depends on speed and
+        angle, from their mean torques.
     model : Model, Parameters, dict or path
         The declared model; missing values are identified. Files are read with its motion.
     holdout : None, "last", or a record as above
@@ -124,10 +121,6 @@ def diagnose(
         return under_law(diagnose, record, model, law, **options)
     limits = share(least, "least"), share(alpha, "alpha")
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
-    if not NEW:
-        from .old_diagnose import answered as before
-
-        return before(record, model, holdout, horizon, seed, limits, limit, report, reading)
     asked = Asked.of(record, model, holdout, **reading)
     horizon, seed = judged_by(horizon, seed)
     try:

@@ -9,10 +9,6 @@ from ..estimates.balance import Balance
 from ..estimates.findings import Finding
 from ..record import Record
 
-AGAIN = (
-    "record the same motion again, twice. What returns at the same instants depends on the motion; "
-    "what does not comes from outside, or from the logger"
-)
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",

@@ -27,7 +27,6 @@ from .asked import Asked, judged_by
 from .balanced import NO_INERTIA, knows_inertia, ready_of, same_values, simulated
 from .compare_laws import under_law
 from .contradictions import unfit_law
-from .core_choice import NEW
 from .law_comparison import LawComparison
 from .mapped import judged_on, of_map
 from .moved_values import at_bounds, moved
@@ -151,10 +150,6 @@ def identify(
     if law is not None:
         options = {"holdout": holdout, "horizon": horizon, "seed": seed, "progress": progress}
         return under_law(identify, record, model, law, **options, **reading)
-    if not NEW:
-        from .old_identify import identified as before
-
-        return before(record, model, holdout, horizon, seed, reading, progress)
     asked = Asked.of(record, model, holdout, **reading)
     horizon, _ = judged_by(horizon, seed)
     try:
@@ -209,5 +204,4 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
         residuals=None if ready is None or judged is None else residuals(ready, values.model),
         torque_noise=noise,
     )
-    return of_map(answer, made, asked) if made.view.is_map else answer
     return of_map(answer, made, asked) if made.view.is_map else answer

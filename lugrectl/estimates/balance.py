@@ -82,16 +82,12 @@ class Balance(Result):
         The samples that it was computed from.
     refused : str
         Why nothing can be learnt of the drive; empty where something can.
-    blind : str
-        Why the motion tells nothing of what is missing, though the balance has an answer.
     unlike : tuple of str
         A sentence for each run in another unit or sign than the others. These runs are left out.
     against : tuple of str
         A sentence for each held or bounded value of the model that the log contradicts by far.
     hopeless : bool
         With these values nothing can be answered.
-    together : dict of Combination
-        Of a log in one direction: values that it shows only in a sum with a constant torque.
     bench_tests : tuple of BenchTest
         The standard tests that the logs hold, each with its answer.
     """
@@ -113,10 +109,8 @@ class Balance(Result):
     reading: tuple[str, ...] = ()
     unlike: tuple[str, ...] = ()
     refused: str = ""
-    blind: str = ""
     against: tuple[str, ...] = ()
     hopeless: bool = False
-    together: Mapping[str, Combination] = field(default_factory=dict)
     bench_tests: tuple[BenchTest, ...] = ()
 
     @property
@@ -139,20 +133,6 @@ class Balance(Result):
         """The best value of every parameter, certain or not: start values for a finer fit."""
         both = {**self.uncertain, **self.parameters}
         return {k: both[k].value for k in self.names if k in both}
-
-    def written_late(self, dt: float) -> float:
-        """By how much u was written down after the motion that it causes, s; 0 where that is not
-        certainly more than a sample of ``dt`` s."""
-        delay = self.parameters.get("u_delay")
-        if delay is None or delay.ci95 is None or delay.ci95[1] > -dt:
-            return 0.0
-        return -delay.value
-
-    @property
-    def speed_offset(self) -> float:
-        """By how much w is above 0 where the drive stands, rad/s; 0 where that is not certain."""
-        offset = self.parameters.get("w_offset")
-        return 0.0 if offset is None or offset.may_be(0.0) else offset.value
 
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""

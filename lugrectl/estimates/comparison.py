@@ -61,9 +61,8 @@ class Comparison:
 
     ``rows`` are the models that were compared, ``budget`` says where the torque goes,
     ``detectable`` how small an effect would have been seen. ``least`` is the smallest torque that
-    matters, as a share of ``friction``, the RMS friction torque (N m). ``events`` are the times (s)
-    of torques that nothing in the table predicts. ``stretches`` counts the independent parts of the
-    motion that were compared; None if that is not known.
+    matters, as a share of ``friction``, the RMS friction torque (N m). ``stretches`` counts the
+    independent parts of the motion that were compared; None if that is not known.
     """
 
     verdict: str
@@ -72,5 +71,4 @@ class Comparison:
     detectable: tuple[Detectable, ...] = ()
     least: float = 0.0
     friction: float = 0.0
-    events: tuple[float, ...] = ()
     stretches: int | None = None

@@ -38,13 +38,13 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     dt = typical_step(np.diff(t))
     steps = max(round((t[-1] - t[0]) / dt), 1)
     grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
-    made, good_at = {}, {}
+    made, near = {}, []
     ticks = np.r_[0, np.cumsum(multiples(np.diff(t), dt))]
     for role, x in values.items():
         good = np.isfinite(x)
         made[role] = np.interp(grid, t[good], x[good])
-        good_at[role] = _near(grid, t[good], ticks[good], dt)
-    ok = np.all([*good_at.values()], axis=0)
+        near.append(_near(grid, t[good], ticks[good], dt))
+    ok = np.all(near, axis=0)
     sound = np.flatnonzero(ok)
     if not len(sound):
         return None
@@ -52,8 +52,7 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     cut = {role: x[used] for role, x in made.items()}
     theta, w = cut.get("theta"), cut.get("w")
     jitter = _jitter(t, dt)
-    good, of_u = ok[used], good_at["u"][used]
-    return Stretch(run, dt, grid[used], cut["u"], theta, w, good, jitter, cut.get("d"), of_u)
+    return Stretch(run, dt, grid[used], cut["u"], theta, w, ok[used], jitter, cut.get("d"))
 
 
 def _jitter(t: np.ndarray, dt: float) -> float:
@@ -82,8 +81,7 @@ class Stretch:
     ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
     (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
     not recorded, ``d`` (M,) the measured load torque. ``ok`` (M,) is False where a sample is
-    missing, bad or bridged over more than a sample, ``ok_u`` (M,) where that is so
-    of u (None: of all). ``jitter`` is the RMS distance of the stamps
+    missing, bad or bridged over more than a sample. ``jitter`` is the RMS distance of the stamps
     from even ones, in steps.
     """
 
@@ -96,4 +94,3 @@ class Stretch:
     ok: np.ndarray
     jitter: float = 0.0
     d: np.ndarray | None = None
-    ok_u: np.ndarray | None = None

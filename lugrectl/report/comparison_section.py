@@ -107,8 +107,7 @@ def limits_in_words(d: Any) -> str:
         return ""
     most = sorted(limit.share for limit in found.detectable)[len(found.detectable) // 2]
     said = f" Most effects would have shown from {_percent(most)} of friction on."
-    said = said if most < 1.0 else ""
-    return f"{said} One incident is not explained: see the notes." if found.events else said
+    return said if most < 1.0 else ""
 
 
 @drawn

@@ -183,13 +183,6 @@ def searched(block: Block) -> tuple[str, ...]:
     return tuple(k for k, p in block.own.items() if k not in known and p.fitted and not p.usual)
 
 
-def neutral_of(block: Block) -> dict[str, float]:
-    """The value with which an effect changes nothing, by its name."""
-    neutral = block.own[block.gain].neutral
-    assert neutral is not None
-    return {block.gain: neutral}
-
-
 def of_motion(block: Block) -> bool:
     """Whether its torque is that of the motion alone, whatever friction, loads and inertia are."""
     alone = {*block.acts} == {"torque"} and {*block.reads} <= {"t", "theta", "w"}

@@ -77,4 +77,3 @@ VIEWS = ((10.0, 1.5), (0.1, 2.0))  # other descriptions: stiffness of the motion
 WHOLE = 1.3  # blocks tell nothing of errors that last the whole record: standard errors times this
 Z95 = 1.96  # two-sided 95 %
 SCALE = 0.003  # no clock, encoder or current sensor is better (share of a value, one sigma)
-SURE = 0.25  # half-width over value up to which a value is called determined

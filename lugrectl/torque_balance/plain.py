@@ -110,7 +110,7 @@ def _estimate(name: str, x: Value, model: Model) -> Estimate:
         declared = model.declarations()
         key, _, parameter = name.rpartition(".")
         unit = model.unit(name) if name in declared else _unit_of(key, parameter, model)
-    return Estimate(x[0], unit, (x[1], x[2]))
+    return Estimate(float(x[0]), unit, (float(x[1]), float(x[2])))
 
 
 def _unit_of(key: str, parameter: str, model: Model) -> str:

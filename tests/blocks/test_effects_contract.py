@@ -9,9 +9,8 @@ from lugrectl.blocks.model import model_from_dict, read_model, write_model
 from lugrectl.blocks.plant import assemble
 from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.backend import compiler
-from lugrectl.identification.candidates.search_ranges import grid_of, sets_of
 
-from ..cases.drives import EFFECTS, LAWS, arguments, law_for, log, model_of, own, plant_of, strong
+from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong
 
 
 def each(holds=lambda made: True):
@@ -258,27 +257,3 @@ def test_borrowed_values_are_nowhere_declared(made):
         text = {"name": made.name, key.split(".")[1]: 1.0}
         with pytest.raises(lg.InputError, match="unknown key"):
             model_from_dict({"effects": [text]}, "here")
-
-
-@pytest.mark.parametrize("motion", ["rotary", "linear"])
-@every_effect
-def test_what_is_searched_lies_inside_the_bounds(made, motion):
-    seen = log(motion)
-    for key, p in made.own.items():
-        if tried := grid_of(made, key):
-            grid = tried(seen)
-            assert len(grid) > 3 and np.all(np.diff(grid) > 0.0)
-            assert p.low <= np.min(grid) and np.max(grid) <= p.high
-    if proposed := sets_of(made):
-        plant = {k: p.value for k, p in LAWS["stribeck"].parameters.items()} | {"J": 0.0022}
-        sets = proposed(seen, plant)
-        assert 3 < len(sets) <= 400
-        for one in sets:
-            fitted = {k for k, p in made.own.items() if p.fitted}
-            moved = {k: v for k, v in one.items() if k not in made.own}
-            assert set(one) - set(moved) == fitted and set(moved) <= set(plant)
-            made.check({k: v for k, v in one.items() if k in made.own})
-            assert all(0.0 < moved[k] < np.inf for k in moved)
-            if "J" not in moved:  # from a regression, which brings the whole plant
-                assert all(moved[k] <= plant[k] for k in moved)
-            assert one[made.gain] != made.parameters[made.gain].neutral

@@ -1,17 +1,13 @@
 """What each friction law is known to do: loops, virgin curves, drift, memory."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
 import lugrectl as lg
-from lugrectl.blocks.multi_element_laws import MaxwellSlip
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.identification.likelihood.predictor import Predictor
 
-from ..cases.laws import FC, FS, FV, LAWS, S0, S1, VS, model_of, values_of
+from ..cases.laws import FC, FV, LAWS, S0, S1, VS, model_of, values_of
 
 
 @pytest.fixture(autouse=True)
@@ -169,31 +165,3 @@ def test_elastoplastic_within_its_zone_is_a_spring():
     assert (
         made(2.0, 0.9 * FC / S0, **values)[1] < 2.0 == made(-2.0, 0.9 * FC / S0, **values)[1] * -1
     )
-
-
-def test_the_turning_points_of_a_log_give_the_deflections_of_maxwell_slip():
-    random = np.random.default_rng(2)
-    theta = np.cumsum(np.repeat(random.normal(size=60) * 1e-4, 5) * (np.arange(300) % 7 > 0))
-    law, at = MaxwellSlip(), np.array([0, 1, 57, 200, 299])
-    values = [{"Fc": FC, "sigma0": S0}, {"Fc": 2.0 * FC, "sigma0": S0}]
-    z = law.before(values, theta, [(0, 300)], at)
-    k = np.array([part for part, _ in law.parts])
-    for row, Fc in zip(z, (FC, 2.0 * FC), strict=True):
-        np.testing.assert_allclose(S0 * row @ k, return_map(theta, 4, Fc)[at], atol=1e-12)
-
-
-def test_each_run_of_a_log_starts_unbent():
-    theta = np.concatenate([np.linspace(0.0, 1e-3, 50), np.linspace(5.0, 5.0001, 50)])
-    z = MaxwellSlip().before(
-        [{"Fc": FC, "sigma0": S0}], theta, [(0, 50), (50, 100)], np.array([99])
-    )
-    np.testing.assert_allclose(z[0, 0], 1e-4, rtol=1e-6)
-
-
-def test_the_steady_torque_along_a_log_has_the_exponent():
-    w = np.array([0.02, -0.3])
-    held = SimpleNamespace(data=SimpleNamespace(log=SimpleNamespace(w=w)))
-    values = {"Fc": FC, "Fs": FS, "Fv": FV, "vs": VS, "delta": 0.5, "eps": 1e-6}
-    F = Predictor.friction(held, values)  # pyright: ignore[reportArgumentType]
-    h = FC + (FS - FC) * np.exp(-np.sqrt(np.abs(w) / VS))
-    np.testing.assert_allclose(F, h * np.sign(w) + FV * w, rtol=1e-9)

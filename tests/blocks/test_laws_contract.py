@@ -350,7 +350,8 @@ def test_a_fit_finds_the_values_of_the_law_and_exports_them(law, own, found, tmp
     start = {k: 1.1 * v if k in ("J", "Fc", "Fv") else 0.9 * v for k, v in truth.values().items()}
     made = lg.identify(record, truth.with_values(start))
     for key in found.split():
-        assert made.model.values()[key] == pytest.approx(truth.values()[key], rel=0.02), key
+        within = 0.05 if key == "delta" else 0.02
+        assert made.model.values()[key] == pytest.approx(truth.values()[key], rel=within), key
     write_model(made.model, tmp_path / "found.toml")
     assert read_model(tmp_path / "found.toml") == made.model
 

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 
-from lugrectl.record.stretches import Stretch
-
 J, FC, FV = 0.004, 0.12, 0.006
 BRISTLE = 400.0  # N m/rad
 FINE = 4e-4  # s
@@ -39,15 +37,16 @@ def torque(seconds, dt, seed=0, size=0.6):
     return u + 0.3 * size * steps
 
 
-def stretch(u, dt, theta=None, w=None, run=0, start=0.0):
-    """A stretch without bad samples."""
-    ok = np.ones(len(u), bool)
-    return Stretch(run, dt, start + np.arange(len(u)) * dt, np.asarray(u), theta, w, ok)
+def log_of(u, dt, theta=None, w=None):
+    """The columns of a log."""
+    motion = {"theta": theta, "w": w}
+    log = {"t": np.arange(len(u)) * dt, "u": np.asarray(u)}
+    return log | {k: x for k, x in motion.items() if x is not None}
 
 
-def recorded(seconds=10.0, dt=2e-3, seed=0, counts=65536, load=None, run=0, **more):
-    """A stretch of u and theta of the drive, theta from an encoder."""
+def recorded(seconds=10.0, dt=2e-3, seed=0, counts=65536, load=None, **more):
+    """A log of u and theta of the drive, theta from an encoder."""
     u = torque(seconds, dt, seed)
     theta, _ = simulate(u, dt, load=load, **more)
     step = 2 * np.pi / counts
-    return stretch(u, dt, np.floor(theta / step) * step, None, run)
+    return log_of(u, dt, np.floor(theta / step) * step)

@@ -9,8 +9,8 @@ from lugrectl.blocks.model import Model, table1
 from lugrectl.core.errors import Refused
 from lugrectl.diagnosis.refusal import refusal
 from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.estimates.comparison import Compared, Comparison, Share
 from lugrectl.estimates.findings import Candidate, Estimate, Finding, Traces
-from lugrectl.identification.selection import Compared, Comparison, Share
 from lugrectl.record import Record, record_of
 
 HOSTILE = '<script src="http://x.y/z.js">alert(1)</script> & "q".csv'

@@ -195,7 +195,7 @@ BALANCE = {
     "bench_tests": [ON_BENCH],
 }  # fmt: skip
 COMPARISON = {
-    "rows": [ROW], "budget": [SHARE], "detectable": [LIMIT], "least": float, "events": [float],
+    "rows": [ROW], "budget": [SHARE], "detectable": [LIMIT], "least": float,
     "stretches": Maybe(int),
 }  # fmt: skip
 UNEXPLAINED = {

@@ -7,8 +7,6 @@ import pytest
 
 from lugrectl import diagnose, identify
 from lugrectl.core.errors import Refused
-from lugrectl.diagnosis.question import Asked
-from lugrectl.identification.selection import compare
 from lugrectl.record import Record, refuse_dead
 from tests.rig import make
 
@@ -38,16 +36,10 @@ def rotary(model):
     return replace(model, motion="rotary", J=0.01)
 
 
-def compared(record, model):
-    asked = Asked.of(record, model)
-    return compare(asked.plain.stretches, asked.model, asked.plain)
-
-
 def refused(record, model):
-    found = compared(record, model)
+    found = diagnose(record, model)
     assert found.verdict == "refused"
-    (said,) = found.messages
-    return said
+    return found.reason
 
 
 def shifted(x, k):
@@ -79,19 +71,13 @@ def test_a_dead_torque_is_refused_by_both_questions(plain, model):
         identify([dead, dead], model)
 
 
-@pytest.mark.cases
-@pytest.mark.parametrize("of", ["w", "theta", "a"])
-@pytest.mark.parametrize("share", [0.3, -0.3])
-def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
-    x = {"w": plain.w, "theta": plain.theta, "a": np.gradient(plain.w, plain.dt)}[of]
-    said = refused(replace(plain, u=share * x), model)
-    assert "contradict" in said or "mpossible" in said or "negative" in said
-
-
-def test_the_torque_of_another_run_is_refused(plain, model):
-    assert "unexplained" in refused(replace(plain, u=plain.u[::-1].copy()), model)
+def test_the_torque_of_another_run_explains_nothing(plain, model):
+    found = diagnose(replace(plain, u=plain.u[::-1].copy()), model)
+    assert found.verdict == "unexplained"
+    assert "nothing to do with the motion" in " ".join(found.messages)
     noise = np.random.default_rng(1).standard_normal(N)
-    assert "u is not the torque" in refused(replace(plain, u=noise), model)
+    found = diagnose(replace(plain, u=noise), model)
+    assert found.verdict in ("refused", "unexplained") and not found.effects
 
 
 def test_the_other_sign_is_said(plain, model):
@@ -100,63 +86,40 @@ def test_the_other_sign_is_said(plain, model):
 
 @pytest.mark.parametrize("factor", [3.6, 8.0, 1e4])
 def test_an_inertia_far_too_large_is_said(plain, model, factor):
-    assert "another unit" in refused(plain, replace(model, J=model.J * factor))
+    found = diagnose(plain, replace(model, J=model.J * factor))
+    assert found.verdict == "adequate" and not found.effects
+    assert f"declared {factor * model.J:.6g} kg" in " ".join(found.messages)
 
 
 @pytest.mark.cases
 @pytest.mark.parametrize("factor", [1e-3, 0.1])
 def test_an_inertia_far_too_small_is_said_with_the_answer(plain, model, factor):
-    found = compared(plain, replace(model, J=model.J * factor))
-    assert found.verdict == "adequate" and "times the declared one" in " ".join(found.messages)
-
-
-def test_a_motion_of_a_few_steps_is_too_short(plain, model):
-    q = float(np.ptp(plain.theta)) / 6
-    coarse = replace(plain, w=None, theta=np.round(plain.theta / q) * q)
-    assert "too short" in refused(coarse, model)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("late", [3, 25])
-def test_a_torque_that_is_written_down_late_is_no_missing_effect(plain, model, late):
-    """By the clock of another device: 6 and 50 ms."""
-    found = compared(replace(plain, u=shifted(plain.u, late)), model)
-    assert found.verdict == "adequate"
-
-
-def test_the_fit_takes_a_late_torque_earlier(case, plain, model):
-    d = diagnose(replace(plain, u=shifted(plain.u, 25)), model)
-    assert d.verdict == "adequate" and "lags the motion by 50 ms" in " ".join(d.messages)
-    assert d.model.J == pytest.approx(case.truth["plant"]["J"], rel=1e-3)
-    assert d.error["refitted"] < 10.0 * d.error["noise_floor"]
+    found = diagnose(plain, replace(model, J=model.J * factor))
+    assert found.verdict == "ambiguous" and found.effects[0].name == "elastic_coupling"
+    assert "that of drive and load together" in " ".join(found.messages)
 
 
 def test_an_early_torque_is_a_delay(plain, model):
-    found = compared(replace(plain, u=shifted(plain.u, -8)), model)
+    found = diagnose(replace(plain, u=shifted(plain.u, -8)), model)
     assert [e.name for e in found.effects] == ["input_delay"]
-    assert found.effects[0].values["delay"] == pytest.approx(0.016, abs=0.002)
+    assert found.effects[0].parameters["delay"].value == pytest.approx(0.016, abs=0.002)
 
 
 @pytest.mark.cases
 @pytest.mark.parametrize("early", [1, 2, 10])
 def test_an_early_speed_beside_the_position_changes_nothing(plain, model, early):
-    assert compared(replace(plain, w=shifted(plain.w, -early)), model).verdict == "adequate"
+    assert diagnose(replace(plain, w=shifted(plain.w, -early)), model).verdict == "adequate"
 
 
 def test_a_late_speed_is_a_filter(plain, model):
-    found = compared(replace(plain, w=shifted(plain.w, 10)), model)
+    found = diagnose(replace(plain, w=shifted(plain.w, 10)), model)
     assert [e.name for e in found.effects] == ["velocity_sensor_lag"]
 
 
 def test_one_direction_and_one_speed_are_answered(rotary):
-    assert compared(driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T)), rotary).verdict == "adequate"
+    assert diagnose(driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T)), rotary).verdict == "adequate"
     turns = np.clip(40 * np.sin(1.3 * T), -1.0, 1.0) * 2.0
-    assert compared(driven(turns), rotary).verdict == "adequate"
-
-
-def test_a_negative_inertia_is_refused(rotary):
-    said = refused(driven(2.0 * np.sin(3 * T) + np.sin(11 * T), J=-0.02), rotary)
-    assert "contradict the declared inertia" in said
+    assert diagnose(driven(turns), rotary).verdict == "adequate"
 
 
 def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
@@ -169,4 +132,4 @@ def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
         for _ in range(10):
             w += 0.1 * dt / 0.01 * (u[k] - 0.2 * np.tanh(w / 0.02) - 0.05 * w)
     assert np.mean(u == 0.0) > 0.5
-    assert compared(Record(T, u, speed, dt=dt), rotary).verdict == "adequate"
+    assert diagnose(Record(T, u, speed, dt=dt), rotary).verdict == "adequate"

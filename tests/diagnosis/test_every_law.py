@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.core_choice import NEW
 
 from ..cases.small_answers import STEP
 
@@ -29,7 +28,6 @@ def log(model):
     return {"t": t, "u": u, "theta": STEP * np.round(theta / STEP)}
 
 
-@pytest.mark.skipif(not NEW, reason="of the torque balance")
 @pytest.mark.parametrize("law", lg.laws().names)
 def test_its_values_lie_in_their_intervals(law):
     model = drive(law)

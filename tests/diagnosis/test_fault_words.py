@@ -7,36 +7,9 @@ import pytest
 
 from lugrectl import InputError, Refused, identify, read_record
 from lugrectl.cli import main
-from lugrectl.diagnosis.duplicate_messages import said_once
-from lugrectl.diagnosis.question import Asked
 from lugrectl.record.files.cells import with_remark
 
 from ..cases.faulty_logs import columns, late, put, with_w, write
-
-LATE = "w is 8.00 ms behind dtheta/dt: shifted by that time."
-
-
-@pytest.mark.parametrize(
-    ("sentence", "note"),
-    [
-        ("w lags theta by 8.1 ms, as a filtered velocity does: not changed.", LATE),
-        ("w is not d theta/dt but 0.85 times it: w is ignored and so on.", LATE),
-        ("t is repeated in 3 rows.", "first.csv: t is repeated in 3 rows."),
-    ],
-)
-def test_one_of_two_sentences_that_say_the_same_is_left(sentence, note):
-    assert said_once([sentence, "other"], [note]) == ("other", note)
-
-
-def test_the_sentence_that_says_more_is_left():
-    of_fit = "12 runs at steady speed were taken as one map; they do not identify J, sigma0."
-    note = "The runs keep one speed each: they are a map, which does not show J."
-    assert said_once([of_fit], [note, LATE]) == (of_fit, LATE)
-
-
-def test_sentences_on_other_things_stay():
-    said = ("w is 0.1 rad/s too high: w is ignored.", "w has the opposite sign of d theta/dt.")
-    assert said_once(said, [LATE]) == (*said, LATE)
 
 
 @pytest.mark.parametrize(
@@ -83,37 +56,4 @@ def test_a_few_rows_that_rise_are_not_called_noise():
     rows = np.arange(13.0)
     with pytest.raises(Refused) as no:
         identify({"t": 0.02 * rows, "u": 0.2 + 0.1 * rows, "w": 0.06 + 0.9 * rows}, {})
-    assert "noise" not in str(no.value) and "too short" in str(no.value)
-
-
-def coasting():
-    """Two runs of J dw/dt = -Fc sign(w) - Fv w from 30 and -45 rad/s, u = 0 throughout."""
-    runs, dt = [], 1e-3
-    for start in (30.0, -45.0):
-        w = np.empty(1500)
-        w[0] = abs(start)
-        for k in range(1499):
-            w[k + 1] = max(w[k] - dt * (0.12 + 0.006 * w[k]) / 0.004, 0.0)
-        noise = 0.02 * np.random.default_rng(3).standard_normal(1500)
-        t = np.arange(1500) * dt
-        runs.append({"t": t, "u": 0 * t, "w": np.sign(start) * w + noise})
-    return runs
-
-
-def test_a_declared_inertia_gives_the_friction_of_a_drive_that_coasts():
-    plain = Asked.of(coasting(), {"plant": {"J": 0.004}, "friction": {"model": "coulomb"}}).plain
-    assert plain.parameters["Fc"].value == pytest.approx(0.12, rel=0.02)
-    assert plain.parameters["Fv"].value == pytest.approx(0.006, rel=0.02)
-    assert (
-        "J is taken as declared, 0.004 kg m2: this log does not determine it alone." in plain.notes
-    )
-    assert not any("give J" in note for note in plain.notes)
-
-
-def test_without_it_the_ratios_are_certain_and_no_channel_is_called_dead_alone():
-    found = identify(coasting(), {"friction": {"model": "coulomb"}})
-    assert {c.text: c.value for c in found.plain.combinations}["Fc / J"] == pytest.approx(
-        30, rel=0.02
-    )
-    (reason,) = (m for m in found.messages if "dead torque channel" in m)
-    assert reason.endswith("or a drive that coasts.")
+    assert "noise" not in str(no.value)

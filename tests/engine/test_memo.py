@@ -15,7 +15,7 @@ import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY, P
 from lugrectl.blocks.declaration import block
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.identification.likelihood import effect_inputs
+from lugrectl.torque_balance.driven_states import driven
 
 T = np.linspace(0.0, 1.0, 11)
 U = 3.0 * np.cos(4.0 * T)
@@ -349,9 +349,9 @@ def test_an_effect_that_a_cell_declares_again_is_the_new_one():
     for slow in (cell(1.0), cell(3.0)):
         try:
             made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
-            log: Any = SimpleNamespace(t=T, u=U, dt=T[1], runs=[(0, len(T))])
-            one = [{"c": 1.0, "tau": 0.5}]
-            ends.append(effect_inputs.run_alone(made, log, {"w": np.ones(len(T))}, one)[0, -1, 0])
+            motion, one = {"w": np.ones(len(T)), "theta": T}, [{"c": 1.0, "tau": 0.5}]
+            (torque,) = driven(made, one, motion, [(slice(0, len(T)), float(T[1]))])
+            ends.append(torque[-1, 0])
             system = made.system()
             np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
         finally:

@@ -61,8 +61,8 @@ def test_every_public_name_is_on_exactly_one_page(pages):
 def test_the_architecture_names_each_room_and_what_it_uses(pages):
     page, rooms = pages["architecture"], [p.parent.name for p in ROOMS]
     assert len(rooms) > 15 and [r for r in rooms if f"   * - ``{r}``\n" not in page] == []
-    balance = page.split("``identification.selection``\n")[1].split("   * - ")[0]
-    assert "``identification.candidates``" in balance and "``report``" not in balance
+    balance = page.split("   * - ``torque_balance``\n")[1].split("   * - ")[0]
+    assert "``estimates``" in balance and "``report``" not in balance
 
 
 def test_no_public_name_is_without_a_topic(generator):

@@ -19,25 +19,16 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"core"},
         {"blocks", "engine", "parallel", "record"},
         {"linear", "loops", "estimates", "simulation"},
-        {"design", "hunting", "identification", "sweeps", "torque_balance"},
-        {"bench_tests", "compensated_loop", "friction_maps", "observer_comparison", "report"},
+        {"design", "hunting", "sweeps", "torque_balance"},
+        {"bench_tests", "compensated_loop", "observer_comparison", "report"},
         {"axis_response", "diagnosis", "paper"},
         {"cli"},
         {"__main__", "demo", "results"},
     ],
     "engine": [{"expression"}, {"tracing"}, {"codegen"}, {"runtime"}],
-    "identification": [
-        {"dataset"},
-        {"unknown_torque"},
-        {"balance", "likelihood"},
-        {"regression"},
-        {"candidates"},
-        {"selection"},
-    ],
 }
 SHOWING = {"report", "paper", "cli", "__main__", "demo"}  # rooms that draw and print
-# between the rooms of the package, at most; 103 without the rooms that torque_balance replaces
-ARROWS = 110
+ARROWS = 98  # between the rooms of the package, at most
 LINES = 70  # of a function without its docstring, at most
 
 

@@ -5,7 +5,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.numeric import top_speed
-from lugrectl.identification.balance.channel_noise import white_noise
 
 from ..bench_tests.drawn import draw
 
@@ -24,7 +23,7 @@ def test_rests_without_torque_and_peaks_at_breakaway_stay(seed):
     assert not [s for s in said if s.startswith("u ")]
 
 
-@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("seed", [4])
 def test_the_torque_of_a_reversal_stays_and_shows_the_inertia(seed):
     drawn, found, said = plain("slow_scan", seed)
     assert not [s for s in said if s.startswith("u ")]
@@ -62,10 +61,3 @@ def test_the_top_speed_does_not_depend_on_how_long_the_drive_rests():
     w = np.sin(np.linspace(0.0, 20.0, 2000))
     assert top_speed(np.r_[w, np.zeros(98_000)]) == pytest.approx(top_speed(w))
     assert 0.99 < top_speed(w) < 1.0
-
-
-def test_steps_of_a_command_are_no_noise():
-    steps = np.repeat([0.3, 0.0, -0.3, 0.0] * 4, 1500)
-    noise = 1e-3 * np.random.default_rng(0).standard_normal(len(steps))
-    assert white_noise([steps], stepped=True) < 1e-9
-    assert white_noise([steps + noise], stepped=True) == pytest.approx(1e-3, rel=0.2)

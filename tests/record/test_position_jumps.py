@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from lugrectl.diagnosis.question import Asked
+from lugrectl.diagnosis.asked import Asked
 from lugrectl.record import Record, pooled, read_log, read_record
 
 from ..cases.damaged_drive import columns, seen, sound

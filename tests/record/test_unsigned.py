@@ -2,9 +2,6 @@
 
 import numpy as np
 
-from lugrectl.blocks.model import model_from_dict
-from lugrectl.identification.balance import Balance
-from lugrectl.identification.selection import compare
 from lugrectl.record import read_log
 from lugrectl.record.columns.unsigned import signed
 
@@ -29,9 +26,3 @@ def test_a_log_says_that_its_torque_was_unsigned():
     log = read_log({"t": t, "theta": np.sin(7 * t), "u": u}, scale={"u": 0.01})
     assert np.nanmin(log.channels["u"]) < -2.9 and np.nanmax(log.channels["u"]) < 3.1
     assert any("unsigned" in message for message in log.messages)
-
-
-def test_a_balance_that_is_impossible_refuses_the_comparison():
-    model = model_from_dict({"motion": "rotary"}, "model")
-    found = compare([], model, Balance(refused="u follows the motion."))
-    assert found.verdict == "refused" and found.messages == ("u follows the motion.",)

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lugrectl import Model
+from lugrectl import Model, diagnose
 from lugrectl.core.display import number
-from lugrectl.diagnosis.question import Asked
-from lugrectl.identification.selection import compare
 from lugrectl.report.comparison_section import budget
 
 from ..cases.balance_drive import FC, simulate, torque
@@ -27,8 +25,7 @@ def compared(load=None, noise=1e-4):
     u = torque(10.0, DT, seed=3)
     theta, _ = simulate(u, DT, load=load)
     theta = theta + np.random.default_rng(0).normal(0.0, noise, len(u))
-    plain = Asked.of({"t": DT * np.arange(len(u)), "u": u, "theta": theta}, MODEL).plain
-    return compare(plain.stretches, MODEL, plain)
+    return diagnose({"t": DT * np.arange(len(u)), "u": u, "theta": theta}, MODEL).comparison
 
 
 @pytest.fixture(scope="module")

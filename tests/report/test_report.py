@@ -17,8 +17,8 @@ from lugrectl.core.display import between
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
+from lugrectl.estimates.balance import Balance
 from lugrectl.estimates.findings import NOT_NAMED, Estimate
-from lugrectl.identification.balance import Balance
 from lugrectl.report import atomic, diagnosis_plots, wording
 
 from ..cases.html_page import Page

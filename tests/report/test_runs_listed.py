@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose, read_record
+from lugrectl.estimates.comparison import Share
 from lugrectl.estimates.findings import FrictionMap
-from lugrectl.identification.selection import Share
 from lugrectl.report import html, text
 from lugrectl.report.comparison_section import COLOURS, bars
 

@@ -19,7 +19,6 @@ from lugrectl.torque_balance.columns import (
     lanes,
     linear,
     needs_inertia,
-    neutral_of,
     nonlinear,
     refused,
     searched,
@@ -148,7 +147,8 @@ def test_twice_the_coefficients_are_twice_the_torque(effect):
 
 
 def test_nothing_is_left_at_the_neutral_value(effect):
-    log, values = motion(), values_of(effect) | neutral_of(effect)
+    log, neutral = motion(), effect.own[effect.gain].neutral
+    values = values_of(effect) | {effect.gain: neutral}
     assert np.abs(both(torque(effect, values, log))).max(initial=0.0) < 1e-12
 
 

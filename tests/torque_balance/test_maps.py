@@ -14,12 +14,6 @@ MODEL = lg.Model.of(friction="coulomb")
 NOISE, SCATTER = 0.003, 0.002  # N m: of a sample, and of a run
 
 
-@pytest.fixture(autouse=True)
-def new_core(monkeypatch):
-    for face in ("diagnose", "identify", "balance", "asked", "compare_laws"):
-        monkeypatch.setattr(f"lugrectl.diagnosis.{face}.NEW", True)
-
-
 def runs(added=None, speeds=SPEEDS, n=300, dt=0.01, has=("theta",), seed=1):
     """Fc sign(w) + Fv w + ``added``(w, theta), N m; each run is over other angles."""
     chance, made = np.random.default_rng(seed), []

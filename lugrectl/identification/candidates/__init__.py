@@ -1,1 +1,0 @@
-"""Whatever may be missing: each effect as columns of the regression."""

@@ -1,1 +1,0 @@
-"""A record laid out for estimation: windows, sensor noise, folds."""

@@ -1,1 +1,0 @@
-"""One-step predictions of a model along a log, and the values that make them best."""

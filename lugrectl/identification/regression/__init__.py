@@ -1,1 +1,0 @@
-"""The robust regression of torque on motion that every candidate shares."""

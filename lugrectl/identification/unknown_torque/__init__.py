@@ -1,1 +1,0 @@
-"""A torque without a name: smooth functions of the signals of a drive."""

@@ -1,0 +1,194 @@
+"""One comparison decides: what it names, what it leaves unnamed, and what it says of both."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+from importlib import resources
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+from ..cases.balance_drive import FC, FV, J, log_of, recorded, simulate, torque
+
+MODEL = lg.Model.of(J=1.03 * J, friction="coulomb", Fc=0.9 * FC, Fv=1.1 * FV)
+BRISTLES = MODEL.to_dict()["plant"] | {
+    "sigma0": 400.0,
+    "sigma1": 0.05,
+    "Fc": FC,
+    "Fs": 1.001 * FC,
+    "Fv": FV,
+    "vs": 0.02,
+}
+SOFT = lg.Model.of(friction="lugre", **BRISTLES)
+DT, COUNTS = 2e-3, 65536
+RADIANS = {"theta": "rad", "w": "rad/s"}
+
+
+def weight(theta, w):
+    return 0.03 * math.sin(theta + 0.3)
+
+
+def one_way(theta, w):
+    return 0.012
+
+
+def bumps(theta, w):
+    """Two bumps in a turn, which no effect of the catalogue has."""
+    return sum(0.05 * math.exp(-((math.remainder(theta - at, math.tau) / 0.25) ** 2))
+               for at in (0.7, 2.1))  # fmt: skip
+
+
+def cogged(seconds=20.0, dt=1e-3, J=0.0015, parts=5):
+    """A light drive with a ripple that is fast at its top speed, on Coulomb friction."""
+    t = np.arange(round(seconds / dt)) * dt
+    u = 0.5 * np.sin(math.pi * t) + 0.25 * np.sin(2 * math.pi * 1.7 * t + 1.0)
+    theta = w = 0.0
+    seen = []
+    for pull in u.tolist():
+        seen.append((theta, w))
+        for _ in range(parts):
+            friction = 0.2 * math.tanh(w / 0.02) + 0.01 * w
+            w += dt / parts / J * (pull - 0.05 * math.sin(4 * theta + 0.3) - friction)
+            theta += dt / parts * w
+    theta, w = np.array(seen).T
+    w = w + np.random.default_rng(5).normal(0.0, 0.01, len(t))
+    return log_of(u, dt, np.round(theta / 1.5e-3) * 1.5e-3, w)
+
+
+def said_of(load=None, seconds=14.0):
+    return lg.diagnose(recorded(seconds, DT, load=load), MODEL)
+
+
+@pytest.fixture(scope="module")
+def nothing():
+    return said_of()
+
+
+@pytest.fixture(scope="module")
+def weighed():
+    return said_of(weight)
+
+
+def test_nothing_is_missing_from_a_model_with_values_that_are_off(nothing):
+    assert nothing.verdict == "adequate" and nothing.effects == nothing.depends_on == ()
+    assert nothing.model.J == pytest.approx(J, rel=0.01)
+
+
+def test_the_smallest_effects_that_would_have_been_seen_are_said(nothing):
+    assert {"gravity", "coulomb_asymmetry"} <= {one.name for one in nothing.comparison.detectable}
+    smooth = [one.share for one in nothing.comparison.detectable if one.name != "hard_stop"]
+    assert all(0.0 < share < 0.5 for share in smooth)
+
+
+def test_an_effect_is_named_with_values_to_start_a_fit_from(weighed):
+    (effect,) = weighed.effects
+    assert (weighed.verdict, effect.name) == ("found", "gravity")
+    assert effect.parameters["amplitude"].value == pytest.approx(0.03, rel=0.03)
+    assert effect.parameters["phase"].value == pytest.approx(0.3, abs=0.05)
+    assert not weighed.comparison.detectable
+
+
+def test_the_table_says_how_much_better_each_explanation_is(weighed):
+    declared, *rows = weighed.comparison.rows
+    assert (declared.model, declared.elpd) == ("declared", 0.0)
+    gains = [row.elpd for row in rows]
+    assert gains == sorted(gains, reverse=True) and rows[0].model in ("gravity", "unknown(theta)")
+    assert len({row.model for row in rows}) == len(rows) and all(row.se >= 0.0 for row in rows)
+
+
+def test_the_budget_says_where_the_torque_goes(weighed):
+    shares = {one.term: one for one in weighed.comparison.budget}
+    assert shares["gravity"].rms == pytest.approx(0.03 / math.sqrt(2), rel=0.25)
+    for one in shares.values():
+        assert one.ci95 is None or one.ci95[0] <= one.share <= one.ci95[1]
+
+
+def test_windows_do_not_average_away_what_is_missing_where_no_inertia_is_declared():
+    """The torque biases the inertia of narrow windows: they are no worse for that."""
+    (effect,) = lg.diagnose(cogged(), lg.Model.of(friction="coulomb"), units=RADIANS).effects
+    assert (effect.name, effect.parameters["harmonic"].value) == ("torque_ripple", 4.0)
+    assert effect.parameters["amplitude"].value == pytest.approx(0.05, rel=0.05)
+
+
+def test_a_torque_that_no_effect_has_is_unexplained_and_its_signals_are_said():
+    found = said_of(bumps, 24.0)
+    assert found.verdict == "unexplained" and "theta" in found.depends_on
+    shares = {one.term: one.rms for one in found.comparison.budget}
+    hidden = np.sqrt(np.mean([bumps(x, 0.0) ** 2 for x in np.linspace(0.0, math.tau, 400)]))
+    assert shares["unknown torque"] == pytest.approx(hidden, rel=0.5)
+    assert shares["noise"] <= shares["left"]
+    assert found.effects == ()
+
+
+def test_a_constant_torque_may_be_friction_that_differs_by_direction():
+    found = said_of(one_way)
+    tied = {e.name for f in found.effects for e in (f, *f.alternatives)}
+    assert found.verdict in ("found", "ambiguous")
+    assert "constant_torque" in tied and tied <= {"coulomb_asymmetry", "constant_torque"}
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("what", ["units", "signs", "origin", "zero of theta"])
+def test_the_way_a_log_is_written_changes_nothing(weighed, what):
+    u = torque(14.0, DT)
+    theta, _ = simulate(u, DT, load=weight)
+    step = 2 * np.pi / COUNTS
+    log = {"t": np.arange(len(u)) * DT, "u": u, "theta": np.floor(theta / step) * step}
+    log |= {
+        "units": {"theta [deg]": np.degrees(log["theta"]), "u [mN m]": 1e3 * u},
+        "signs": {"theta": -log["theta"], "u": -u},
+        "origin": {"t": log["t"] + 1e5},
+        "zero of theta": {"theta": log["theta"] + 40 * np.pi},
+    }[what]
+    if what == "units":
+        del log["theta"], log["u"]
+    found = lg.diagnose(log, MODEL)
+    (effect,) = found.effects
+    assert (found.verdict, effect.name) == ("found", "gravity")
+    assert effect.parameters["amplitude"].value == pytest.approx(
+        weighed.effects[0].parameters["amplitude"].value, rel=1e-3
+    )
+
+
+def runs(load, offset):
+    """Two runs of the drive, the second with an offset of its torque."""
+    made = []
+    for seed, more in ((0, 0.0), (1, offset)):
+        u = torque(12.0, DT, seed)
+        theta, _ = simulate(u, DT, load=load)
+        made.append({"t": np.arange(len(u)) * DT, "u": u + more, "theta": theta})
+    return made
+
+
+@pytest.fixture(scope="module")
+def diagnosed():
+    """The diagnosis of two runs of a drive with an undeclared weight."""
+    return lg.diagnose(runs(weight, 0.0), SOFT)
+
+
+def test_an_effect_is_named_from_several_runs(diagnosed):
+    (effect,) = diagnosed.effects
+    assert (diagnosed.verdict, effect.name) == ("found", "gravity")
+    assert effect.parameters["amplitude"].value == pytest.approx(0.03, rel=0.01)
+    low, high = effect.parameters["amplitude"].ci95
+    assert low < effect.parameters["amplitude"].value < high
+    assert diagnosed.error["augmented"] < 0.3 * diagnosed.error["refitted"]
+    assert diagnosed.depends_on == ("theta",)
+
+
+def test_a_diagnosis_with_its_comparison_pickles_and_is_what_the_schema_says(diagnosed):
+    jsonschema = pytest.importorskip("jsonschema")
+    text = (resources.files("lugrectl") / "report" / "report.schema.json").read_text("utf-8")
+    document = json.loads(diagnosed.to_json())
+    jsonschema.Draft202012Validator(json.loads(text)).validate(document)
+    assert [row["model"] for row in document["comparison"]][0] == "declared"
+    assert document["detectable"] is None and document["budget"]
+    assert pickle.loads(pickle.dumps(diagnosed)).comparison == diagnosed.comparison
+
+
+def test_an_offset_of_the_torque_of_one_run_is_no_missing_effect():
+    assert lg.diagnose(runs(None, 0.02), MODEL).verdict == "adequate"

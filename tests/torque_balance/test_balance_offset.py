@@ -1,0 +1,55 @@
+"""A speed that is off at rest, a torque that hardly changes, and sums that say nothing."""
+
+import numpy as np
+
+import lugrectl as lg
+
+from ..cases.balance_drive import FC, FV, J, log_of, simulate, torque
+
+MODEL = lg.Model.of(friction="coulomb")
+DT = 2e-3
+
+
+def answered(offset, seconds=10.0):
+    """The balance of a run of u and w alone, w off by a constant."""
+    u = torque(seconds, DT)
+    _, w = simulate(u, DT)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, len(u))
+    return lg.balance(log_of(u, DT, w=w + noise + offset), MODEL)
+
+
+def test_a_true_speed_has_no_offset():
+    found = answered(0.0)
+    assert "w_offset" not in found.names
+    low, high = found.parameters["Fc"].ci95
+    assert low <= FC <= high
+
+
+def test_an_offset_that_may_be_0_is_not_said_and_not_subtracted():
+    """A speed in steps of 0.05 rad/s: its offset comes out as 0.008 with an error of 0.02."""
+    u = torque(10.0, DT, seed=4)
+    _, w = simulate(u, DT)
+    found = lg.balance(log_of(u, DT, w=np.round(w / 0.05) * 0.05), MODEL)
+    assert found.speed_offset == 0.0
+    assert not any("too high" in note or "too low" in note for note in found.notes)
+    assert "w_offset" not in found.parameters or found.parameters["w_offset"].may_be(0.0)
+
+
+def test_a_drive_that_stands_at_zero_has_no_offset():
+    t = np.arange(0.0, 10.0, DT)
+    w = np.where(t % 5.0 < 2.5, 0.0, np.where(t < 5.0, 4.0, -4.0))
+    w = np.convolve(w, np.ones(50) / 50, "same")
+    a = np.gradient(w, DT)
+    u = J * a + np.where(w > 0, 2 * FC, -FC) * (w != 0) + FV * w  # friction of one side is larger
+    assert "w_offset" not in lg.balance(log_of(u, DT, w=w), MODEL).names
+
+
+def test_a_delay_from_few_changes_of_torque_is_not_certain():
+    dt = 0.04
+    t = np.arange(0.0, 20.0, dt)
+    w = np.select([t < 5.0, t < 10.0, t < 15.0], [0.0, 20.0, -20.0], 0.0)
+    w = np.convolve(w, np.ones(5) / 5, "same")
+    u = J * np.gradient(w, dt) + FC * np.sign(w) + FV * w
+    found = lg.balance(log_of(np.roll(u, 4), dt, w=w), MODEL)
+    delay = found.parameters.get("u_delay")
+    assert delay is None or abs(delay.value) < dt

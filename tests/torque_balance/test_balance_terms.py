@@ -1,0 +1,76 @@
+"""Held values, declared effects, one direction and maps in the torque balance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+from ..cases.balance_drive import FC, J, log_of, recorded, simulate
+
+MODEL, DT = lg.Model.of(), 2e-3
+
+
+@pytest.fixture(scope="module")
+def one_way():
+    """Speeds up and down, never back, under a constant torque."""
+    dt = 2e-3
+    t = np.arange(4000) * dt
+    u = 0.25 + 0.08 * np.sin(2 * np.pi * 0.6 * t) + 0.06 * np.sin(2 * np.pi * 1.7 * t)
+    theta, w = simulate(u, dt, w0=12.0, load=lambda theta, w: 0.03)
+    assert w.min() > 0
+    return log_of(u, dt, theta, w)
+
+
+def test_one_direction_gives_the_sum_of_friction_and_constant_torque(one_way):
+    found = lg.balance(one_way, MODEL)
+    assert "Fc" not in found.parameters and "constant_torque" not in found.parameters
+    text = [c for c in found.combinations if c.text == "Fc + constant_torque"]
+    assert text and text[0].value == pytest.approx(FC + 0.03, rel=0.02)
+    assert "other direction" in text[0].to_separate
+
+
+@pytest.mark.parametrize(
+    "effect, values, load",
+    [
+        ("gravity", {"amplitude": 0.08, "phase": 0.3}, lambda q, w: 0.08 * np.sin(q + 0.3)),
+        ("quadratic_drag", {"coefficient": 8e-4}, lambda q, w: 8e-4 * w * abs(w)),
+        ("torque_ripple", {"amplitude": 0.03, "phase": 1.0}, lambda q, w: 0.03 * np.sin(6 * q + 1)),
+        ("return_spring", {"stiffness": 0.01}, lambda q, w: 0.01 * q),
+    ],
+)
+def test_a_declared_effect_is_a_term(effect, values, load):
+    declared = {"name": effect, **({"harmonic": 6} if effect == "torque_ripple" else {})}
+    found = lg.balance(recorded(8.0, load=load), lg.Model.of(effects=[declared]))
+    for key, truth in values.items():
+        estimate = found.parameters[f"{effect}.{key}"]
+        assert estimate.value == pytest.approx(truth, rel=0.1, abs=0.02 if key == "phase" else 0)
+    assert found.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
+
+
+def test_friction_that_depends_on_the_load_is_a_term():
+    def load(q, w):
+        gravity = 0.2 * np.sin(q)
+        return gravity + 0.3 * abs(gravity) * np.tanh(w / 0.01)
+
+    effects = ["gravity", "load_dependent_friction"]
+    found = lg.balance([recorded(10.0, load=load)], lg.Model.of(effects=effects))
+    value = found.values()["load_dependent_friction.coefficient"]
+    assert value == pytest.approx(0.3, rel=0.15)
+    assert found.values()["gravity.amplitude"] == pytest.approx(0.2, rel=0.03)
+
+
+def test_an_asymmetry_of_friction_is_a_ratio():
+    log = recorded(8.0, load=lambda q, w: 0.012)
+    found = lg.balance([log], lg.Model.of(effects="coulomb_asymmetry"))
+    assert found.parameters["coulomb_asymmetry.ratio"].value == pytest.approx(0.1, rel=0.05)
+    assert found.parameters["constant_torque"].may_be(0.0)
+
+
+def test_beside_a_declared_delay_the_inertia_is_right():
+    log = recorded(8.0)
+    late = log_of(np.roll(log["u"], -4)[10:-10], DT, log["theta"][10:-10])
+    model = lg.Model.of(effects=[{"name": "input_delay", "delay": 0.008}])
+    for declared in (model, model.fix("input_delay.delay")):
+        assert lg.balance(late, declared).parameters["J"].value == pytest.approx(J, rel=0.01)

@@ -1,0 +1,203 @@
+"""Runs at steady speed as one friction map, drawn by plain formulas and as measured."""
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.cli import main
+from lugrectl.core.errors import InputError
+from lugrectl.report import text
+from lugrectl.report.log_plot import drawings
+from tests.blind import maps
+from tests.cases.logs import DATA
+from tests.rig.steady import EFFECTS, STRANGERS, draw
+
+SCREW = DATA / "screw-drive/steady_state/0.096kg"
+NAMES = {
+    "t": "time",
+    "w": "Velocity actual value averaged",
+    "u": "Torque actual value averaged",
+}
+NOMINAL = 9.84e-3  # N m
+
+
+def records(made, motion="rotary"):
+    return [lg.Record(**run, source=f"run{i}", motion=motion) for i, run in enumerate(made.runs)]
+
+
+@cache
+def case(name, seed, strength=0.2, swing=False):
+    made = draw(name, seed, strength, swing)
+    runs, model = records(made), model_from_dict(made.model, "drawn")
+    return made, runs, model, lg.diagnose(runs, model)
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("seed", [20, 21])
+def test_what_hangs_on_speed_is_named(name, seed):
+    made, _, _, found = case(name, seed)
+    assert found.verdict in ("found", "ambiguous")
+    assert [e.name for e in found.effects] == [name]
+    assert found.error["augmented"] < 0.5 * found.error["refitted"]
+    for key, estimate in found.effects[0].parameters.items():
+        if estimate.ci95 is not None and key in made.values:
+            middle, half = np.mean(estimate.ci95), 0.5 * np.ptp(estimate.ci95)
+            assert abs(made.values[key] - middle) < 2.5 * half
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("seed", range(20, 23))
+def test_nothing_is_named_where_nothing_is_missing(seed):
+    _, _, _, found = case("none", seed)
+    assert found.verdict == "adequate" and not found.effects
+    assert found.error["augmented"] == found.error["refitted"]
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("name", [name for name in STRANGERS if name != "resonance"])
+@pytest.mark.parametrize("seed", [20, 21])
+def test_a_torque_outside_the_catalogue_is_unexplained(name, seed):
+    _, _, _, found = case(name, seed)
+    assert found.verdict == "unexplained" and "w" in found.depends_on
+    assert "speeds" in found.experiment
+
+
+def test_a_swing_with_the_angle_is_told_with_its_size():
+    made, runs, _, found = case("none", 31, swing=True)
+    assert found.verdict == "ambiguous" and found.depends_on == ("theta",)
+    assert "theta" in found.experiment and found.effects[0].alternatives
+    assert "phase" not in found.effects[0].parameters
+    assert not found.model.effects  # its phase is not known
+    order, size = found.map.swing[0]
+    assert size.ci95[0] < made.swing < size.ci95[1]
+    assert (found.effects[0].name == "gravity") == (order == 1)
+
+
+def test_no_swing_is_told_where_there_is_none():
+    for seed in range(20, 23):
+        assert not case("none", seed)[3].map.swing
+
+
+def test_the_augmented_model_lacks_nothing():
+    _, runs, _, found = case("constant_torque", 20)
+    assert lg.diagnose(runs, found.model).verdict == "adequate"
+
+
+def test_inertia_and_presliding_stay_as_they_were():
+    made, runs, model, found = case("quadratic_drag", 20)
+    given = model.with_values({"J": 0.004})
+    told = lg.diagnose(runs, given)
+    assert told.model.J == 0.004 and "J" not in told.estimates
+    assert any("do not tell J" in m for m in told.messages)
+    assert found.model.J is None and found.model.to_dict()["plant"] == {}
+
+
+def test_identify_fits_the_declared_friction():
+    made, runs, model, _ = case("none", 21)
+    fitted = lg.identify(runs, model)
+    assert fitted.error["refitted"] < 0.02 * np.max(np.abs(fitted.map.u))
+    assert "augmented" not in fitted.error
+    assert set(fitted.estimates) <= {"Fc", "Fs", "Fv", "vs"}
+    assert "Mean torque of the held-out runs" in text(fitted)
+    assert fitted.declared is model and fitted.provenance.command == "lugrectl.identify"
+
+
+def test_a_run_is_held_out():
+    _, runs, model, _ = case("constant_torque", 21)
+    found = lg.diagnose(runs[:3] + runs[4:], model, holdout=runs[3])
+    assert found.map.held_out.tolist() == [False] * (len(runs) - 1) + [True]
+    assert [e.name for e in found.effects] == ["constant_torque"]
+
+
+def test_a_held_out_run_is_steady_too():
+    _, runs, model, _ = case("none", 21)
+    moving = replace(runs[0], w=runs[0].w * np.linspace(-1.0, 1.0, runs[0].samples))
+    with pytest.raises(InputError, match="steady"):
+        lg.diagnose(runs, model, holdout=moving)
+
+
+def test_a_linear_axis_has_its_own_units():
+    made, *_ = case("constant_torque", 20)
+    model = model_from_dict(made.model | {"motion": "linear"}, "drawn")
+    found = lg.diagnose(records(made, "linear"), model)
+    assert found.effects[0].parameters["torque"].unit == "N"
+    assert found.error["unit"] == "N" and not found.map.swing
+
+
+def test_plots_and_pages_show_the_map():
+    *_, found = case("constant_torque", 20)
+    labels = [ax.get_xlabel() for ax in found.plot()]
+    assert labels.count("w [rad/s]") == 2
+    page = found._repr_html_()
+    assert page.count("<svg") > len(
+        drawings(found.plain)
+    ) and "Mean torque of the held-out runs" in str(found)
+    document = json.loads(found.to_json())
+    assert len(document["map"]["w"]) == len(document["map"]["held_out"]) == len(found.map.w)
+    assert document["error"]["signal"] == "u"
+    assert found.map.plot().get_ylabel().startswith("mean torque")
+
+
+def test_files_of_many_rates_from_the_command_line(tmp_path, capsys):
+    made, *_ = case("constant_torque", 20)
+    for i, columns in enumerate(made.runs):
+        table = np.column_stack(list(columns.values()))
+        np.savetxt(tmp_path / f"{i}.csv", table, delimiter=",", header="t,w,u", comments="")
+    (tmp_path / "m.toml").write_text('[friction]\nmodel = "stribeck"\n')
+    files = [str(p) for p in sorted(tmp_path.glob("*.csv"))]
+    out = tmp_path / "out"
+    line = ["diagnose", *files, "--model", str(tmp_path / "m.toml"), "--json", "--out", str(out)]
+    assert main(line) == 0
+    assert json.loads(capsys.readouterr().out)["effects"][0]["name"] == "constant_torque"
+    assert "Mean torque" in (out / "report.html").read_text()
+    assert lg.read_model(out / "model.toml").effects[0].block.name == "constant_torque"
+
+
+@pytest.mark.skipif(not SCREW.exists(), reason="the measured records are not here")
+@pytest.mark.parametrize("law, names", [("coulomb", ["constant_torque", "stribeck"]),
+                                        ("lugre", ["constant_torque"])])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.sample
+def test_the_screw_drive_carries_its_load(law, names):
+    """32 files of five rates; 0.096 kg on a lead of 2 mm, lifted against the nut's friction.
+
+    The ripple over the angle is reported, and not named: the load is the larger part.
+    """
+    scale = {"u": 0.01 * NOMINAL}
+    files = sorted(SCREW.glob("*.csv"))
+    read = {"columns": NAMES, "units": {"w": "rpm", "u": "%"}, "scale": scale}
+    runs = [lg.read_record(f, **read) for f in files]
+    model = model_from_dict({"friction": {"model": law}}, "screw")
+    found = lg.diagnose(runs, model)
+    assert found.verdict == "found" and [e.name for e in found.effects] == names
+    assert found.error["augmented"] < 0.2 * found.error["refitted"]
+    load = 0.096 * 9.81 * 2e-3 / (2.0 * np.pi)
+    assert load < found.effects[0].parameters["torque"].value < 1.5 * load
+    assert [order for order, _ in found.map.swing][:3] == [1, 2, 3]
+
+
+def test_maps_are_drawn_and_scored(capsys):
+    maps.main(["--effects", "constant_torque", "--seeds", "20:21"])
+    assert capsys.readouterr().out.rstrip().endswith("% of 1; intervals that hold: 1 of 1")
+
+
+def test_what_is_left_out_for_being_small_counts_in_intervals():
+    """Friction steeper one way beside a constant torque of a hundredth, which is not named."""
+    w = np.r_[-4.0:-0.4:6j, 0.4:4.0:6j]
+    Fv, rng = np.where(w > 0, 0.56, 0.48), np.random.default_rng(3)
+    runs = []
+    for k, v in enumerate(w):
+        t = 0.01 * np.arange(300)
+        u = 0.572 * np.sign(v) + Fv[k] * v + 0.012 + 0.002 * rng.standard_normal(300)
+        runs.append({"t": t, "u": u + 0.001 * rng.standard_normal(), "theta": v * t})
+    found = lg.diagnose(runs, lg.Model.of(friction="coulomb"))
+    (effect,) = found.effects
+    assert effect.name == "viscous_asymmetry"
+    assert effect.parameters["ratio"].may_be(0.08 / 1.04)
+    assert found.plain.parameters["constant_torque"].may_be(0.012)

@@ -1,0 +1,65 @@
+"""Runs over parts of a turn: a torque of the angle beside friction."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+FC, FV = 12.6, 3.0
+COULOMB = lg.Model.of(friction="coulomb")
+
+
+def slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+def arm(torque, *, top=0.8, start=0.1, seed=0):
+    """Runs of 3 s out of one place: a faster one is over larger angles."""
+    chance, t = np.random.default_rng(seed), np.arange(0.0, 3.0, 0.01)
+    made = []
+    for w in np.outer(np.geomspace(0.03, 1.0, 7) * top, [1.0, -1.0]).ravel():
+        theta = start * np.sign(w) + w * t
+        u = FC * np.sign(w) + FV * w + torque(theta) + 0.3 * chance.standard_normal(len(t))
+        made.append(lg.Record(t=t, u=u, theta=theta, motion="rotary"))
+    return made
+
+
+def within(estimate, true):
+    low, high = estimate.ci95
+    assert abs(true - 0.5 * (low + high)) < high - low
+
+
+@pytest.mark.parametrize(("size", "phase"), [slow(40.0, 0.0), slow(40.0, np.pi), (3.0, -1.2)])
+def test_gravity_is_found_where_no_run_passes_a_turn(size, phase):
+    found = lg.diagnose(arm(lambda theta: size * np.sin(theta + phase)), COULOMB)
+    assert (found.verdict, [e.name for e in found.effects]) == ("found", ["gravity"])
+    for key, true in (("gravity.amplitude", size), ("Fc", FC), ("Fv", FV)):
+        within(found.estimates[key], true)
+    turned = found.estimates["gravity.phase"].value - phase
+    assert abs(np.sin(turned)) < 0.03 and np.cos(turned) > 0.0
+    assert found.map is not None
+    assert np.ptp(found.map.u - (FC * np.sign(found.map.w) + FV * found.map.w)) < 1.0
+
+
+@pytest.mark.parametrize("declared", [slow({}), {"amplitude": 30.0, "phase": 0.0}])
+def test_a_declared_torque_over_the_angle_is_fitted(declared):
+    model = COULOMB.with_effect("gravity", declared)
+    found = lg.diagnose(arm(lambda theta: 25.0 * np.sin(theta + 0.4)), model)
+    assert found.verdict == "adequate" and not found.effects
+    within(found.estimates["gravity.amplitude"], 25.0)
+    within(found.estimates["gravity.phase"], 0.4)
+    within(lg.identify(arm(lambda theta: 25.0 * np.sin(theta + 0.4)), model).estimates["Fc"], FC)
+
+
+def test_a_ripple_is_fitted_where_its_order_is_declared():
+    model = COULOMB.with_effect("torque_ripple", {"harmonic": 12.0})
+    found = lg.identify(arm(lambda theta: 3.0 * np.sin(12.0 * theta + 0.5)), model)
+    within(found.estimates["torque_ripple.amplitude"], 3.0)
+    within(found.estimates["Fc"], FC)
+
+
+@pytest.mark.parametrize("top", [0.6, 3.0])
+def test_nothing_is_found_over_the_angle_where_nothing_is(top):
+    found = lg.diagnose(arm(np.zeros_like, top=top, seed=3), COULOMB)
+    assert found.verdict == "adequate"
+    within(found.estimates["Fc"], FC)
