@@ -243,6 +243,6 @@ def left_out_covariance(
 
 def widest(V: np.ndarray, other: np.ndarray) -> np.ndarray:
     """The covariance V, widened to ``other`` in every direction in which that is wider."""
-    size = np.sqrt(np.maximum(np.diag(V), TINY))
+    size = np.sqrt(np.maximum(np.maximum(np.diag(V), np.diag(other)), TINY))
     grown, E = np.linalg.eigh((other - V) / np.outer(size, size))
     return V + np.outer(size, size) * ((E * np.maximum(grown, 0.0)) @ E.T)
