@@ -4,12 +4,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.core_choice import NEW
 
 from ..cases.balance_drive import FC, FV, J, simulate
 from ..cases.faulty_logs import columns, late, recorded
-
-pytestmark = pytest.mark.skipif(not NEW, reason="answers of the torque balance")
 
 MODEL = lg.Model.of(friction="coulomb")
 TRUE = {"J": J, "Fc": FC, "Fv": FV}
