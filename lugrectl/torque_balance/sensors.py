@@ -19,6 +19,7 @@ KERNEL = 0.03  # half-width (s) of the kernel on which theta and w are compared
 FILTER = 0.03  # s: a filter makes a w no later than this
 WHOLE = 1e-9  # of a sample
 LEAST_LATE = 2e-4  # s: a w that is later is corrected
+LEAST_NOISE, ALIKE = 100, 0.5  # samples; correlation of noise from which w is a difference of theta
 
 
 class Sensors:
@@ -48,8 +49,9 @@ class Sensors:
         if self.w is not None:
             noise = self._noise(self.w, white, 0.3)
             self.w_variance = max(noise**2, (1e-7 * np.ptp(self.w)) ** 2)
-        self.filtered = self.repeats = False
+        self.filtered = self.repeats = self.differenced = False
         if self.theta is not None and self.w is not None:
+            self.differenced = self._differenced()
             self._compare()
 
     def _noise(self, x: np.ndarray, white: np.ndarray, quantile: float) -> float:
@@ -63,6 +65,16 @@ class Sensors:
         made.samples, made.theta = samples, samples.theta
         made.w = None if self.w is None else joined(self.w, at)
         return made
+
+    def _differenced(self) -> bool:
+        """Whether the noise of w is that of differences of theta: then w measures nothing."""
+        assert self.theta is not None and self.w is not None
+        alike = 0.0
+        for at in self.samples.pieces:
+            x, y = np.diff(self.w[at], 2)[1:-1], np.diff(self.theta[at], 3)
+            if len(y) > LEAST_NOISE and np.ptp(x) and np.ptp(y):
+                alike = max(alike, *(abs(np.corrcoef(x, y[k : k + len(x)])[0, 1]) for k in (0, 1)))
+        return alike > ALIKE
 
     @property
     def late(self) -> bool:

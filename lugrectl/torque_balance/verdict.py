@@ -497,7 +497,8 @@ class _Judge:
         jerk = v.rows.narrow @ v.motion.slope(v.motion.acceleration)
         cost = J * lag * float(np.sqrt(np.mean(jerk**2))) / v.size  # what it would do to a torque
         odd = self.decision.odd and self.decision.odd[0].share > ODD
-        if made.verdict == "adequate" and not odd and cost > FLOOR:
+        own = not sensors.differenced  # else its lag is that of a computation
+        if made.verdict == "adequate" and not odd and own and cost > FLOOR:
             made.lag = lag, lag - Z95 * error, lag + Z95 * error
             made.verdict = "found"
 
