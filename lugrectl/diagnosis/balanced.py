@@ -76,7 +76,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     parts, held_out = judged_on(asked, () if ready is None else ready.held_out)
     report(0.0, "torque balance")
     report(0.1, "comparing explanations")
-    made = answer(parts, model, held_out, least)
+    made = answer(parts, model, held_out, least, alpha)
     values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
     report(0.6, "errors on held-out samples")

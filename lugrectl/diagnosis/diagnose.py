@@ -69,7 +69,8 @@ def diagnose(
     least : float
         The smallest torque that matters, as a share of RMS friction torque.
     alpha : float
-        Chance of naming something on a record on which nothing is missing.
+        Chance that a gain in likelihood, of blocks that a fit has not seen, is called proven and
+        is none.
     time_limit : float
         Seconds after which the fit stops itself; the comparison and the plain answer stand.
     law : str or None

@@ -46,13 +46,9 @@ NEAR_REST = (("turn", 3e-3, 0.7), ("turn", 3e-2, 0.5), ("dip", 3e-3, 0.3), ("dip
 # (turn), prior in shares of Fc
 
 # the decision
-ALPHA = 0.01  # chance of naming something on a record on which nothing is missing
+ALPHA = 0.01  # chance that a gain, or a difference of two, is called proven and is none
 FLOOR = 0.015  # of friction: the least torque that is worth a name; twice for an unknown one
 LATE_FLOOR = 0.33  # times the floor, for a delay of 1 ms or more beyond the free one
-Z_NOTHING = 2.6  # standard errors better than "nothing is missing", for the best of about thirty
-Z_EQUAL = 2.33  # standard errors within which two models explain equally well
-ODDS = 20.0  # to one: what a gain must be worth beside NATS
-NATS = 2.0  # beside the log of the number of contenders: gain below which nothing is proven
 SCREEN = 4.0  # nats that a contender must promise before it is entered and scored
 WAVES_AT_ONCE = 6  # waves over the angle that one ripple may have
 PERIODS = 6  # that a disturbance must have in the record
@@ -66,7 +62,6 @@ TOGETHER = 3  # first names that are tried in pairs where one alone does not exp
 MOST = 3  # effects that are named together
 HEAVY = 0.3  # of friction: gravity above it joins the base before anything else is judged
 CLEAR = 3.0  # times what stays: effects that explain this much are found, whatever else there is
-Z_LOWER = 2.33  # standard errors by which the held-out torque error must fall
 MOSTLY = 0.5  # of all torque: with more than this left on unseen rows nothing is found
 ONE_SPEED = 0.3  # of the typical speed: speeds that spread by less are one
 LESS = 0.8  # of what stays: what a base with gravity must leave to be the base

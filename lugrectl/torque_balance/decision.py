@@ -14,6 +14,7 @@ import numpy as np
 from ..blocks.block import members
 from ..core.regression import Prior, paired
 from .constants import (
+    ALPHA,
     FAR,
     FLOOR,
     FREE_LATE,
@@ -26,13 +27,12 @@ from .constants import (
     RIVAL,
     SECOND,
     TOGETHER,
-    Z_EQUAL,
 )
 from .friction import Term, View
 from .law_parts import Part, parts
 from .maps import Still
 from .search import Search
-from .table import Contender, Table, proven
+from .table import Contender, Table, errors_of, proven
 from .unknown import Unknown
 from .width import Width
 
@@ -57,9 +57,10 @@ class Decision:
         width: Width | Still,
         never: Collection[str] = (),
         least: float = FLOOR,
+        alpha: float = ALPHA,
     ) -> None:
         self.view, self.width, self.never = view, width, view.never.union(never)
-        self.least = least
+        self.least, self.alpha = least, alpha
         self.notes: list[str] = []
         self.memory: dict[str, Any] = {}
         self._known: dict[tuple[int, ...], tuple[list[Contender], list[Contender]]] = {}
@@ -146,7 +147,7 @@ class Decision:
 
     # ---- what is proven, what is large enough, what is better
     def proven(self, c: Contender, e0: np.ndarray) -> bool:
-        return proven(*paired(c.e, e0))
+        return proven(*paired(c.e, e0), self.alpha)
 
     def floor(self, c: Contender) -> float:
         """The least share of friction that is worth a name: a delay is known as a time."""
@@ -155,7 +156,7 @@ class Decision:
 
     def better(self, a: Contender, b: Contender, least: float = 3.0) -> bool:
         gain, error = paired(a.e, b.e)
-        return gain > max(Z_EQUAL * error, least)
+        return gain > max(errors_of(self.alpha) * error, least)
 
     # ---- the verdict
     def decide(self, banned: Collection[str]) -> None:
@@ -187,7 +188,7 @@ class Decision:
 
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""
-        return proven(part.gain, part.error) and part.share > FLOOR
+        return proven(part.gain, part.error, self.alpha) and part.share > FLOOR
 
     def _first(self, good: list[Contender]) -> tuple[Contender, Contender, list[Contender]]:
         """The best contender, with its score and those of the others.

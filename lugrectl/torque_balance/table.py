@@ -8,6 +8,7 @@ it, gains nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from ..blocks.block import Block
 from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
 from .columns import linear
-from .constants import GROWN, NATS, ODDS, SCREEN, Z_NOTHING
+from .constants import ALPHA, GROWN, SCREEN
 from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
@@ -28,9 +29,14 @@ def is_lateness(block: Block | None) -> bool:
     return block is not None and "input" in block.acts and block.own[block.gain].unit == "s"
 
 
-def proven(gain: float, error: float) -> bool:
+def errors_of(alpha: float) -> float:
+    """How many standard errors are exceeded by chance so often, on one side."""
+    return NormalDist().inv_cdf(1.0 - alpha)
+
+
+def proven(gain: float, error: float, alpha: float = ALPHA) -> bool:
     """Whether a gain in nats, with its standard error, is more than chance."""
-    return gain > np.log(ODDS) + NATS and gain > Z_NOTHING * error
+    return gain > -np.log(alpha) and gain > errors_of(alpha) * error
 
 
 def has_inertia(block: Block | None) -> bool:

@@ -18,7 +18,7 @@ from ..core.option_names import option
 from ..record.stretches import Stretch
 from .channels import as_acted, logged_late, speed_offset
 from .columns import columns
-from .constants import CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95, Z_LOWER
+from .constants import ALPHA, CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95
 from .decision import Decision
 from .enough import enough
 from .friction import Term, View, declared_terms, places
@@ -33,7 +33,7 @@ from .samples import sampled
 from .search import Search
 from .sensors import Sensors
 from .stated import inertia_range
-from .table import Table
+from .table import Table, errors_of
 from .width import Declared, Width, fine_wave
 
 GREASE_NAME = "sublinear_viscous"
@@ -170,24 +170,26 @@ def answer(
     model: Model,
     held_out: Sequence[tuple[int, float, float]] = (),
     least: float = FLOOR,
+    alpha: float = ALPHA,
 ) -> Answer:
     """Verdict, names and values; Refused where nothing can be learnt.
 
     ``held_out`` are (run, start, end), in s of the logs: what no fit and no choice may see;
-    ``least`` is the smallest torque that is worth a name, as a share of friction.
+    ``least`` is the smallest torque that is worth a name, as a share of friction, ``alpha`` the
+    chance that a gain is called proven and is none.
     """
     view, few, width = seen(stretches, model)
     refuse_dead(view, width)
     split = Split.of(few, held_out)
     train, test = few.on(split.train), few.on(split.test)
-    decision = Decision(train, width, least=least)
+    decision = Decision(train, width, (), least, alpha)
     made = _Judge(few, train, test, split, decision, view).answer()
     if not view.is_map:
         return made
     # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
     every, other = np.ones(len(view.rows), bool), made
     both = view.on(every), view.on(every)
-    made = _Judge(view, *both, split, Decision(both[0], width, least=least), view).answer()
+    made = _Judge(view, *both, split, Decision(both[0], width, (), least, alpha), view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
     r = made.last.design.y - made.last.design.X @ made.last.fit.b
@@ -313,7 +315,7 @@ class _Judge:
             self.view, self.train, self.test = (v.rid(name) for v in
                                                 (self.view, self.train, self.test))  # fmt: skip
             self.all = self.view if alone else self.all
-            self.decision = Decision(self.train, d.width, {*d.never, name}, d.least)
+            self.decision = Decision(self.train, d.width, {*d.never, name}, d.least, d.alpha)
         else:
             d.decide(self.struck)
 
@@ -391,7 +393,8 @@ class _Judge:
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        sure = v.is_map or gain(plain, full, v.motion.duration) > Z_LOWER  # a few runs cannot be
+        few = v.is_map  # runs are too few for a standard error
+        sure = few or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
         lower = sure and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
