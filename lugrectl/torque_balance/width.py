@@ -137,6 +137,8 @@ class Probe:
     def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
         """Noise of J a in a row over what is small enough."""
         J, known = self.declared.J, self.declared.J is not None
+        if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
+            friction = J * self._size[0]
         small = NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
             J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
