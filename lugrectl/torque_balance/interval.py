@@ -110,7 +110,8 @@ class Interval:
         if v.J_range and not v.sure:  # a declared J that is held is known that well
             precision[0] = 16 / max(float(np.ptp(v.J_range)), SCALE * v.J_range[1]) ** 2
         prior = d.prior.but(slice(None), precision=precision)
-        V = left_out_covariance(d.X, d.y, last.fit, prior, last.scale, v.noise, self.blocks)
+        noise = v.noise if last.fit.free[0] else 0.0  # it takes nothing from a J that is held
+        V = left_out_covariance(d.X, d.y, last.fit, prior, last.scale, noise, self.blocks)
         laws = self.laws
         score = np.array([law.likelihood for law in laws] + [self.likelihood]) / self.kappa
         share = np.exp(score - score.max())

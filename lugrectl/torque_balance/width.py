@@ -17,6 +17,7 @@ from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, NOISY, WIDE, WIDTHS
 from .motion import Motion, SmoothRuns
 from .rows import averages, bump, centres, half_samples
 
+SEVERAL = 3.0  # times as wide: windows that show what narrow ones lose
 ORDERS = 400  # per turn: the finest wave over the angle that is looked for
 
 
@@ -137,6 +138,8 @@ class Probe:
     def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
         """Noise of J a in a row over what is small enough."""
         J, known = self.declared.J, self.declared.J is not None
+        if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
+            friction = J * self._size[0]
         small = NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
             J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
@@ -211,12 +214,18 @@ class Width:
 
     def _undeclared(self, good: list[Probe]) -> list[Probe]:
         known = [p for p in self.tried if p.J > 0 and p.error < 0.3 * p.J]
-        best = max((p.J - p.error for p in known if p.error < 0.15 * p.J), default=0.0)
-        good = [p for p in good if p in known and p.J > (1 - LOST) * best]
-        self.sure = bool(good) and best > 0 and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
+        told = [p for p in known if p.error < 0.15 * p.J]
+
+        def lost(p: Probe) -> float:
+            """What wider windows say that this one loses, as a share of J."""
+            best = max((q.J - q.error for q in told if p.h <= q.h < SEVERAL * p.h), default=0.0)
+            return 1 - p.J / best if best > 0 else 0.0
+
+        good = [p for p in good if p in known and lost(p) < LOST]
+        self.sure = bool(good and told) and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
         if self.sure:
             first = good[0]
-            near = [p.J for p in known if first.h <= p.h < 3 * first.h]
+            near = [p.J for p in known if first.h <= p.h < SEVERAL * first.h]
             half = max(3 * first.error, float(np.ptp(near)), 0.05 * first.J)
             if half < 0.3 * first.J:
                 self.range = first.J - half, first.J + half

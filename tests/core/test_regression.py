@@ -7,7 +7,16 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.special import ndtri
 
-from lugrectl.core.regression import NU, Blocks, Prior, bounded, log_density, paired, robust
+from lugrectl.core.regression import (
+    NU,
+    Blocks,
+    Prior,
+    bounded,
+    log_density,
+    paired,
+    robust,
+    widest,
+)
 
 
 def problem(seed: int, columns: int = 7) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -84,3 +93,11 @@ def test_a_block_without_rows_counts_nothing() -> None:
     assert empty.any()
     assert np.all(blocks.left_out(made, X, Prior.free(4), 0.1, 1.0)[empty] == 0.0)
     assert np.all(blocks.seen(made.r, 1.0)[empty] == 0.0)
+
+
+def test_a_covariance_widens_where_it_was_next_to_nothing():
+    V, other = np.diag([1e-60, 1.0, 4.0]), np.diag([1e-2, 2.0, 1.0])
+    other[0, 1] = other[1, 0] = 0.05
+    made = np.diag(widest(V, other))
+    assert made[:2] == pytest.approx([1e-2, 2.0], rel=0.2)
+    assert 4.0 <= made[2] < 4.5
