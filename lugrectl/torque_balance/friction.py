@@ -349,9 +349,9 @@ class View:
                 if beside is not None:
                     X, y, prior = beside.added(self, X, y, prior)
                 if found[0] is None:
-                    free = prior.low < prior.high
-                    r = y - X[:, ~free] @ prior.low[~free]
-                    r = r - X[:, free] @ np.linalg.lstsq(X[:, free], r, rcond=None)[0]
+                    first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
+                    r = y - X[:, :first] @ prior.low[:first]
+                    r = r - X[:, first:] @ np.linalg.lstsq(X[:, first:], r, rcond=None)[0]
                     found[0] = 1.4826 * float(np.median(np.abs(r)))
                 fit = robust(X, y, prior, found[0], self.noise, turns=3)
                 seen[i, j] = -float(np.sum(np.log1p(fit.r**2 / 4)))
