@@ -318,7 +318,7 @@ class View:
         precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (LARGE * self.force) ** 2
         precision[1] = 0.1
         between = [j for j, n in enumerate(self.names) if n == "run"]
-        precision[between] = 1 / (BACKGROUND * self.force) ** 2
+        precision[between] = max(BACKGROUND * self.force, 1e-100) ** -2
         return replace(self.bounds, precision=precision)
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
