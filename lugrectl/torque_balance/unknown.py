@@ -29,8 +29,8 @@ class Unknown:
         K = self.view.K
         self.place = waves(m.theta, 12) if turns else spline(x, 16)
         self.coarse = waves(m.theta, 6) if turns else spline(x, 8)
+        self.places = [self.place, *([spline(x, 16)] if turns else [])]
         self.times = spline(time, 10)
-        shapes = [K @ self.place, K @ spline(x, 16)] if turns else [K @ self.place]
         sided = spline(np.abs(m.w) / m.top, 16) * np.sign(m.w)[:, None]
         if self.view.is_map:  # a few speeds of several decades, both directions or one
             pace = np.unique(np.abs(m.w), return_inverse=True)[1]
@@ -42,7 +42,7 @@ class Unknown:
                 if np.any(side * m.w > 0)
             ]
         self.still: dict[Signals, list[np.ndarray]] = {
-            ("theta",): shapes,
+            ("theta",): [K @ place for place in self.places],
             ("w",): [K @ sided, *ways] if self.view.is_map else [K @ sided],
             ("t",): [K @ spline(time, 24)],
         }
@@ -58,7 +58,8 @@ class Unknown:
         friction = np.column_stack([v.z, m.w / m.top])
         if self.sure:  # without J any function of u is u
             yield ("u",), [K @ without_line(often(of_u), u)]
-        yield ("theta", "w"), [K @ (v.z[:, None] * self.place), self.mixed]
+        here = [K @ (v.z[:, None] * place) for place in self.places]
+        yield ("theta", "w"), [*here, self.mixed]
         yield ("t", "w"), [K @ product(self.times, friction)]
         if self.sure:
             yield ("t", "u"), [K @ without_line(u[:, None] * self.times, u)]
