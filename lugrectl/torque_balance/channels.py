@@ -19,7 +19,7 @@ from ..record.stretches import Stretch
 from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
 from .friction import View
 from .search import golden
-from .table import Contender, Table, proven
+from .table import KEPT, Contender, Table, proven
 
 OFFSETS = np.geomspace(1e-3, 0.1, 21)  # of top speed, that are tried
 NEAR_BY = 0.1  # of an offset: where its likelihood is compared
@@ -38,8 +38,12 @@ def logged_late(view: View, table: Table) -> float:
         made.lateness = True
         return table.enter(made)
 
-    best = float(grid[int(np.argmax([row(T).gain for T in grid]))])
-    best = golden(lambda T: row(T).gain, max(best - LATE_STEP, 0.0), best + LATE_STEP)
+    def gain(T: float) -> float:
+        made = row(T)  # of a u that is moved away from all motion nothing is left, nor of J
+        return made.gain if made.J > KEPT * table.J else -np.inf
+
+    best = float(grid[int(np.argmax([gain(T) for T in grid]))])
+    best = golden(gain, max(best - LATE_STEP, 0.0), best + LATE_STEP)
     return best if proven(*paired(row(best).e, table.e)) else 0.0
 
 
