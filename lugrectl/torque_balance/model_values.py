@@ -47,7 +47,7 @@ class ModelValues:
         return replace(self, estimates=made, joint=_only(self.joint, kept))
 
     def told(self, declared: Model) -> ModelValues:
-        """The same without values that are neither declared nor told by the log."""
+        """The same without values that neither the log nor a declaration gives."""
         known = declared.known()
         gone = [k for k, e in self.estimates.items() if e.ci95 is None and k not in known]
         model = self.model.with_values(dict.fromkeys(gone))

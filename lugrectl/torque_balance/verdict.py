@@ -49,6 +49,7 @@ ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 COAST = "Record the torque; of a drive that coasts, declare J."
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
 TURN = "Check the sign of u; {} reverses it."
+STAYS = "Torque of {:.2g} % of friction stays in held-out rows, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
@@ -383,6 +384,11 @@ class _Judge:
             if d.rest > MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
+            left = full.stays / v.size
+            if verdict == "adequate" and left > 2 * d.least and not v.is_map:
+                self.notes.append(STAYS.format(100 * left))
+                verdict = "unexplained"
+                d.depends_on = sorted(d.unknown[0].depends_on) if d.unknown else []
             return verdict, False
         joined = {t.name for t in d.joined}
         if d.heavy and any(state.terms[i].name in joined for i in named):
