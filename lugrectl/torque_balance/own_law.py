@@ -96,7 +96,7 @@ def _nearest(
     """The values of a law; ``keys`` are free, and start at the known ones."""
     v, own, target = last.view, law.own, _friction(last) + last.fit.r * last.scale
     rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
-    K, alone = v.K[rows], not law.states and law.inputs == ("w",)
+    K, alone = csr_matrix(v.K[rows]), not law.states and law.inputs == ("w",)
     if alone:  # samples at which no row looks do not matter
         used, places = np.unique(K.indices, return_inverse=True)
         K, w = csr_matrix((K.data, places, K.indptr)), v.motion.w[used]
@@ -110,7 +110,12 @@ def _nearest(
         return {**known, **dict(zip(keys, found, strict=True))}
 
     def off(x: np.ndarray) -> np.ndarray:
-        made = law(w, **values(x))[0] if alone else torque(law, values(x), along).wide[:, 0]
+        if alone:
+            made = law(w, **values(x))[0]
+        else:
+            wide = torque(law, values(x), along).wide
+            assert wide is not None  # a law of friction acts along the log
+            made = wide[:, 0]
         return np.nan_to_num((K @ made - target[rows]) / last.scale, nan=1e6)
 
     bounds = (-FURTHEST, FURTHEST)

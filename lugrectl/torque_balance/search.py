@@ -43,19 +43,19 @@ def polish(
 ) -> np.ndarray:
     """The largest gain near x (k,) among points that come closer: those around the top of a
     parabola through the last ones. ``gains`` of points (m, k) are (m,), several at once."""
-    centre, step = np.array(x, float), np.array(step, float)
+    centre, size = np.array(x, float), np.array(step, float)
     one = np.eye(len(centre))
     both = [a + b for a, b in combinations(one, 2)]
     around = np.vstack([0 * one[:1], one, -one, *both])
     best, most = centre, -np.inf
     for _ in range(turns):
-        made = gains(centre + around * step)
+        made = gains(centre + around * size)
         i = int(np.argmax(made))
         if made[i] > most:
-            best, most = centre + around[i] * step, float(made[i])
+            best, most = centre + around[i] * size, float(made[i])
         top = _top(around, made)
-        centre = best if top is None else centre + top * step
-        step = step * (1.0 if top is None and i else CLOSER)
+        centre = best if top is None else centre + top * size
+        size = size * (1.0 if top is None and i else CLOSER)
     return best
 
 
