@@ -20,6 +20,7 @@ from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
 from .friction import View
 from .search import golden
 from .table import KEPT, Contender, Table, proven
+from .unknown import Unknown
 
 OFFSETS = np.geomspace(1e-3, 0.1, 21)  # of top speed, that are tried
 NEAR_BY = 0.1  # of an offset: where its likelihood is compared
@@ -44,7 +45,13 @@ def logged_late(view: View, table: Table) -> float:
 
     best = float(grid[int(np.argmax([gain(T) for T in grid]))])
     best = golden(gain, max(best - LATE_STEP, 0.0), best + LATE_STEP)
-    return best if proven(*paired(row(best).e, table.e)) else 0.0
+    found = row(best)
+    if best <= 0 or not proven(*paired(found.e, table.e)):
+        return 0.0
+    # a load, or anything else that depends on the place, is no delay
+    others = Unknown(table, view.model.motion == "linear", view.sure).rows()
+    loads = [table.enter(c).gain for c in others if c.depends_on == {"theta"}]
+    return best if found.gain > max(loads, default=0.0) else 0.0
 
 
 def speed_offset(view: View, table: Table) -> tuple[float, float]:
