@@ -18,7 +18,7 @@ from ..core.regression import Prior, log_density, paired, robust
 from ..record.stretches import Stretch
 from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
 from .friction import View
-from .search import golden
+from .search import Search, golden
 from .table import KEPT, Contender, Table, proven
 
 OFFSETS = np.geomspace(1e-3, 0.1, 21)  # of top speed, that are tried
@@ -27,7 +27,7 @@ CURVE = 0.02  # of top speed: the Stribeck speed beside them
 
 
 def logged_late(view: View, table: Table) -> float:
-    """How late (s) u was logged; 0 where no such row of the table is proven."""
+    """How late (s) u was logged; 0 where no such row of the table is the likeliest."""
     if not view.sure or table.fit.free[1] or table.fit.b[1] > 0:
         return 0.0
     m, grid = view.motion, np.arange(0.0, VERY_LATE, LATE_STEP)
@@ -44,7 +44,11 @@ def logged_late(view: View, table: Table) -> float:
 
     best = float(grid[int(np.argmax([gain(T) for T in grid]))])
     best = golden(gain, max(best - LATE_STEP, 0.0), best + LATE_STEP)
-    return best if proven(*paired(row(best).e, table.e)) else 0.0
+    late = row(best)
+    if not proven(*paired(late.e, table.e)):
+        return 0.0
+    others = Search(table, True, (), {}).rows()  # a torque that is lost makes the rest late
+    return best if late.gain > max((c.gain for c in others), default=0.0) else 0.0
 
 
 def speed_offset(view: View, table: Table) -> tuple[float, float]:

@@ -65,6 +65,7 @@ CLEAR = 3.0  # times what stays: effects that explain this much are found, whate
 MOSTLY = 0.5  # of all torque: with more than this left on unseen rows nothing is found
 ONE_SPEED = 0.3  # of the typical speed: speeds that spread by less are one
 LESS = 0.8  # of what stays: what a base with gravity must leave to be the base
+UNSEEN = 0.1  # of friction: where every effect would have to be larger to show, nothing is judged
 GROWN = 1.35  # inertia over the declared one that is itself a trace of a load
 
 # the interval

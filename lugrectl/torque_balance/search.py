@@ -285,7 +285,8 @@ class Search:
         N = np.arange(1, ORDERS + 1.0)
         if self.linear:
             N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
-        N = N[(N * self.span > 4) & (N * rows.passed < 6)]
+        whole = "J" in block.acts or N * self.span > 4  # no torque is alike over less of a wave
+        N = N[whole & (N * rows.passed < 6)]
         least = 2 if set(block.acts) == {"torque"} and not self.linear else 1
         N = N[N >= least]  # a torque of order 1 is gravity
         if not len(N):
@@ -508,7 +509,9 @@ class Search:
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)
-        if p.unit == "rad":
+        if p.unit == "rad" and p.low >= 0:  # a width, no place
+            grid = self.span * np.geomspace(0.01, 1.0, many)
+        elif p.unit == "rad":
             grid = np.quantile(m.theta, (np.arange(many) + 0.5) / many)
         elif p.unit == "rad/s":
             grid = m.top * np.geomspace(0.003, 1.0, many)

@@ -258,7 +258,7 @@ class Table:
         """The whole model settled again with this contender: score, gain, torque."""
         v = self.view
         X, y, prior = c.added(v, self.X, self.y, self.prior)
-        if c.inertial:
+        if c.inertial or c.u is not None:  # another torque has another inertia
             prior = prior.but(0, low=0.0, high=np.inf)
         fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=3)
         c.fit, c.X, c.y, c.full = fit, X, y, prior
