@@ -21,6 +21,7 @@ from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
 FAR_BEHIND = 0.03  # of the best gain: what promises less decides nothing beside it
+SETTLES = 9  # reweightings: a minority that a row explains is none of outliers any more
 KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large is not identified
 
 
@@ -260,7 +261,7 @@ class Table:
         X, y, prior = c.added(v, self.X, self.y, self.prior)
         if c.inertial or c.u is not None:  # another torque has another inertia
             prior = prior.but(0, low=0.0, high=np.inf)
-        fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=3)
+        fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=SETTLES)
         c.fit, c.X, c.y, c.full = fit, X, y, prior
         c.b = fit.b[len(self.prior) :]
         c.J = float(fit.b[0]) + (self._inertia_of(c) if c.inertial else 0.0)
