@@ -156,8 +156,8 @@ class Width:
 
     ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
     it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
-    nothing of the declared inertia is in it; ``backward``: friction would drive. ``heavy``: gravity that is large. ``r`` (m,) are the
-    residuals of a plain balance at ``t`` (s).
+    nothing of the declared inertia is in it; ``backward``: friction would drive. ``heavy``: gravity
+    that is large. ``r`` (m,) are the residuals of a plain balance at ``t`` (s).
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
