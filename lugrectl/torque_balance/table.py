@@ -16,12 +16,11 @@ import numpy as np
 from ..blocks.block import Block
 from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
 from .columns import linear
-from .constants import ALPHA, GROWN, SCREEN
+from .constants import ALPHA, GROWN, SCREEN, SETTLES
 from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
 FAR_BEHIND = 0.03  # of the best gain: what promises less decides nothing beside it
-SETTLES = 9  # reweightings: a minority that a row explains is none of outliers any more
 KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large is not identified
 
 

@@ -21,7 +21,7 @@ from ...record.record import smallest_step
 from ...record.signal_noise import repeating, sensor_noise
 
 BLOCK = 2.0  # s, least length of a held-out block
-HALF = 0.5  # of the top speed of held-out blocks: what the others must reach
+AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
 WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
 SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
@@ -275,7 +275,7 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
              for a, b in own), default=0.0)
         for part in parts
     )  # fmt: skip
-    return parts if slow > HALF * fast else (parts[1], parts[0])
+    return parts if slow > AS_FAST * fast else (parts[1], parts[0])
 
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
