@@ -16,6 +16,7 @@ import numpy as np
 
 NU = 4.0  # degrees of freedom of Student's t: a few bad rows cannot rule
 TINY = 1e-300
+SETTLED = 0.01  # change of a weight that is none
 LEVER = 0.02  # a block that tells all of a value by itself has nothing to be compared with
 CLIPS = (3.0, 10.0, 30.0)  # nats: a gain must also stand when no block counts for more
 
@@ -120,7 +121,7 @@ def robust(
     weights: np.ndarray | None = None,
     turns: int = 5,
 ) -> Fit:
-    """Fit y = X b by Student's t at a given ``scale``, by reweighting ``turns`` times."""
+    """Fit y = X b by Student's t at a given ``scale``, by reweighting ``turns`` times at most."""
     w = np.ones(len(y)) if weights is None else weights
     fixed = None
     for _ in range(turns):
@@ -128,7 +129,9 @@ def robust(
         b, free = bounded(G, g, prior.low, prior.high, fixed)
         fixed = ~free & (b != prior.high)
         r = (y - X @ b) / scale
-        w = (NU + 1) / (NU + r * r)
+        before, w = w, (NU + 1) / (NU + r * r)
+        if np.max(np.abs(w - before)) < SETTLED:
+            break
     return Fit(b, r, free, w)
 
 

@@ -90,7 +90,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     plain = asked.completed(same_values(plain, values), perf_counter() - start)
     values = values.beside(plain.combinations)
     values = values if sure else values.told(model)
-    effects = _findings(made, values, found)
+    effects = _findings(made, values, found, model)
     doubts = doubts or asked.doubts(plain)
     law = unfit_law(made, values.model, plain, least)
     notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain, sure)]
@@ -280,7 +280,9 @@ def _torque_error(made: Answer, model: Model) -> dict[str, Any]:
     }
 
 
-def _findings(made: Answer, values: ModelValues, found: Comparison) -> tuple[Finding, ...]:
+def _findings(
+    made: Answer, values: ModelValues, found: Comparison, model: Model
+) -> tuple[Finding, ...]:
     """The effects with their values and the alternatives to each."""
 
     def tied(name: str) -> tuple[Candidate, ...]:
@@ -292,7 +294,7 @@ def _findings(made: Answer, values: ModelValues, found: Comparison) -> tuple[Fin
         effects.append(Finding("velocity_sensor_lag", {"time_constant": lag}))
     if made.only_inertia:
         effects.insert(0, Finding(WHOLE_INERTIA, {}, tied(WHOLE_INERTIA)))
-    declared = {p.key for p in made.view.model.effects}
+    declared = {p.key for p in model.effects}  # a map shows some of them only
     parts = [p for p in values.model.effects if p.key not in declared]
     for part in parts:
         own = {k: values.estimates[f"{part.key}.{k}"] for k in part.block.own

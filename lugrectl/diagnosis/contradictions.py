@@ -114,7 +114,7 @@ def swapped(parts: Sequence[Stretch], model: Model, found: Balance, turned: Bala
         other = plain_row([replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts], model)
         if other.refused or other.left is None or "J" not in other.parameters:
             continue
-        if other.left < least:
+        if other.left < min(least, HALF):
             how = "finds none" if found.left is None or found.refused else "leaves more"
             given = option("columns", f"u=NAME,{role}=NAME")
             return SWAPPED.format(role, 100.0 * other.left, how, given)

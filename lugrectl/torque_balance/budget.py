@@ -8,16 +8,21 @@ from statistics import NormalDist
 import numpy as np
 
 from ..blocks.block import Block
+from ..core.errors import Refused
 from ..core.regression import paired
 from ..estimates.comparison import Compared, Comparison, Detectable, Share
-from .constants import Z95
+from .constants import UNSEEN, Z95
 from .decision import Decision
 from .interval import Interval
 from .last_fit import LastFit, Name
 from .table import Contender
-from .verdict import Answer
+from .verdict import LONGER, Answer
 
 POWER = 0.8
+UNJUDGED = (
+    "the record is too short, or its noise too large, to judge what is missing: no effect below "
+    "{:.2g} % of friction would have been seen."
+)
 FRICTION = {"coulomb": ("Fc", "dip", "damping"), "viscous": ("Fv", "grease")}
 Term = tuple[str, np.ndarray, list[int], tuple[str, ...]]
 
@@ -26,11 +31,14 @@ def comparison(made: Answer, least: float, alpha: float) -> Comparison:
     """The comparison behind an answer."""
     d = made.decision
     assert d is not None  # there is no comparison without a search
+    shown = detectable(d, least, alpha) if made.verdict == "adequate" else []
+    if shown and shown[0].share > max(UNSEEN, least):
+        raise Refused(UNJUDGED.format(100 * shown[0].share), LONGER)
     return Comparison(
         made.verdict,
         rows=tuple(_rows(d)),
         budget=tuple(budget(made)),
-        detectable=tuple(detectable(d, least, alpha)) if made.verdict == "adequate" else (),
+        detectable=tuple(shown),
         least=least,
         friction=made.view.size,
         stretches=len(made.interval.blocks[0]) and int(made.interval.blocks[0][-1]) + 1,

@@ -18,7 +18,7 @@ from ..core.regression import Prior, log_density, paired, robust
 from ..record.stretches import Stretch
 from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
 from .friction import View
-from .search import golden
+from .search import Search, golden
 from .table import KEPT, Contender, Table, proven
 from .unknown import Unknown
 
@@ -28,7 +28,7 @@ CURVE = 0.02  # of top speed: the Stribeck speed beside them
 
 
 def logged_late(view: View, table: Table) -> float:
-    """How late (s) u was logged; 0 where no such row of the table is proven."""
+    """How late (s) u was logged; 0 where no such row of the table is the likeliest."""
     if not view.sure or table.fit.free[1] or table.fit.b[1] > 0:
         return 0.0
     m, grid = view.motion, np.arange(0.0, VERY_LATE, LATE_STEP)
@@ -45,13 +45,14 @@ def logged_late(view: View, table: Table) -> float:
 
     best = float(grid[int(np.argmax([gain(T) for T in grid]))])
     best = golden(gain, max(best - LATE_STEP, 0.0), best + LATE_STEP)
-    found = row(best)
-    if best <= 0 or not proven(*paired(found.e, table.e)):
+    late = row(best)
+    if best <= 0 or not proven(*paired(late.e, table.e)):
         return 0.0
-    # a load, or anything else that depends on the place, is no delay
-    others = Unknown(table, view.model.motion == "linear", view.sure).rows()
-    loads = [table.enter(c).gain for c in others if c.depends_on == {"theta"}]
-    return best if found.gain > max(loads, default=0.0) else 0.0
+    # a torque that is lost, or depends on the place, makes the rest late
+    strange = Unknown(table, view.model.motion == "linear", True).rows()
+    others = [c.gain for c in Search(table, True, (), {}).rows()]
+    others += [table.enter(c).gain for c in strange if c.depends_on == {"theta"}]
+    return best if late.gain > max(others, default=0.0) else 0.0
 
 
 def speed_offset(view: View, table: Table) -> tuple[float, float]:

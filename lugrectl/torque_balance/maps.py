@@ -293,7 +293,7 @@ class MapView(View):
 class Still:
     """What such runs tell of the inertia, as :class:`.width.Width` says it: nothing."""
 
-    sure = heavy = impossible = False
+    sure = heavy = impossible = against = False
 
 
 def map_of(stretches: Sequence[Stretch], model: Model) -> MapView:

@@ -285,9 +285,10 @@ class Search:
         N = np.arange(1, ORDERS + 1.0)
         if self.linear:
             N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
-        N = N[(N * self.span > 4) & (N * rows.passed < 6)]
-        least = 2 if set(block.acts) == {"torque"} and not self.linear else 1
-        N = N[N >= least]  # a torque of order 1 is gravity
+        whole = "J" in block.acts or N * self.span > 4  # no torque is alike over less of a wave
+        N = N[whole & (N * rows.passed < 6)]
+        if not self.linear and set(block.acts) == {"torque"}:
+            N = N[N >= 2]  # a torque of order 1 is gravity
         if not len(N):
             return
         X = self._screened(block, [{key: n} for n in N])
@@ -498,9 +499,10 @@ class Search:
             return
         X = self._screened(block, sets)
         gains = self._gains(block, np.nan_to_num(X))
-        steps = [0.3 * float(np.min(np.diff(g))) if len(g) > 1 else 0.1 for g in grids]
-        q = self._polished(block, sets[int(np.argmax(gains))], dict(zip(keys, steps, strict=True)),
-                           gains.max())  # fmt: skip
+        q = sets[int(np.argmax(gains))]
+        steps = {k: 0.5 * float(np.gradient(g)[g == q[k]][0]) if len(g) > 1 else 0.1
+                 for k, g in zip(keys, grids, strict=True)}  # fmt: skip
+        q = self._polished(block, q, steps, gains.max())
         yield self._contender(block, q, cost=float(np.log(len(sets))))
 
     def _grid(self, p: P, many: int) -> np.ndarray:
@@ -508,8 +510,10 @@ class Search:
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)
-        if p.unit == "rad":
-            grid = np.quantile(m.theta, (np.arange(many) + 0.5) / many)
+        if p.unit == "rad" and p.low >= 0:  # a width, no place
+            grid = self.span * np.geomspace(0.01, 1.0, many)
+        elif p.unit == "rad":
+            grid = np.quantile(m.theta, (np.arange(4 * many) + 0.5) / (4 * many))
         elif p.unit == "rad/s":
             grid = m.top * np.geomspace(0.003, 1.0, many)
         elif p.unit == "s":

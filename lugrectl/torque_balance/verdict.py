@@ -18,7 +18,7 @@ from ..core.option_names import option
 from ..record.stretches import Stretch
 from .channels import as_acted, logged_late, speed_offset
 from .columns import columns
-from .constants import ALPHA, CLEAR, FLOOR, GROWN, LATE_W, MOSTLY, Z95
+from .constants import ALPHA, CLEAR, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY, Z95
 from .decision import Decision
 from .enough import enough
 from .friction import Term, View, declared_terms, places
@@ -48,6 +48,12 @@ MOST_STRUCK = 2  # names that may be struck: after more, none has ever been righ
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 COAST = "Record the torque; of a drive that coasts, declare J."
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
+FOLLOWS = "u follows the motion, or has the wrong sign."
+AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
+NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
+COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
+TOO_SHORT = "the record is too short to judge what is missing: {} blocks of {:.3g} ms are needed."
+LONGER = "Record a longer run in which the drive moves."
 TURN = "Check the sign of u; {} reverses it."
 STAYS = "Torque of {:.2g} % of friction stays in held-out rows, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
@@ -152,12 +158,10 @@ def refuse_dead(view: View, width: Width | Still) -> None:
         raise Refused("u is constant in every row: the torque channel is dead.", COAST)
     if view.backward:
         raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
+    if width.against:
+        raise Refused(AGAINST, COMMANDED)
     if width.impossible and not view.declared.get("J"):
-        raise Refused(
-            "the inertia comes out negative and there is no friction: u follows the motion, or has "
-            "the wrong sign.",
-            "Log the commanded torque, positive where it speeds up positive motion.",
-        )
+        raise Refused(NEGATIVE, COMMANDED)
 
 
 def unlike_friction(view: View) -> bool:
@@ -181,6 +185,8 @@ def answer(
     """
     view, few, width = seen(stretches, model)
     refuse_dead(view, width)
+    if not view.is_map and view.motion.duration < 2 * FEWEST_BLOCKS * view.rows.h:
+        raise Refused(TOO_SHORT.format(FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
     split = Split.of(few, held_out)
     train, test = few.on(split.train), few.on(split.test)
     decision = Decision(train, width, (), least, alpha)

@@ -155,9 +155,9 @@ class Width:
     """The narrowest windows that will do: ``h`` (s).
 
     ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
-    it is free. ``impossible``: the torque follows the motion, or has the wrong sign;
-    ``backward``: friction would drive. ``heavy``: gravity that is large. ``r`` (m,) are the
-    residuals of a plain balance at ``t`` (s).
+    it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
+    nothing of the declared inertia is in it; ``backward``: friction would drive. ``heavy``: gravity
+    that is large. ``r`` (m,) are the residuals of a plain balance at ``t`` (s).
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -177,6 +177,7 @@ class Width:
         good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
         self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
+        self.against = all(self._nothing_of(declared.J or 0.0, p) for p in self.tried)
         self.backward = all(p.drag < -0.1 and p.left < 0.7 for p in self.tried[-3:])
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
@@ -191,6 +192,11 @@ class Width:
             self.tried.append(p)
             if stop and p.lost < LOST and self._calm(p):
                 break
+
+    @staticmethod
+    def _nothing_of(J: float, p: Probe) -> bool:
+        """Whether a balance that explains all else excludes this inertia, and finds none."""
+        return p.left < LOST and p.J < 3 * p.error and p.J + 3 * p.error < LOST * J
 
     def _calm(self, p: Probe) -> bool:
         return p.noisy < 1 or self.declared.J is not None and p.h > WIDE

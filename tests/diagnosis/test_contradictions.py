@@ -133,3 +133,37 @@ def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
             w += 0.1 * dt / 0.01 * (u[k] - 0.2 * np.tanh(w / 0.02) - 0.05 * w)
     assert np.mean(u == 0.0) > 0.5
     assert diagnose(Record(T, u, speed, dt=dt), rotary).verdict == "adequate"
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("of", ["w", "theta"])
+@pytest.mark.parametrize("share", [0.3, -0.3])
+def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
+    said = refused(replace(plain, u=share * getattr(plain, of)), model)
+    assert "contradicts the declared inertia" in said
+
+
+def test_a_motion_of_a_few_steps_is_too_short(plain, model):
+    q = float(np.ptp(plain.theta)) / 6
+    coarse = replace(plain, w=None, theta=np.round(plain.theta / q) * q)
+    assert "too short" in refused(coarse, model)
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("late", [3, 25])
+def test_a_torque_that_is_written_down_late_is_no_missing_effect(plain, model, late):
+    """By the clock of another device: 6 and 50 ms."""
+    found = diagnose(replace(plain, u=shifted(plain.u, late)), model)
+    assert found.verdict == "adequate"
+
+
+def test_the_fit_takes_a_late_torque_earlier(case, plain, model):
+    d = diagnose(replace(plain, u=shifted(plain.u, 25)), model)
+    assert d.verdict == "adequate" and "comes 50 ms late" in " ".join(d.messages)
+    assert d.model.J == pytest.approx(case.truth["plant"]["J"], rel=1e-3)
+    assert d.error["refitted"] < 10.0 * d.error["noise_floor"]
+
+
+def test_a_negative_inertia_is_refused(rotary):
+    said = refused(driven(2.0 * np.sin(3 * T) + np.sin(11 * T), J=-0.02), rotary)
+    assert "contradicts the declared inertia" in said

@@ -1,6 +1,7 @@
 """A dead zone of the actuator, which looks like more inertia and a late torque."""
 
 import numpy as np
+import pytest
 
 import lugrectl as lg
 
@@ -20,3 +21,12 @@ def log(half):
 
 def test_nothing_is_named_without_it():
     assert lg.diagnose(log(0.0), lg.Model.of(friction="coulomb")).verdict == "adequate"
+
+
+def test_a_dead_zone_is_named():
+    found = lg.diagnose(log(HALF), lg.Model.of(friction="coulomb"))
+    assert [e.name for e in found.effects] == ["actuator_dead_zone"]
+    half, values = found.effects[0].parameters["half_width"], found.model.values()
+    assert half.may_be(HALF) and np.diff(half.ci95) < 0.15 * HALF
+    assert values["J"] == pytest.approx(J, rel=0.01) and values["Fc"] == pytest.approx(FC, rel=0.01)
+    assert not any("column lags" in message for message in found.messages)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
 import pytest
 
 from lugrectl import diagnose
@@ -97,3 +98,15 @@ def test_false_alarms_are_rare():
     cases = [sample("none", seed, duration=6.0) for seed in range(183000, 183010)]
     verdicts = [said(record_of(case), case.model).verdict for case in cases]
     assert sum(v != "adequate" for v in verdicts) <= 1, verdicts
+
+
+@pytest.mark.slow
+def test_more_of_an_effect_is_more_certain():
+    gains, verdicts = [], []
+    for strength in (0.003, 0.03, 0.3):
+        case = sample(["quadratic_drag"], CASES["quadratic_drag"], strength=strength)
+        found = said(record_of(case), case.model)
+        gains.append(gain(found, "quadratic_drag"))
+        verdicts.append(found.verdict)
+    assert np.all(np.diff(gains) > 0.0)
+    assert verdicts[-1] == "found" and "adequate" not in verdicts[verdicts.index("found") :]

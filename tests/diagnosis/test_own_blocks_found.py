@@ -131,3 +131,22 @@ def test_a_state_of_an_own_law_is_no_bristle_for_its_name():
     theta = theta + np.random.default_rng(1).normal(0, 1e-4, len(t))
     found = lg.identify({"t": t, "u": u, "theta": theta}, lg.Model.of(friction="late_coulomb"))
     assert found.model.values() == pytest.approx(true, rel=0.05)
+
+
+def test_an_own_effect_with_two_parameters_without_a_grid_is_searched():
+    @lg.block("effect", out="d", acts="torque")
+    def magnet(
+        theta,
+        pull=GAIN,
+        position=lg.P(0.0, "rad"),
+        width=lg.P(0.3, "rad", 1e-3, 3.0),
+    ):
+        """r_e = A exp(-((theta - p)/b)^2)."""
+        return pull * np.exp(-(((theta - position) / width) ** 2))
+
+    seen = [recorded(24.0, load=lambda th, w: 0.08 * math.exp(-(((th - 1.2) / 0.4) ** 2)))]
+    found = lg.diagnose(seen, MODEL)
+    assert (found.verdict, [e.name for e in found.effects]) == ("found", ["magnet"])
+    values = {k: e.value for k, e in found.effects[0].parameters.items()}
+    wanted = {"pull": 0.08, "position": 1.2, "width": 0.4}
+    assert values == pytest.approx(wanted, rel=0.15)

@@ -24,14 +24,9 @@ def runs():
 
 @pytest.mark.slow
 @pytest.mark.sample
-def test_offset_and_friction_of_a_run_are_found(runs):
+def test_offset_and_friction_of_a_run_leave_the_values_of_the_drive(runs):
     first, second, model = runs
     found = identify([first, second], model)
-    (said,) = [m for m in found.messages if "between run 2 and run 1" in m]
-    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(
-        0.011, abs=0.001
-    )  # 0.4 % of Fc
-    assert 2.0 < float(said.split("friction ")[1].split(" %")[0]) < 6.0
     alone = identify(first, model)
     for k in ("J", "Fc", "Fv"):
         assert found.estimates[k].value == pytest.approx(alone.estimates[k].value, rel=0.03)
@@ -45,18 +40,3 @@ def test_they_are_not_called_a_missing_effect(runs):
     first, second, model = runs
     offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
     assert diagnose([first, offset], model).verdict == "adequate"
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_a_run_that_is_held_out_may_differ_too(runs):
-    """What is its own is said, and is no error of the model."""
-    first, second, model = runs
-    offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
-    result = diagnose(first, model, holdout=offset)
-    assert result.verdict == "adequate"
-    (said,) = [m for m in result.messages if "between run 2 and run 1" in m]
-    assert float(said.split("offset ")[1].split(" N m")[0]) == pytest.approx(
-        0.011, abs=0.001
-    )  # 0.4 % of Fc
-    assert result.error["refitted"] < 0.2 * result.error["declared"]

@@ -63,3 +63,10 @@ def test_nothing_is_found_over_the_angle_where_nothing_is(top):
     found = lg.diagnose(arm(np.zeros_like, top=top, seed=3), COULOMB)
     assert found.verdict == "adequate"
     within(found.estimates["Fc"], FC)
+
+
+def test_a_declared_effect_that_no_map_shows_is_not_found():
+    known = {"name": "periodic_disturbance", "amplitude": 0.5, "frequency": 3.0, "phase": 0.0}
+    model = lg.Model.of(friction="coulomb", effects=[known])
+    found = lg.diagnose(arm(lambda theta: 3.0 * np.sin(theta - 1.2)), model)
+    assert [e.name for e in found.effects] == ["gravity"]

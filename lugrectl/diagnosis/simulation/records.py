@@ -21,6 +21,7 @@ from ...record.record import smallest_step
 from ...record.signal_noise import repeating, sensor_noise
 
 BLOCK = 2.0  # s, least length of a held-out block
+AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
 WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
 FEWEST = 25  # samples of such a window, at least
 SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
@@ -255,7 +256,10 @@ def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:
 
 
 def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Parts, Parts]:
-    """Alternating blocks of whole horizons behind a gap; a piece's last one extends to its end."""
+    """Alternating blocks of whole horizons behind a gap; a piece's last one extends to its end.
+
+    Where the others are much faster than those to fit, their roles change.
+    """
     parts: tuple[Parts, Parts] = [[] for _ in runs], [[] for _ in runs]
     turn = 0
     for i, run in enumerate(runs):
@@ -266,7 +270,12 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
             for s in starts:
                 parts[turn][i].append((s, b if s == starts[-1] else s + length))
                 turn = 1 - turn
-    return parts
+    slow, fast = (
+        max((np.abs(run.speed[a:b]).max() for run, own in zip(runs, part, strict=True)
+             for a, b in own), default=0.0)
+        for part in parts
+    )  # fmt: skip
+    return parts if slow > AS_FAST * fast else (parts[1], parts[0])
 
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
