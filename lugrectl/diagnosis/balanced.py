@@ -90,12 +90,13 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     plain = asked.completed(same_values(plain, values), perf_counter() - start)
     values = values.beside(plain.combinations)
     values = values if sure else values.told(model)
-    effects = _findings(made, values, found)
+    effects = _findings(made, values, found, model)
     doubts = doubts or asked.doubts(plain)
     law = unfit_law(made, values.model, plain, least)
     notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain, sure)]
     notes += [*moved(values.estimates, model), *at_bounds(values.estimates, model)]
-    notes += [*short(asked.seen, found.stretches)]
+    stretches = None if made.view.is_map else found.stretches
+    notes += [*short(asked.seen, stretches)]
     unfit = bool(law) and made.verdict == "adequate"  # friction depends on w in another way
     verdict, signals_ = ("unexplained", ("w",)) if unfit else (made.verdict, _signals(made))
     experiment = next_experiment(verdict, signals_, effects, plain, sure)
@@ -104,7 +105,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         verdict=verdict,
         effects=effects,
         depends_on=signals_,
-        experiment=longer(asked.seen, found.stretches, experiment),
+        experiment=longer(asked.seen, stretches, experiment),
         error=None if judged is None else judged.error,
         free_error=None if judged is None else judged.free_error,
         torque_error=_torque_error(made, model),
@@ -247,7 +248,7 @@ def _polished(
 def _offsets(last: LastFit) -> dict[int, float]:
     """What the torque of each run has beside the first, N m."""
     d = last.design
-    runs = np.unique(last.view.motion.run)[1:]
+    runs = last.view.with_offset
     at = [j for j, n in enumerate(d.names) if n == "run"]
     return {int(r): float(last.fit.b[j]) for r, j in zip(runs, at, strict=True)}
 
@@ -280,7 +281,9 @@ def _torque_error(made: Answer, model: Model) -> dict[str, Any]:
     }
 
 
-def _findings(made: Answer, values: ModelValues, found: Comparison) -> tuple[Finding, ...]:
+def _findings(
+    made: Answer, values: ModelValues, found: Comparison, model: Model
+) -> tuple[Finding, ...]:
     """The effects with their values and the alternatives to each."""
 
     def tied(name: str) -> tuple[Candidate, ...]:
@@ -292,7 +295,7 @@ def _findings(made: Answer, values: ModelValues, found: Comparison) -> tuple[Fin
         effects.append(Finding("velocity_sensor_lag", {"time_constant": lag}))
     if made.only_inertia:
         effects.insert(0, Finding(WHOLE_INERTIA, {}, tied(WHOLE_INERTIA)))
-    declared = {p.key for p in made.view.model.effects}
+    declared = {p.key for p in model.effects}
     parts = [p for p in values.model.effects if p.key not in declared]
     for part in parts:
         own = {k: values.estimates[f"{part.key}.{k}"] for k in part.block.own
