@@ -77,25 +77,28 @@ def bounded(
     """
     scale = np.sqrt(np.maximum(np.diag(G), TINY))
     fixed = np.zeros(len(g), bool) if fixed is None else fixed.copy()
-    value = np.where(fixed, np.where(np.isfinite(lower), lower, upper), 0.0)
-    b, released = np.zeros(len(g)), np.zeros(len(g), bool)
-    for _ in range(24 + len(g)):
-        free, at = ~fixed, np.flatnonzero(~fixed)
-        b[fixed] = value[fixed]
+    b = np.clip(0.0, lower, upper)
+    b[fixed] = np.where(np.isfinite(lower), lower, upper)[fixed]
+    for _ in range(24 + 3 * len(g)):
+        at = np.flatnonzero(~fixed)
         own = G[at]
-        b[at] = np.linalg.solve(own[:, at], g[at] - own[:, fixed] @ value[fixed])
-        over = np.maximum(b - upper, lower - b) * scale * free
-        j = int(np.argmax(over))
-        if over[j] > 0:
-            fixed[j], value[j] = True, upper[j] if b[j] > upper[j] else lower[j]
+        best = np.linalg.solve(own[:, at], g[at] - own[:, fixed] @ b[fixed])
+        way, bound = best - b[at], np.where(best > b[at], upper[at], lower[at])
+        over = (best > upper[at]) | (best < lower[at])
+        if over.any():  # as far as the first bound
+            part = np.where(over, (bound - b[at]) / np.where(over, way, 1.0), 1.0)
+            j = int(np.argmin(part))
+            b[at] += part[j] * way
+            b[at[j]], fixed[at[j]] = bound[j], True
             continue
+        b[at] = best
         push = (g - G @ b) / scale
-        push = np.where(value == lower, push, -push)
-        push[free | released] = 0.0
+        push = np.where(b == lower, push, -push) * (lower < upper)
+        push[at] = 0.0
         j = int(np.argmax(push))
         if push[j] <= 1e-9 * np.sqrt(np.abs(g @ b)) + TINY:
             break
-        fixed[j], released[j] = False, True
+        fixed[j] = False
     return b, ~fixed
 
 

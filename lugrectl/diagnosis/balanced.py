@@ -95,7 +95,8 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     law = unfit_law(made, values.model, plain, least)
     notes = [*([law] if law else []), *doubts, *_said(made, judged, why_not, plain, sure)]
     notes += [*moved(values.estimates, model), *at_bounds(values.estimates, model)]
-    notes += [*short(asked.seen, found.stretches)]
+    stretches = None if made.view.is_map else found.stretches
+    notes += [*short(asked.seen, stretches)]
     unfit = bool(law) and made.verdict == "adequate"  # friction depends on w in another way
     verdict, signals_ = ("unexplained", ("w",)) if unfit else (made.verdict, _signals(made))
     experiment = next_experiment(verdict, signals_, effects, plain, sure)
@@ -104,7 +105,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         verdict=verdict,
         effects=effects,
         depends_on=signals_,
-        experiment=longer(asked.seen, found.stretches, experiment),
+        experiment=longer(asked.seen, stretches, experiment),
         error=None if judged is None else judged.error,
         free_error=None if judged is None else judged.free_error,
         torque_error=_torque_error(made, model),
@@ -247,7 +248,7 @@ def _polished(
 def _offsets(last: LastFit) -> dict[int, float]:
     """What the torque of each run has beside the first, N m."""
     d = last.design
-    runs = np.unique(last.view.motion.run)[1:]
+    runs = last.view.with_offset
     at = [j for j, n in enumerate(d.names) if n == "run"]
     return {int(r): float(last.fit.b[j]) for r, j in zip(runs, at, strict=True)}
 

@@ -34,6 +34,8 @@ HELD = (
     "{0} is {1} {2:.6g}{3}, but this log says {4}{3} ({5}): correct the value or its unit, or let "
     "it be fitted."
 )
+CONTRADICTS = "This log contradicts held values: {}."
+WOULD_BE = "{} is held at {:.4g}, but would be {:.4g}"
 COULOMB = {"Fc": ("Coulomb", "N m"), "Fv": ("viscous", "N m s/rad")}
 COMPARE = "Declare another law, or compare them ({})."
 LACKS = "The declared law '{}' has no {} friction, and the log shows {:.3g} {} of it. "
@@ -149,6 +151,18 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
         return found
     found = free if most > HALF else found
     return replace(found, against=tuple(said), hopeless=most > HALF)
+
+
+def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
+    """A sentence for each held value that the same law, fitted to the log, does not have."""
+    keys = sorted(k for k, s in model.stated.items() if s.fixed)
+    free = plain_row(parts, replace(model, stated={})) if keys else Balance()
+    made = []
+    for key in keys:
+        e, value = free.parameters.get(key), model.values()[key]
+        if e is not None and value is not None and not e.may_be(value):
+            made.append(WOULD_BE.format(key, value, e.value))
+    return [CONTRADICTS.format(", ".join(made))] if made else []
 
 
 def _allowed(key: str, e: Estimate, model: Model) -> float | None:

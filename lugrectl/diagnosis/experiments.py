@@ -58,7 +58,7 @@ def next_experiment(
     if verdict == "unexplained":
         known = (said for k, said in ADVICE.items() if k in depends_on)
         return f"To identify the missing effect: {next(known, ADVICE['a'])}."
-    if not sure:
+    if not (sure or plain.is_map):
         return INERTIA
     how = next((c.to_separate for c in plain.combinations if c.to_separate), "")
     return f"{how[0].upper()}{how[1:]}, too." if how else None

@@ -26,7 +26,7 @@ from ..torque_balance.plain import plain_balance
 from .asked import Asked, judged_by
 from .balanced import NO_INERTIA, knows_inertia, ready_of, same_values, simulated
 from .compare_laws import under_law
-from .contradictions import unfit_law
+from .contradictions import contradicted, unfit_law
 from .law_comparison import LawComparison
 from .mapped import judged_on, of_map
 from .moved_values import at_bounds, moved
@@ -181,7 +181,8 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     values = values.beside(plain.combinations)
     values = values if sure else values.told(model)
     law = unfit_law(made, values.model, plain, FLOOR)
-    notes = [*([law] if law else []), *(doubts or asked.doubts(plain))]
+    doubts = doubts or asked.doubts(plain) or contradicted(asked.stretches, model)
+    notes = [*([law] if law else []), *doubts]
     notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
     notes += [NO_INERTIA] if not (why_not or sure or made.view.is_map) else []
     notes += [

@@ -33,6 +33,7 @@ SWINGS = (
     "The torque varies with the angle: {} of friction. Its phase in the runs is unknown, so it is "
     "not part of the model."
 )
+SLOWER = "Record runs slower than {:.3g} {}, too: there friction may fall over the speed."
 NOT_STEADY = "{} is not at a steady speed like the other runs; hold out one that is, or none."
 LOG_ANGLE = (
     "To distinguish {} from {}: log theta from one zero mark in every run, over slow turns in both "
@@ -68,8 +69,12 @@ def of_map(found: Any, made: Answer, asked: Asked) -> Any:
     known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}
     silent = [k for k, p in asked.model.declarations().items() if p.fitted and k not in known]
     values = {k: x for k, x in asked.model.values().items() if k in silent}
+    if values.get("Fs"):  # a declared one stays, but not below Fc
+        values["Fs"] = max(values["Fs"], found.model.friction.values["Fc"])
     friction = 0.01 * view.size
-    said = [MAP.format(len(np.unique(view.motion.run)), ", ".join(silent) or "J")]
+    hidden = [p.key for p in asked.model.effects if p not in view.model.effects]
+    unknown = [k for k in silent if k.rpartition(".")[0] not in hidden] + hidden
+    said = [MAP.format(len(np.unique(view.motion.run)), ", ".join(unknown) or "J")]
     said += _different(made, [log.source for log in asked.logs], unit)
     orders = [f"{n} times per turn by {e.value / friction:.2g} %" for n, e in swing]
     named = {s for t in made.last.state.terms for s in t.block.inputs}
@@ -78,6 +83,9 @@ def of_map(found: Any, made: Answer, asked: Asked) -> Any:
         "error": error, "estimates": known, "map": friction_map(made, asked.model.motion, swing),
         "model": found.model.with_values(values), "messages": (*found.messages, *said),
     }  # fmt: skip
+    if "vs" in silent and getattr(found, "experiment", 0) is None:
+        slow = float(np.abs(view.motion.w).min())
+        made_of["experiment"] = SLOWER.format(slow, unit_for("rad/s", asked.model.motion))
     keys = ("unit", "declared", "refitted", "augmented")
     if not hasattr(found, "torque_error"):
         return replace(found, **made_of | {"error": {k: error[k] for k in error if k != keys[-1]}})
@@ -89,17 +97,16 @@ def of_map(found: Any, made: Answer, asked: Asked) -> Any:
 
 def _error(made: Answer, unit: str) -> dict[str, Any]:
     """Of means over stretches of the held-out runs."""
-    m, rows = made.view.motion, made.view.rows
+    m, last = made.view.motion, made.last
     assert isinstance(m, Nodes)
     test = np.isin(m.row, np.flatnonzero(made.split.test))
-    steps = np.diff(made.last.design.y)[np.diff(m.run[rows.at]) == 0]
     time = [float(np.ptp(m.stamp[m.run == run])) for run in np.unique(m.run)]
     errors = {
         "declared": made.declared_error,
         "refitted": made.without.error,
         "augmented": made.with_names.error,
     }
-    noise = float(np.sqrt(np.mean(steps**2) / 2))
+    noise = made.view.scatter(last.design.y - last.design.X @ last.fit.b)
     floor = min([noise, *(x for x in errors.values() if x is not None)])
     return {
         "signal": "u", "unit": unit, "samples": int(m.size[test].sum()),
@@ -124,15 +131,18 @@ def friction_map(made: Answer, motion: str, swing: Sequence[Swing] = ()) -> Fric
     assert isinstance(view, MapView)
     over_angle = ~_of_speed(d)
     y = d.y - d.X[:, over_angle] @ made.last.fit.b[over_angle]
-    u, many = view.by_run(y), np.bincount(view.apart)
-    error = np.sqrt(np.maximum(view.by_run(y**2) - u**2, 0.0) / np.maximum(many - 1, 1))
-    w = view.by_run(view.motion.w[view.rows.at])
+    test = made.split.test
+    part = np.unique(2 * view.apart + test, return_inverse=True)[1]  # of a run, held out or not
+    many = np.bincount(part)
+    u, square, w, held_out = (
+        np.bincount(part, x) / many for x in (y, y**2, view.motion.w[view.rows.at], 1.0 * test)
+    )
+    error = np.sqrt(np.maximum(square - u**2, 0.0) / np.maximum(many - 1, 1))
     half = np.linspace(np.abs(w).min(), np.abs(w).max(), FINE // 2)
     at = np.concatenate([-half[::-1], half])
     fits = {"refitted": made.refitted or made.last, "augmented": made.trained or made.last}
     curves = {name: _curve(last, at) for name, last in fits.items()}
-    held_out = view.by_run(1.0 * made.split.test) > 0.5
-    return FrictionMap(w, u, error, held_out, at, curves, motion, tuple(swing))
+    return FrictionMap(w, u, error, held_out > 0.5, at, curves, motion, tuple(swing))
 
 
 def _of_speed(design: Design) -> np.ndarray:

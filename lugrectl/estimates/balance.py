@@ -115,8 +115,8 @@ class Balance(Result):
 
     @property
     def said(self) -> tuple[str, ...]:
-        """All sentences: how the logs were read, and what the balance noticed."""
-        return (*self.reading, *self.notes)
+        """All sentences: what makes the log impossible, how it was read, what was noticed."""
+        return (*self.against, *self.reading, *self.notes)
 
     @property
     def why_not(self) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ class Balance(Result):
             rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
-        return [*rows, *noticed((*self.why_not, *self.notes, *self.reading), "said")]
+        return [*rows, *noticed((*self.against, *self.why_not, *self.notes, *self.reading), "said")]
 
 
 def _fields(x: Any, *names: str) -> dict[str, Any]:

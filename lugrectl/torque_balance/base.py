@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from ..blocks.block import unit_for
 from ..blocks.model import Model
-from ..estimates.balance import Balance
+from ..core.errors import Refused
+from ..estimates.balance import Balance, Combination
 from ..record.stretches import Stretch
 from .friction import View
 from .held_out import Split, Unseen
@@ -14,7 +18,7 @@ from .interval import Interval, best_law, other_views
 from .last_fit import LastFit, state_of
 from .plain import plain_balance
 from .table import Table
-from .verdict import Answer, refuse_dead, seen
+from .verdict import COASTS, Answer, refuse_dead, seen
 
 LAW = ("x0", "vs", "z", "size", "force")  # what a table settles of friction
 
@@ -28,18 +32,36 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     if view.backward:
         made = base_row([replace(s, u=-s.u) for s in stretches], model)
         return replace(made, notes=(TURNED, *made.notes))
+    if not np.any(view.motion.u) and model.J is None and not view.is_map:
+        return _per_inertia(stretches, model)
     refuse_dead(view, width)
+    if view.motion.one_way and "Fc" in view.declared:  # as a J that the log does not tell
+        view.model = model.fix("Fc")
     last = settled(view)
     interval = Interval(last)
     V = interval.covariance([other.values for other in other_views(last)])
     return plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
 
 
+def _per_inertia(stretches: Sequence[Stretch], model: Model) -> Balance:
+    """What a drive that coasts tells without its inertia: friction over it."""
+    made = base_row(stretches, replace(model, J=1.0))
+    sums, parts = [], {**made.parameters}
+    for key, unit in (("Fc", "rad/s2"), ("Fv", "1/s")):
+        if key in parts:
+            e, unit = parts[key], unit_for(unit, model.motion)
+            sums.append(Combination(f"{key} / J", e.value, unit, e.ci95, "declare J", {}))
+    if not sums:
+        raise Refused(*COASTS)
+    return replace(made, parameters={}, uncertain={}, combinations=tuple(sums), curve=(), names=(),
+                   covariance=np.zeros((0, 0)), notes=(" ".join(COASTS),))  # fmt: skip
+
+
 def settled(view: View) -> LastFit:
     """The declared model at its best friction law."""
     table = Table(view)
     assert table.scale is not None  # the table has been settled
-    return best_law(view, state_of(table), table.scale, straight=True)
+    return best_law(view, state_of(table).copy(constant=True), table.scale, straight=True)
 
 
 def alone(

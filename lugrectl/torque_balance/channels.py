@@ -94,7 +94,8 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     up, down = scores(best + step), scores(best - step)
     bend = float(np.sum(2 * scores(best) - up - down)) / step**2
     error = WHOLE * np.linalg.norm(up - down) / (2 * step * bend)  # by what the blocks say alone
-    return best, float(error) if bend > 0 else abs(best)
+    error = float(error) if bend > 0 else abs(best)
+    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))  # slower is rest
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:

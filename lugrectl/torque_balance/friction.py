@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,9 +33,10 @@ from .constants import (
     GREASE,
     MOST_BLOCKS,
     NEAR_REST,
+    ONE_SPEED,
     TAIL,
 )
-from .motion import Motion
+from .motion import Motion, one_way
 from .rows import Rows
 
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
@@ -130,6 +132,18 @@ class View:
         self._waves: dict[bytes, np.ndarray] = {}
         self._room, self.settled = ROOM, b""
 
+    @property
+    def values(self) -> int:
+        """How many values the law and the declared effects have to fit."""
+        law = [p for p in self.model.friction.block.own.values() if p.fitted]
+        return len(law) + sum(len(t.b) for t in self.terms)
+
+    @property
+    def several(self) -> bool:
+        """Whether the drive has more than one speed."""
+        slow, fast = np.quantile(self.rows.w, [0.05, 0.95])
+        return bool(fast - slow > ONE_SPEED * self.typical)
+
     def on(self, mask: np.ndarray) -> View:
         """The same motion and law on some of the rows."""
         made = copy(self)
@@ -166,8 +180,15 @@ class View:
 
     @property
     def with_offset(self) -> np.ndarray:
-        """The runs that have an offset of their own beside the first one's."""
-        return np.unique(self.motion.run)[1:]
+        """The runs that have an offset of their own beside the first one's: not where it would be
+        any friction."""
+        return np.unique(self.motion.run)[1:] if not self.runs_apart else np.zeros(0, int)
+
+    @cached_property
+    def runs_apart(self) -> bool:
+        """Whether each run has a direction of its own."""
+        m = self.motion
+        return not m.one_way and all(one_way(m.w[m.run == r], m.top) for r in np.unique(m.run))
 
     @property
     def apart(self) -> np.ndarray | None:

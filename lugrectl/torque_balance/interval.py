@@ -121,6 +121,8 @@ class Interval:
         # every drive has a little of the same kind as what is named
         little = BACKGROUND * d.level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
         own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
+        own += [at["offset"]] if d.constant else []
+        own += [at["Fc"]] if v.runs_apart and not v.is_map else []  # an offset of each would be any
         V[own, own] += little[own] ** 2
         return V
 

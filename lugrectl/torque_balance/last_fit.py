@@ -40,7 +40,9 @@ PART = 0.3  # ... and of itself
 DIP = 2.0  # times all torque: no Stribeck dip is larger
 LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
 NOTHING = 1e-100  # a column without torque
+MOST_TURNS, STAYS = 12, 0.2  # of a fit; holds by which a delay still moves
 RIGID = 1e-3  # of the bristles: as good as none
+CONSTANT = {"constant_torque", "coulomb_asymmetry"}
 NEAR = {"turn": "presliding", "dip": "stribeck"}  # what friction near rest is a part of
 KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
 
@@ -50,7 +52,9 @@ class State:
     """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape.
 
     ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
-    drive has is held to its size. ``absent`` are parts of friction that the law does not have.
+    drive has is held to its size. ``constant``: a constant torque is a term, of any size.
+    ``late`` (s): so much later than logged the torque acts. ``absent`` are parts of friction that
+    the law does not have.
     """
 
     k: dict[str, float]
@@ -59,11 +63,14 @@ class State:
     exponent: float = 2.0
     grease: float = 0.0
     bare: bool = False
+    constant: bool = False
+    late: float = 0.0
     absent: frozenset[str] = frozenset()
 
     def copy(self, **other: Any) -> State:
         made = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        own = {k: getattr(self, k) for k in ("vs", "exponent", "grease", "bare", "absent")}
+        keys = ("vs", "exponent", "grease", "bare", "constant", "late", "absent")
+        own = {k: getattr(self, k) for k in keys}
         return State(**{**made, **own, **other})
 
     def apply(self, view: View) -> None:
@@ -81,6 +88,10 @@ class State:
         view.set_load(self.terms)
         self.dip = dip
 
+    def delayed(self, view: View) -> bool:
+        """Whether the torque may act at any time; at steady speeds it has none."""
+        return not (self.bare or view.is_map)
+
     def bristle(self, view: View) -> float:
         """The length of the bristles, rad; next to none where the law has none."""
         return RIGID * view.x0 if "presliding" in self.absent else view.x0
@@ -95,6 +106,8 @@ class State:
         for name, x in zip(names, b, strict=True):
             if isinstance(name, str):
                 new.k[name] = float(x)
+                if name == "late" and self.delayed(view):
+                    new.late += float(x) * view.longest_hold
             elif isinstance(name[1], int):
                 new.terms[name[0]].b[name[1]] = x
             else:
@@ -142,7 +155,7 @@ class Design:
         self.view, self.state = view, state
         v, m = view, view.motion
         state.apply(v)
-        v.u = m.u
+        v.u = m.later(state.late) if state.late else m.u
         self.inputs: dict[int, np.ndarray] = {}  # torque before each effect on it
         for i, term in enumerate(state.terms):
             if term.on_input and not linear(term.block):
@@ -170,7 +183,9 @@ class Design:
         most = 0.0 if own else 1.0 if self.state.bare else np.inf
         late = v.K @ (v.hold * v.motion.slope(v.motion.held(v.u)))
         free = v.latest if self.state.bare else np.inf
-        add("late", late, sd=1 / Z95, low=-most, high=min(most, free))
+        done = self.state.late / v.longest_hold
+        sd = float(np.hypot(1 / Z95, done))  # a part of a hold, or, seldom, anything
+        add("late", late, sd=sd, low=-most, high=min(most, free), centre=-done)
 
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
@@ -202,11 +217,21 @@ class Design:
                 continue
             x = v.K @ x
             little = BACKGROUND * self.level / (float(np.sqrt(np.mean(x**2))) + 1e-300)
+            if name == "offset" and self.constant:
+                little = np.inf
             most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
             add(name, x, sd=little, low=-most, high=most)
         most = BETWEEN * v.force
         for run in v.with_offset:
             add("run", v.K @ (1.0 * (m.run == run)), BACKGROUND * self.level, -most, most)
+
+    @property
+    def constant(self) -> bool:
+        """Whether a constant torque is a term, and no other is one: in one direction friction is,
+        an asymmetry where both occur."""
+        v, other = self.view, {t.name for t in self.state.terms} & CONSTANT
+        one = v.motion.one_way and "Fc" not in v.model.held()
+        return self.state.constant and not (other or one)
 
     def _effect(self, i: int, term: Term) -> None:
         """Linear columns, and of each other value the slope of the torque over it."""
@@ -247,7 +272,7 @@ def room(term: Term, key: str, step: float) -> float:
 
 
 class LastFit:
-    """A fit at a state, repeated ``turns`` times at what it says.
+    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays.
 
     ``values`` are all that is reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum"
     and "key.parameter" of each effect.
@@ -255,13 +280,16 @@ class LastFit:
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view, self.scale, w = view, scale, None
-        for turn in range(turns):
+        for turn in range(MOST_TURNS):
             d = self.design = Design(view, state)
             self.fit = robust(d.X, d.y, d.prior, self.scale, view.noise, w, 4 if turn == 0 else 2)
             w = self.fit.w
             spread = 1.4826 * float(np.median(np.abs(self.fit.r))) * self.scale
             self.scale = max(scale, spread)
-            if turn < turns - 1:
+            off = abs(self.fit.b[d.names.index("late")]) if state.delayed(view) else 0.0
+            if turn >= turns - 1 and off < STAYS:
+                break
+            if turn < MOST_TURNS - 1:
                 state = state.updated(d.names, self.fit.b, view)
         self.state = state
         self.values = quantities(self.design, self.fit.b)
@@ -334,7 +362,7 @@ def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
     held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
     made = {k: float(at[k]) for k in ("J", "Fc", "Fv", "grease")}
     made |= {"Fs": at["Fc"] + at["dip"], "offset": at.get("offset", 0.0), "late": at["late"]}
-    made["late"] -= v.logged_late / v.longest_hold
+    made["late"] += (state.late - v.logged_late) / v.longest_hold
     made["Fc + constant"] = at["Fc"] + held
     made["sum"] = (
         at["Fc"] + at["dip"] * float(state.fall(np.array(w))) + at["Fv"] * w + held

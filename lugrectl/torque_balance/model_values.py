@@ -101,7 +101,7 @@ def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
     J = own["J"] if v.sure or known.get("J") is None else known["J"]
     level = max(own["Fc"], LEAST * v.force)
     static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
-    Fs = max(own["Fs"], level) if static is None else static * level
+    Fs = max(own["Fs"], level) if static is None else max(static, 1.0) * level
     made = {
         "J": J, "Fc": level, "Fv": max(own["Fv"], 0.0), "Fs": Fs, "vs": known.get("vs", s.vs),
         "delta": known.get("delta", s.exponent), "sigma0": known.get("sigma0") or level / v.x0,

@@ -210,6 +210,12 @@ class SmoothRuns:
         return np.ascontiguousarray(ndimage.convolve1d(X, weights, axis=0, mode="nearest")[::k])
 
 
+def one_way(w: np.ndarray, top: float) -> bool:
+    """Whether speeds (n,) have one direction, but for a fiftieth of them."""
+    forth, back = (np.mean(sign * w > 0.02 * top) for sign in (1, -1))
+    return bool(max(forth, back) > 50 * min(forth, back))
+
+
 class Motion:
     """The smooth motion of a whole log: runs of every rate one after the other, (n,) in all.
 
@@ -277,6 +283,11 @@ class Motion:
             made[at][1:] = 0.5 * (u[at][1:] + u[at][:-1])
         return made
 
+    def later(self, late: float) -> np.ndarray:
+        """The torque (n,) as if it acted so much later (s)."""
+        parts = [np.interp(self.t[at] - late, self.t[at], self.u[at]) for at, _ in self.pieces]
+        return np.concatenate(parts)
+
     def slope(self, x: np.ndarray) -> np.ndarray:
         """dx/dt (n,), piece by piece."""
         return self._each(lambda r, y: r.slope(y), x)
@@ -307,8 +318,7 @@ class Motion:
 
     @cached_property
     def one_way(self) -> bool:
-        forth, back = (np.mean(sign * self.w > 0.02 * self.top) for sign in (1, -1))
-        return bool(max(forth, back) > 50 * min(forth, back))
+        return one_way(self.w, self.top)
 
     @cached_property
     def steady(self) -> bool:

@@ -11,7 +11,7 @@ from ..blocks.model import Model
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
 from ..record.stretches import Stretch
-from .constants import ONE_SPEED, Z95
+from .constants import SCALE, Z95
 from .interval import Interval, Value
 from .last_fit import LastFit
 
@@ -19,12 +19,14 @@ CERTAIN = 0.5  # half-width over value up to which an inertia is given
 BINS = 8  # of speed in each direction, for the friction curve
 PLAIN = 4  # values of a plain law: Fc, Fs, vs, Fv
 UNITS = {"J": "kg m2", "Fc": "N m", "Fv": "N m s/rad", "Fs": "N m", "constant_torque": "N m",
-         "u_delay": "s", "w_lag": "s", "w_offset": "rad/s"}  # fmt: skip
+         "u_delay": "s", "w_lag": "s", "w_offset": "rad/s", "w_gain": "1"}  # fmt: skip
 OTHER_WAY = "record the other direction"
 OTHER_SPEEDS = "record other speeds"
+TAKEN = "{} is taken as declared, {:.6g} {}: this log does not determine it alone."
 NO_J = "J is not determined by this log: that needs faster changes of speed."
 ONE_WAY = "The drive moves in one direction: Fc and a constant torque are one number."
-LATE = "u comes {:.3g} ms late: it acted that long before its rows."
+LATE = "u comes {:.2g} ms late: it acted that long before its rows."
+SCALED = "w is {:.4g} times d theta/dt."
 ABOVE = "w is {:.3g} {} too {}: the drive stands there."
 BACKWARD = (
     "Friction would drive the motion ({:.3g} {} at {:.3g} {}): u has the wrong sign, or a load "
@@ -70,24 +72,25 @@ def _by_plain_names(
     """Values with their covariance under the names of the plain answer."""
     v = last.view
     has = {t.name: t.key for t in last.state.terms}
-    scale = {"late": v.longest_hold}
+    scale = {"u_delay": v.longest_hold}
     names = {"Fc": "Fc", "Fv": "Fv"} | ({} if v.is_map else {"J": "J"})
     if "constant_torque" in has:
-        names[f"{has['constant_torque']}.torque"] = "constant_torque"
-    elif not v.motion.one_way:
-        names["offset"] = "constant_torque"
+        names["constant_torque"] = f"{has['constant_torque']}.torque"
+    elif last.design.constant or not v.motion.one_way and not last.state.constant:
+        names["constant_torque"] = "offset"
     lateness = [t for t in last.state.terms if t.name == "input_delay"]
-    if not v.is_map:
-        names[f"{lateness[0].key}.delay" if lateness else "late"] = "u_delay"
+    if not (v.is_map or any(f"{t.key}.delay" in v.model.held() for t in lateness)):
+        names["u_delay"] = f"{lateness[0].key}.delay" if lateness else "late"
+        scale = {} if lateness else scale
     for term in last.state.terms:
         own = {f"{term.key}.{k}" for k in term.block.own}
-        names |= {k: k for k in interval.names if k in own and k not in names}
-    at = [interval.names.index(k) for k in names]
-    size = np.array([scale.get(k, 1.0) for k in names])
+        names |= {k: k for k in interval.names if k in own}
+    at = [interval.names.index(k) for k in names.values()]
+    size = np.array([scale.get(name, 1.0) for name in names])
     found = {}
-    for (k, name), s in zip(names.items(), size, strict=True):
+    for (name, k), s in zip(names.items(), size, strict=True):
         found[name] = (s * values[k][0], s * values[k][1], s * values[k][2])
-    return found | of_sensors(last), tuple(names.values()), V[np.ix_(at, at)] * np.outer(size, size)
+    return found | of_sensors(last), tuple(names), V[np.ix_(at, at)] * np.outer(size, size)
 
 
 def of_sensors(last: LastFit) -> dict[str, Value]:
@@ -99,7 +102,10 @@ def of_sensors(last: LastFit) -> dict[str, Value]:
     if np.isfinite(s.lag_error):
         made["w_lag"] = (s.lag, s.lag_error)
     if above or s.offset:
-        made["w_offset"] = (s.offset, s.offset_error) if s.offset else (above, error)
+        own = s.offset / s.gain, s.offset_error / s.gain
+        made["w_offset"] = own if s.offset else (above, error)
+    if s.scaled:
+        made["w_gain"] = 1 / s.gain, np.hypot(s.gain_error, SCALE) / s.gain**2
     return {k: (x, x - Z95 * e, x + Z95 * e) for k, (x, e) in made.items()}
 
 
@@ -128,8 +134,7 @@ def _certain(
 ) -> set[str]:
     """Which of J, Fc and Fv are an answer alone."""
     v, w = last.view, last.view.typical
-    slow, fast = np.quantile(v.rows.w, [0.05, 0.95])
-    several = fast - slow > ONE_SPEED * w  # at one speed only the sum is known
+    several = v.several  # at one speed only the sum is known
     level = abs(values["sum"][0]) + 1e-300
 
     def wide(name: str) -> float:
@@ -150,6 +155,8 @@ def _sums(last: LastFit, values: Mapping[str, Value], certain: set[str]) -> list
     """What is certain together: in one direction Fc and a constant, at one speed all friction."""
     v, made = last.view, []
     unit = unit_for("N m", v.model.motion)
+    if v.motion.one_way and "Fc" in v.model.held():
+        return made
     if v.motion.one_way and "Fv" in certain:
         x = values["Fc + constant"]
         parts = {"Fc": 1.0, "constant_torque": 1.0}
@@ -194,7 +201,7 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
 def _left(last: LastFit) -> float:
     d = last.design
     r = d.y - d.X @ last.fit.b
-    return float(np.sqrt(np.mean(r**2)) / (np.sqrt(np.mean(d.y**2)) + 1e-300))
+    return float(np.sqrt(np.mean(r**2))) / last.view.force
 
 
 def _residual(last: LastFit) -> Residual:
@@ -209,13 +216,20 @@ def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: 
     v, made = last.view, []
     if v.logged_late:
         made.append(LATE.format(-1e3 * values["late"][0] * v.longest_hold))
-    if above := v.w_above[0]:
+    own = of_sensors(last)
+    if above := own.get("w_offset", (0.0,))[0]:
         unit = unit_for("rad/s", v.model.motion)
         made.append(ABOVE.format(abs(above), unit, "high" if above > 0 else "low"))
+    if "w_gain" in own:
+        made.append(SCALED.format(own["w_gain"][0]))
+    known, taken = v.declared, []
     if not sure or "J" not in certain:
-        made.append(NO_J)
+        taken += ["J"] if known.get("J") and not v.is_map else []
+        made += [] if taken else [NO_J]
     if v.motion.one_way:
-        made.append(ONE_WAY)
+        taken += ["Fc"] if "Fc" in v.model.held() else []
+        made += [] if "Fc" in taken else [ONE_WAY]
+    made += [TAKEN.format(k, known[k], v.model.unit(k)) for k in taken]
     if values["sum"][2] < 0 and not v.motion.one_way:
         torque, speed = (unit_for(u, v.model.motion) for u in ("N m", "rad/s"))
         made.append(BACKWARD.format(values["sum"][0], torque, v.typical, speed))

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from ..core.errors import Refused
 from ..core.regression import NU
-from .constants import FAR_W, VERY_LATE
+from .constants import FAR_W, SCALE, VERY_LATE
 from .numerics import local_noise, slope
 from .samples import Samples, joined
 
@@ -27,8 +27,8 @@ class Sensors:
 
     ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
     ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
-    encoder, late, and where it is too late to say more. ``lag`` (s) and ``offset`` (rad/s) with
-    their standard errors, and ``gain``, are those of
+    encoder, late, and where it is too late to say more. ``lag`` (s), ``offset`` (rad/s) and
+    ``gain``, with their standard errors, are those of
 
         dtheta/dt = gain w(t + lag) - offset
     """
@@ -36,7 +36,7 @@ class Sensors:
     def __init__(self, samples: Samples) -> None:
         self.samples, self.theta, self.w = samples, samples.theta, samples.w
         self.lag, self.lag_error, self.gain = 0.0, np.inf, 1.0
-        self.offset = self.offset_error = 0.0
+        self.offset = self.offset_error = self.gain_error = 0.0
         if not samples.moves:
             raise Refused("nothing moves.", "Record a motion that starts, stops and reverses.")
         self.count = samples.count
@@ -79,6 +79,11 @@ class Sensors:
     @property
     def late(self) -> bool:
         return abs(self.lag) > max(LEAST_LATE, 4 * self.lag_error)
+
+    @property
+    def scaled(self) -> bool:
+        """Whether w is another multiple of the speed than sensors are uncertain by."""
+        return abs(self.gain - 1) > SCALE + 4 * self.gain_error
 
     def _compare(self) -> None:
         """The lag of w, and whether w says more than theta does."""
@@ -137,7 +142,7 @@ class Sensors:
         X = np.column_stack(columns)
         information = X.T @ (X * weights[:, None])
         error = np.sqrt(2 * np.diag(np.linalg.pinv(information))) * scale
-        self.lag_error, self.offset_error = float(error[1]), float(error[2])
+        self.gain_error, self.lag_error, self.offset_error = error.tolist()
         self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > FAR_W:  # so late is no filter of one kind
             self.lag_error = max(self.lag_error, 0.03 * abs(self.lag))
@@ -147,7 +152,7 @@ class Sensors:
         """w without its lag; ``left`` is the noise of a sample that the misfit means."""
         assert self.w is not None
         dt, late = self.samples.dt, self.late
-        self.w = self.w - self.offset
+        self.w = (self.gain if self.scaled else 1.0) * self.w - self.offset
         if shift:
             self.w = self._moved(shift)
         elif late:

@@ -31,7 +31,7 @@ def inertia_range(found: Range, model: Model) -> Range:
     """Where J lies: where it was found, and as it is stated."""
     one, J = model.stated.get("J", Stated()), model.J
     if one.fixed and J is not None:
-        return J * (1 - SURE), J * (1 + SURE)
+        return J, J
     if not one.bounded:
         return found
     low, high = (0.0, np.inf) if found is None else found

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..blocks.block import members
+from ..blocks.block import members, unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
@@ -46,7 +46,14 @@ NO_GAIN = (
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
 MOST_STRUCK = 2  # names that may be struck: after more, none has ever been right
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
-COAST = "Record the torque; of a drive that coasts, declare J."
+COASTS = (
+    "u is constant in every row: the torque channel is dead, or the drive coasts.",
+    "Record the torque; of a drive that coasts, declare J.",
+)
+ONE_TORQUE = "u has one value in each direction ({}): with that, any inertia explains the motion."
+TWO = "Record two or more torques in one direction, or declare J."
+UNTESTED = "the model has as many values as there are runs: nothing can be tested."
+MORE_SPEEDS = "Record runs at more speeds."
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
 FOLLOWS = "u follows the motion, or has the wrong sign."
 AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
@@ -155,13 +162,27 @@ def refuse_dead(view: View, width: Width | Still) -> None:
     """Refused where the torque has nothing to do with the motion."""
     coasts = np.ptp(view.motion.u) == 0 and not view.is_map
     if coasts and (not view.declared.get("J") or unlike_friction(view)):
-        raise Refused("u is constant in every row: the torque channel is dead.", COAST)
+        raise Refused(*COASTS)
+    if view.several and not (view.is_map or view.declared.get("J")) and one_torque(view):
+        m, at, unit = view.motion, view.rows.at, unit_for("N m", view.model.motion)
+        ways = [m.u[at[side * m.w[at] > 0]] for side in (1, -1)]
+        values = [f"{np.median(u):.3g} {unit}" for u in ways if len(u)]
+        raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
     if view.backward:
         raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
     if width.against:
         raise Refused(AGAINST, COMMANDED)
     if width.impossible and not view.declared.get("J"):
         raise Refused(NEGATIVE, COMMANDED)
+
+
+def one_torque(view: View) -> bool:
+    """Whether the direction alone tells the torque: an acceleration, which is measured with errors,
+    explains nothing beside it, and J = Fv = 0 would be the best fit of any drive."""
+    w, y = view.motion.w, view.torque(view.motion.u)
+    X = view.K @ np.column_stack([w > 0, w < 0])
+    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    return bool(np.mean(r**2) < FLOOR**2 * np.mean(y**2))
 
 
 def unlike_friction(view: View) -> bool:
@@ -187,6 +208,8 @@ def answer(
     refuse_dead(view, width)
     if not view.is_map and view.motion.duration < 2 * FEWEST_BLOCKS * view.rows.h:
         raise Refused(TOO_SHORT.format(FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
+    if view.is_map and view.values >= len(np.unique(view.motion.run)):
+        raise Refused(UNTESTED, MORE_SPEEDS)
     split = Split.of(few, held_out)
     train, test = few.on(split.train), few.on(split.test)
     decision = Decision(train, width, (), least, alpha)
@@ -434,7 +457,7 @@ class _Judge:
     def _plain(self, last: LastFit) -> LastFit:
         """The declared model alone, fitted to all rows."""
         declared = [t.copy() for t in last.state.terms if t.declared]
-        state = last.state.copy(terms=declared, absent=self.absent)
+        state = last.state.copy(terms=declared, absent=self.absent, constant=True)
         return best_law(self.view, state, last.scale, straight=True)
 
     def _declared_error(self, last: LastFit) -> float | None:

@@ -37,7 +37,7 @@ def test_bounded_finds_the_least_squares_within_the_bounds(seed: int) -> None:
     assert np.all((b == low)[~free] | (b == high)[~free])
 
 
-@pytest.mark.parametrize("seed", range(7))
+@pytest.mark.parametrize("seed", range(8))
 def test_bounded_does_not_depend_on_the_states_from_which_it_starts(seed: int) -> None:
     X, y, low, high = problem(seed)
     b, free = bounded(X.T @ X, X.T @ y, low, high)

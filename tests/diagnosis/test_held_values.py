@@ -141,6 +141,8 @@ def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
     assert said["parameters"]["J"]["held"] is True and said["model"]["plant"] == {"J": 2.2e-3}
     assert said["model"]["stated"] == {"J": {"fixed": True}}
     assert "held" in str(found) and found.model.held() == {"J"}
+    said = [m for m in found.messages if "contradicts held values" in m]
+    assert len(said) == 1 and "J is held at 0.0022, but would be 0.00" in said[0]
 
 
 def test_everything_may_be_held(log):
@@ -190,3 +192,11 @@ def test_a_map_of_runs_at_steady_speed_honours_them_too():
     free = lg.Model.of(friction="coulomb", Fc=0.21, Fv=0.02)
     said = " ".join(lg.identify(runs_at_steady_speed(), free).messages)
     assert "Fc is 0.2" in said and "declared 0.21 N m" in said
+
+
+def test_a_map_with_stiction_declared_below_friction_is_answered():
+    model = lg.Model.of(friction="stribeck", Fc=0.2, Fs=0.15, Fv=0.02, vs=0.5)
+    found = lg.identify(runs_at_steady_speed(), model)
+    values = found.model.values()
+    assert values["Fs"] >= values["Fc"] and values["Fc"] == pytest.approx(0.2, rel=0.1)
+    assert any("Fs = 0.15 is below Fc" in m for m in found.messages)

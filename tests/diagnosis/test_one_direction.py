@@ -100,3 +100,14 @@ def test_what_never_shows_is_marked_in_the_model_file(spindle):
     lines = {line.split(" =")[0]: line for line in toml_of(found, None).splitlines()}
     assert lines["Fc"].endswith(f"only {SUM}") and "std" in lines["Fv"]
     assert lines["Fs"].endswith("not determined") and lines["vs"].endswith("not determined")
+
+
+def test_runs_in_one_direction_each_show_both_together():
+    forward = log(4.0)
+    u = -forward["u"]
+    theta, _ = simulate(u, DT, w0=-20.0, load=lambda theta, w: LOAD)
+    backward = forward | {"u": u, "theta": theta}
+    plain = balance([forward, backward], declared())
+    assert plain.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
+    fitted = identify([forward, backward], declared()).estimates
+    assert fitted["Fc"].may_be(FC)

@@ -130,6 +130,9 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(one_way, capsys, out, 
 def test_the_balance_alone_in_python(one_way):
     found = lg.balance("run.csv")
     assert "J" in found.parameters and "Plain torque balance" in repr(found)
+    known = lg.balance("run.csv", lg.Model.of(Fc=FC))
+    low, high = known.parameters["constant_torque"].ci95
+    assert low <= 0.0 <= high and "Fc is taken as declared" in " ".join(known.notes)
 
 
 def test_the_log_is_read_once_and_answered_once(one_way):

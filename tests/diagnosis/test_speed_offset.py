@@ -21,6 +21,7 @@ def logged(offset, seed=3):
 @pytest.mark.parametrize("offset", [0.5, -0.2])
 def test_nothing_is_missing_beside_a_speed_with_an_offset(offset):
     found = lg.diagnose(logged(offset), MODEL)
+    assert found.plain.parameters["w_offset"].value == pytest.approx(offset, abs=0.05)
     assert found.verdict == "adequate"
 
 
@@ -28,4 +29,5 @@ def test_a_speed_beside_an_angle_is_left_to_their_comparison():
     log = columns("w", seconds=12.0)
     log["w"] = log["w"] + 0.3
     found = lg.diagnose(log, MODEL)
+    assert found.plain.parameters["w_offset"].value == pytest.approx(0.3, abs=0.02)
     assert found.verdict == "adequate"

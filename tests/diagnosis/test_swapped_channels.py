@@ -36,3 +36,8 @@ def test_a_torque_of_either_sign_in_its_own_column_is_not(sign, roles):
     found = plain(given | {"u": sign * given["u"]})
     assert not any("swapped" in said for said in found.said)
     assert bool(found.refused) == (sign < 0)
+
+
+def test_torque_and_speed_exchanged_are_said_to_be_before_all_else():
+    found = plain(log(u="w", w="u"))
+    assert found.said[0].startswith(SAYS.format("w"))

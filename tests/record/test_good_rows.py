@@ -23,7 +23,7 @@ def test_rests_without_torque_and_peaks_at_breakaway_stay(seed):
     assert not [s for s in said if s.startswith("u ")]
 
 
-@pytest.mark.parametrize("seed", [4])
+@pytest.mark.parametrize("seed", [4, 5])
 def test_the_torque_of_a_reversal_stays_and_shows_the_inertia(seed):
     drawn, found, said = plain("slow_scan", seed)
     assert not [s for s in said if s.startswith("u ")]

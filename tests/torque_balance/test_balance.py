@@ -9,7 +9,7 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.balance_drive import FC, FV, J, log_of, recorded
+from ..cases.balance_drive import FC, FV, J, log_of, recorded, simulate, torque
 
 MODEL, DT = lg.Model.of(), 2e-3
 
@@ -65,7 +65,7 @@ def test_the_covariance_belongs_to_the_intervals(plain):
     assert plain.values()["J"] == plain.parameters["J"].value
 
 
-@pytest.mark.parametrize("samples", [-5, 5])
+@pytest.mark.parametrize("samples", [-5, 15])
 def test_a_late_torque_is_a_delay_and_leaves_the_friction_right(log, samples):
     u = np.roll(log["u"], -samples)[20:-20]
     found = lg.balance(log_of(u, DT, log["theta"][20:-20]), MODEL)
@@ -101,3 +101,21 @@ def test_runs_of_different_rates_are_one_data_set():
 
 def test_a_sound_record_has_no_notes(plain):
     assert plain.said == ()
+
+
+def test_a_speed_with_gain_and_offset_is_noticed(log):
+    u = torque(10.0, 2e-3)
+    _, w = simulate(u, 2e-3)
+    rng = np.random.default_rng(1)
+    off = 1.08 * w + 0.4 + 0.01 * rng.standard_normal(len(w))
+    found = lg.balance(log | {"w": off}, MODEL)
+    assert found.parameters["w_gain"].value == pytest.approx(1.08, abs=0.004)
+    assert found.parameters["w_offset"].value == pytest.approx(0.4, abs=0.01)
+    assert any("1.077 times" in note for note in found.notes)
+    assert inside(found.parameters["Fc"], FC)
+
+
+def test_a_late_torque_is_said_with_its_time(log):
+    found = lg.balance(log_of(np.roll(log["u"], 5)[20:-20], DT, log["theta"][20:-20]), MODEL)
+    note = [n for n in found.notes if n.startswith("u comes")]
+    assert note and "10 ms late" in note[0]

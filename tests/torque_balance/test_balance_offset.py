@@ -1,10 +1,12 @@
 """A speed that is off at rest, a torque that hardly changes, and sums that say nothing."""
 
 import numpy as np
+import pytest
 
 import lugrectl as lg
 
 from ..cases.balance_drive import FC, FV, J, log_of, simulate, torque
+from ..cases.faulty_logs import columns, late
 
 MODEL = lg.Model.of(friction="coulomb")
 DT = 2e-3
@@ -16,6 +18,11 @@ def answered(offset, seconds=10.0):
     _, w = simulate(u, DT)
     noise = np.random.default_rng(3).normal(0.0, 0.02, len(u))
     return lg.balance(log_of(u, DT, w=w + noise + offset), MODEL)
+
+
+@pytest.fixture(scope="module")
+def shifted():
+    return answered(0.5)
 
 
 def test_a_true_speed_has_no_offset():
@@ -52,3 +59,22 @@ def test_a_delay_from_few_changes_of_torque_is_not_certain():
     found = lg.balance(log_of(np.roll(u, 4), dt, w=w), MODEL)
     delay = found.parameters.get("u_delay")
     assert delay is None or abs(delay.value) < dt
+
+
+@pytest.mark.parametrize(
+    "key, truth", [("J", J), ("Fc", FC), ("Fv", FV), ("w_offset", 0.5), ("constant_torque", 0.0)]
+)
+def test_an_offset_of_the_speed_is_no_torque(shifted, key, truth):
+    low, high = shifted.parameters[key].ci95
+    assert low <= truth <= high
+    assert any("rad/s too high" in note for note in shifted.notes)
+
+
+@pytest.mark.parametrize("rows", [15, 25])
+def test_a_delay_from_many_changes_of_torque_is_certain_however_slow_the_residual(rows):
+    """A slow unknown torque is remembered for long; the torque still changes as often."""
+    log = late(rows)(columns(seed=5))
+    log["u"] += 0.01 * np.sin(2.1 * log["t"])
+    found = lg.balance(log, MODEL)
+    assert found.parameters["u_delay"].value == pytest.approx(-rows * DT, abs=1e-3)
+    assert found.parameters["J"].value == pytest.approx(J, rel=0.01)

@@ -201,3 +201,16 @@ def test_what_is_left_out_for_being_small_counts_in_intervals():
     assert effect.name == "viscous_asymmetry"
     assert effect.parameters["ratio"].may_be(0.08 / 1.04)
     assert found.plain.parameters["constant_torque"].may_be(0.012)
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("way", ["last", "run"])
+def test_other_ways_to_hold_out(way):
+    made, runs, model, _ = case("constant_torque", 21)
+    if way == "last":
+        found = lg.diagnose(runs, model, holdout="last")
+        assert found.map.held_out.sum() == len(runs) == len(found.map.w) // 2
+    else:
+        found = lg.diagnose(runs[:3] + runs[4:], model, holdout=runs[3])
+        assert found.map.held_out.tolist() == [False] * (len(runs) - 1) + [True]
+    assert [e.name for e in found.effects] == ["constant_torque"]

@@ -24,6 +24,7 @@ def test_a_fall_below_the_slowest_run_stays_open():
     found = lg.diagnose(steady(np.linspace(8.0, 30.0, 5), fall=FS - FC), STRIBECK)
     assert found.verdict == "adequate"
     assert not any(k in found.estimates and found.estimates[k].ci95 for k in ("Fs", "vs"))
+    assert "slower than 8 rad/s" in found.experiment
     low, high = found.estimates["Fc"].ci95
     assert low < FC < high
 
@@ -73,3 +74,10 @@ def test_without_its_fall_the_law_has_any_coulomb_friction():
     assert found.effects[0].parameters["coefficient"].value == pytest.approx(8e-4, rel=0.02)
     assert found.estimates["Fc"].value == pytest.approx(FC, rel=0.02)
     assert "Fs" not in found.estimates
+
+
+def test_as_many_values_as_runs_test_nothing():
+    runs = steady([2.0, 8.0, 30.0])[:4]
+    found = lg.diagnose(runs, STRIBECK)
+    assert found.verdict == "refused" and "nothing can be tested" in found.reason
+    assert "more speeds" in found.experiment and found.plain.is_map
