@@ -50,7 +50,6 @@ ALPHA = 0.01  # chance that a gain, or a difference of two, is called proven and
 FLOOR = 0.015  # of friction: the least torque that is worth a name; twice for an unknown one
 LATE_FLOOR = 0.33  # times the floor, for a delay of 1 ms or more beyond the free one
 SCREEN = 4.0  # nats that a contender must promise before it is entered and scored
-SETTLES = 9  # reweightings of a fit with a row: what it explains of few samples is no outlier
 WAVES_AT_ONCE = 6  # waves over the angle that one ripple may have
 PERIODS = 6  # that a disturbance must have in the record
 MAIN_WAVE = 0.1  # of the power of all torque: a wave above it may have others beside it

@@ -16,7 +16,7 @@ import numpy as np
 from ..blocks.block import Block
 from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
 from .columns import linear
-from .constants import ALPHA, GROWN, SCREEN, SETTLES
+from .constants import ALPHA, GROWN, SCREEN
 from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
@@ -260,7 +260,7 @@ class Table:
         X, y, prior = c.added(v, self.X, self.y, self.prior)
         if c.inertial or c.u is not None:  # another torque has another inertia
             prior = prior.but(0, low=0.0, high=np.inf)
-        fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=SETTLES)
+        fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=4)
         c.fit, c.X, c.y, c.full = fit, X, y, prior
         c.b = fit.b[len(self.prior) :]
         c.J = float(fit.b[0]) + (self._inertia_of(c) if c.inertial else 0.0)

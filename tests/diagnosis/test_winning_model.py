@@ -75,12 +75,3 @@ def test_the_joint_distribution_is_that_of_the_intervals(noisy):
     assert 2 * 1.96 * np.sqrt(noisy.joint.matrix[i, i]) == pytest.approx(high - low)
     drawn = noisy.sample(2000, seed=0)["J"]
     assert np.std(drawn) == pytest.approx((high - low) / 3.92, rel=0.1)
-
-
-def test_friction_by_direction_is_named_before_an_offset():
-    """While the drive slides the two are one by algebra: either may be meant."""
-    found = lg.diagnose(drive(seconds=24.0), model())
-    assert [e.name for e in found.effects] == ["coulomb_asymmetry"]
-    assert {a.name for a in found.effects[0].alternatives} <= {"constant_torque"}
-    assert found.effects[0].parameters["ratio"].value == pytest.approx(0.24, rel=0.01)
-    assert found.model.J == pytest.approx(J, rel=2e-3)
