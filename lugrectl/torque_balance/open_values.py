@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..blocks.block import Block
 from .columns import linear, searched
 from .friction import Term, View
@@ -19,11 +21,19 @@ def find_open(view: View, sure: bool) -> None:
         never, own = frozenset[str](), {term.name}
         rows = Search(table, sure, never, {}, only=own).rows()
         found = rows[0].q if rows else {}
-        usual = {k: term.block.own[k].value for k in _missing(term)}
+        usual = {k: _usual(term.block, k, view) for k in _missing(term)}
         term.q = usual | {k: x for k, x in found.items() if k in usual} | term.q
         if rows and rows[0].C is not None and not term.b.any():
             term.b = rows[0].b[: len(linear(term.block))].copy()
         view.terms = [*view.terms, term]
+
+
+def _usual(block: Block, key: str, view: View) -> float:
+    """The value of a declaration; of an instant the middle of the log: at its ends an event is
+    none."""
+    p = block.own[key]
+    instant = p.unit == "s" and p.low < 0.0
+    return float(np.median(view.motion.t)) if instant else float(p.value or 0.0)
 
 
 def _missing(term: Term) -> list[str]:

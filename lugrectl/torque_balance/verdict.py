@@ -55,7 +55,7 @@ TWO = "Record two or more torques in one direction, or declare J."
 UNTESTED = "the model has as many values as there are runs: nothing can be tested."
 MORE_SPEEDS = "Record runs at more speeds."
 OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
-FOLLOWS = "u follows the motion, or has the wrong sign."
+FOLLOWS = "u follows the motion, or has the wrong sign: give {}."
 AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
 NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
 COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
@@ -170,10 +170,10 @@ def refuse_dead(view: View, width: Width | Still) -> None:
         raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
     if view.backward:
         raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
-    if width.against:
-        raise Refused(AGAINST, COMMANDED)
+    if width.against and not coasts:
+        raise Refused(AGAINST.format(option("scale", "u=-1")), COMMANDED)
     if width.impossible and not view.declared.get("J"):
-        raise Refused(NEGATIVE, COMMANDED)
+        raise Refused(NEGATIVE.format(option("scale", "u=-1")), COMMANDED)
 
 
 def one_torque(view: View) -> bool:

@@ -25,7 +25,7 @@ def test_a_refusal_names_the_option_and_claims_no_change(turned):
     no = diagnose(turned, DECLARED)
     assert no.verdict == "refused" and 'wrong sign: give scale="u=-1"' in no.reason
     assert "was changed" not in " ".join(no.messages)
-    assert text(no).count("wrong sign") == 1
+    assert "other sign" in text(no)  # whose values the plain answer has
 
 
 def test_a_fit_is_refused_too_and_the_plain_answer_is_that_of_the_other_sign(turned):
