@@ -14,6 +14,7 @@ import numpy as np
 from ..blocks.block import members
 from ..core.regression import Prior, paired
 from .constants import (
+    ALIKE,
     ALPHA,
     FAR,
     FLOOR,
@@ -113,8 +114,7 @@ class Decision:
             return
         if self.width.heavy or self._beside_the_likeliest(weight):
             rivals = (c for c in self.named if c.name in ("constant_torque", "return_spring"))
-            alike = [c.name for c in rivals if c.gain > 0.97 * weight.gain
-                     or not self.better(weight, c, least=0.0)]  # fmt: skip
+            alike = [c.name for c in rivals if self.alike(weight, c)]
             self._join(np.inf)
             self.heavy = {WEIGHT: alike} if alike else {}
 
@@ -158,6 +158,10 @@ class Decision:
         gain, error = paired(a.e, b.e)
         return gain > max(errors_of(self.alpha) * error, least)
 
+    def alike(self, c: Contender, other: Contender) -> bool:
+        """Whether another explains as much: rows near rest, where any law is wrong, prove none."""
+        return other.gain > ALIKE * c.gain or not self.better(c, other)
+
     # ---- the verdict
     def decide(self, banned: Collection[str]) -> None:
         """From the table without the banned names: the best, its rivals, what stands beside it."""
@@ -182,7 +186,7 @@ class Decision:
 
     def _among(self, c: Contender, others: Sequence[Contender]) -> None:
         """What explains as much as c stands beside it as its alternatives."""
-        alike = [o.name for o in others if o.gain > RIVAL * c.gain and not self.better(c, o)]
+        alike = [o.name for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)]
         if alike:
             self.alternatives[c.name], self.verdict = alike[:3], "ambiguous"
 

@@ -11,7 +11,7 @@ from ..blocks.model import Model
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
 from ..record.stretches import Stretch
-from .constants import SCALE, Z95
+from .constants import FAR_W, SCALE, Z95
 from .interval import Interval, Value
 from .last_fit import LastFit
 
@@ -104,7 +104,7 @@ def of_sensors(last: LastFit) -> dict[str, Value]:
     if above or s.offset:
         own = s.offset / s.gain, s.offset_error / s.gain
         made["w_offset"] = own if s.offset else (above, error)
-    if s.scaled:
+    if s.scaled and abs(s.lag) <= FAR_W:  # a later one is only shifted
         made["w_gain"] = 1 / s.gain, np.hypot(s.gain_error, SCALE) / s.gain**2
     return {k: (x, x - Z95 * e, x + Z95 * e) for k, (x, e) in made.items()}
 

@@ -16,12 +16,12 @@ ALL = (0.85, 0.9, 0.95, 0.975, 1.0, 1.025, 1.05, 1.1)  # shares, for a drive tha
 
 
 def declared(truth, random):
-    """What is known of a drive beside its log: presliding and Stribeck's speed, more or less."""
+    """What is known of a drive beside its log: presliding and Stribeck's curve, more or less."""
     values = {k: truth[k] * np.exp(s * random.normal()) for k, s in SPREAD.items()}
     return lg.Model.of(**{k: {"value": v, "std": SPREAD[k] * v} for k, v in values.items()})
 
 
-SPREAD = {"sigma0": 0.3, "sigma1": 0.4, "vs": 0.4}
+SPREAD = {"sigma0": 0.3, "sigma1": 0.4, "vs": 0.4, "Fs": 0.1}
 
 
 @pytest.fixture(scope="module")

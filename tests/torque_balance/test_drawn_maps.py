@@ -175,8 +175,10 @@ def test_the_screw_drive_carries_its_load(law, names):
     runs = [lg.read_record(f, **read) for f in files]
     model = model_from_dict({"friction": {"model": law}}, "screw")
     found = lg.diagnose(runs, model)
-    assert found.verdict == "found" and [e.name for e in found.effects] == names
-    assert found.error["augmented"] < 0.2 * found.error["refitted"]
+    assert found.verdict in ("found", "ambiguous")  # an asymmetry does the same in a map
+    assert [e.name for e in found.effects] == names
+    assert found.error["augmented"] < found.error["refitted"] / 3
+    assert found.error["augmented"] < 1.05 * found.error["noise_floor"]
     load = 0.096 * 9.81 * 2e-3 / (2.0 * np.pi)
     assert load < found.effects[0].parameters["torque"].value < 1.5 * load
     assert [order for order, _ in found.map.swing][:3] == [1, 2, 3]
