@@ -46,9 +46,7 @@ def close(result, case):
 def test_a_hidden_effect_is_named(name):
     case = make(name, machine="joint", excitation="rich", seed=4001, **SHORT)
     result, names = verdict(case)
-    if (
-        name == "coulomb_asymmetry" and result.verdict == "ambiguous"
-    ):
+    if name == "coulomb_asymmetry" and result.verdict == "ambiguous":
         assert name in {*names, *(a.name for a in result.effects[0].alternatives)}
         return
     assert (result.verdict, names) == ("found", [name])
