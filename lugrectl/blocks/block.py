@@ -101,6 +101,11 @@ class P:
     usual: bool = False
     smooths: bool = False
 
+    @property
+    def instant(self) -> bool:
+        """Whether it is a time of the log, before its start too, and no duration."""
+        return self.unit == "s" and self.low < 0.0
+
 
 @dataclass(frozen=True, repr=False)
 class Block(Shown):

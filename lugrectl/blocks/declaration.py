@@ -304,10 +304,7 @@ def block(
         ``exact(u, dt, **values)`` of an input effect on a held input: the mean of its output
         over each cell.
     tries : callable
-        ``tries(log, values)``: complete sets of its parameters to try on a friction map (runs at
-        steady speed), if a linear step from the neutral value cannot find them. ``values`` holds
-        the plant's parameters; a set may contain plant parameters too, which are then changed
-        with it.
+        Accepted for blocks that give one, and not read: the search spreads its own values.
     start : str
         For each state the input to which it is equal in equilibrium, or 0; default all 0.
     load : bool

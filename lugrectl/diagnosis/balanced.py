@@ -21,7 +21,7 @@ from ..estimates.comparison import Comparison
 from ..estimates.findings import Candidate, Estimate, Finding
 from ..estimates.members import Belief
 from ..record import Record
-from ..torque_balance.budget import comparison, signals
+from ..torque_balance.budget import comparison, refuse_unjudged, signals
 from ..torque_balance.last_fit import LastFit
 from ..torque_balance.maps import is_map
 from ..torque_balance.model_values import (
@@ -79,6 +79,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
     made = answer(parts, model, held_out, least, alpha)
     values = model_values(made.last, made.interval, made.values, made.covariance, model, made.parts)
     found = comparison(made, least, alpha)
+    refuse_unjudged(found)
     report(0.6, "errors on held-out samples")
     plain = plain_balance(
         made.last, made.interval, made.values, made.covariance, made.sure, asked.stretches

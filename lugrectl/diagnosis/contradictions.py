@@ -16,7 +16,7 @@ from ..core.display import with_interval
 from ..core.errors import Refused
 from ..core.option_names import option
 from ..estimates.balance import LEVELS, Balance
-from ..estimates.findings import Estimate
+from ..estimates.findings import AGAINST_HELD, Estimate
 from ..record import Stretch
 from ..torque_balance.base import base_row
 from ..torque_balance.maps import is_map
@@ -34,7 +34,6 @@ HELD = (
     "{0} is {1} {2:.6g}{3}, but this log says {4}{3} ({5}): correct the value or its unit, or let "
     "it be fitted."
 )
-CONTRADICTS = "This log contradicts held values: {}."
 WOULD_BE = "{} is held at {:.4g}, but would be {:.4g}"
 COULOMB = {"Fc": ("Coulomb", "N m"), "Fv": ("viscous", "N m s/rad")}
 COMPARE = "Declare another law, or compare them ({})."
@@ -162,7 +161,7 @@ def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
         e, value = free.parameters.get(key), model.values()[key]
         if e is not None and value is not None and not e.may_be(value):
             made.append(WOULD_BE.format(key, value, e.value))
-    return [CONTRADICTS.format(", ".join(made))] if made else []
+    return [f"{AGAINST_HELD}: {', '.join(made)}."] if made else []
 
 
 def _allowed(key: str, e: Estimate, model: Model) -> float | None:

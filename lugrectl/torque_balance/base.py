@@ -20,15 +20,13 @@ from .plain import plain_balance
 from .table import Table
 from .verdict import COASTS, Answer, refuse_dead, seen
 
-LAW = ("x0", "vs", "z", "size", "force")  # what a table settles of friction
-
 TURNED = "u has the wrong sign: it opposes the motion. These values are those of -u."
 
 
 def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     """The plain answer: what the declared model leaves free, by one regression; Refused where
     nothing moves, or the torque has nothing to do with the motion."""
-    view, _, width = seen(stretches, model)
+    view, _, width, table = seen(stretches, model)
     if view.backward:
         made = base_row([replace(s, u=-s.u) for s in stretches], model)
         return replace(made, notes=(TURNED, *made.notes))
@@ -37,7 +35,7 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     refuse_dead(view, width)
     if view.motion.one_way and "Fc" in view.declared:  # as a J that the log does not tell
         view.model = model.fix("Fc")
-    last = settled(view)
+    last = settled(view, table)
     interval = Interval(last)
     V = interval.covariance([other.values for other in other_views(last)])
     return plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
@@ -46,7 +44,7 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
 def _per_inertia(stretches: Sequence[Stretch], model: Model) -> Balance:
     """What a drive that coasts tells without its inertia: friction over it."""
     made = base_row(stretches, replace(model, J=1.0))
-    sums, parts = [], {**made.parameters}
+    sums, parts = [], made.parameters
     for key, unit in (("Fc", "rad/s2"), ("Fv", "1/s")):
         if key in parts:
             e, unit = parts[key], unit_for(unit, model.motion)
@@ -57,9 +55,9 @@ def _per_inertia(stretches: Sequence[Stretch], model: Model) -> Balance:
                    covariance=np.zeros((0, 0)), notes=(" ".join(COASTS),))  # fmt: skip
 
 
-def settled(view: View) -> LastFit:
-    """The declared model at its best friction law."""
-    table = Table(view)
+def settled(view: View, table: Table | None = None) -> LastFit:
+    """The declared model at its best friction law; ``table`` is one of this view."""
+    table = table if table is not None and table.view is view else Table(view)
     assert table.scale is not None  # the table has been settled
     return best_law(view, state_of(table).copy(constant=True), table.scale, straight=True)
 
@@ -69,14 +67,13 @@ def alone(
 ) -> Answer:
     """The values of the declared structure by all rows, its errors on held-out ones; Refused where
     nothing can be learnt. Friction's shape is settled on training rows."""
-    view, _, width = seen(stretches, model)
+    view, _, width, _ = seen(stretches, model)
     refuse_dead(view, width)
     split = Split.of(view, held_out)
     train, test = view.on(split.train), view.on(split.test)
     trained = settled(train)
     for other in (view, test):
-        for key in LAW:
-            setattr(other, key, getattr(train, key))
+        other.settle_as(train)
     last = LastFit(view, trained.state.copy(), trained.scale)
     interval = Interval(last)
     V = interval.covariance([other.values for other in other_views(last)])

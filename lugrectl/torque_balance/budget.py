@@ -31,18 +31,21 @@ def comparison(made: Answer, least: float, alpha: float) -> Comparison:
     """The comparison behind an answer."""
     d = made.decision
     assert d is not None  # there is no comparison without a search
-    shown = detectable(d, least, alpha) if made.verdict == "adequate" else []
-    if shown and shown[0].share > max(UNSEEN, least):
-        raise Refused(UNJUDGED.format(100 * shown[0].share), LONGER)
     return Comparison(
         made.verdict,
         rows=tuple(_rows(d)),
         budget=tuple(budget(made)),
-        detectable=tuple(shown),
+        detectable=tuple(detectable(d, least, alpha)) if made.verdict == "adequate" else (),
         least=least,
         friction=made.view.size,
         stretches=len(made.interval.blocks[0]) and int(made.interval.blocks[0][-1]) + 1,
     )
+
+
+def refuse_unjudged(found: Comparison) -> None:
+    """Refused where not even a large effect would have been seen."""
+    if found.detectable and found.detectable[0].share > max(UNSEEN, found.least):
+        raise Refused(UNJUDGED.format(100 * found.detectable[0].share), LONGER)
 
 
 def signals(block: Block) -> tuple[str, ...]:

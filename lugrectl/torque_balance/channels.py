@@ -14,6 +14,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from ..blocks.friction import free_level
 from ..core.regression import Prior, log_density, paired, robust
 from ..record.stretches import Stretch
 from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
@@ -34,8 +35,7 @@ def logged_late(view: View, table: Table) -> float:
     m, grid = view.motion, np.arange(0.0, VERY_LATE, LATE_STEP)
 
     def row(T: float) -> Contender:
-        u = np.interp(m.t + T, m.t, m.u)
-        made = Contender("late", {}, u=u, cost=float(np.log(len(grid))))
+        made = Contender("late", {}, u=m.later(-T), cost=float(np.log(len(grid))))
         made.lateness = True
         return table.enter(made)
 
@@ -68,7 +68,7 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     def promise(offset: float) -> float:
         w = m.w - offset
         way = np.tanh(w / blurred)
-        law = np.column_stack([way, way * np.exp(-np.abs(w) / (CURVE * m.top))])
+        law = np.column_stack([way, way * free_level(w, 0.0, 1.0, CURVE * m.top, 1.0)])
         both = np.column_stack([X, v.K @ law])
         r = robust(both, v.y, Prior.free(both.shape[1]), table.scale).r
         return float(np.sum(log_density(r)))

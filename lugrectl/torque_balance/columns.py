@@ -317,7 +317,7 @@ def step_of(block: Block, key: str, value: float, along: Along) -> float:
     least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * TRAVEL * reach}.get(p.unit, 1e-6)
     if p.low >= 0.0:
         return max(SHARE * abs(value), least) if np.isfinite(value) else SHARE
-    if p.unit == "s":
+    if p.instant:
         return DURATION * float(np.ptp(along.t))
     return (
         TRAVEL * reach if p.unit == "rad" else max(SHARE * abs(value), SHARE * abs(p.value), least)

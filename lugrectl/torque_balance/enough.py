@@ -32,9 +32,7 @@ def enough(view: View, width: Width) -> View:
     order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
     chosen[order[-STRANGE:]] = True
     few = _only(m, chosen[(m.elapsed / length).astype(int)])
-    made = View(few, Rows(few, view.rows.h), view.model, view.J_range, view.terms)
-    made.sure = view.sure
-    return made
+    return view.by(few, Rows(few, view.rows.h))
 
 
 def _spread(number: int) -> np.ndarray:

@@ -44,6 +44,7 @@ IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declar
 FREE_SIGNS = {"late", "smear", "run"}
 LARGE = 30.0  # times all torque: no term is larger, whatever the log tells of it
 ROOM = 2**24  # numbers of columns that a view keeps
+SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its limit
 
 
@@ -207,11 +208,22 @@ class View:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""
         return self.K @ self.motion.held(u)
 
+    def by(self, motion: Motion, rows: Rows) -> View:
+        """The same log by another description of its motion."""
+        made = View(motion, rows, self.model, self.J_range, self.terms)
+        made.sure, made.logged_late, made.w_above = self.sure, self.logged_late, self.w_above
+        return made
+
     def lowered(self, above: float) -> View:
         """The same rows with speeds that are lower by so much (rad/s)."""
-        other = View(self.motion.lowered(above), self.rows, self.model, self.J_range, self.terms)
-        other.sure, other.x0, other.vs = self.sure, self.x0, self.vs
-        return other
+        made = self.by(self.motion.lowered(above), self.rows)
+        made.settle_as(self)
+        return made
+
+    def settle_as(self, other: View) -> None:
+        """Friction as a table has settled it beside another view of the log."""
+        for key in SETTLED if self.motion is not other.motion else (*SETTLED, "z"):
+            setattr(self, key, getattr(other, key))
 
     def rid(self, name: str) -> View:
         """The same without an effect."""

@@ -196,10 +196,8 @@ def other_views(last: LastFit, widest: float = np.inf) -> list[LastFit]:
         try:
             motion = view.motion.varied(stiffer)
             rows = Rows(motion, max(1.0, min(wider, widest)) * view.rows.h)
-            other = View(motion, rows, view.model, view.J_range, view.terms)
-            other.sure, other.x0, other.vs, other.size = view.sure, view.x0, view.vs, view.size
-            other.force, other.logged_late = view.force, view.logged_late
-            other.w_above = view.w_above
+            other = view.by(motion, rows)
+            other.settle_as(view)
             made.append(LastFit(other, last.state.copy(), last.scale, turns=2))
         except (Refused, np.linalg.LinAlgError):
             continue

@@ -32,8 +32,7 @@ def _usual(block: Block, key: str, view: View) -> float:
     """The value of a declaration; of an instant the middle of the log: at its ends an event is
     none."""
     p = block.own[key]
-    instant = p.unit == "s" and p.low < 0.0
-    return float(np.median(view.motion.t)) if instant else float(p.value or 0.0)
+    return float(np.median(view.motion.t)) if p.instant else float(p.value or 0.0)
 
 
 def _missing(term: Term) -> list[str]:

@@ -339,7 +339,7 @@ class Search:
     def _of_time(self, block: Block, key: str) -> Iterator[Contender]:
         """From an instant on, or with a time constant."""
         t, T = self.along.t, self.view.motion.duration
-        instant = not np.isfinite(block.own[key].low)
+        instant = block.own[key].instant
         fast = self.view.rows.h if block.states else 0.05 * T  # memory may be as short as a row
         grid = np.geomspace(fast, 3 * T, 16)
         if instant:
@@ -510,7 +510,9 @@ class Search:
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)
-        if p.unit == "rad" and p.low >= 0:  # a width, no place
+        if p.grid is not None:
+            grid = np.asarray(p.grid(m), float)
+        elif p.unit == "rad" and p.low >= 0:  # a width, no place
             grid = self.span * np.geomspace(0.01, 1.0, many)
         elif p.unit == "rad":
             grid = np.quantile(m.theta, (np.arange(4 * many) + 0.5) / (4 * many))

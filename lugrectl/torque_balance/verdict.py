@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,7 +65,6 @@ LONGER = "Record a longer run in which the drive moves."
 TURN = "Check the sign of u; {} reverses it."
 STAYS = "Torque of {:.2g} % of friction stays in held-out rows, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
-SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
 
@@ -116,14 +116,46 @@ class Answer:
         return self.view.sure
 
 
-def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width | Still]:
-    """The log as the table sees it: motion, windows, declared effects; or a map. Then enough of it
-    for a search, itself where it is short; declared effects have all of their values."""
+class Log(NamedTuple):
+    """A log as the table sees it, ``few`` rows that are enough for a search (itself where it is
+    short), and a table of these; None where it was not asked whether the channels are sound."""
+
+    view: View
+    few: View
+    width: Width | Still
+    table: Table | None = None
+
+
+def seen(stretches: Sequence[Stretch], model: Model) -> Log:
+    """The log with motion, windows and declared effects, all of whose values are open no more; or a
+    map."""
     if is_map(stretches):
         view = map_of(stretches, model)
-        return view, view, Still()
-    motion, known = Motion.of(sampled(stretches)), model.known()
-    here, turns = places(motion), motion.span > 2 and model.motion != "linear"
+        return Log(view, view, Still())
+    motion = Motion.of(sampled(stretches))
+    here, width = places(motion), wide_enough(motion, model)
+    view = View(motion, Rows(motion, width.h), model, width.range, declared_terms(model, here))
+    view.sure = width.sure
+    few = enough(view, width)
+    find_open(few, width.sure)
+    view.terms = few.terms
+    if np.ptp(motion.u) == 0:
+        return Log(view, few, width)
+    table = Table(few)
+    late, (above, error) = logged_late(few, table), speed_offset(few, table)
+    if not (late or above):
+        return Log(view, few, width, table)
+    made = seen(as_acted(stretches, late, above), model)
+    for one in {id(v): v for v in (made.view, made.few)}.values():
+        one.logged_late += late
+        one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
+    return made
+
+
+def wide_enough(motion: Motion, model: Model) -> Width:
+    """The windows of a log, and what it tells of the inertia."""
+    known, here = model.known(), places(motion)
+    turns = motion.span > 2 and model.motion != "linear"
     weight = columns(members("effect")["gravity"], {}, here).wide
     level = motion.theta - motion.theta.mean()
     place = weight if turns and weight is not None else level[:, None]
@@ -140,22 +172,7 @@ def seen(stretches: Sequence[Stretch], model: Model) -> tuple[View, View, Width 
         width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
         width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
     width.range = inertia_range(width.range, model)
-    terms = declared_terms(model, here)
-    view = View(motion, Rows(motion, width.h), model, width.range, terms)
-    view.sure = width.sure
-    few = enough(view, width) if isinstance(width, Width) else view
-    find_open(few, width.sure)
-    view.terms = few.terms
-    if np.ptp(motion.u) == 0:
-        return view, few, width
-    table = Table(few)
-    late, (above, error) = logged_late(few, table), speed_offset(few, table)
-    if late or above:
-        view, few, width = seen(as_acted(stretches, late, above), model)
-        for one in {id(v): v for v in (view, few)}.values():
-            one.logged_late += late
-            one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
-    return view, few, width
+    return width
 
 
 def refuse_dead(view: View, width: Width | Still) -> None:
@@ -204,7 +221,7 @@ def answer(
     ``least`` is the smallest torque that is worth a name, as a share of friction, ``alpha`` the
     chance that a gain is called proven and is none.
     """
-    view, few, width = seen(stretches, model)
+    view, few, width, _ = seen(stretches, model)
     refuse_dead(view, width)
     if not view.is_map and view.motion.duration < 2 * FEWEST_BLOCKS * view.rows.h:
         raise Refused(TOO_SHORT.format(FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
@@ -382,8 +399,7 @@ class _Judge:
         for other in (self.view, self.test):
             other.terms = [t for t in other.terms if t.declared]
             other.terms += [t.copy() for t in joined]
-            for key in (*SETTLED, "z"):
-                setattr(other, key, getattr(self.train, key))
+            other.settle_as(self.train)
 
     def _on_training_rows(self, state: State) -> LastFit:
         """The same names fitted to training rows, from where the table ended."""
@@ -475,8 +491,7 @@ class _Judge:
             return few
         state = few.state.copy()
         self.all.terms = [t.copy() for t in self.view.terms]
-        for key in SETTLED:
-            setattr(self.all, key, getattr(self.train, key))
+        self.all.settle_as(self.train)
         if any(not t.declared for t in state.terms):
             again = {t.key: t for t in self._found_again(self.all).terms}
             state.terms = [again.get(t.key, t) for t in state.terms]
@@ -563,7 +578,7 @@ def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:
         return False  # which inertia is whose?
     for k, x in own.items():  # an instant must be known to within half of the log
         q = term.block.own[k]
-        if q.unit == "s" and q.low < 0 and x[2] - x[1] > 0.5 * v.motion.duration:
+        if q.instant and x[2] - x[1] > 0.5 * v.motion.duration:
             return False
     if p.neutral is not None and np.isfinite(p.neutral) and gain[1] <= p.neutral <= gain[2]:
         return False

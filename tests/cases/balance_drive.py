@@ -37,6 +37,12 @@ def torque(seconds, dt, seed=0, size=0.6):
     return u + 0.3 * size * steps
 
 
+def inside(estimate, truth):
+    """Whether a 95 % interval covers the truth."""
+    low, high = estimate.ci95
+    return low <= truth <= high
+
+
 def log_of(u, dt, theta=None, w=None):
     """The columns of a log."""
     motion = {"theta": theta, "w": w}

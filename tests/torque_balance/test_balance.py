@@ -9,14 +9,9 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.balance_drive import FC, FV, J, log_of, recorded, simulate, torque
+from ..cases.balance_drive import FC, FV, J, inside, log_of, recorded, simulate, torque
 
 MODEL, DT = lg.Model.of(), 2e-3
-
-
-def inside(estimate, truth):
-    low, high = estimate.ci95
-    return low <= truth <= high
 
 
 @pytest.fixture(scope="module")

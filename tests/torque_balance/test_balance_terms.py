@@ -7,14 +7,9 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.balance_drive import FC, FV, J, log_of, recorded, simulate
+from ..cases.balance_drive import FC, FV, J, inside, log_of, recorded, simulate
 
 MODEL, DT = lg.Model.of(), 2e-3
-
-
-def inside(estimate, truth):
-    low, high = estimate.ci95
-    return low <= truth <= high
 
 
 @pytest.fixture(scope="module")
