@@ -122,8 +122,9 @@ def bars(d: Any, ax: Axes) -> Axes:
     for i, s in enumerate(parts):
         if s.ci95 is not None:
             ax.plot([100 * x for x in s.ci95], [i, i], color="#1c2430", lw=1.2)
+        end = 100.0 * max((s.share, *(s.ci95 or ())))  # else the interval strikes it through
         ax.annotate(
-            _percent(s.share), (shares[i], i), xytext=(4, 0), textcoords="offset points",
+            _percent(s.share), (end, i), xytext=(4, 0), textcoords="offset points",
             va="center", fontsize="small",
         )  # fmt: skip
     ax.set_yticks(range(len(parts)), _terms(parts))
