@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..core.numeric import Z95
 from .local_response import Response, Shape
 
 PAIRS = 3
@@ -65,7 +66,7 @@ class Mechanics:
 
     def _value(self, log: float, rate: np.ndarray) -> tuple[float, tuple[float, float]]:
         """A value from its logarithm, with the rates of that by the parameters."""
-        width = 1.96 * float(np.sqrt(rate @ self.V @ rate))
+        width = Z95 * float(np.sqrt(rate @ self.V @ rate))
         return float(np.exp(log)), (float(np.exp(log - width)), float(np.exp(log + width)))
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from ..core.numeric import Z95
 from ..estimates.findings import Estimate
 
 SCALE = 1e-3  # relative error of any scale and clock, standard deviation
@@ -21,5 +22,5 @@ def interval(
     """A value with its 95 % interval: of its standard error with so many degrees of freedom, and
     of a standard deviation that is known."""
     known = np.hypot(resolution, SCALE * value)
-    half = np.hypot(student(freedom) * error, 1.96 * known)
+    half = np.hypot(student(freedom) * error, Z95 * known)
     return Estimate(float(value), unit, (float(value - half), float(value + half)))

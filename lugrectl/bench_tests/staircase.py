@@ -8,6 +8,7 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..blocks.friction import level
+from ..core.numeric import Z95
 from ..estimates.bench_test import BenchTable, BenchTest, in_words
 from ..estimates.findings import Estimate
 from .motion import Motion
@@ -43,7 +44,7 @@ def staircase(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     torque, speed = unit_for("N m", motion), unit_for("rad/s", motion)
     order = np.argsort(w)
     rows = tuple(
-        (float(w[i]), float(u[i]), 1.96 * float(np.hypot(error[i], SCALE * u[i]))) for i in order
+        (float(w[i]), float(u[i]), Z95 * float(np.hypot(error[i], SCALE * u[i]))) for i in order
     )
     table = BenchTable((f"w [{speed}]", f"u [{torque}]", f"+- [{torque}]"), rows)
     said = f"Staircase of {len(w)} plateaus: {in_words(values)}."

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+Z95 = 1.96  # standard errors in half a 95 % interval
+
 
 def top_speed(w: np.ndarray, share: float = 0.95) -> float:
     """The speed below which this share of the path is covered, however long the drive rests."""

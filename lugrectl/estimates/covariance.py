@@ -10,6 +10,7 @@ import numpy as np
 
 from ..core.display import Row
 from ..core.errors import InputError
+from ..core.numeric import Z95
 from ..core.result import Result, library
 from ..core.validation import whole
 from ..core.views import view
@@ -46,6 +47,22 @@ class Joint(Result):
         size = np.sqrt(np.maximum(np.diag(self.matrix), 1e-300))
         return self.matrix / np.outer(size, size)
 
+    @property
+    def _sizes(self) -> np.ndarray:
+        """Standard deviations of the values, or of their logarithms where ``positive``."""
+        size = np.sqrt(np.maximum(np.diag(self.matrix), 0.0))
+        ratio = size / np.where(self.positive, self.values, 1.0)
+        return np.where(self.positive, np.sqrt(np.log1p(ratio**2)), size)
+
+    def _away(self, steps: np.ndarray) -> np.ndarray:
+        """The values, moved by steps of these sizes."""
+        return np.where(self.positive, self.values * np.exp(steps), self.values + steps)
+
+    def interval(self) -> np.ndarray:
+        """The 95 % interval of each parameter by itself, (n, 2)."""
+        half = Z95 * self._sizes
+        return np.column_stack([self._away(-half), self._away(half)])
+
     def sample(self, n: int, seed: Any = None) -> dict[str, np.ndarray]:
         """n random sets of parameters: name -> (n,).
 
@@ -53,14 +70,12 @@ class Joint(Result):
         log(1 + variance/value^2), that of the log-normal distribution with these moments.
         """
         n = whole(n, "n, the number of samples,", least=1)
-        ratio = np.sqrt(np.diag(self.matrix)) / np.where(self.positive, self.values, 1.0)
-        size = np.where(self.positive, np.sqrt(np.log1p(ratio**2)), ratio)
+        size = self._sizes
         C = self.correlation * np.outer(size, size)
         w, V = np.linalg.eigh(0.5 * (C + C.T))
         draws = np.random.default_rng(seed).standard_normal((n, len(w)))
         steps = (draws * np.sqrt(np.maximum(w, 0.0))) @ V.T
-        X = np.where(self.positive, self.values * np.exp(steps), self.values + steps)
-        return dict(zip(self.names, X.T, strict=True))
+        return dict(zip(self.names, self._away(steps).T, strict=True))
 
     def summary(self) -> dict[str, Any]:
         return {"names": list(self.names), "matrix": self.matrix.tolist()}

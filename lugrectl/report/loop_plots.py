@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.block import unit_for
+from ..core.numeric import Z95
 from .canvas import drawn
 from .views import UNITS
 from .wording import readable
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 COLOURS = {"none": "#b9c2cd", "before": "#d1622b", "after": "#1f6fb4"}
 _WAYS = (("w > 0", COLOURS["after"]), ("w < 0", COLOURS["before"]))
-BAND = 1.96  # standard errors of a 95 % interval
 
 
 @drawn
@@ -31,7 +31,7 @@ def table(made: Any, ax: Axes) -> Axes:
         x = np.r_[x, x[0] + 2.0 * np.pi]
         rows, errors = (np.column_stack([y, y[:, :1]]) for y in (rows, errors))
     for y, error, (label, colour) in zip(rows, errors, ways, strict=True):
-        ax.fill_between(x, y - BAND * error, y + BAND * error, color=colour, alpha=0.2, lw=0)
+        ax.fill_between(x, y - Z95 * error, y + Z95 * error, color=colour, alpha=0.2, lw=0)
         ax.plot(x, y, color=colour, lw=1.6, label=label)
     signal = made.signals[0]
     unit = unit_for(UNITS[signal], made.motion)

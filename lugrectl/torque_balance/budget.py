@@ -9,9 +9,10 @@ import numpy as np
 
 from ..blocks.block import Block
 from ..core.errors import Refused
+from ..core.numeric import Z95
 from ..core.regression import paired
 from ..estimates.comparison import Compared, Comparison, Detectable, Share
-from .constants import UNSEEN, Z95
+from .constants import UNSEEN
 from .decision import Decision
 from .interval import Interval
 from .last_fit import LastFit, Name

@@ -72,5 +72,4 @@ GROWN = 1.35  # inertia over the declared one that is itself a trace of a load
 # the interval
 VIEWS = ((10.0, 1.5), (0.1, 2.0))  # other descriptions: stiffness of the motion, width of windows
 WHOLE = 1.3  # blocks tell nothing of errors that last the whole record: standard errors times this
-Z95 = 1.96  # two-sided 95 %
 SCALE = 0.003  # no clock, encoder or current sensor is better (share of a value, one sigma)

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.errors import Refused
+from ..core.numeric import Z95
 from ..core.regression import left_out_covariance, memory_blocks, robust
-from .constants import BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE, Z95
+from .constants import BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE
 from .friction import View
 from .last_fit import KAPPA, LastFit, State, quantities
 from .rows import Rows

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..blocks.block import Block, members
 from ..blocks.friction import free_level
+from ..core.numeric import Z95
 from ..core.regression import Prior, log_density, robust
 from .columns import (
     changed_input,
@@ -29,7 +30,7 @@ from .columns import (
     step_of,
     to_values,
 )
-from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST, Z95
+from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST
 from .friction import LARGE, Term, View
 from .stated import with_stated
 from .table import Table, is_lateness

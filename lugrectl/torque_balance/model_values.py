@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from ..blocks.model import Model
 from ..estimates.balance import Combination
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
-from .constants import SCALE, Z95
+from .constants import SCALE
 from .interval import WITHOUT_SCALE, Interval, Value
 from .last_fit import LastFit
 from .own_law import DIPPED, law_values, means_the_same, static_values
@@ -191,10 +190,9 @@ def with_scale(joint: Joint) -> Joint:
 
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     """Values of a joint distribution with their intervals."""
-    half: Any = Z95 * np.sqrt(np.maximum(np.diag(joint.matrix), 0.0))
-    made = {}
-    for key, x, h in zip(joint.names, joint.values.tolist(), half.tolist(), strict=True):
+    made, both = {}, joint.interval().tolist()
+    for key, x, (a, b) in zip(joint.names, joint.values.tolist(), both, strict=True):
         low, high = bounds_of(model, key)
-        ends = min(max(x - h, low), x), max(min(x + h, high), x)
+        ends = min(max(a, low), x), max(min(b, high), x)
         made[key] = Estimate(x, model.unit(key), ends)
     return made

@@ -8,10 +8,11 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..blocks.model import Model
+from ..core.numeric import Z95
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
 from ..record.stretches import Stretch
-from .constants import FAR_W, SCALE, Z95
+from .constants import FAR_W, SCALE
 from .interval import Interval, Value
 from .last_fit import LastFit
 

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.sparse import csr_matrix, hstack
 
 from ..blocks.block import unit_for
+from ..core.numeric import Z95
 from ..core.regression import TINY
 from ..estimates.findings import Table
-from .constants import Z95
 from .last_fit import LastFit
 
 KNOWN = (("theta",), ("theta", "w"), ("w",), ("t",), ("t", "w"), ("u",))

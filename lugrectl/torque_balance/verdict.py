@@ -15,11 +15,12 @@ import numpy as np
 from ..blocks.block import members, unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
+from ..core.numeric import Z95
 from ..core.option_names import option
 from ..record.stretches import Stretch
 from .channels import as_acted, logged_late, speed_offset
 from .columns import columns
-from .constants import ALPHA, CLEAR, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY, Z95
+from .constants import ALPHA, CLEAR, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
 from .enough import enough
 from .friction import Term, View, declared_terms, places

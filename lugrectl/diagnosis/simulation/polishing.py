@@ -10,6 +10,7 @@ import numpy as np
 from ...blocks.declared_values import Stated
 from ...blocks.model import Model
 from ...core.errors import InputError
+from ...core.numeric import Z95
 from ...estimates.covariance import Joint
 from .drive import Fit, fitted, loglik, tuned, whitened
 from .records import Prepared, spread
@@ -23,7 +24,6 @@ MOST, LEAST = 20, 0.1  # steps of a climb, and gain in log-likelihood below whic
 PARTS, NOISES = (1.0, 0.5, 0.2, 0.05), (1.0, 0.6, 1.5)  # of a step; factors on the noise
 FARTHEST = 0.7  # of a coordinate in one step
 FLAT, TINY = 1e-4, 1e-300  # of Fc, least excess of Fs; least variance of a prior
-HALF = 1.96  # standard deviations in half a 95 % interval
 NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 
@@ -82,7 +82,7 @@ def polish(
     prior = np.diag(np.linalg.inv(climb.weight))
     at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
-    confirmed = len(at) > 0 and bool(np.all(moved[at] < HALF))
+    confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
     if not always and gain <= error and not confirmed:
         return Polished(begun.values, NONE, False, gain, error)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
