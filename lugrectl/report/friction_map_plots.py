@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.block import unit_for
+from ..core.numeric import Z95
 from .canvas import drawn
-from .loop_plots import BAND, COLOURS
+from .loop_plots import COLOURS
 from .wording import readable
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def torque(made: Any, ax: Axes) -> Axes:
         for side, label in ((left, name), (~left, None)):
             ax.plot(made.at[side], factor * curve[side], color=_CURVES[name], label=label)
     for which, face, label in ((~made.held_out, _POINT, None), (made.held_out, "w", "held out")):
-        y, bars = (factor * values[which] for values in (made.u, BAND * made.error))
+        y, bars = (factor * values[which] for values in (made.u, Z95 * made.error))
         ax.errorbar(made.w[which], y, bars, color=_POINT, mfc=face, label=label, **_DOT)
     return _titled(ax, made, "Mean {} over speed, one point for each run")
 
@@ -39,7 +40,7 @@ def missed(made: Any, ax: Axes) -> Axes:
     rest = {k: made.u - np.interp(made.w, made.at, curve) for k, curve in made.curves.items()}
     factor = _labelled(made, ax, "residual", rest["refitted"])
     for name, left in rest.items():
-        y, bars = factor * left, factor * BAND * made.error
+        y, bars = factor * left, factor * Z95 * made.error
         ax.errorbar(made.w, y, bars, color=_CURVES[name], label=name, **_DOT)
     ax.axhline(0.0, color=_POINT, lw=1.0)
     return _titled(ax, made, "Residual {}, measured minus model")

@@ -37,7 +37,7 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
         view.model = model.fix("Fc")
     last = settled(view, table)
     interval = Interval(last)
-    V = interval.covariance([other.values for other in other_views(last)])
+    V = interval.covariance() + interval.between(other_views(last))
     return plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
 
 
@@ -76,7 +76,7 @@ def alone(
         other.settle_as(train)
     last = LastFit(view, trained.state.copy(), trained.scale)
     interval = Interval(last)
-    V = interval.covariance([other.values for other in other_views(last)])
+    V = interval.covariance() + interval.between(other_views(last))
     last.state.apply(view)
     left = Unseen.of(trained, test)
     return Answer(

@@ -123,7 +123,7 @@ class Interval:
         little = BACKGROUND * d.level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
         own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
         own += [at["offset"]] if d.constant else []
-        own += [at["Fc"]] if v.runs_apart and not v.is_map else []  # an offset of each would be any
+        own += [at["Fc"], at["Fv"]]  # a little warmer is another friction
         V[own, own] += little[own] ** 2
         return V
 
@@ -144,8 +144,8 @@ class Interval:
     def names(self) -> tuple[str, ...]:
         return tuple(self.last.values)
 
-    def covariance(self, others: Sequence[Mapping[str, float]] = ()) -> np.ndarray:
-        """Covariance (values, values) of ``names``; ``others`` are values by other descriptions."""
+    def covariance(self) -> np.ndarray:
+        """Covariance (values, values) of ``names`` by this description of the log alone."""
         V = self._slopes @ self.coefficients @ self._slopes.T
         own = self.last.values
         for i, k in enumerate(self.names):
@@ -155,10 +155,13 @@ class Interval:
             if is_lateness(term.block):
                 i = self.names.index(f"{term.key}.{term.block.gain}")
                 V[i, i] += (PART_OF_SAMPLE * self.last.view.motion.dt) ** 2
-        for other in others:
-            apart = [wrapped(other.get(k, own[k]) - own[k], k) for k in self.names]
-            V += np.outer(apart, apart)
         return V
+
+    def between(self, others: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """What other descriptions add to it, by how far (some of) the values are from these."""
+        apart = [[wrapped(one.get(k, 0.0), k) for k in self.names] for one in others]
+        A = np.array(apart).reshape(-1, len(self.names))
+        return A.T @ A / max(len(others), 1)
 
     def values(self, V: np.ndarray) -> dict[str, Value]:
         """(value, low, high) of each."""
@@ -187,8 +190,13 @@ def best_law(view: View, state: State, scale: float, straight: bool = False) -> 
     return LastFit(view, moved, scale, turns=2)
 
 
-def other_views(last: LastFit, widest: float = np.inf) -> list[LastFit]:
-    """The same drive by a stiffer and a softer motion, in wider windows.
+def apart(other: LastFit, last: LastFit) -> dict[str, float]:
+    """How far the values of another fit are from those of the last one."""
+    return {k: other.values[k] - x for k, x in last.values.items() if k in other.values}
+
+
+def other_views(last: LastFit, widest: float = np.inf) -> list[dict[str, float]]:
+    """How far the values are by a stiffer and a softer motion, in wider windows.
 
     ``widest``: over the width of the first view; a window that hides a wave tells nothing of it.
     """
@@ -199,7 +207,7 @@ def other_views(last: LastFit, widest: float = np.inf) -> list[LastFit]:
             rows = Rows(motion, max(1.0, min(wider, widest)) * view.rows.h)
             other = view.by(motion, rows)
             other.settle_as(view)
-            made.append(LastFit(other, last.state.copy(), last.scale, turns=2))
+            made.append(apart(LastFit(other, last.state.copy(), last.scale, turns=2), last))
         except (Refused, np.linalg.LinAlgError):
             continue
     return made

@@ -207,7 +207,8 @@ class Design:
         v, m, add = self.view, self.view.motion, self._made.add
         here = {t.name for t in self.state.terms}
         warming = v.z * (m.elapsed / m.duration - 0.5) * np.sqrt(12.0)
-        rows = [("offset", np.ones(len(m))), ("~", warming)]
+        rows = [("offset", np.ones(len(m)))]
+        rows += [] if any(drifts(t.block) for t in self.state.terms) else [("~", warming)]
         if v.model.motion == "linear" or np.ptp(m.theta) < 2:
             rows.append(("~", m.theta - m.theta.mean()))
         elif "gravity" not in here:
@@ -263,6 +264,11 @@ class Design:
             sd = room(term, key, step[key])
             most = FURTHEST * step[key] if block.states else sd
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
+
+
+def drifts(block: Block) -> bool:
+    """Whether an effect is itself a slow change of friction."""
+    return block.timed and "Fc" in block.acts and not any(p.instant for p in block.own.values())
 
 
 def room(term: Term, key: str, step: float) -> float:

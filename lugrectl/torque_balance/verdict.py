@@ -25,7 +25,7 @@ from .decision import Decision
 from .enough import enough
 from .friction import Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
-from .interval import Interval, Value, best_law, other_views
+from .interval import Interval, Value, apart, best_law, other_views
 from .last_fit import LastFit, State, state_of
 from .maps import Still, is_map, map_of
 from .motion import Motion
@@ -38,6 +38,7 @@ from .stated import inertia_range
 from .table import Table, errors_of
 from .width import Declared, Width, fine_wave
 
+PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
 WHOLE_INERTIA = "elastic_coupling"  # what an inertia that is far too large is a trace of
@@ -281,11 +282,13 @@ class _Judge:
             full = plain
         few, last = last, self._of_all(last)
         interval, V = self._intervals(last, few)
-        d = self.decision
+        d, rivals = self.decision, self._rivals(few)
+        other = [apart(rival, few) for rival in rivals]
+        V = V + interval.between([{k: x for k, x in one.items() if k in PLANT} for one in other])
         made = Answer(
             verdict, d, self.all, self.split, last, interval, interval.values(V), V, plain, full,
             d.alternatives, [n for _, n in sorted(self.candidates)], d.depends_on,
-            [*d.notes, *self.notes], refitted=without, trained=trained, rivals=self.rivals,
+            [*d.notes, *self.notes], refitted=without, trained=trained, rivals=rivals,
             declared_error=self._declared_error(few),
         )  # fmt: skip
         self._late_speed(made)
@@ -502,8 +505,7 @@ class _Judge:
         """Intervals of the model that is shown; how much its description matters, ``few`` say."""
         if self.whole is None or self.whole[0].last is not last:
             interval = Interval(last)
-            V = interval.covariance([{k: x + last.values[k] for k, x in one.items()}
-                                     for one in self._others(few)])  # fmt: skip
+            V = interval.covariance() + interval.between(self._others(few))
             last.state.apply(last.view)
             self.whole = interval, V
         return self.whole
@@ -516,10 +518,7 @@ class _Judge:
             if orders and not self.view.is_map:
                 slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
                 widest = 5 / (max(orders) * slow) / self.view.rows.h
-            self.rivals = self._rivals(last)
-            others = [other.values for other in other_views(last, widest)]
-            others += [{k: r.values[k] for k in ("J", "Fc", "Fv")} for r in self.rivals]
-            self.apart = last, [{k: x - last.values[k] for k, x in o.items()} for o in others]
+            self.apart = last, other_views(last, widest)
         return self.apart[1]
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
