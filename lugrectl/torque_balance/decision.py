@@ -7,12 +7,13 @@ torque explains, two are tried at once.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
 
 from ..blocks.block import members
-from ..core.regression import Prior, paired
+from ..core.regression import TINY, Prior, paired
 from .constants import (
     ALIKE,
     ALPHA,
@@ -29,7 +30,9 @@ from .constants import (
     SECOND,
     TOGETHER,
 )
-from .friction import Term, View
+from .friction import OFFSET, WEIGHT, Term, View
+from .interval import best_law
+from .last_fit import state_of
 from .law_parts import Part, parts
 from .maps import Still
 from .search import Search
@@ -39,7 +42,6 @@ from .width import Width
 
 FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
-WEIGHT, OFFSET = "gravity", "constant_torque"
 
 
 class Decision:
@@ -176,19 +178,46 @@ class Decision:
         if good:
             self.verdict = "found"
             best, own, others = self._first(good[:FIRSTS])
-            self._among(own, others)
-            self._extend(best)
+            self._extend(self._among(own, others, best is not own) or best)
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
             self._two_at_once(large[:TOGETHER])
         self.parts = [p for p in parts(self.table) if p.name not in banned and self._needed(p)]
 
-    def _among(self, c: Contender, others: Sequence[Contender]) -> None:
-        """What explains as much as c stands beside it as its alternatives."""
-        alike = [o.name for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)]
-        if alike:
-            self.alternatives[c.name], self.verdict = alike[:3], "ambiguous"
+    def _among(
+        self, c: Contender, others: Sequence[Contender], offset: bool = False
+    ) -> Contender | None:
+        """The likeliest of c and of those that explain as much, each in a last fit of its own;
+        those that this does not disprove are its alternatives. None where nothing comes near.
+
+        ``offset``: with one beside each.
+        """
+        alike = [o for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)][:3]
+        if not alike:
+            return None
+        plain = {o.name: o for o in reversed(self._rows_beside())}
+        of = {o.name: plain[o.name] for o in (c, *alike)}
+        scores = {name: self._by_last_fit(o, offset) for name, o in of.items()}
+        best = max(scores, key=lambda name: float(np.sum(scores[name])))
+        left = [name for name, e in scores.items() if name != best
+                and not proven(*paired(scores[best], e), self.alpha)]  # fmt: skip
+        if left:
+            self.alternatives[best], self.verdict = left, "ambiguous"
+        return of[best]
+
+    def _rows_beside(self) -> list[Contender]:
+        """The named rows beside what is chosen."""
+        return self._beside()[0] if self.table.chosen else self.named
+
+    def _by_last_fit(self, c: Contender, offset: bool) -> np.ndarray:
+        """Log density of each block under a last fit with what is chosen and c."""
+        view, table = copy(self.view), self.table
+        state = state_of(table)
+        state.terms += c.terms([t.name for t in state.terms])
+        last = best_law(view, state.copy(constant=offset), table.scale, straight=True)
+        stretch = max(last.values["J"] / table.J, TINY) if view.sure else 1.0
+        return view.blocks.seen(last.fit.r * last.scale / table.scale, 1.0 / stretch)
 
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""
@@ -237,8 +266,7 @@ class Decision:
         second = next((n for n in more if n.share > SECOND * self.floor(n)), None)
         if second is not None and len(table.chosen) < MOST:
             large = [n for n in more if n is not second and n.share > self.floor(n)]
-            self._among(second, large)
-            self._extend(second)
+            self._extend(self._among(second, large) or second)
 
     def _taken(self) -> set[str]:
         """Names that cannot be added: chosen, struck, or another word for a chosen one."""

@@ -48,6 +48,14 @@ SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
 ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its limit
 
 
+WEIGHT, OFFSET = "gravity", "constant_torque"
+
+
+def drifts(block: Block) -> bool:
+    """Whether an effect is itself a slow change of friction."""
+    return block.timed and "Fc" in block.acts and not any(p.instant for p in block.own.values())
+
+
 @dataclass
 class Term:
     """An effect in a regression: its block, nonlinear values ``q``, linear coefficients ``b``.
@@ -254,7 +262,7 @@ class View:
             fine = last = self.deflection(x0)[0]
             for kind, x, _ in NEAR_REST:
                 if kind == "turn":
-                    new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
+                    new = self.deflection(x * m.top * self.rows.h + x0)[0]
                     shape, last = new - last, new
                 else:
                     shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
@@ -311,11 +319,16 @@ class View:
         self.y = self.torque(self.u) - self.K @ m.d
         known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
         self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
+        self.size = getattr(self, "size", self.force)
         for run in self.with_offset:
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
             names.append("run")
             most = BETWEEN * self.force
             priors.append(Prior.free(1, low=-most, high=most))
+        for name, x in self.background(self.terms, self.deflection(self.grids()[0][2])[1]):
+            fixed.append((self.K @ x)[:, None])
+            names.append(name)
+            priors.append(Prior.free(1))
         self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
         self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
         if self.J_range:
@@ -329,6 +342,20 @@ class View:
         """One direction: Coulomb friction and an offset are one."""
         free = name in FREE_SIGNS or name == "Fc" and self.motion.one_way
         return -np.inf if free else 0.0
+
+    def background(self, beside: Sequence[Term], z: np.ndarray) -> list[tuple[str, np.ndarray]]:
+        """What every drive has a little of, (n,): an offset, warming, unbalance or a slope, unless
+        an effect beside it is that."""
+        m, here = self.motion, {t.name for t in beside}
+        rows = [] if OFFSET in here else [("offset", np.ones(len(m)))]
+        if not any(drifts(t.block) for t in beside):
+            rows.append(("~", z * (m.elapsed / m.duration - 0.5) * np.sqrt(12.0)))
+        if self.model.motion == "linear" or np.ptp(m.theta) < 2:
+            rows.append(("~", m.theta - m.theta.mean()))
+        elif WEIGHT not in here:
+            weight = columns(members("effect")[WEIGHT], {}, self.along()).wide
+            rows += [("~", x) for x in np.asarray(weight).T]
+        return rows
 
     def _changed(self, u: np.ndarray) -> np.ndarray:
         """The torque after the terms that act on it."""
@@ -352,7 +379,11 @@ class View:
         precision[1] = 0.1
         between = [j for j, n in enumerate(self.names) if n == "run"]
         precision[between] = max(BACKGROUND * self.force, 1e-100) ** -2
-        return replace(self.bounds, precision=precision)
+        little = [j for j, n in enumerate(self.names) if n in ("~", "offset")]
+        most = BACKGROUND * self.size / (np.sqrt(np.mean(B[:, little] ** 2, axis=0)) + 1e-300)
+        precision[little] = most**-2.0
+        known = self.bounds.but(little, low=-most, high=most)
+        return replace(known, precision=precision)
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """Bristle lengths and Stribeck speeds to try, around declared ones."""

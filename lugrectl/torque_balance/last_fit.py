@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.block import Block, members
+from ..blocks.block import Block
 from ..blocks.friction import free_level
 from ..core.numeric import Z95
 from ..core.regression import Prior, log_density, robust
@@ -205,18 +205,7 @@ class Design:
     def _background(self) -> None:
         """Every drive has a little of an offset, warming, unbalance: BACKGROUND of friction."""
         v, m, add = self.view, self.view.motion, self._made.add
-        here = {t.name for t in self.state.terms}
-        warming = v.z * (m.elapsed / m.duration - 0.5) * np.sqrt(12.0)
-        rows = [("offset", np.ones(len(m)))]
-        rows += [] if any(drifts(t.block) for t in self.state.terms) else [("~", warming)]
-        if v.model.motion == "linear" or np.ptp(m.theta) < 2:
-            rows.append(("~", m.theta - m.theta.mean()))
-        elif "gravity" not in here:
-            weight = columns(members("effect")["gravity"], {}, v.along()).wide
-            rows += [("~", x) for x in np.asarray(weight).T]
-        for name, x in rows:
-            if name == "offset" and "constant_torque" in here:
-                continue
+        for name, x in v.background(self.state.terms, v.z):
             x = v.K @ x
             little = BACKGROUND * self.level / (float(np.sqrt(np.mean(x**2))) + 1e-300)
             if name == "offset" and self.constant:
@@ -264,11 +253,6 @@ class Design:
             sd = room(term, key, step[key])
             most = FURTHEST * step[key] if block.states else sd
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
-
-
-def drifts(block: Block) -> bool:
-    """Whether an effect is itself a slow change of friction."""
-    return block.timed and "Fc" in block.acts and not any(p.instant for p in block.own.values())
 
 
 def room(term: Term, key: str, step: float) -> float:
