@@ -247,11 +247,12 @@ def _polished(
 
 
 def _offsets(last: LastFit) -> dict[int, float]:
-    """What the torque of each run has beside the first, N m."""
-    d = last.design
-    runs = last.view.with_offset
+    """What the torque of each run has beside the model, N m."""
+    d, b = last.design, last.fit.b
     at = [j for j, n in enumerate(d.names) if n == "run"]
-    return {int(r): float(last.fit.b[j]) for r, j in zip(runs, at, strict=True)}
+    own = dict(zip(last.view.with_offset.tolist(), b[at].tolist(), strict=True))
+    every = last.values["offset"] if d.constant else 0.0
+    return {r: every + own.get(r, 0.0) for r in np.unique(last.view.motion.run).tolist()}
 
 
 def _late(made: Answer) -> float:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.block import members
-from ..core.regression import TINY, Prior, paired
+from ..core.regression import Prior, paired
 from .constants import (
     ALIKE,
     ALPHA,
@@ -115,10 +115,12 @@ class Decision:
                 self._join(LESS)
             return
         if self.width.heavy or self._beside_the_likeliest(weight):
-            rivals = (c for c in self.named if c.name in ("constant_torque", "return_spring"))
-            alike = [c.name for c in rivals if self.alike(weight, c)]
+            rivals = (c for c in self.named if c.name in (OFFSET, "return_spring"))
+            alike = [c for c in rivals if self.alike(weight, c)]
+            best, left = self._likeliest([weight, *alike]) if alike else (WEIGHT, [])
             self._join(np.inf)
-            self.heavy = {WEIGHT: alike} if alike else {}
+            others = [name for name in (best, *left) if name != WEIGHT]
+            self.heavy = {WEIGHT: others} if others else {}
 
     def _join(self, less: float) -> None:
         """Gravity becomes part of the base, unless that leaves more than ``less`` of before."""
@@ -196,19 +198,22 @@ class Decision:
         alike = [o for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)][:3]
         if not alike:
             return None
-        plain = {o.name: o for o in reversed(self._rows_beside())}
-        of = {o.name: plain[o.name] for o in (c, *alike)}
-        scores = {name: self._by_last_fit(o, offset) for name, o in of.items()}
+        rows = self._beside()[0] if self.table.chosen else self.named
+        plain = {row.name: row for row in reversed(rows)}
+        best, left = self._likeliest([plain[o.name] for o in (c, *alike)], offset)
+        if left:
+            self.alternatives[best], self.verdict = left, "ambiguous"
+        return plain[best]
+
+    def _likeliest(
+        self, contenders: Sequence[Contender], offset: bool = False
+    ) -> tuple[str, list[str]]:
+        """The likeliest, each in a last fit of its own, and those that this does not disprove."""
+        scores = {c.name: self._by_last_fit(c, offset) for c in contenders}
         best = max(scores, key=lambda name: float(np.sum(scores[name])))
         left = [name for name, e in scores.items() if name != best
                 and not proven(*paired(scores[best], e), self.alpha)]  # fmt: skip
-        if left:
-            self.alternatives[best], self.verdict = left, "ambiguous"
-        return of[best]
-
-    def _rows_beside(self) -> list[Contender]:
-        """The named rows beside what is chosen."""
-        return self._beside()[0] if self.table.chosen else self.named
+        return best, left
 
     def _by_last_fit(self, c: Contender, offset: bool) -> np.ndarray:
         """Log density of each block under a last fit with what is chosen and c."""
@@ -216,8 +221,8 @@ class Decision:
         state = state_of(table)
         state.terms += c.terms([t.name for t in state.terms])
         last = best_law(view, state.copy(constant=offset), table.scale, straight=True)
-        stretch = max(last.values["J"] / table.J, TINY) if view.sure else 1.0
-        return view.blocks.seen(last.fit.r * last.scale / table.scale, 1.0 / stretch)
+        r = last.fit.r * last.scale / table.scale
+        return view.blocks.seen(r, table.stretch(last.values["J"]))
 
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""

@@ -262,7 +262,7 @@ class View:
             fine = last = self.deflection(x0)[0]
             for kind, x, _ in NEAR_REST:
                 if kind == "turn":
-                    new = self.deflection(x * m.top * self.rows.h + x0)[0]
+                    new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
                     shape, last = new - last, new
                 else:
                     shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
@@ -319,16 +319,11 @@ class View:
         self.y = self.torque(self.u) - self.K @ m.d
         known = self.declared.get("J", 0.0) * self.rows.a  # coasting: no torque but that
         self.force = float(np.sqrt(max(np.mean(self.y**2), np.mean(known**2)))) + 1e-300
-        self.size = getattr(self, "size", self.force)
         for run in self.with_offset:
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
             names.append("run")
             most = BETWEEN * self.force
             priors.append(Prior.free(1, low=-most, high=most))
-        for name, x in self.background(self.terms, self.deflection(self.grids()[0][2])[1]):
-            fixed.append((self.K @ x)[:, None])
-            names.append(name)
-            priors.append(Prior.free(1))
         self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
         self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
         if self.J_range:
@@ -379,11 +374,7 @@ class View:
         precision[1] = 0.1
         between = [j for j, n in enumerate(self.names) if n == "run"]
         precision[between] = max(BACKGROUND * self.force, 1e-100) ** -2
-        little = [j for j, n in enumerate(self.names) if n in ("~", "offset")]
-        most = BACKGROUND * self.size / (np.sqrt(np.mean(B[:, little] ** 2, axis=0)) + 1e-300)
-        precision[little] = most**-2.0
-        known = self.bounds.but(little, low=-most, high=most)
-        return replace(known, precision=precision)
+        return replace(self.bounds, precision=precision)
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """Bristle lengths and Stribeck speeds to try, around declared ones."""

@@ -123,9 +123,8 @@ class Interval:
         little = BACKGROUND * d.level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
         own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
         own += [at["offset"]] if d.constant else []
+        own += [at["Fc"], at["Fv"]]  # a little warmer is another friction
         V[own, own] += little[own] ** 2
-        warm = [at["Fc"], at["Fv"]]  # a little warmer is another friction
-        V[warm, warm] += (BACKGROUND * b[warm]) ** 2
         return V
 
     @cached_property

@@ -235,7 +235,7 @@ class Design:
             made = columns(block, term.q, along)
             C = v.in_rows(made)
             for k in range(C.shape[1]):
-                add((i, k), C[:, k])
+                add((i, k), C[:, k], low=made.low[k], high=made.high[k])
             values = {**term.q, **to_values(block, term.b, term.q, along)}
         else:
             along, values = v.along(u=self.inputs.get(i, v.u)), term.q

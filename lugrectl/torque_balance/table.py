@@ -168,7 +168,7 @@ class Table:
         r = np.abs(self.y - self.X @ fit.b)
         self.left = float(np.sqrt(np.mean(np.minimum(r, 5 * np.median(r)) ** 2))) / v.size
         self.e = self._score(fit, self.X, self.prior, 0.0, self.J)
-        self.e_seen = v.blocks.seen(fit.r, self._stretch(self.J))
+        self.e_seen = v.blocks.seen(fit.r, self.stretch(self.J))
         # weights of the richest description: only true outliers lose weight
         self.root = np.sqrt(fit.w if self.weights is None else self.weights)
         # a bound of J is none for what changes J
@@ -184,7 +184,7 @@ class Table:
         X, y, prior = self.likeliest.added(self.view, self.X, self.y, self.prior)
         return robust(X, y, prior, self.scale, self.view.noise, fit.w, 3).b
 
-    def _stretch(self, J: float) -> float:
+    def stretch(self, J: float) -> float:
         """The residual is one of the motion, over J; where J is not determined, of the torque."""
         if not (self.scale_J and self.view.sure):
             return 1.0
@@ -192,7 +192,7 @@ class Table:
 
     def _score(self, fit: Fit, X: np.ndarray, prior: Prior, cost: float, J: float) -> np.ndarray:
         """Log density of the motion given the torque, block by block."""
-        blocks, stretch = self.view.blocks, self._stretch(J)
+        blocks, stretch = self.view.blocks, self.stretch(J)
         if self.quick:
             told = np.sum(X[:, fit.free] ** 2, axis=0) / self.scale**2
             cost = cost + float(np.sum(prior.precision[fit.free] < 1e-3 * told))
@@ -264,7 +264,7 @@ class Table:
         c.fit, c.X, c.y, c.full = fit, X, y, prior
         c.b = fit.b[len(self.prior) :]
         c.J = float(fit.b[0]) + (self._inertia_of(c) if c.inertial else 0.0)
-        seen = v.blocks.seen(fit.r, self._stretch(c.J))
+        seen = v.blocks.seen(fit.r, self.stretch(c.J))
         hopeless = not self.quick and float(np.sum(seen - self.e_seen)) < SCREEN
         none = self.e - 1.0 / len(self.e)
         c.e = none if hopeless else self._score(fit, X, prior, c.cost, c.J)

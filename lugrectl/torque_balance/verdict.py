@@ -35,7 +35,7 @@ from .samples import sampled
 from .search import Search
 from .sensors import Sensors
 from .stated import inertia_range
-from .table import Table, errors_of
+from .table import Table
 from .width import Declared, Width, fine_wave
 
 PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect
@@ -47,7 +47,7 @@ NO_GAIN = (
     "more than it explains."
 )
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
-MOST_STRUCK = 2  # names that may be struck: after more, none has ever been right
+MOST_STRUCK = 2  # names that may be struck, each the largest: after more, none has been right
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 COASTS = (
     "u is constant in every row: the torque channel is dead, or the drive coasts.",
@@ -261,6 +261,7 @@ class _Judge:
         self.view, self.train, self.test, self.split = view, train, test, split
         self.decision, self.all = decision, every
         self.struck: set[str] = set()
+        self.large = 0  # how many of these were the largest of theirs
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
@@ -318,8 +319,9 @@ class _Judge:
         d, table = self.decision, Table(view, self.decision.table.scale)
         for c in d.table.chosen:
             search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
-            same = [row for row in search.rows() if row.gain > 0 and row.order == c.order]
-            table.extend(same[0] if same else table.enter(search.again(c)))
+            rows = [row for row in search.rows() if row.order == c.order]
+            rows.append(table.enter(search.again(c)))
+            table.extend(max(rows, key=lambda row: row.gain))
         return state_of(table)
 
     def _without_small_waves(self, last: LastFit) -> LastFit:
@@ -359,7 +361,9 @@ class _Judge:
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
         d = self.decision
-        if len(self.struck) > MOST_STRUCK:
+        own = [j for j, t in enumerate(last.state.terms) if not t.declared]
+        self.large += last.share(i) == max(last.share(j) for j in own)
+        if self.large > MOST_STRUCK:
             self.struck |= {c.name for c in d.named}
         if name in {t.name for t in d.joined}:
             alone = self.all is self.view
@@ -448,9 +452,9 @@ class _Judge:
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        few = v.is_map  # runs are too few for a standard error
-        sure = few or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
-        lower = sure and full.error < plain.error
+        # proven where it was chosen; runs of a map are too few for a standard error
+        lower = full.error < plain.error
+        lower &= v.is_map or gain(plain, full, v.motion.duration) > 0
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
             return self._no_names(last, named), False
