@@ -34,6 +34,15 @@ def belief(weight=1.0, spread=0.05, **stated):
     return Belief.of(model, correlated(spread), estimates(spread, **VALUES), weight)
 
 
+def test_intervals_are_those_of_what_is_drawn():
+    x, sd = np.array([0.1, -0.1]), 0.05
+    joint = Joint(("Fs", "offset"), x, sd**2 * np.eye(2), np.array([True, False]))
+    drawn = np.array([*joint.sample(200_000, 0).values()])
+    ends = np.quantile(drawn, [0.025, 0.975], axis=1).T
+    assert joint.interval() == pytest.approx(ends, abs=0.1 * sd)
+    assert np.all(joint.interval()[0] > 0.0)
+
+
 def test_members_are_models_with_the_covariance_of_the_fit():
     drawn = Members([belief()], 4000, 0)
     logs = np.log([drawn[k] for k in VALUES])
