@@ -12,6 +12,7 @@ from ..blocks.declared_values import Stated
 from ..blocks.model import Model, as_model
 from ..core.display import Row, number
 from ..core.errors import InputError, Refused
+from ..core.numeric import Z95
 from ..core.result import Result, library
 from ..core.validation import whole
 from .covariance import Joint
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 ROUNDS = 50  # of drawing again what is out of bounds, before it is moved to the bound
 TORQUE = ("N m", "N")
-INTERVAL = 3.92  # standard deviations in a 95 % interval
+INTERVAL = 2.0 * Z95  # standard deviations in a 95 % interval
 SHOWN = "start, stop and reverse slowly, and pass the speeds of interest"
 
 

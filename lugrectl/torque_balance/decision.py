@@ -163,7 +163,8 @@ class Decision:
         return gain > max(errors_of(self.alpha) * error, least)
 
     def alike(self, c: Contender, other: Contender) -> bool:
-        """Whether another explains as much: rows near rest, where any law is wrong, prove none."""
+        """Whether another comes so near that a last fit must decide: rows near rest, where the
+        law of the table is wrong, prove none."""
         return other.gain > ALIKE * c.gain or not self.better(c, other)
 
     # ---- the verdict

@@ -51,11 +51,6 @@ ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its l
 WEIGHT, OFFSET = "gravity", "constant_torque"
 
 
-def drifts(block: Block) -> bool:
-    """Whether an effect is itself a slow change of friction."""
-    return block.timed and "Fc" in block.acts and not any(p.instant for p in block.own.values())
-
-
 @dataclass
 class Term:
     """An effect in a regression: its block, nonlinear values ``q``, linear coefficients ``b``.
@@ -337,20 +332,6 @@ class View:
         """One direction: Coulomb friction and an offset are one."""
         free = name in FREE_SIGNS or name == "Fc" and self.motion.one_way
         return -np.inf if free else 0.0
-
-    def background(self, beside: Sequence[Term], z: np.ndarray) -> list[tuple[str, np.ndarray]]:
-        """What every drive has a little of, (n,): an offset, warming, unbalance or a slope, unless
-        an effect beside it is that."""
-        m, here = self.motion, {t.name for t in beside}
-        rows = [] if OFFSET in here else [("offset", np.ones(len(m)))]
-        if not any(drifts(t.block) for t in beside):
-            rows.append(("~", z * (m.elapsed / m.duration - 0.5) * np.sqrt(12.0)))
-        if self.model.motion == "linear" or np.ptp(m.theta) < 2:
-            rows.append(("~", m.theta - m.theta.mean()))
-        elif WEIGHT not in here:
-            weight = columns(members("effect")[WEIGHT], {}, self.along()).wide
-            rows += [("~", x) for x in np.asarray(weight).T]
-        return rows
 
     def _changed(self, u: np.ndarray) -> np.ndarray:
         """The torque after the terms that act on it."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.block import Block
+from ..blocks.block import Block, members
 from ..blocks.friction import free_level
 from ..core.numeric import Z95
 from ..core.regression import Prior, log_density, robust
@@ -31,7 +31,7 @@ from .columns import (
     to_values,
 )
 from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST
-from .friction import LARGE, Term, View
+from .friction import LARGE, OFFSET, WEIGHT, Term, View
 from .stated import with_stated
 from .table import Table, is_lateness
 
@@ -43,7 +43,7 @@ LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
 NOTHING = 1e-100  # a column without torque
 MOST_TURNS, STAYS = 12, 0.2  # of a fit; holds by which a delay still moves
 RIGID = 1e-3  # of the bristles: as good as none
-CONSTANT = {"constant_torque", "coulomb_asymmetry"}
+CONSTANT = {OFFSET, "coulomb_asymmetry"}
 NEAR = {"turn": "presliding", "dip": "stribeck"}  # what friction near rest is a part of
 KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
 
@@ -205,7 +205,17 @@ class Design:
     def _background(self) -> None:
         """Every drive has a little of an offset, warming, unbalance: BACKGROUND of friction."""
         v, m, add = self.view, self.view.motion, self._made.add
-        for name, x in v.background(self.state.terms, v.z):
+        terms = self.state.terms
+        here = {t.name for t in terms}
+        rows = [] if OFFSET in here else [("offset", np.ones(len(m)))]
+        if not any(drifts(t.block) for t in terms):  # a drift is a warming itself
+            rows.append(("~", v.z * (m.elapsed / m.duration - 0.5) * np.sqrt(12.0)))
+        if v.model.motion == "linear" or np.ptp(m.theta) < 2:
+            rows.append(("~", m.theta - m.theta.mean()))
+        elif WEIGHT not in here:
+            weight = columns(members("effect")[WEIGHT], {}, v.along()).wide
+            rows += [("~", x) for x in np.asarray(weight).T]
+        for name, x in rows:
             x = v.K @ x
             little = BACKGROUND * self.level / (float(np.sqrt(np.mean(x**2))) + 1e-300)
             if name == "offset" and self.constant:
@@ -253,6 +263,11 @@ class Design:
             sd = room(term, key, step[key])
             most = FURTHEST * step[key] if block.states else sd
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
+
+
+def drifts(block: Block) -> bool:
+    """Whether an effect is itself a slow change of friction."""
+    return block.timed and "Fc" in block.acts and not any(p.instant for p in block.own.values())
 
 
 def room(term: Term, key: str, step: float) -> float:

@@ -23,7 +23,7 @@ from .columns import columns
 from .constants import ALPHA, CLEAR, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
 from .enough import enough
-from .friction import Term, View, declared_terms, places
+from .friction import OFFSET, Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain
 from .interval import Interval, Value, apart, best_law, other_views
 from .last_fit import LastFit, State, state_of
@@ -35,7 +35,7 @@ from .samples import sampled
 from .search import Search
 from .sensors import Sensors
 from .stated import inertia_range
-from .table import Table
+from .table import Table, errors_of
 from .width import Declared, Width, fine_wave
 
 PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect
@@ -288,13 +288,18 @@ class _Judge:
         V = V + interval.between([{k: x for k, x in one.items() if k in PLANT} for one in other])
         made = Answer(
             verdict, d, self.all, self.split, last, interval, interval.values(V), V, plain, full,
-            d.alternatives, [n for _, n in sorted(self.candidates)], d.depends_on,
+            d.alternatives, self._candidates(last), d.depends_on,
             [*d.notes, *self.notes], refitted=without, trained=trained, rivals=rivals,
             declared_error=self._declared_error(few),
         )  # fmt: skip
         self._late_speed(made)
         self._whole_inertia(made)
         return made
+
+    def _candidates(self, last: LastFit) -> list[str]:
+        """What was named and is not held, the largest first, but what the plain answer has."""
+        names = [name for _, name in sorted(self.candidates)]
+        return [n for n in names if not (n == OFFSET and last.design.constant)]
 
     # ---- what the last fit holds
     def _held(self) -> LastFit:
@@ -452,9 +457,9 @@ class _Judge:
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        # proven where it was chosen; runs of a map are too few for a standard error
-        lower = full.error < plain.error
-        lower &= v.is_map or gain(plain, full, v.motion.duration) > 0
+        few = v.is_map  # runs are too few for a standard error
+        sure = few or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
+        lower = sure and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
             return self._no_names(last, named), False
