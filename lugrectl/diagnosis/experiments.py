@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from ..estimates.balance import Balance
 from ..estimates.findings import Finding
 from ..record import Record
+from ..torque_balance.constants import FEW
 
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
@@ -19,7 +20,6 @@ ADVICE = {  # if the residual depends on several of these signals, the first one
 }
 INERTIA = "Record a motion that starts, stops and changes its speed fast: it shows the inertia."
 
-FEW = 24  # independent stretches: with fewer a comparison is uncertain
 LEAST = 18.0  # s of motion with which a model can be fitted and checked on held-out samples
 SHORT = (
     "The record is short: {0:.3g} s, in which {1} independent stretches of motion were compared. "

@@ -53,6 +53,7 @@ SCREEN = 4.0  # nats that a contender must promise before it is entered and scor
 WAVES_AT_ONCE = 6  # waves over the angle that one ripple may have
 PERIODS = 6  # that a disturbance must have in the record
 MAIN_WAVE = 0.1  # of the power of all torque: a wave above it may have others beside it
+FEW = 24  # independent stretches of motion: with fewer a comparison is uncertain
 ALIKE = 0.8  # share of the best gain above which the last fit decides between two names
 RIVAL = 0.3  # share of the best gain above which an equal one is an alternative
 REST = 0.3  # share of the named effect that an unknown torque must take to leave it unexplained

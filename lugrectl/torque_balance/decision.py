@@ -18,6 +18,7 @@ from .constants import (
     ALIKE,
     ALPHA,
     FAR,
+    FEW,
     FLOOR,
     FREE_LATE,
     HEAVY,
@@ -31,7 +32,7 @@ from .constants import (
     TOGETHER,
 )
 from .friction import OFFSET, WEIGHT, Term, View
-from .interval import best_law
+from .interval import Interval, best_law
 from .last_fit import state_of
 from .law_parts import Part, parts
 from .maps import Still
@@ -210,20 +211,28 @@ class Decision:
         self, contenders: Sequence[Contender], offset: bool = False
     ) -> tuple[str, list[str]]:
         """The likeliest, each in a last fit of its own, and those that this does not disprove."""
-        scores = {c.name: self._by_last_fit(c, offset) for c in contenders}
-        best = max(scores, key=lambda name: float(np.sum(scores[name])))
-        left = [name for name, e in scores.items() if name != best
-                and not proven(*paired(scores[best], e), self.alpha)]  # fmt: skip
-        return best, left
+        of = {c.name: c for c in contenders}
+        fits = {name: self._by_last_fit(c, offset) for name, c in of.items()}
+        best = max(fits, key=lambda name: float(np.sum(fits[name][0])))
+        e, stretches = fits[best]
+        few = stretches < FEW and not self.view.is_map  # then the table must disprove it, too
 
-    def _by_last_fit(self, c: Contender, offset: bool) -> np.ndarray:
-        """Log density of each block under a last fit with what is chosen and c."""
+        def stays(name: str) -> bool:
+            alike = few and not self.better(of[best], of[name])
+            return alike or not proven(*paired(e, fits[name][0]), self.alpha)
+
+        return best, [name for name in fits if name != best and stays(name)]
+
+    def _by_last_fit(self, c: Contender, offset: bool) -> tuple[np.ndarray, int]:
+        """Log density of each block under a last fit with what is chosen and c, and how many
+        independent stretches of motion it has."""
         view, table = copy(self.view), self.table
         state = state_of(table)
         state.terms += c.terms([t.name for t in state.terms])
         last = best_law(view, state.copy(constant=offset), table.scale, straight=True)
         r = last.fit.r * last.scale / table.scale
-        return view.blocks.seen(r, table.stretch(last.values["J"]))
+        e = view.blocks.seen(r, table.stretch(last.values["J"]))
+        return e, int(Interval(last).blocks[0][-1]) + 1
 
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""
