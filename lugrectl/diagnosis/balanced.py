@@ -89,7 +89,7 @@ def diagnosed(asked: Asked, horizon: float, seed: int, least: float, alpha: floa
         ready if sure else None, made, values, least, why_not
     )
     plain = asked.completed(same_values(plain, values), perf_counter() - start)
-    values = values.beside(plain.combinations)
+    values = values.beside(plain)
     values = values if sure else values.told(model)
     effects = _findings(made, values, found, model)
     doubts = doubts or asked.doubts(plain)

@@ -178,7 +178,7 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
         ready if sure else None, made, values, FLOOR, why_not
     )
     plain = same_values(plain, values)
-    values = values.beside(plain.combinations)
+    values = values.beside(plain)
     values = values if sure else values.told(model)
     law = unfit_law(made, values.model, plain, FLOOR)
     doubts = doubts or asked.doubts(plain) or contradicted(asked.stretches, model)

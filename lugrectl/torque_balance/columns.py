@@ -27,7 +27,7 @@ from ..blocks.block import Block
 from ..blocks.embedding import borrowed
 from ..blocks.friction import level as sliding_level
 from ..engine import TraceError
-from .driven_states import Pieces, changes, driven
+from .driven_states import Known, Pieces, changes, driven
 
 SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
@@ -198,7 +198,7 @@ def needs_inertia(block: Block) -> bool:
 
 
 @cache
-def _refused(known: _Known) -> str:
+def _refused(known: Known) -> str:
     block = known.block
     if block.kind not in ("effect", "friction"):
         return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
@@ -227,7 +227,7 @@ def _refused(known: _Known) -> str:
 
 def refused(block: Block) -> str:
     """One sentence why a block cannot be a candidate, '' if it can."""
-    return _refused(_Known(block))
+    return _refused(Known(block))
 
 
 # Columns
@@ -542,27 +542,14 @@ def _held(block: Block, values: Values, along: Along) -> np.ndarray:
 # Linear in its strength?
 
 
-@dataclass(frozen=True, eq=False)
-class _Known:
-    """A block as the key of what is known of it: its function and declaration are one object."""
-
-    block: Block
-
-    def __hash__(self) -> int:
-        return hash((self.block.kind, self.block.name, self.block.function))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Known) and self.block == other.block
-
-
 def scaled(block: Block) -> tuple[str, ...] | None:
     """The parameters that are scaled with the strength, so that the torque is linear in it; None
     if it is not."""
-    return _tried(_Known(block))
+    return _tried(Known(block))
 
 
 @cache
-def _tried(known: _Known) -> tuple[str, ...] | None:
+def _tried(known: Known) -> tuple[str, ...] | None:
     block, log = known.block, _some_motion()
     p = block.own[block.gain]
     if p.neutral is None or not np.isfinite(p.neutral) or refused(block):

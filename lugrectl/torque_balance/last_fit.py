@@ -19,7 +19,7 @@ import numpy as np
 from ..blocks.block import Block, members
 from ..blocks.friction import free_level
 from ..core.numeric import Z95
-from ..core.regression import Prior, log_density, robust
+from ..core.regression import Fit, Prior, log_density, robust
 from .columns import (
     changed_input,
     columns,
@@ -30,7 +30,7 @@ from .columns import (
     step_of,
     to_values,
 )
-from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST
+from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST, ONE_MORE
 from .friction import LARGE, OFFSET, WEIGHT, Term, View
 from .stated import with_stated
 from .table import Table, is_lateness
@@ -54,8 +54,8 @@ class State:
 
     ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
     drive has is held to its size. ``constant``: a constant torque is a term, of any size.
-    ``late`` (s): so much later than logged the torque acts. ``absent`` are parts of friction that
-    the law does not have.
+    ``delayed``: the torque acts at any time, ``late`` (s) later than logged; else within its hold
+    and what a current loop takes. ``absent`` are parts of friction that the law does not have.
     """
 
     k: dict[str, float]
@@ -65,12 +65,13 @@ class State:
     grease: float = 0.0
     bare: bool = False
     constant: bool = False
+    delayed: bool = False
     late: float = 0.0
     absent: frozenset[str] = frozenset()
 
     def copy(self, **other: Any) -> State:
         made = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        keys = ("vs", "exponent", "grease", "bare", "constant", "late", "absent")
+        keys = ("vs", "exponent", "grease", "bare", "constant", "delayed", "late", "absent")
         own = {k: getattr(self, k) for k in keys}
         return State(**{**made, **own, **other})
 
@@ -89,10 +90,6 @@ class State:
         view.set_load(self.terms)
         self.dip = dip
 
-    def delayed(self, view: View) -> bool:
-        """Whether the torque may act at any time; at steady speeds it has none."""
-        return not (self.bare or view.is_map)
-
     def bristle(self, view: View) -> float:
         """The length of the bristles, rad; next to none where the law has none."""
         return RIGID * view.x0 if "presliding" in self.absent else view.x0
@@ -107,7 +104,7 @@ class State:
         for name, x in zip(names, b, strict=True):
             if isinstance(name, str):
                 new.k[name] = float(x)
-                if name == "late" and self.delayed(view):
+                if name == "late" and self.delayed:
                     new.late += float(x) * view.longest_hold
             elif isinstance(name[1], int):
                 new.terms[name[0]].b[name[1]] = x
@@ -180,13 +177,14 @@ class Design:
             add("J", v.rows.a, low=v.J_range[0], high=v.J_range[1])
         else:
             add("J", v.rows.a, low=0.0)
-        own = any(is_lateness(t.block) for t in self.state.terms)  # a delay has its own column
-        most = 0.0 if own else 1.0 if self.state.bare else np.inf
         late = v.K @ (v.hold * v.motion.slope(v.motion.held(v.u)))
-        free = v.latest if self.state.bare else np.inf
-        done = self.state.late / v.longest_hold
-        sd = float(np.hypot(1 / Z95, done))  # a part of a hold, or, seldom, anything
-        add("late", late, sd=sd, low=-most, high=min(most, free), centre=-done)
+        if any(is_lateness(t.block) for t in self.state.terms):  # a delay has its own column
+            add("late", late, low=0.0, high=0.0)
+        elif self.state.delayed:  # anything, but seldom
+            done = self.state.late / v.longest_hold
+            add("late", late, sd=float(np.hypot(1 / Z95, done)), centre=-done)
+        else:
+            add("late", late, sd=1 / Z95, low=-1.0, high=v.latest)
 
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
@@ -278,27 +276,43 @@ def room(term: Term, key: str, step: float) -> float:
 
 
 class LastFit:
-    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays.
+    """A fit at a state, repeated ``turns`` times at what it says.
 
-    ``values`` are all that is reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum"
-    and "key.parameter" of each effect.
+    The torque acts when it was logged, but for a current loop, unless it is clearly likelier at
+    another time: then the fit is repeated until the delay stays. ``values`` are all that is
+    reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum" and "key.parameter" of each
+    effect.
     """
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
-        self.view, self.scale, w = view, scale, None
-        for turn in range(MOST_TURNS):
-            d = self.design = Design(view, state)
-            self.fit = robust(d.X, d.y, d.prior, self.scale, view.noise, w, 4 if turn == 0 else 2)
-            w = self.fit.w
-            spread = 1.4826 * float(np.median(np.abs(self.fit.r))) * self.scale
-            self.scale = max(scale, spread)
-            off = abs(self.fit.b[d.names.index("late")]) if state.delayed(view) else 0.0
-            if turn >= turns - 1 and off < STAYS:
-                break
-            if turn < MOST_TURNS - 1:
-                state = state.updated(d.names, self.fit.b, view)
-        self.state = state
+        self.view = view
+        self.state, self.scale, self.design, self.fit = self._fitted(state, scale, turns)
+        if not self._in_time():
+            other = self._fitted(state.copy(delayed=True), scale, turns)
+            gained = self.score(other[3].r * other[1] / self.scale) - self.score(self.fit.r)
+            if gained > ONE_MORE * KAPPA:
+                self.state, self.scale, self.design, self.fit = other
         self.values = quantities(self.design, self.fit.b)
+
+    def _fitted(self, state: State, scale: float, turns: int) -> tuple[State, float, Design, Fit]:
+        begun, w = scale, None
+        for turn in range(MOST_TURNS):
+            d = Design(self.view, state)
+            fit = robust(d.X, d.y, d.prior, scale, self.view.noise, w, 4 if turn == 0 else 2)
+            w = fit.w
+            scale = max(begun, 1.4826 * float(np.median(np.abs(fit.r))) * scale)
+            off = abs(fit.b[d.names.index("late")]) if state.delayed else 0.0
+            if turn >= turns - 1 and off < STAYS or turn == MOST_TURNS - 1:
+                break
+            state = state.updated(d.names, fit.b, self.view)
+        return state, scale, d, fit
+
+    def _in_time(self) -> bool:
+        """Whether no other time of the torque is to be tried: none is likelier than the free ones,
+        or no log of this kind tells."""
+        at, prior = self.design.names.index("late"), self.design.prior
+        apart = prior.low[at] < prior.high[at] < np.inf
+        return not apart or bool(self.fit.free[at]) or self.state.bare or self.view.is_map
 
     @cached_property
     def torque(self) -> dict[int, np.ndarray]:

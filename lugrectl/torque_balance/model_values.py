@@ -10,7 +10,7 @@ import numpy as np
 from ..blocks.block import members
 from ..blocks.declared_values import Stated
 from ..blocks.model import Model
-from ..estimates.balance import Combination
+from ..estimates.balance import Balance
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from .constants import SCALE
@@ -35,13 +35,15 @@ class ModelValues:
     joint: Joint
     open: tuple[str, ...]
 
-    def beside(self, sums: Sequence[Combination]) -> ModelValues:
-        """The same with sums in place of the intervals of what is certain in a sum only."""
-        made = dict(self.estimates)
-        for one in reversed(sums):  # of several the first counts
-            for key in one.parts:
-                if key in made and not made[key].held:
-                    made[key] = replace(made[key], ci95=None, together=one.text)
+    def beside(self, plain: Balance) -> ModelValues:
+        """The same without the intervals of what the plain answer calls uncertain, or gives in a
+        sum only."""
+        made, sums = dict(self.estimates), plain.combinations
+        alone = {k: "" for k in plain.uncertain if not any(k in one.parts for one in sums)}
+        together = alone | {k: one.text for one in reversed(sums) for k in one.parts}
+        for key, text in together.items():  # of several sums the first counts
+            if key in made and not made[key].held:
+                made[key] = replace(made[key], ci95=None, together=text)
         kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
         return replace(self, estimates=made, joint=_only(self.joint, kept))
 

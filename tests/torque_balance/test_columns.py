@@ -196,16 +196,6 @@ def test_several_sets_at_once_are_one_after_the_other(block):
     np.testing.assert_allclose(at_once, each, rtol=1e-6, atol=1e-9 * np.abs(each).max())
 
 
-@pytest.mark.parametrize("name", ["backlash", "dwell_stiction", "actuator_lag"])
-def test_each_compiler_gives_the_same(name, backend, monkeypatch):
-    block = replace(REGISTRY["effect", name], exact=None)
-    log, values = motion(), values_of(block)
-    plain = both(torque(block, values, log))
-    by = {"numpy": None}.get(backend, backend)
-    monkeypatch.setattr("lugrectl.torque_balance.driven_states.compiler", lambda: by)
-    assert both(torque(block, values, log)) == pytest.approx(plain, abs=1e-9 * np.abs(plain).max())
-
-
 def test_what_hangs_on_the_inertia():
     named = {name for name in EFFECTS if needs_inertia(REGISTRY["effect", name])}
     assert named == {
