@@ -28,6 +28,7 @@ from ..blocks.embedding import borrowed
 from ..blocks.friction import level as sliding_level
 from ..engine import TraceError
 from .driven_states import Known, Pieces, changes, driven
+from .numerics import bend, slope
 
 SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
@@ -139,24 +140,6 @@ class Columns:
         """Other columns, by a function of each part."""
         parts = (None if x is None else function(x) for x in (self.wide, self.narrow))
         return Columns(*parts, low=low, high=high)
-
-
-def slope(x: np.ndarray, dt: float) -> np.ndarray:
-    """dx/dt (n, ...) by central differences of fourth order."""
-    if len(x) < 2:
-        return np.zeros(x.shape)
-    d = np.gradient(x, dt, axis=0)
-    if len(x) > 8:
-        d[2:-2] = (8 * (x[3:-1] - x[1:-3]) - x[4:] + x[:-4]) / (12 * dt)
-    return d
-
-
-def bend(x: np.ndarray, dt: float) -> np.ndarray:
-    """d2x/dt2 (n, ...) of fourth order."""
-    d = slope(slope(x, dt), dt)
-    if len(x) > 8:
-        d[2:-2] = (16 * (x[3:-1] + x[1:-3]) - 30 * x[2:-2] - x[4:] - x[:-4]) / (12 * dt**2)
-    return d
 
 
 # What a declaration says

@@ -406,7 +406,7 @@ class Search:
         if p.unit != "N m":
             return None
         if p.neutral == np.inf:
-            shares = [0.8, 0.85, 0.9, 0.93, 0.95, 0.97, 0.98, 0.99, 0.995, 0.999, 1.0]
+            shares = 1.0 - np.r_[0.0, np.geomspace(1e-3, 0.7, 16)]
             return np.quantile(size, shares)
         return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
 
