@@ -17,6 +17,7 @@ from .constants import SCALE
 from .interval import WITHOUT_SCALE, Interval, Value
 from .last_fit import LastFit
 from .own_law import DIPPED, law_values, means_the_same, static_values
+from .plain import CERTAIN
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
 SEEN = 1.05  # times Fc: an Fs that rows show
@@ -36,12 +37,13 @@ class ModelValues:
     open: tuple[str, ...]
 
     def beside(self, plain: Balance) -> ModelValues:
-        """The same without the intervals of what the plain answer calls uncertain, or gives in a
-        sum only."""
-        made, sums = dict(self.estimates), plain.combinations
-        alone = {k: "" for k in plain.uncertain if not any(k in one.parts for one in sums)}
-        together = alone | {k: one.text for one in reversed(sums) for k in one.parts}
-        for key, text in together.items():  # of several sums the first counts
+        """The same without the intervals of what the plain answer calls uncertain, where no polish
+        has made it certain, or gives in a sum only."""
+        made = dict(self.estimates)
+        wide = {k: "" for k in plain.uncertain if k in made and _is_wide(made[k])}
+        for one in reversed(plain.combinations):  # of several the first counts
+            wide |= dict.fromkeys(one.parts, one.text)
+        for key, text in wide.items():
             if key in made and not made[key].held:
                 made[key] = replace(made[key], ci95=None, together=text)
         kept = [i for i, k in enumerate(self.joint.names) if made[k].ci95 is not None]
@@ -54,6 +56,10 @@ class ModelValues:
         model = self.model.with_values(dict.fromkeys(gone))
         estimates = {k: e for k, e in self.estimates.items() if k not in gone}
         return replace(self, model=model, estimates=estimates)
+
+
+def _is_wide(e: Estimate) -> bool:
+    return e.ci95 is not None and e.ci95[1] - e.ci95[0] >= 2 * CERTAIN * abs(e.value)
 
 
 def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:
