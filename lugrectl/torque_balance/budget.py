@@ -15,7 +15,7 @@ from ..estimates.comparison import Compared, Comparison, Detectable, Share
 from .constants import UNSEEN
 from .decision import Decision
 from .interval import Interval
-from .last_fit import LastFit, Name
+from .last_fit import LastFit, places
 from .table import Contender
 from .verdict import LONGER, Answer
 
@@ -24,7 +24,12 @@ UNJUDGED = (
     "the record is too short, or its noise too large, to judge what is missing: no effect below "
     "{:.2g} % of friction would have been seen."
 )
-FRICTION = {"coulomb": ("Fc", "dip", "damping"), "viscous": ("Fv", "grease")}
+OF_THE_DRIVE = {
+    "inertia": ("a", "J"),
+    "coulomb": ("w", "Fc", "dip", "damping"),
+    "viscous": ("w", "Fv", "grease"),
+    "offset and unbalance": ("theta", "offset", "run"),
+}
 Term = tuple[str, np.ndarray, list[int], tuple[str, ...]]
 
 
@@ -64,8 +69,7 @@ def budget(made: Answer) -> list[Share]:
     if made.verdict == "unexplained" and made.depends_on:
         shares += _unknown(made)
     shares.sort(key=lambda s: -s.rms)
-    r = last.design.y - last.design.X @ last.fit.b
-    left = float(np.sqrt(np.mean(r**2)))
+    left = float(np.sqrt(np.mean(last.left**2)))
     noise = min(float(np.sqrt(made.view.noise)) * abs(last.values["J"]), left)
     return [*shares, Share("left", left, left / size, None, ()),
             Share("noise", noise, noise / size, None, ())]  # fmt: skip
@@ -73,22 +77,11 @@ def budget(made: Answer) -> list[Share]:
 
 def _terms(last: LastFit) -> Iterator[Term]:
     """Name, torque in the rows, coefficients and signals of each term."""
-    d, b = last.design, last.fit.b
-
-    def of(name: str, at: list[int], *on: str) -> Term:
-        return name, d.X[:, at] @ b[at], at, on
-
-    def places(*names: Name) -> list[int]:
-        return [j for j, n in enumerate(d.names) if n in names]
-
-    yield of("inertia", places("J"), "a")
-    for name, parts in FRICTION.items():
-        yield of(name, places(*parts), "w")
-    yield of("offset and unbalance", places("offset", "run"), "theta")
+    for name, (on, *parts) in OF_THE_DRIVE.items():
+        at = [j for j, n in enumerate(last.design.names) if n in parts]
+        yield name, last.part(*parts), at, (on,)
     for i, term in enumerate(last.state.terms):
-        at = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and n[0] == i]
-        linear = [j for j in at if isinstance(d.names[j][1], int)]
-        yield term.key, last.torque[i], linear, signals(term.block)
+        yield term.key, last.torque[i], places(last.design, i), signals(term.block)
 
 
 def _share(

@@ -315,6 +315,21 @@ class LastFit:
         return not apart or bool(self.fit.free[at]) or self.state.bare or self.view.is_map
 
     @cached_property
+    def left(self) -> np.ndarray:
+        """What the fit leaves in the rows (m,), N m."""
+        return self.design.y - self.design.X @ self.fit.b
+
+    def part(self, *names: str) -> np.ndarray:
+        """The torque (m,) of columns with these names."""
+        at = [j for j, n in enumerate(self.design.names) if n in names]
+        return self.design.X[:, at] @ self.fit.b[at]
+
+    @cached_property
+    def friction(self) -> np.ndarray:
+        """The friction torque (m,) in the rows."""
+        return self.part("Fc", "dip", "Fv", "grease", "damping")
+
+    @cached_property
     def torque(self) -> dict[int, np.ndarray]:
         """The torque (m,) of each effect in the rows."""
         d, v, made = self.design, self.view, {}
@@ -349,9 +364,7 @@ class LastFit:
 
     def bend(self) -> float:
         """RMS torque of the grease beside Fc, the Stribeck dip and Fv, as a share of friction."""
-        d, at = self.design, self.design.names.index("grease")
-        tau = d.X[:, at] * self.fit.b[at]
-        return self._beside(tau, {"J", "Fc", "dip", "Fv", "run", "offset"})
+        return self._beside(self.part("grease"), {"J", "Fc", "dip", "Fv", "run", "offset"})
 
     def share(self, i: int) -> float:
         """RMS torque of effect i beside what the plain law and declared effects can imitate, as a

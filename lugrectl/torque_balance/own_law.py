@@ -61,15 +61,8 @@ def misfit(last: LastFit, model: Model) -> float:
     made = torque(model.friction.block, model.friction.values, last.view.along()).wide
     if made is None:
         return 0.0
-    off = last.view.K @ made[:, 0] - _friction(last)
+    off = last.view.K @ made[:, 0] - last.friction
     return float(np.sqrt(np.mean(np.nan_to_num(off, nan=1e6) ** 2))) / last.view.size
-
-
-def _friction(last: LastFit) -> np.ndarray:
-    """The friction torque (m,) of a last fit in its rows."""
-    d = last.design
-    at = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
-    return d.X[:, at] @ last.fit.b[at]
 
 
 def law_values(last: LastFit, model: Model) -> dict[str, float]:
@@ -94,7 +87,7 @@ def _nearest(
     last: LastFit, law: Block, known: Mapping[str, float], keys: Sequence[str]
 ) -> dict[str, float]:
     """The values of a law; ``keys`` are free, and start at the known ones."""
-    v, own, target = last.view, law.own, _friction(last) + last.fit.r * last.scale
+    v, own, target = last.view, law.own, last.friction + last.left
     rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
     K, alone = csr_matrix(v.K[rows]), not law.states and law.inputs == ("w",)
     if alone:  # samples at which no row looks do not matter

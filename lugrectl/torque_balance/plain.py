@@ -174,10 +174,7 @@ def _sums(last: LastFit, values: Mapping[str, Value], certain: set[str]) -> list
 def friction_curve(last: LastFit) -> list[CurvePoint]:
     """Mean friction torque in bins of speed, or of each run of a map: what the other terms leave
     of u."""
-    d, v = last.design, last.view
-    at = [j for j, n in enumerate(d.names) if n in ("Fc", "dip", "Fv", "grease", "damping")]
-    friction = d.X[:, at] @ last.fit.b[at]
-    r = d.y - d.X @ last.fit.b
+    v, friction, r = last.view, last.friction, last.left
     w, made = v.motion.w[v.rows.at], []
     if v.apart is not None:
         many = np.bincount(v.apart)
@@ -200,17 +197,13 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
 
 
 def _left(last: LastFit) -> float:
-    d = last.design
-    r = d.y - d.X @ last.fit.b
-    return float(np.sqrt(np.mean(r**2))) / last.view.force
+    return float(np.sqrt(np.mean(last.left**2))) / last.view.force
 
 
 def _residual(last: LastFit) -> Residual:
-    d, v = last.design, last.view
-    m, at = v.motion, v.rows.at
+    m, at = last.view.motion, last.view.rows.at
     order = np.lexsort((m.stamp[at], m.run[at]))
-    r = d.y - d.X @ last.fit.b
-    return Residual(m.stamp[at][order], m.run[at][order], r[order], np.ones(len(at), bool))
+    return Residual(m.stamp[at][order], m.run[at][order], last.left[order], np.ones(len(at), bool))
 
 
 def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: bool) -> list[str]:

@@ -64,7 +64,7 @@ def tabulated(last: LastFit, depends_on: Collection[str]) -> Table | None:
     blocks = np.array_split(np.argsort(t, kind="stable"), min(BLOCKS, max(1, len(t) // 8)))
     if name not in KNOWN or len(blocks) < 2 * FOLDS:
         return None
-    r = last.design.y - last.design.X @ last.fit.b
+    r = last.left
     grids, power = list(_grids(last, name, r, blocks)), np.array([r[b] @ r[b] for b in blocks])
     gain, every = np.zeros(len(blocks)), np.ones(len(blocks), bool)
     for own in (np.arange(len(blocks)) % FOLDS == k for k in range(FOLDS)):

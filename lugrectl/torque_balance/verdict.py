@@ -241,8 +241,7 @@ def answer(
     made = _Judge(view, *both, split, Decision(both[0], width, (), least, alpha), view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
-    r = made.last.design.y - made.last.design.X @ made.last.fit.b
-    if made.verdict != "unexplained" and view.follows_speed(r):
+    if made.verdict != "unexplained" and view.follows_speed(made.last.left):
         made.verdict, made.depends_on = "unexplained", ["w"]
     return made
 
@@ -345,8 +344,7 @@ class _Judge:
     def _lost(self, last: LastFit, values: dict[str, Value]) -> list[int]:
         """The effects that the fit does not hold: the first one for itself, a further one also
         where it explains less than all that stays."""
-        r = last.design.y - last.design.X @ last.fit.b
-        stays = Unseen.left(r, self.view.rows).stays / self.view.size
+        stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
         own = [i for i, t in enumerate(last.state.terms)
                if not t.declared and t.name != GREASE_NAME]  # fmt: skip
         names = [last.state.terms[i].name for i in own]
@@ -392,8 +390,7 @@ class _Judge:
         if not state.grease:
             return last
         x, bend = values["grease"], last.bend()
-        r = last.design.y - last.design.X @ last.fit.b
-        stays = Unseen.left(r, self.view.rows).stays / self.view.size
+        stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
         sure = x[0] > SURELY * (x[0] - x[1]) / Z95
         plain = state.copy(grease=0.0)
         self.bends = (
