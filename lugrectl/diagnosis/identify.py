@@ -11,14 +11,9 @@ from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
-from ..core.provenance import Provenance, stamped
-from ..core.result import plain as jsonable
-from ..estimates.balance import Balance
-from ..estimates.covariance import Joint, Residuals
-from ..estimates.findings import Estimate, FrictionMap, Traces
+from ..core.provenance import stamped
 from ..estimates.fitted import Fitted
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record
 from ..torque_balance.base import alone
 from ..torque_balance.constants import FLOOR
 from ..torque_balance.model_values import model_values
@@ -27,7 +22,6 @@ from .asked import Asked, judged_by
 from .balanced import NO_INERTIA, knows_inertia, ready_of, same_values, simulated
 from .compare_laws import under_law
 from .contradictions import contradicted, unfit_law
-from .law_comparison import LawComparison
 from .mapped import judged_on, of_map
 from .moved_values import at_bounds, moved
 from .refusal import noted
@@ -36,7 +30,7 @@ from .simulation import residuals
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Identification(Fitted):
     """Fitted parameters of the declared structure, with the errors before and after.
 
@@ -44,48 +38,14 @@ class Identification(Fitted):
     is certain of; ``plain`` is that balance in any case.
     """
 
-    estimates: Mapping[str, Estimate]
-    error: Mapping[str, Any] | None
     model: Model
-    record: Record | None
-    messages: tuple[str, ...]
-    declared: Model | None = None
-    traces: Traces | None = None
-    map: FrictionMap | None = None
-    provenance: Provenance | None = None
-    plain: Balance | None = None
-    joint: Joint | None = None
-    residuals: Residuals | None = None
-    laws: LawComparison | None = None
-    records: tuple[Record, ...] = ()
-    torque_noise: float | None = None
-    rivals: ClassVar[tuple[()]] = ()
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; never NaN or Infinity."""
-        nested = self.model.to_dict()
-        return jsonable(
-            {
-                "schema": 1,
-                "parameters": {k: v.summary() for k, v in self.estimates.items()},
-                "error": self.error,
-                "model": {k: nested[k] for k in ("plant", "friction", "effects")}
-                | {"stated": self.model.statements()},
-                "record": self.record.summary() if self.record else None,
-                "laws": self.laws.summary() if self.laws else None,
-                "records": self._records(),
-                "messages": list(self.messages),
-                "plain": self.plain.summary() if self.plain else None,
-                "covariance": self.joint.summary() if self.joint else None,
-                "members": self._drawn_from(),
-                "drive": self._drive(),
-                "residuals": self.residuals.summary() if self.residuals else None,
-                "provenance": self.provenance.summary() if self.provenance else None,
-            }
-        )
+        return self._document()
 
     def _title(self) -> str:
         return f"Identification: {self.model.name}"

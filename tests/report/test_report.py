@@ -113,7 +113,11 @@ def test_an_identification_shows_each_declared_value_beside_the_fitted_one():
     }
     error = {k: v for k, v in diagnosis().error.items() if k != "augmented"}
     declared = model.with_values({"J": 0.0024, "Fv": None})
-    said = report.text(Identification(fitted, error, model, diagnosis().record, (), declared))
+    record = diagnosis().record
+    made = Identification(
+        estimates=fitted, error=error, model=model, record=record, declared=declared
+    )
+    said = report.text(made)
     assert re.search(r"parameter +declared +fitted +95 % interval +unit", said)
     assert re.search(r"J +0\.0024\d* +0\.0022\d* +0\.0021\d* to 0\.0023\d* +kg m2", said)
     assert re.search(r"Fv +- +0\.02\d* +- +N m s/rad", said)
