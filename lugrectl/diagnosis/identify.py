@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from time import perf_counter
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
@@ -16,16 +15,11 @@ from ..estimates.fitted import Fitted
 from ..parallel.blas_threads import one_blas_thread
 from ..torque_balance.base import alone
 from ..torque_balance.constants import FLOOR
-from ..torque_balance.model_values import model_values
-from ..torque_balance.plain import plain_balance
 from .asked import Asked, judged_by
-from .balanced import NO_INERTIA, knows_inertia, ready_of, same_values, simulated
+from .balanced import Begun
 from .compare_laws import under_law
-from .contradictions import contradicted, unfit_law
-from .mapped import judged_on, of_map
-from .moved_values import at_bounds, moved
-from .refusal import noted
-from .simulation import residuals
+from .contradictions import contradicted
+from .mapped import of_map
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
@@ -121,48 +115,15 @@ def identify(
 
 def identified(asked: Asked, horizon: float, report: Progress) -> Identification:
     """The values of the declared model; Refused where the record cannot give any."""
-    start, model = perf_counter(), asked.model
-    asked.records()
-    asked.refuse_open_time()
     report(0.0, "torque balance")
-    doubts = asked.doubts()
-    ready, why_not = ready_of(asked, horizon)
-    parts, held_out = judged_on(asked, () if ready is None else ready.held_out)
-    made = alone(parts, model, held_out)
-    found = made.last, made.interval, made.values, made.covariance
+    begun = Begun.of(asked, horizon)
+    made = alone(begun.parts, asked.model, begun.held_out)
     report(0.4, "errors on held-out samples")
-    values = model_values(*found, model)
-    plain = plain_balance(*found, made.sure, asked.stretches)
-    sure = knows_inertia(plain, model)
-    judged, values, noise, why_not = simulated(
-        ready if sure else None, made, values, FLOOR, why_not
-    )
-    plain = same_values(plain, values)
-    values = values.beside(plain.combinations)
-    values = values if sure else values.told(model)
-    law = unfit_law(made, values.model, plain, FLOOR)
-    doubts = doubts or asked.doubts(plain) or contradicted(asked.stretches, model)
-    notes = [*([law] if law else []), *doubts]
-    notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
-    notes += [NO_INERTIA] if not (why_not or sure or made.view.is_map) else []
-    notes += [
-        *(() if judged is None else judged.messages),
-        *moved(values.estimates, model),
-        *at_bounds(values.estimates, model),
-    ]
-    keys = () if judged is None else judged.error.keys() - {"augmented"}
-    answer = Identification(
-        estimates=values.estimates,
-        error=None if judged is None else {k: v for k, v in judged.error.items() if k in keys},
-        model=values.model,
-        record=asked.seen[0],
-        records=tuple(asked.seen),
-        messages=noted(asked, [*notes, *plain.notes]),
-        declared=model,
-        traces=None if judged is None else judged.traces,
-        plain=asked.completed(plain, perf_counter() - start),
-        joint=values.joint,
-        residuals=None if ready is None or judged is None else residuals(ready, values.model),
-        torque_noise=noise,
-    )
-    return of_map(answer, made, asked) if made.view.is_map else answer
+    work = begun.ended(made, FLOOR)
+    doubts = work.doubts or contradicted(asked.stretches, asked.model)
+    notes = replace(work, doubts=doubts).notes(ONLY_PLAIN)
+    fields = work.fields([*notes, *work.changes(), *work.plain.notes])
+    error = fields["error"]
+    error = error and {k: v for k, v in error.items() if k != "augmented"}
+    found = Identification(**fields | {"error": error})
+    return of_map(found, made, asked) if made.view.is_map else found

@@ -275,7 +275,7 @@ def test_records_are_read_for_the_motion_of_the_model():
 def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path, monkeypatch):
     asked = []
 
-    def prepared(records, model, holdout, horizon):
+    def prepared(records, model, holdout, horizon, length):
         asked.append((records, model, horizon))
         raise lg.Refused("far enough")
 
