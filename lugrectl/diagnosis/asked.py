@@ -13,6 +13,7 @@ from ..blocks.model import Model, as_model
 from ..core.errors import Refused
 from ..core.validation import positive, whole
 from ..estimates.balance import Balance
+from ..estimates.bench_test import BenchTest
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs
 from ..torque_balance.maps import is_map
@@ -45,22 +46,24 @@ class Asked:
         logs, several = as_logs(record, made.motion, **reading)
         return cls(logs, several, made, holdout, reading)
 
-    @cached_property
-    def _read(self) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
+    @property
+    def _as_recorded(self) -> list[Log]:
         logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        parts, said = stretches([log for log in logs if log is not None])
-        return tuple(parts), tuple(said)
+        return [log for log in logs if log is not None]
+
+    @cached_property
+    def _read(self) -> tuple[list[Stretch], list[str]]:
+        return stretches(self._as_recorded)
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> list[Stretch]:
         """The logs as they were recorded, on even time."""
         return self._read[0]
 
     @property
     def noticed(self) -> tuple[str, ...]:
         """What was noticed when the logs were read."""
-        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        logs = [log for log in logs if log is not None]
+        logs = self._as_recorded
         common = set(logs[0].messages).intersection(*(log.messages for log in logs))
         reading = [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
         return tuple(dict.fromkeys([*reading, *self._read[1]]))
@@ -70,8 +73,7 @@ class Asked:
         """The torque balance of the declared model: the base row of the table, with what makes the
         log impossible."""
         start = perf_counter()
-        names = [log.source for log in self.logs]
-        made = checked(self.stretches, self.model, names)
+        made = checked(self.stretches, self.model, [log.source for log in self.logs])
         return self.completed(made, perf_counter() - start)
 
     def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
@@ -93,9 +95,8 @@ class Asked:
         return replace(plain, seconds=seconds, reading=self.noticed, bench_tests=self.bench_tests)
 
     @cached_property
-    def bench_tests(self) -> Any:
-        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        return bench_tests([log for log in logs if log is not None], self.model)
+    def bench_tests(self) -> tuple[BenchTest, ...]:
+        return bench_tests(self._as_recorded, self.model)
 
     def records(self) -> Record | list[Record]:
         """The logs on uniform time: one record, or a list; Refused where one has no motion."""

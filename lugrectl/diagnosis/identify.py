@@ -123,7 +123,7 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     doubts = work.doubts or contradicted(asked.stretches, asked.model)
     notes = replace(work, doubts=doubts).notes(ONLY_PLAIN)
     fields = work.fields([*notes, *work.changes(), *work.plain.notes])
-    error = fields["error"]
-    error = error and {k: v for k, v in error.items() if k != "augmented"}
-    found = Identification(**fields | {"error": error})
+    error = (fields.pop("error") or {}).items()
+    error = {k: v for k, v in error if k != "augmented"} or None
+    found = Identification(error=error, **fields)
     return of_map(found, made, asked) if made.view.is_map else found

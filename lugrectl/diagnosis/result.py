@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.result import picked
 from ..core.views import view
@@ -92,6 +93,7 @@ class Diagnosis(Fitted):
     effects: tuple[Finding, ...] = ()
     depends_on: tuple[str, ...] = ()
     experiment: str | None = None
+    model: Model | None = field(default=None, kw_only=True)
     free_error: Mapping[str, Any] | None = None
     torque_error: Mapping[str, Any] | None = None
     reason: str | None = None

@@ -77,7 +77,7 @@ class Fitted(Result):
 
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     error: Mapping[str, Any] | None = None
-    model: Model | None = None
+    model: Model | None
     declared: Model | None = None
     record: Record | None = None
     records: tuple[Record, ...] = ()
@@ -125,7 +125,7 @@ class Fitted(Result):
 
     def _document(self, **more: Any) -> dict[str, Any]:
         """The JSON document: what both results have, and ``more``; never NaN or Infinity."""
-        model, every = self.model, self.records or (self.record,) * (self.record is not None)
+        model, every = self.model, self.records or ([self.record] if self.record else [])
         nested = model.to_dict() if model else {"plant": {}, "friction": {}, "effects": []}
         seen = view("believed.seen_in", "compensated_loop")(self.record, self.torque_noise)
         made = {

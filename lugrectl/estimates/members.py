@@ -205,8 +205,9 @@ class Members(Result, Sequence[Model]):
 
 def refuse_unknown(belief: Belief) -> None:
     """Refused where a value would be taken as certain that is not."""
-    if left := belief.unknown:
-        names, each = ", ".join(left), "each" if len(left) > 1 else "it"
+    left = belief.unknown
+    if left:
+        names, each = ", ".join(left), ("it", "each")[len(left) > 1]
         raise Refused(
             f"{belief.model.name}: the log does not determine {names}, so no member can be drawn: "
             f"declare {each} with what is known of it, {left[0]} = {{value = ..., std = ...}} or "
