@@ -71,6 +71,10 @@ class Drive:
         gain[[0, 1, *self.sensors]] = K
         return gain, S
 
+    def _gains(self, run: Run, sets: Sets, jumps: Any, least: float = 0.0) -> Array:
+        both = zip(sets, jumps, strict=True)
+        return np.array([self.gain(run, v, max(jump, least))[0] for v, jump in both])
+
     def _sensing(self, values: Values) -> tuple[Any, ...]:
         """The sensors with states, linearised at rest."""
         if not self.sensors:
@@ -92,10 +96,9 @@ class Drive:
         (S, n, length, 2), and the states after the last sample (S, n, x). Over the first half of a
         lead the observer stays close to the measured motion, which settles the other states.
         """
-        gains = np.array([self.gain(run, v, q)[0] for v, q in zip(sets, jumps, strict=True)])
+        gains, close = self._gains(run, sets, jumps), self._gains(run, sets, jumps, run.usual)
         y = np.empty((len(sets), len(where.start), where.length, 2))
         x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
-        close = np.array([self.gain(run, v, max(q, run.usual))[0] for v, q in zip(sets, jumps)])  # noqa: B905
         for lead in set(where.lead.tolist()):
             some = where.lead == lead
             start, half = where.start[some] - lead, lead // 2

@@ -60,15 +60,16 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     torque = _each(models, "torque error", said, lambda k: rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
-    unit = {"signal": ready.signal, "unit": ready.unit}
+    motion = ready.model.motion
+    unit = {"signal": ready.signal, "unit": unit_for(("rad", "rad/s")[channel], motion)}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
     t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
-    motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
+    signals = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
     return Judged(
         {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
         {**unit, "in_sample": ready.in_sample, **free},
-        {"unit": unit_for("N m", ready.model.motion), **torque},
-        Traces(t, measured, held_out, simulated, residual, motion),
+        {"unit": unit_for("N m", motion), **torque},
+        Traces(t, measured, held_out, simulated, residual, signals),
         tuple(said),
     )
 
@@ -98,7 +99,7 @@ def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> fl
 def residuals(ready: Prepared, model: Model) -> Residuals:
     """The tests of one-step predictions, over the training windows of the run with most of them."""
     fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
-    run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
+    run, where = max(both, key=lambda pair: pair[1].size)
     channel = int(np.isfinite(run.noise[1]))
     e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
     return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
