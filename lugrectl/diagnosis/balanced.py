@@ -35,7 +35,9 @@ from .asked import Asked
 from .contradictions import unfit_law
 from .mapped import judged_on
 from .notes import moved, noted
-from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
+from .simulation.judge import Judged, errors, residuals, torque_noise
+from .simulation.polishing import polish
+from .simulation.records import Prepared, prepared
 
 NO_INERTIA = (
     "The log does not determine the inertia, and none is declared: what is named does not depend "

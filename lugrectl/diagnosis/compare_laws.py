@@ -26,8 +26,9 @@ from ..torque_balance.base import alone
 from ..torque_balance.constants import ALPHA
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
-from .simulation import Prepared, errors
 from .simulation.drive import fitted, loglik
+from .simulation.judge import errors
+from .simulation.records import Prepared
 
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",

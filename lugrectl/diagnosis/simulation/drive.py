@@ -198,21 +198,20 @@ def tuned(ready: Prepared, drive: Drive, values: Values, begun: float | None = N
 
 def _climbed(totals: Callable[[np.ndarray], np.ndarray], begun: float) -> int:
     """The place of the likeliest of COARSE, from the one next to a factor on."""
-    at, known = int(np.argmin(np.abs(COARSE - np.log(begun)))), dict[int, float]()
-    while True:
-        near = [i for i in (at - 1, at, at + 1) if 0 <= i < len(COARSE)]
-        new = [i for i in near if i not in known]
-        known |= zip(new, totals(COARSE[new]).tolist(), strict=True) if new else ()
-        best = max(near, key=lambda i: known[i])
-        if best == at:
-            return at
+    best, at, known = int(np.argmin(np.abs(COARSE - np.log(begun)))), -1, dict[int, float]()
+    while best != at:
         at = best
+        near = range(max(at - 1, 0), min(at + 2, len(COARSE)))
+        if new := [i for i in near if i not in known]:
+            known |= zip(new, totals(COARSE[new]).tolist(), strict=True)
+        best = max(near, key=lambda i: known[i])
+    return best
 
 
 def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
     """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
     both = zip(ready.runs, of, strict=True)
-    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.start.size]
+    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.size]
     return np.concatenate(made, axis=1)
 
 

@@ -55,9 +55,16 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     at = ready.along(ready.test, [0], lambda _, where: where.counted[..., None])[0]
     held_out = np.isfinite(at + measured)
     said: list[str] = []
-    error = _each(models, "error", said, lambda k: rms((measured - simulated[k])[held_out]))
-    free = _each(models, "error without restarts", said, lambda k: _free(ready, free_run[k]))
-    torque = _each(models, "torque error", said, lambda k: rms(missing[k][held_out]))
+
+    def each(what: str, of: Callable[[str], float]) -> dict[str, float | None]:
+        made = {k: of(k) for k in fits}
+        finite = {k: x for k, x in made.items() if x < DIVERGED}
+        said.extend(DIVERGES.format(k, what) for k in made if k not in finite)
+        return {k: finite.get(k) for k in models}
+
+    error = each("error", lambda k: rms((measured - simulated[k])[held_out]))
+    free = each("error without restarts", lambda k: _free(ready, free_run[k]))
+    torque = each("torque error", lambda k: rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     motion = ready.model.motion
@@ -72,17 +79,6 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
         Traces(t, measured, held_out, simulated, residual, signals),
         tuple(said),
     )
-
-
-def _each(models: Mapping[str, Any], what: str, said: list[str], of: Any) -> dict[str, Any]:
-    """A value for each model: None where there is no model or it is not a number, which is said."""
-    made: dict[str, float | None] = {}
-    for name, model in models.items():
-        value = np.inf if model is None else of(name)
-        made[name] = value if value < DIVERGED else None
-        if model is not None and made[name] is None:
-            said.append(DIVERGES.format(name, what))
-    return made
 
 
 def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:

@@ -63,7 +63,7 @@ def polish(
     """
     begun = fitted(ready, model)
     climb = _Climb(ready, begun, model, free, start)
-    before = climb.each([begun.values], [begun.jump])[0]
+    before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
     if not climb.keys or len(before) < 2:
         return Polished(begun.values, NONE, False, 0.0, 0.0)
     fit = climb.up(climb.scanned())
@@ -98,6 +98,7 @@ class _Climb:
     ) -> None:
         own, values = model.declarations(), begun.values
         self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
+        self.where = spread(ready.train, ENOUGH)
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
         fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
         keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
@@ -152,14 +153,10 @@ class _Climb:
         off = self.x(values) - self.middle
         return 0.5 * float(off @ self.weight @ off)
 
-    def each(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> np.ndarray:
-        """Log-likelihood of each window, (sets, windows)."""
-        where = spread(self.ready.train, ENOUGH)
-        return loglik(self.ready, self.begun.drive, sets, jumps, where)
-
     def best(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> tuple[float, Fit]:
         """The likeliest of some values, each with its noise."""
-        made = self.each(sets, jumps).sum(axis=1) - [self.cost(v) for v in sets]
+        each = loglik(self.ready, self.begun.drive, sets, jumps, self.where)
+        made = each.sum(axis=1) - [self.cost(v) for v in sets]
         i = int(np.argmax(np.nan_to_num(made, nan=-np.inf)))
         return float(made[i]), Fit(self.begun.drive, sets[i], jumps[i])
 
@@ -197,8 +194,8 @@ class _Climb:
         """Information (windows, x, x), slope (windows, x) and log-likelihood (windows,)."""
         x, n, made = self.x(fit.values), len(self.keys), []
         sets = [fit.values, *(self.values(x + STEP * row) for row in np.eye(n))]
-        both = zip(self.ready.runs, spread(self.ready.train, ENOUGH), strict=True)
-        for run, where in ((run, where) for run, where in both if where.start.size):
+        both = [*zip(self.ready.runs, self.where, strict=True)]
+        for run, where in (pair for pair in both if pair[1].size):
             white, each = whitened(fit.drive, run, sets, [fit.jump] * (n + 1), where)
             e = white.reshape(n + 1, len(where.start), -1).swapaxes(0, 1)
             A = (e[:, :1] - e[:, 1:]) / STEP

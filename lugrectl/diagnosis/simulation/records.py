@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -205,10 +206,11 @@ def prepared(
         raise InputError("rotary and linear records do not go together: give runs of one drive.")
     long_enough_to_judge(max(every, key=lambda r: r.duration))
     runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
-    pieces = [[*run.pieces] for run in runs]
-    train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
-    if apart:
-        train, test = [*pieces[:-1], []], [*([] for _ in given), pieces[-1]]
+    if whole:
+        seconds = sum(len(run.t) * run.dt for run in runs[: len(given)])
+        train, test = _cut(runs, seconds if apart else 0.5 * seconds)
+    else:
+        train, test = _alternate(runs, horizon, memory)
     fitting = _training(runs, train)
     both = [*zip(runs, test, strict=True)]
     judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
@@ -220,10 +222,11 @@ def prepared(
     known = np.array([run.own for run in runs])
     theta, w = [one.size for one in kept] @ np.isfinite(known)
     channel = int(w >= theta)
-    whole_runs = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    everywhere = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    free = test if whole else [run.pieces for run in runs]
     return Prepared(
-        model, runs, spread(fitting, MOST), kept, test if whole else pieces, not whole, held_out,
-        horizon, whole_runs, channel, float(np.nanmax(known[:, channel])),
+        model, runs, spread(fitting, MOST), kept, free, not whole, held_out, horizon, everywhere,
+        channel, float(np.nanmax(known[:, channel])),
     )  # fmt: skip
 
 
@@ -236,10 +239,9 @@ def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
     return tuple(made)
 
 
-def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:
-    """The first and the last half of the recorded time, by run."""
+def _cut(runs: Sequence[Run], left: float) -> tuple[Parts, Parts]:
+    """What is recorded in so many seconds, and after them, by run."""
     parts: tuple[Parts, Parts] = [], []
-    left = 0.5 * sum(len(run.t) * run.dt for run in runs)
     for run in runs:
         cut = int(np.clip(round(left / run.dt), 0, len(run.t)))
         left -= len(run.t) * run.dt
@@ -258,10 +260,9 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
     for i, run in enumerate(runs):
         span = run.count(horizon)
         length = run.gap + span * max(1, -(-run.count(max(BLOCK, memory)) // span))
-        for a, b in run.pieces:
-            starts = [*range(a, max(b - length, a) + 1, length)] if b - a >= run.gap + span else []
-            for s in starts:
-                parts[turn][i].append((s, b if s == starts[-1] else s + length))
+        for a, b in (ends for ends in run.pieces if ends[1] - ends[0] >= run.gap + span):
+            for ends in pairwise([*range(a, max(b - length, a) + 1, length), b]):
+                parts[turn][i].append(ends)
                 turn = 1 - turn
     slow, fast = (max((np.abs(run.speed[a:b]).max() for run, own in zip(runs, part, strict=True)
                        for a, b in own), default=0.0) for part in parts)  # fmt: skip

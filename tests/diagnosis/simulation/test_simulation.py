@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.simulation import (
-    errors,
-    polish,
-    prepared,
-    residuals,
-    torque_noise,
-)
 from lugrectl.diagnosis.simulation.drive import fitted
+from lugrectl.diagnosis.simulation.judge import errors, residuals, torque_noise
+from lugrectl.diagnosis.simulation.polishing import polish
+from lugrectl.diagnosis.simulation.records import prepared
 
 TRUE = lg.Model.of(lg.table1())
 ARM = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.1, "phase": 0.3})
