@@ -17,7 +17,7 @@ from ..core.option_names import option
 from ..estimates.balance import Balance
 from ..estimates.covariance import Residuals
 from ..estimates.findings import Estimate
-from ..record import Record, Stretch
+from ..record import Stretch
 from ..torque_balance.last_fit import LastFit
 from ..torque_balance.maps import is_map
 from ..torque_balance.model_values import (
@@ -161,10 +161,9 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
     if is_map(asked.stretches):  # nothing moves that could be simulated
         return None, None
     records, holdout = asked.records(), asked.holdout()
-    given = [records] if isinstance(records, Record) else records
     for length in LENGTHS:
         try:
-            ready = prepared(given, asked.model, holdout, horizon, length)
+            ready = prepared(records, asked.model, holdout, horizon, length)
         except Refused as no:
             if not length:
                 return None, no

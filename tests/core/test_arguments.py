@@ -287,7 +287,7 @@ def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path
         given = {"horizon": np.float32(0.5), "seed": np.int64(3)}
         with suppress(lg.Refused):  # of this record nothing is certain
             work(str(run), model, **given)
-        (record,), meant, horizon = asked.pop()
+        record, meant, horizon = asked.pop()
         assert same(record, RECORD) and meant == MODEL and horizon == 0.5
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from ...blocks.block import unit_for
 from ...blocks.model import Model
-from ...core.errors import InputError
 from ...core.numeric import rms
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
@@ -39,11 +38,9 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
 
     ``models`` by name, "declared", "refitted", "augmented": None where values are missing. Restarts
     begin from the state of an observer that has seen samples before them only. The residual torque
-    is what the observer of "refitted" adds to each model. InputError if there is no model.
+    is what the observer of "refitted" adds to each model.
     """
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
-    if not fits:
-        raise InputError("errors are of a model that has all of its values; there is none.")
     jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
     free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
@@ -68,13 +65,14 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
     motion = ready.model.motion
-    unit = {"signal": ready.signal, "unit": unit_for(("rad", "rad/s")[channel], motion)}
+    signal, unit = (("theta", "rad"), ("w", "rad/s"))[channel]
+    of = {"signal": signal, "unit": unit_for(unit, motion)}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
     t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
     signals = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
     return Judged(
-        {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
-        {**unit, "in_sample": ready.in_sample, **free},
+        {**of, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
+        {**of, "in_sample": ready.in_sample, **free},
         {"unit": unit_for("N m", motion), **torque},
         Traces(t, measured, held_out, simulated, residual, signals),
         tuple(said),

@@ -10,10 +10,9 @@ import numpy as np
 from ...blocks.model import Model
 from ...core.numeric import Z95
 from ...estimates.covariance import Joint
-from .drive import Fit, fitted, loglik, tuned, whitened
+from .drive import ENOUGH, Fit, fitted, loglik, tuned, whitened
 from .records import Prepared, spread
 
-ENOUGH = 20_000  # samples of training windows that are used, evenly spread
 WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)

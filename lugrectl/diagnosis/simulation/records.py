@@ -6,10 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.signal import coherence
 
 from ...blocks.effects.actuator import held_late
 from ...blocks.model import Model
@@ -18,7 +17,7 @@ from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from ...record import Record, consistent, long_enough_to_judge
 from ...record.record import smallest_step
-from ...record.signal_noise import repeating, sensor_noise
+from ...record.signal_noise import repeating, repeats, sensor_noise, share_noise
 
 BLOCK = 2.0  # s, least length of a held-out block
 AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
@@ -29,18 +28,9 @@ ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; 
 MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
-SEGMENT = 256  # samples of one segment of a spectrum; it takes four
-BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
-TOGETHER = 0.8  # median coherence there from which two channels share their noise
 Range = tuple[int, int]
 Parts = list[list[Range]]
-
-
-# a stretch of a run that nothing may be fitted to or chosen by, between two times in s
-class HeldOut(NamedTuple):
-    run: int
-    start: float
-    end: float
+Span = tuple[int, float, float]  # a run and two times in s
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,16 +139,12 @@ class Prepared:
     test: tuple[Windows, ...]
     free: Sequence[Sequence[Range]]
     in_sample: bool
-    held_out: tuple[HeldOut, ...]
+    held_out: tuple[Span, ...]
     horizon: float
     everywhere: tuple[Windows, ...]
     channel: int
     noise_floor: float
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)
-
-    @property
-    def signal(self) -> str:
-        return ("theta", "w")[self.channel]
 
     def along(
         self, windows: Sequence[Windows], of: list[int], signals: Callable[[Run, Windows], Any]
@@ -218,7 +204,7 @@ def prepared(
         raise _too_short(horizon)
     kept = spread(judging, MOST)
     ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
-    held_out = tuple(HeldOut(i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
+    held_out = tuple((i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
     known = np.array([run.own for run in runs])
     theta, w = [one.size for one in kept] @ np.isfinite(known)
     channel = int(w >= theta)
@@ -266,7 +252,7 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
                 turn = 1 - turn
     slow, fast = (max((np.abs(run.speed[a:b]).max() for run, own in zip(runs, part, strict=True)
                        for a, b in own), default=0.0) for part in parts)  # fmt: skip
-    return parts if slow > AS_FAST * fast else parts[::-1]
+    return parts if slow > AS_FAST * fast else (parts[1], parts[0])
 
 
 def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
@@ -306,29 +292,13 @@ def run_of(record: Record) -> Run:
             own[k] = max(sensor_noise(x, step), EXACT * np.ptp(x))
             often[k] = repeating(x, step)
             counts[k] = max(step, smallest_step(x))
-            dull[:, k] = np.maximum(0.0, 1.0 - often[k] / _repeats(x, counts[k]))
+            dull[:, k] = np.maximum(0.0, 1.0 - often[k] / repeats(x, counts[k]))
     pieces = tuple((s.start, s.stop) for s in record.segments())
-    repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
+    a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
+    repeated = bool(np.isfinite(own).all()) and share_noise(*recorded[a:b].T)
     left = np.array([1.0, np.nan if repeated else 1.0])
     noise = tuple((own * np.sqrt(often) * left).tolist())
     theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
     d = np.zeros(record.samples) if record.d is None else record.d
     measured = recorded, tuple(own.tolist()), recorded * left, noise, dull, counts, theta
     return Run(record.t, record.u, d, *measured, dt, pieces)
-
-
-def _repeats(x: np.ndarray, count: float) -> np.ndarray:
-    """For each sample, how many in a row stay on the same count."""
-    steps = np.round((x - x[0]) / count) if count > 0.0 else x
-    lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
-    return np.repeat(lengths, lengths)
-
-
-def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
-    """True if theta and w are coherent above the frequencies of motion: they share their noise."""
-    a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
-    if b - a < 4 * SEGMENT:
-        return False
-    theta, w = np.diff(y[a:b, 0], 2), np.diff(y[a + 1 : b, 1])
-    f, shared = coherence(theta, w, nperseg=SEGMENT)
-    return float(np.median(shared[(f > BAND[0]) & (f <= BAND[1])])) > TOGETHER
