@@ -27,12 +27,11 @@ SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that diff
 class Asked:
     """The logs of one drive, the declared model, and what is held out, as the user gave it.
 
-    ``several`` says that a list of runs was given. ``reading`` are the options of
-    :func:`lugrectl.read_record`. ``seen`` holds the records read so far.
+    ``reading`` are the options of :func:`lugrectl.read_record`. ``seen`` holds the records read so
+    far.
     """
 
     logs: tuple[Log | Record, ...]
-    several: bool
     model: Model
     held_out: Any = None
     reading: Mapping[str, Any] = field(default_factory=dict)
@@ -43,8 +42,7 @@ class Asked:
         """What is meant; InputError where an argument or a file cannot be understood."""
         refuse_swapped([record], model)
         made = as_model(model)
-        logs, several = as_logs(record, made.motion, **reading)
-        return cls(logs, several, made, holdout, reading)
+        return cls(as_logs(record, made.motion, **reading), made, holdout, reading)
 
     @property
     def _as_recorded(self) -> list[Log]:
@@ -98,11 +96,11 @@ class Asked:
     def bench_tests(self) -> tuple[BenchTest, ...]:
         return bench_tests(self._as_recorded, self.model)
 
-    def records(self) -> Record | list[Record]:
-        """The logs on uniform time: one record, or a list; Refused where one has no motion."""
+    def records(self) -> list[Record]:
+        """The logs on uniform time; Refused where one has no motion."""
         for log in self.logs[len(self.seen) :]:
             self.seen.append(record_of(log, alone=len(self.logs) == 1))
-        return self.seen if self.several else self.seen[0]
+        return self.seen
 
     def holdout(self) -> str | Record | None:
         """None, "last" or a record of its own."""
@@ -118,7 +116,7 @@ class Asked:
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     """The plain answer to logs that were read."""
-    return Asked(tuple(logs), len(logs) > 1, model).plain
+    return Asked(tuple(logs), model).plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:

@@ -297,8 +297,8 @@ def _chosen(made: Sequence[Fit], model: Model, bar: float) -> LawComparison:
     fits = sorted((one for one in made if not one[0].reason), key=lambda one: -one[1].sum())
     if not fits:
         raise Refused(refused[0].reason or "")
-    (_, best), *others = fits
-    able = [fits[0], *(one for one in others if not beaten(best, one[1], bar))]
+    gains = [paired(fits[0][1], windows) for _, windows in fits]
+    able = [one for one, (gain, se) in zip(fits, gains, strict=True) if gain <= bar * se]
     simplest, windows = min(able, key=lambda one: one[0].parameters or 0)
     rows = [_beside(row, own - windows) for row, own in fits]
     alike = [row.name for row, _ in able if row is not simplest]
@@ -310,9 +310,3 @@ def _beside(row: ComparedLaw, gain: np.ndarray) -> ComparedLaw:
     """A row with what each window (n,) gains over the chosen law."""
     error = float(np.sqrt(len(gain)) * np.std(gain, ddof=1)) if gain.any() else 0.0
     return replace(row, elpd=float(gain.sum()), se=error)
-
-
-def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
-    """Whether windows are predicted better by more than chance allows."""
-    gain, se = paired(best, other)
-    return gain > bar * se

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.block import unit_for
 from ..core.deadline import within
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
@@ -25,7 +24,7 @@ from ..torque_balance.verdict import LAG_NAME, WHOLE_INERTIA, Answer, answer
 from .asked import Asked, judged_by
 from .balanced import Begun, Ended
 from .compare_laws import under_law
-from .mapped import of_map
+from .mapped import of_map, torque_errors
 from .notes import longer, next_experiment, refusal, short
 from .result import Diagnosis
 
@@ -167,13 +166,14 @@ def diagnosed(
     then = next_experiment(verdict, depends_on, effects, work.plain, work.sure)
     notes = [*work.notes(NO_MOTION), *_worse(work), *work.plain.notes, *work.changes()]
     fields = work.fields([*notes, *short(asked.seen, stretches)])
+    noise = float(np.sqrt(made.view.noise)) * abs(made.values["J"][0])
     answered = Diagnosis(
         verdict=verdict,
         effects=effects,
         depends_on=depends_on,
         experiment=longer(asked.seen, stretches, then),
         free_error=work.judged and work.judged.free_error,
-        torque_error=_torque_error(made),
+        torque_error=torque_errors(made) | {"noise_floor": min(noise, made.with_names.error)},
         ranking=ranking,
         table=tabulated(made.last, depends_on) if verdict == "unexplained" else None,
         comparison=found,
@@ -222,18 +222,6 @@ def _rivals(work: Ended) -> tuple[Belief, ...]:
     models = [completed(last, made.view.model) for last in made.rivals]
     return tuple(Belief.of(m, None, {k: e for k, e in known.items() if k in m.known()},
                            1.0 / (len(models) + 1)) for m in models)  # fmt: skip
-
-
-def _torque_error(made: Answer) -> dict[str, Any]:
-    """RMS torque error in windows of held-out samples."""
-    noise = float(np.sqrt(made.view.noise)) * abs(made.values["J"][0])
-    return {
-        "unit": unit_for("N m", made.view.model.motion),
-        "declared": made.declared_error,
-        "refitted": made.without.error,
-        "augmented": made.with_names.error,
-        "noise_floor": min(noise, made.with_names.error),
-    }
 
 
 def _worse(work: Ended) -> list[str]:

@@ -67,28 +67,27 @@ def of_map(found: Found, made: Answer, asked: Asked) -> Found:
     """An answer, of a diagnosis or an identification, with what only a map has."""
     model, motion = asked.model, asked.model.motion
     assert isinstance(made.view, MapView) and found.model
-    swing, error = swings(asked.stretches, unit_for("N m", motion)), _error(made)
+    swing, error = swings(asked.stretches, unit_for("N m", motion)), torque_errors(made)
     known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}
     silent = [k for k, p in model.declarations().items() if p.fitted and k not in known]
     values = {k: x for k, x in model.values().items() if k in silent}
     if Fs := values.get("Fs"):  # a declared one stays, but not below Fc
         values["Fs"] = max(Fs, found.model.known()["Fc"])
     fields: dict[str, Any] = {
-        "error": error,
+        "error": error | _facts(made),
         "estimates": known,
         "map": friction_map(made, motion, swing),
         "model": found.model.with_values(values),
         "messages": (*found.messages, *_said(made, asked, silent, swing)),
     }
     if not isinstance(found, Diagnosis):
-        del error["augmented"]
+        del fields["error"]["augmented"]
         return replace(found, **fields)
     if "vs" in silent and found.experiment is None:
         slow = float(np.abs(made.view.motion.w).min())
         fields["experiment"] = SLOWER.format(slow, unit_for("rad/s", motion))
-    torque = {k: error[k] for k in ("unit", "declared", "refitted", "augmented")}
-    fields["torque_error"] = torque
-    fields["free_error"] = torque | {"signal": "u", "in_sample": False}
+    fields["torque_error"] = error
+    fields["free_error"] = error | {"signal": "u", "in_sample": False}
     fields["depends_on"] = tuple(s for s in found.depends_on if s != "t")
     return _swung(replace(found, **fields), made, swing)
 
@@ -113,25 +112,28 @@ def _said(
         yield SWINGS.format(", ".join(orders))
 
 
-def _error(made: Answer) -> dict[str, Any]:
-    """Of means over stretches of the held-out runs."""
-    view, d = made.view, made.last.design
-    assert isinstance(view, MapView)
-    m = view.motion
-    test = np.isin(m.row, np.flatnonzero(made.split.test))
-    errors = {
+def torque_errors(made: Answer) -> dict[str, Any]:
+    """RMS torque errors in the rows that are held out."""
+    return {
+        "unit": unit_for("N m", made.view.model.motion),
         "declared": made.declared_error,
         "refitted": made.without.error,
         "augmented": made.with_names.error,
     }
-    floor = [view.scatter(d.y - d.X @ made.last.fit.b), *errors.values()]
+
+
+def _facts(made: Answer) -> dict[str, Any]:
+    """What else is said of errors of means over stretches of the held-out runs."""
+    view, d = made.view, made.last.design
+    assert isinstance(view, MapView)
+    m, errors = view.motion, (made.declared_error, made.without.error, made.with_names.error)
+    test = np.isin(m.row, np.flatnonzero(made.split.test))
+    noise = view.scatter(d.y - d.X @ made.last.fit.b)
     return {
         "signal": "u",
-        "unit": unit_for("N m", view.model.motion),
         "samples": int(m.size[test].sum()),
         "horizon": float(np.median([np.ptp(m.stamp[m.run == run]) for run in np.unique(m.run)])),
-        **errors,
-        "noise_floor": min(x for x in floor if x is not None),
+        "noise_floor": min([noise, *(x for x in errors if x is not None)]),
     }
 
 

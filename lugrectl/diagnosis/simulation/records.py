@@ -172,7 +172,7 @@ class Prepared:
 
 
 def prepared(
-    records: Record | Sequence[Record],
+    records: Sequence[Record],
     model: Model,
     holdout: str | Record | None,
     horizon: float,
@@ -185,15 +185,14 @@ def prepared(
     residual depends on itself: blocks are longer than both, s. Refused where records are too short
     or too slow for both parts, InputError where they are of different kinds of motion.
     """
-    given = (records,) if isinstance(records, Record) else tuple(records)
-    apart = (holdout,) if isinstance(holdout, Record) else ()
-    every = [consistent(r) for r in (*given, *apart)]
+    apart = [holdout] if isinstance(holdout, Record) else []
+    every = [consistent(r) for r in (*records, *apart)]
     if len({r.motion for r in every}) > 1:
         raise InputError("rotary and linear records do not go together: give runs of one drive.")
     long_enough_to_judge(max(every, key=lambda r: r.duration))
     runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
     if whole:
-        seconds = sum(len(run.t) * run.dt for run in runs[: len(given)])
+        seconds = sum(len(run.t) * run.dt for run in runs[: len(records)])
         train, test = _cut(runs, seconds if apart else 0.5 * seconds)
     else:
         train, test = _alternate(runs, horizon, memory)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.diagnosis.simulation import records as simulated
 from lugrectl.diagnosis.simulation.drive import fitted
 from lugrectl.diagnosis.simulation.judge import errors, residuals, torque_noise
 from lugrectl.diagnosis.simulation.polishing import polish
-from lugrectl.diagnosis.simulation.records import prepared
 
 TRUE = lg.Model.of(lg.table1())
 ARM = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.1, "phase": 0.3})
@@ -35,6 +35,12 @@ def log(
 @pytest.fixture(scope="module")
 def record():
     return log()
+
+
+def prepared(records, model, *how, **more):
+    """Of one record, or of a list."""
+    given = [records] if isinstance(records, lg.Record) else records
+    return simulated.prepared(given, model, *how, **more)
 
 
 def changed(record, where, by):
