@@ -17,7 +17,6 @@ from ..core.views import view
 if TYPE_CHECKING:
     import control as ct
 
-NOT_NAMED = "The record does not determine the inertia, so no effect is named"  # likewise
 AGAINST_HELD = "The record contradicts held values"  # a note that the headline repeats
 
 

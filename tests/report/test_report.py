@@ -18,7 +18,7 @@ from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.estimates.balance import Balance
-from lugrectl.estimates.findings import NOT_NAMED, Estimate
+from lugrectl.estimates.findings import Estimate
 from lugrectl.report import atomic, diagnosis_plots, wording
 
 from ..cases.html_page import Page
@@ -41,12 +41,6 @@ def test_a_record_against_held_values_is_in_the_headline():
     assert " ".join(report.text(held).split()).startswith(
         f"adequate No missing effect was detected. But: {said}"
     )
-
-
-def test_that_no_effect_can_be_named_is_in_the_headline_and_said_once():
-    said = f"{NOT_NAMED}: declare J."
-    shown = " ".join(report.text(diagnosis("adequate", messages=(said,))).split())
-    assert f"No missing effect was detected. But: {said}" in shown and shown.count(said) == 1
 
 
 def test_why_the_plain_balance_does_not_give_a_value_is_said():
