@@ -44,8 +44,7 @@ _HOMES = {
     "core.errors": "Diverged InputError Refused",
     "diagnosis.fleet": "Fleet diagnose_each",
     "diagnosis.identify": "identify",
-    "diagnosis.compare_laws": "compare_laws",
-    "diagnosis.law_comparison": "LawComparison",
+    "diagnosis.compare_laws": "LawComparison compare_laws",
     "linear": "DelayedTransfer bandwidth bandwidth_check check_designs delayed l2_check linearize "
     "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
     "velocity_L velocity_T velocity_loop_tf",
@@ -178,14 +177,13 @@ if TYPE_CHECKING:
         natural_decay,
     )
     from .diagnosis.balance import balance  # noqa: F401
-    from .diagnosis.compare_laws import compare_laws  # noqa: F401
+    from .diagnosis.compare_laws import LawComparison, compare_laws  # noqa: F401
     from .diagnosis.diagnose import diagnose  # noqa: F401
     from .diagnosis.fleet import (  # noqa: F401
         Fleet,
         diagnose_each,
     )
     from .diagnosis.identify import identify  # noqa: F401
-    from .diagnosis.law_comparison import LawComparison  # noqa: F401
     from .diagnosis.result import Diagnosis  # noqa: F401
     from .estimates.findings import Table  # noqa: F401
     from .hunting import (  # noqa: F401

@@ -100,7 +100,7 @@ def frequency_response(
     (True, 0.3)
     """
     made = as_model(model)
-    logs, _ = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
+    logs = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
     records = pooled([record_of(log, alone=len(logs) == 1) for log in logs])
     refuse_dead(records)
     _refuse_unlike(records)

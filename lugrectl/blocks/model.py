@@ -299,6 +299,12 @@ class Model(Shown):
             flat |= {f"{part.key}.{k}": p for k, p in part.block.own.items()}
         return flat
 
+    def bounds(self, key: str) -> tuple[float, float]:
+        """Where a value may lie: by its declaration, and as the model states it."""
+        p, one = self.declarations()[key], self.stated.get(key, Stated())
+        low = p.low if one.low is None else max(p.low, one.low)
+        return low, p.high if one.high is None else min(p.high, one.high)
+
     def unit(self, key: str) -> str:
         p = self.declarations()[key]
         return p.unit if p.angle else unit_for(p.unit, self.motion)

@@ -125,7 +125,7 @@ def _main_job(work: Any, a: Namespace) -> int:
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
-    from ..diagnosis.refusal import refusal
+    from ..diagnosis.notes import refusal
     from .progress import Bar
 
     logs, holdout = _read_all(a, model)

@@ -36,7 +36,7 @@ def reading(a: Namespace) -> dict[str, Any]:
 def declared(a: Namespace) -> Model:
     """The model of --model; InputError where it and a log were swapped."""
     from ..blocks.model import read_model
-    from ..diagnosis.swapped import refuse_swapped
+    from ..diagnosis.asked import refuse_swapped
 
     refuse_swapped(a.records, a.model)
     return read_model(a.model)

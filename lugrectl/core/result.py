@@ -8,9 +8,10 @@ import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
@@ -22,7 +23,10 @@ T = TypeVar("T")
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON has it: arrays as lists, NaN and infinity as None."""
+    """The value as JSON has it: results by their summary, arrays as lists, NaN and infinity as
+    None."""
+    if hasattr(value, "summary"):
+        return plain(value.summary())
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -34,6 +38,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def picked(x: Any, names: str) -> dict[str, Any]:
+    """Some attributes as plain data by name: ``picked(point, "w torque")``."""
+    return {name: plain(getattr(x, name)) for name in names.split()}
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -60,10 +69,35 @@ def library(name: str) -> Any:
         raise InputError(f"{name} is not installed; python -m pip install {name}.") from None
 
 
+class Fields:
+    """An entry of a result: a dataclass whose fields are its part of the JSON document."""
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        return plain(asdict(self))  # type: ignore[call-overload]
+
+
+class Forms(ABC):
+    """Plain data in several forms."""
+
+    @abstractmethod
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """The same as :meth:`summary`."""
+        return self.summary()
+
+    def to_json(self) -> str:
+        """One JSON document; NaN and infinity become null."""
+        return json.dumps(plain(self), indent=2, allow_nan=False)
+
+
 class NamedRows(Sequence[T], Generic[T]):
-    """Rows with an attribute ``name``, in order; a name is contained as its row is."""
+    """Rows with an attribute ``name``, in order, by place or by name."""
 
     _rows: tuple[Any, ...]
+    _unknown: ClassVar = "{0!r} was not compared; there is {1}."
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -79,41 +113,17 @@ class NamedRows(Sequence[T], Generic[T]):
     def __contains__(self, item: object) -> bool:
         return item in self._rows or item in self.names
 
-
-class ComparedRows(NamedRows[T], ABC):
-    """Rows of a comparison, by place or by name, handed out as plain data."""
-
     def __getitem__(self, which: Any) -> Any:
         if not isinstance(which, str):
             return self._rows[which]
         if which not in self.names:
-            raise InputError(f"{which!r} was not compared; there is {', '.join(self.names)}.")
+            raise InputError(self._unknown.format(which, ", ".join(self.names) or "none"))
         return self._rows[self.names.index(which)]
 
-    @abstractmethod
-    def summary(self) -> dict[str, Any]:
-        """Plain Python."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """The same as :meth:`summary`."""
-        return self.summary()
-
-    def to_json(self) -> str:
-        """One JSON document; NaN and infinity become null."""
-        return json.dumps(self.summary(), indent=2, allow_nan=False)
+class ComparedRows(NamedRows[T], Forms):
+    """Rows of a comparison, handed out as plain data."""
 
 
-class Result(Shown, ABC):
+class Result(Shown, Forms):
     """Base of results: plain data in several forms, and a short ``repr``."""
-
-    @abstractmethod
-    def summary(self) -> dict[str, Any]:
-        """Plain Python."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """The same as :meth:`summary`."""
-        return self.summary()
-
-    def to_json(self) -> str:
-        """One JSON document; NaN and infinity become null."""
-        return json.dumps(plain(self.summary()), indent=2, allow_nan=False)

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+
 from ..bench_tests import bench_tests
-from ..blocks.model import Model, as_model
-from ..core.errors import Refused
-from ..core.validation import positive, whole
+from ..blocks.model import Model, Parameters, as_model
+from ..core.errors import InputError, Refused
+from ..core.validation import holds_samples, is_file, positive, whole
 from ..estimates.balance import Balance
+from ..estimates.bench_test import BenchTest
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
-from ..record.as_record import as_holdout, as_logs
+from ..record.as_record import as_holdout, as_logs, is_record
+from ..record.files.readers import MODEL, SUFFIXES
 from ..torque_balance.maps import is_map
 from .contradictions import checked, doubtful
-from .swapped import refuse_swapped
 
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 
@@ -26,12 +30,11 @@ SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that diff
 class Asked:
     """The logs of one drive, the declared model, and what is held out, as the user gave it.
 
-    ``several`` says that a list of runs was given. ``reading`` are the options of
-    :func:`lugrectl.read_record`. ``seen`` holds the records read so far.
+    ``reading`` are the options of :func:`lugrectl.read_record`. ``seen`` holds the records read so
+    far.
     """
 
     logs: tuple[Log | Record, ...]
-    several: bool
     model: Model
     held_out: Any = None
     reading: Mapping[str, Any] = field(default_factory=dict)
@@ -42,25 +45,26 @@ class Asked:
         """What is meant; InputError where an argument or a file cannot be understood."""
         refuse_swapped([record], model)
         made = as_model(model)
-        logs, several = as_logs(record, made.motion, **reading)
-        return cls(logs, several, made, holdout, reading)
-
-    @cached_property
-    def _read(self) -> tuple[tuple[Stretch, ...], tuple[str, ...]]:
-        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        parts, said = stretches([log for log in logs if log is not None])
-        return tuple(parts), tuple(said)
+        return cls(as_logs(record, made.motion, **reading), made, holdout, reading)
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def _as_recorded(self) -> list[Log]:
+        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
+        return [log for log in logs if log is not None]
+
+    @cached_property
+    def _read(self) -> tuple[list[Stretch], list[str]]:
+        return stretches(self._as_recorded)
+
+    @property
+    def stretches(self) -> list[Stretch]:
         """The logs as they were recorded, on even time."""
         return self._read[0]
 
     @property
     def noticed(self) -> tuple[str, ...]:
         """What was noticed when the logs were read."""
-        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        logs = [log for log in logs if log is not None]
+        logs = self._as_recorded
         common = set(logs[0].messages).intersection(*(log.messages for log in logs))
         reading = [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
         return tuple(dict.fromkeys([*reading, *self._read[1]]))
@@ -70,8 +74,7 @@ class Asked:
         """The torque balance of the declared model: the base row of the table, with what makes the
         log impossible."""
         start = perf_counter()
-        names = [log.source for log in self.logs]
-        made = checked(self.stretches, self.model, names)
+        made = checked(self.stretches, self.model, [log.source for log in self.logs])
         return self.completed(made, perf_counter() - start)
 
     def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
@@ -93,15 +96,14 @@ class Asked:
         return replace(plain, seconds=seconds, reading=self.noticed, bench_tests=self.bench_tests)
 
     @cached_property
-    def bench_tests(self) -> Any:
-        logs = [log.log if isinstance(log, Record) else log for log in self.logs]
-        return bench_tests([log for log in logs if log is not None], self.model)
+    def bench_tests(self) -> tuple[BenchTest, ...]:
+        return bench_tests(self._as_recorded, self.model)
 
-    def records(self) -> Record | list[Record]:
-        """The logs on uniform time: one record, or a list; Refused where one has no motion."""
+    def records(self) -> list[Record]:
+        """The logs on uniform time; Refused where one has no motion."""
         for log in self.logs[len(self.seen) :]:
             self.seen.append(record_of(log, alone=len(self.logs) == 1))
-        return self.seen if self.several else self.seen[0]
+        return self.seen
 
     def holdout(self) -> str | Record | None:
         """None, "last" or a record of its own."""
@@ -117,9 +119,40 @@ class Asked:
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
     """The plain answer to logs that were read."""
-    return Asked(tuple(logs), len(logs) > 1, model).plain
+    return Asked(tuple(logs), model).plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
     """The time between restarts in s, and the seed."""
     return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
+
+
+def refuse_swapped(logs: Iterable[Any], model: Any) -> None:
+    """InputError where the model is a log, and one of the logs a model."""
+    if not _is_log(model):
+        return
+    for log in logs:
+        if _is_model(log):
+            first, second = _named(log, "record"), _named(model, "model")
+            raise InputError(f"{first} is a model and {second} is a log: swap them.")
+
+
+def _is_log(given: Any) -> bool:
+    """A file by its name, samples by what holds them."""
+    if is_file(given):
+        return Path(given).suffix.lower() in SUFFIXES
+    if isinstance(given, (list, tuple)):
+        return bool(given) and all(map(_is_log, given))
+    if isinstance(given, Mapping):
+        return holds_samples(given)
+    return isinstance(given, np.ndarray) or is_record(given)
+
+
+def _is_model(given: Any) -> bool:
+    if is_file(given):
+        return Path(given).suffix.lower() == MODEL
+    return isinstance(given, (Model, Parameters, Mapping)) and not _is_log(given)
+
+
+def _named(given: Any, argument: str) -> str:
+    return str(given) if is_file(given) else argument

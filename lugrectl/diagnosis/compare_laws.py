@@ -11,12 +11,14 @@ import numpy as np
 
 from ..blocks import AUTO
 from ..blocks.aliases import listed
-from ..blocks.block import members
+from ..blocks.block import members, unit_for
 from ..blocks.model import Model, as_model, changed
 from ..core.deadline import within
+from ..core.display import Grid, grid_html, grid_text, number
 from ..core.errors import InputError, Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.regression import paired
+from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import positive, share, shown
 from ..engine.runtime.threads import each_beside
 from ..parallel.blas_threads import one_blas_thread
@@ -24,9 +26,9 @@ from ..torque_balance.base import alone
 from ..torque_balance.constants import ALPHA
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
-from .law_comparison import ComparedLaw, LawComparison
-from .simulation import Prepared, errors
 from .simulation.drive import fitted, loglik
+from .simulation.judge import errors
+from .simulation.records import Prepared
 
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",
@@ -34,17 +36,104 @@ OF_MAP = (
 )
 LIMIT = 90.0  # s that the fit of one law may take
 SHARED = ("holdout", "horizon", "progress", "columns", "units", "scale", "rate")
+CHOSEN = "The friction law {0} was chosen: {1}"
+ALONE = "it predicts held-out samples best."
+AMONG = "it has the fewest parameters of those that this record cannot distinguish (beside it {0})."
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """A law's fit and how well it predicts each held-out window."""
+class ComparedLaw(Fields):
+    """One friction law, fitted to the training samples.
+
+    ``elpd`` is the natural logarithm of how much more probable it makes the held-out samples than
+    the chosen law does, ``se`` the standard error of that. ``torque`` is the RMS of the held-out
+    residual torque in ``unit``, ``error`` that of the simulated motion. ``parameters`` counts the
+    free ones. All are None, and ``reason`` says why, where the law could not be fitted.
+    """
 
     name: str
-    windows: np.ndarray
-    torque: float
-    error: float
-    parameters: int
+    elpd: float | None = None
+    se: float | None = None
+    torque: float | None = None
+    error: float | None = None
+    parameters: int | None = None
+    reason: str | None = None
+
+
+class LawComparison(ComparedRows[ComparedLaw]):
+    """The answer of :func:`compare_laws`: rows by place or by name, the best first.
+
+    Parameters
+    ----------
+    rows : list of ComparedLaw
+        One for each law.
+    chosen : str
+        The simplest law that no other predicts better than.
+    alike : list of str
+        The laws that this record cannot distinguish from it.
+    model : Model
+        The declared model with that law and the values that both have.
+
+    Attributes
+    ----------
+    unit : str
+        That of ``torque``.
+
+    Examples
+    --------
+    What a comparison of two laws looks like:
+
+    >>> rows = [
+    ...     lg.results.ComparedLaw("stribeck", elpd=0.0, se=0.0, torque=0.002, parameters=5),
+    ...     lg.results.ComparedLaw("viscous", elpd=-800.0, se=25.0, torque=0.2, parameters=2),
+    ... ]
+    >>> laws = lg.results.LawComparison(rows, "stribeck", [], lg.Model.of(friction="stribeck"))
+    >>> laws["viscous"].torque, laws.unit
+    (0.2, 'N m')
+    >>> laws.sentence
+    'The friction law stribeck was chosen: it predicts held-out samples best.'
+    """
+
+    def __init__(
+        self, rows: Iterable[ComparedLaw], chosen: str, alike: Sequence[str], model: Model
+    ) -> None:
+        self._rows = tuple(rows)
+        self.chosen, self.alike, self.model = chosen, tuple(alike), model
+        self.unit = unit_for("N m", model.motion)
+
+    @property
+    def sentence(self) -> str:
+        """Which law was chosen, and why."""
+        others = ", ".join(self.alike)
+        return CHOSEN.format(self.chosen, AMONG.format(others) if others else ALONE)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python: the chosen law, those as good, a dictionary for each law."""
+        return picked(self, "chosen alike unit") | {"laws": plain(self._rows)}
+
+    def to_frame(self) -> Any:
+        """A DataFrame with the names as index; InputError without pandas."""
+        return library("pandas").DataFrame(plain(self._rows)).set_index("name")
+
+    def grid(self) -> Grid:
+        """The table as it is shown."""
+        head = ("law", "predicts better by", "+-", f"torque [{self.unit}]", "parameters")
+        return Grid(head, "lrrrr", tuple(map(self._cells, self)))
+
+    def _cells(self, row: ComparedLaw) -> tuple[str, ...]:
+        if row.elpd is None:
+            return (row.name, "not fitted", "", "", "")
+        gain = ("0", "") if row.name == self.chosen else (f"{row.elpd:,.1f}", f"{row.se:,.1f}")
+        return (row.name, *gain, number(row.torque, 3), str(row.parameters))
+
+    def __repr__(self) -> str:
+        return "\n".join([self.sentence, *grid_text(self.grid())])
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self.sentence}</p>{grid_html(self.grid())}"
+
+
+Fit = tuple[ComparedLaw, np.ndarray]  # of one law, and how well it predicts each held-out window
 
 
 @shows_progress
@@ -126,8 +215,7 @@ def compare_laws(
     ready, no = ready_of(asked, horizon)
     if ready is None:
         raise no or Refused(*OF_MAP)
-    fits, refused = _fitted(ready, asked, names, limit, report)
-    return _chosen(fits, refused, asked.model, bar)
+    return _chosen(_fitted(ready, asked, names, limit, report), asked.model, bar)
 
 
 def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **options: Any) -> Any:
@@ -170,66 +258,55 @@ def law_names(given: Any) -> list[str]:
 
 def _fitted(
     ready: Prepared, asked: Asked, names: Sequence[str], limit: float, report: Progress
-) -> tuple[list[_Fit], dict[str, str]]:
-    """The fits of the laws, side by side, and why others could not be fitted."""
+) -> list[Fit]:
+    """The fits of the laws, side by side; of one that cannot be fitted the reason."""
 
-    def one(name: str) -> _Fit | str:
+    def one(name: str) -> Fit:
         try:
             with within(limit):
                 return _fit(ready, asked, name)
         except (Refused, InputError) as no:
-            return str(no)
+            return ComparedLaw(name, reason=str(no)), np.zeros(0)
 
-    fits, refused = [], {}
+    fits: list[Fit] = []
     report(0.1, f"friction law {names[0]}")
-    for i, (name, found) in enumerate(zip(names, each_beside(one, names), strict=True), 1):
-        if isinstance(found, str):
-            refused[name] = found
-        else:
-            fits.append(found)
-        report(0.1 + 0.9 * i / len(names), f"friction law {names[min(i, len(names) - 1)]}")
-    if not fits:
-        raise Refused(next(iter(refused.values())))
-    return fits, refused
+    for fit, then in zip(each_beside(one, names), [*names[1:], names[-1]], strict=True):
+        fits.append(fit)
+        report(0.1 + 0.9 * len(fits) / len(names), f"friction law {then}")
+    return fits
 
 
-def _fit(ready: Prepared, asked: Asked, name: str) -> _Fit:
+def _fit(ready: Prepared, asked: Asked, name: str) -> Fit:
     """A law at its likeliest values by training samples, and what it predicts of the others."""
     model = changed(asked.model, {"friction": name}, "laws")
     made = alone(asked.stretches, model, ready.held_out)
     ready = as_it_acts(replace(ready, model=model, memory={}), made)
     values = polished_values(ready, made)
-    own = model.declarations()
-    free = [
-        k for k in values.known() if own[k].fitted and not own[k].usual and k not in model.held()
-    ]
+    own, held = model.declarations(), model.held()
+    free = [k for k in values.known() if own[k].fitted and not own[k].usual and k not in held]
     fit = fitted(ready, values)
-    each = loglik(ready, fit.drive, [fit.values], [fit.jump], ready.test)[0]
+    windows = loglik(ready, fit.drive, [fit.values], [fit.jump], ready.test)[0]
     judged = errors(ready, {"refitted": values})
     torque, error = judged.torque_error["refitted"], judged.error["refitted"]
-    return _Fit(name, np.nan_to_num(each, nan=-1e300), torque, error, len(free))
+    row = ComparedLaw(name, torque=torque, error=error, parameters=len(free))
+    return row, np.nan_to_num(windows, nan=-1e300)
 
 
-def _chosen(
-    fits: Sequence[_Fit], refused: Mapping[str, str], model: Model, bar: float
-) -> LawComparison:
-    best = max(fits, key=lambda f: f.windows.sum())
-    able = [f for f in fits if f is best or not beaten(best.windows, f.windows, bar)]
-    simplest = min(able, key=lambda f: (f.parameters, -f.windows.sum()))
-    rows = [_row(f, simplest) for f in sorted(fits, key=lambda f: -f.windows.sum())]
-    rows += [ComparedLaw(name, reason=why) for name, why in refused.items()]
-    alike = [f.name for f in able if f is not simplest]
-    made = changed(model, {"friction": simplest.name}, "laws")
-    return LawComparison(rows, simplest.name, alike, made)
+def _chosen(made: Sequence[Fit], model: Model, bar: float) -> LawComparison:
+    refused = [row for row, _ in made if row.reason]
+    fits = sorted((one for one in made if not one[0].reason), key=lambda one: -one[1].sum())
+    if not fits:
+        raise Refused(refused[0].reason or "")
+    gains = [paired(fits[0][1], windows) for _, windows in fits]
+    able = [one for one, (gain, se) in zip(fits, gains, strict=True) if gain <= bar * se]
+    simplest, windows = min(able, key=lambda one: one[0].parameters or 0)
+    rows = [_beside(row, own - windows) for row, own in fits]
+    alike = [row.name for row, _ in able if row is not simplest]
+    chosen = changed(model, {"friction": simplest.name}, "laws")
+    return LawComparison([*rows, *refused], simplest.name, alike, chosen)
 
 
-def beaten(best: np.ndarray, other: np.ndarray, bar: float) -> bool:
-    """Whether windows are predicted better by more than chance allows."""
-    gain, se = paired(best, other)
-    return gain > bar * se
-
-
-def _row(f: _Fit, chosen: _Fit) -> ComparedLaw:
-    d = f.windows - chosen.windows
-    se = float(np.sqrt(len(d)) * np.std(d, ddof=1)) if f is not chosen else 0.0
-    return ComparedLaw(f.name, float(d.sum()), se, f.torque, f.error, f.parameters)
+def _beside(row: ComparedLaw, gain: np.ndarray) -> ComparedLaw:
+    """A row with what each window (n,) gains over the chosen law."""
+    error = float(np.sqrt(len(gain)) * np.std(gain, ddof=1)) if gain.any() else 0.0
+    return replace(row, elpd=float(gain.sum()), se=error)

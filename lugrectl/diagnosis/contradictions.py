@@ -46,12 +46,13 @@ MOST_RUNS = 20  # that are compared with one another
 ALIKE, QUARTER, LITTLE = 0.03, 0.25, 0.1  # relative: runs agree; a level is known; friction differs
 DEG, RPM = 180 / np.pi, 30 / np.pi
 POWERS = {"u": (1, 1, 1), "theta": (-1, 0, -1), "w": (-1, 0, -1)}  # of J, Fc and Fv
-TORQUES = {-1.0: "u=-1", 1e3: "u=mN m", 1e-3: "u=1000", 1e2: "u=0.01", 1e-2: "u=100"}
-TIMES = {1e3: "t=ms", 1e6: "t=us", 1e-3: "t=1000"}
-ANGLES = {DEG: "theta=deg", 1 / DEG: "theta=57.29578", 0.5 / np.pi: "theta=turn"}
-ANGLES[2 * np.pi] = "theta=0.1591549"
-SPEEDS = {DEG: "w=deg/s", RPM: "w=rpm", 1 / RPM: "w=9.549297", 1 / DEG: "w=57.29578"}
-LENGTHS = {1e3: "theta=mm", 1e-3: "theta=1000"}
+# units and scales that undo it where a channel is so many times what it should be
+TORQUES = {"u=-1": -1.0, "u=mN m": 1e3, "u=1000": 1e-3, "u=0.01": 1e2, "u=100": 1e-2}
+TIMES = {"t=ms": 1e3, "t=us": 1e6, "t=1000": 1e-3}
+ANGLES = {"theta=deg": DEG, "theta=57.29578": 1 / DEG, "theta=turn": 0.5 / np.pi,
+          "theta=0.1591549": 2 * np.pi}  # fmt: skip
+SPEEDS = {"w=deg/s": DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM, "w=57.29578": 1 / DEG}
+LENGTHS = {"theta=mm": 1e3, "theta=1000": 1e-3}
 OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
 TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
 FRICTION = "{}: {:.0f} % {} friction than {}."
@@ -71,13 +72,13 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     """The base row, without runs in another unit, with what contradicts it; ``names`` of runs."""
     if is_map(parts):  # one run tells no levels, and none is known without the others
         return against_stated(parts, model, plain_row(parts, model))
-    runs = unlike(parts, model, names)
-    parts = [part for part in parts if part.run not in runs.left_out]
+    left_out, notes = unlike(parts, model, names)
+    parts = [part for part in parts if part.run not in left_out]
     found = plain_row(parts, model)
-    found = replace(found, unlike=runs.said, notes=(*runs.notes, *found.notes))
+    found = replace(found, unlike=tuple(left_out.values()), notes=(*notes, *found.notes))
     if not doubtful(found):
         return against_stated(parts, model, found)
-    turned = plain_row([replace(p, u=-p.u) for p in parts], model)
+    turned = _turned(parts, model)
     if said := swapped(parts, model, found, turned):
         return replace(found, refused=found.refused and said, against=(said,), hopeless=True)
     if _makes_a_drive(turned, found):
@@ -96,6 +97,11 @@ def doubtful(found: Balance) -> bool:
     return drives or "J" not in found.parameters and found.left > EXPLAINED
 
 
+def _turned(parts: Sequence[Stretch], model: Model) -> Balance:
+    """The base row with the other sign of u."""
+    return plain_row([replace(part, u=-part.u) for part in parts], model)
+
+
 def _makes_a_drive(other: Balance, found: Balance) -> bool:
     """Whether a log without its supposed fault is a drive, and explains more."""
     if other.refused or other.left is None or doubtful(other) and "J" not in other.parameters:
@@ -107,19 +113,18 @@ def swapped(parts: Sequence[Stretch], model: Model, found: Balance, turned: Bala
     """A sentence where only the exchange of u with theta or w makes a drive of the log, else ""."""
     if all(np.ptp(p.u) == 0 for p in parts):
         return ""
+    role = "w" if parts[0].theta is None else "theta"  # a w beside theta may be left out: no sign
+    if any(getattr(p, role) is None for p in parts):
+        return ""
+    other = plain_row([replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts], model)
+    if other.refused or other.left is None or "J" not in other.parameters:
+        return ""
     known = [b.left for b in (found, turned) if b.left is not None]
-    least = min(known, default=np.inf)
-    for role in ("theta", "w") if parts and parts[0].theta is None else ("theta",):
-        if not parts or any(getattr(p, role) is None for p in parts):
-            continue  # a w beside theta is left out where it is no dtheta/dt: that shows nothing
-        other = plain_row([replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts], model)
-        if other.refused or other.left is None or "J" not in other.parameters:
-            continue
-        if other.left < min(least, HALF):
-            how = "finds none" if found.left is None or found.refused else "leaves more"
-            given = option("columns", f"u=NAME,{role}=NAME")
-            return SWAPPED.format(role, 100.0 * other.left, how, given)
-    return ""
+    if other.left >= min([HALF, *known]):
+        return ""
+    how = "finds none" if found.left is None or found.refused else "leaves more"
+    given = option("columns", f"u=NAME,{role}=NAME")
+    return SWAPPED.format(role, 100.0 * other.left, how, given)
 
 
 # ---- values that are held or bounded
@@ -128,21 +133,18 @@ def swapped(parts: Sequence[Stretch], model: Model, found: Balance, turned: Bala
 def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Balance:
     """The balance with a sentence for each held or bounded value that the log contradicts by far;
     where nothing can be answered with it, that of the log without what is stated."""
-    keys = [k for k, s in model.stated.items() if s.fixed or s.bounded]
+    keys = {k for k, s in model.stated.items() if s.fixed or s.bounded}
     keys = sorted(k for k in keys if not model.declarations()[k].angle)
-    if not keys:
-        return found
-    free = plain_row(parts, replace(model, stated={}))
+    free = plain_row(parts, replace(model, stated={})) if keys else Balance()
     if free.refused or free.left is None or free.left > HALF:
-        return found  # the log itself is at fault
+        return found  # nothing is stated, or the log itself is at fault
     said, most = [], 0.0
     for key in keys:
         e = free.parameters.get(key)
-        value = None if e is None else _allowed(key, e, model)
+        value = None if e is None else model.kept({key: e.value})[key]  # the nearest allowed one
         if e is None or value is None or not _far(value, e):
             continue
-        one = replace(model, stated={key: model.stated[key]})
-        left = plain_row(parts, one).left or 1.0
+        left = plain_row(parts, replace(model, stated={key: model.stated[key]})).left or 1.0
         if left > free.left + SHARE:
             said.append(_sentence(key, value, e, model))
             most = max(most, left)
@@ -154,27 +156,16 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
 
 def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
     """A sentence for each held value that the same law, fitted to the log, does not have."""
-    keys = sorted(k for k, s in model.stated.items() if s.fixed)
-    free = plain_row(parts, replace(model, stated={})) if keys else Balance()
-    made = []
-    for key in keys:
-        e, value = free.parameters.get(key), model.values()[key]
-        if e is not None and value is not None and not e.may_be(value):
-            made.append(WOULD_BE.format(key, value, e.value))
+    held = {k: model.known()[k] for k in sorted(model.held())}
+    found = plain_row(parts, replace(model, stated={})).parameters if held else {}
+    off = {k: x for k, x in held.items() if k in found and not found[k].may_be(x)}
+    made = [WOULD_BE.format(k, x, found[k].value) for k, x in off.items()]
     return [f"{AGAINST_HELD}: {', '.join(made)}."] if made else []
 
 
-def _allowed(key: str, e: Estimate, model: Model) -> float | None:
-    """The value of the model that is nearest to the log's."""
-    stated = model.stated[key]
-    return model.values()[key] if stated.fixed else stated.clipped(e.value)
-
-
 def _far(value: float, e: Estimate) -> bool:
-    if e.ci95 is None or e.ci95[0] <= value <= e.ci95[1]:
-        return False
     low, high = sorted((abs(value), abs(e.value)))
-    return high > OFF * low or value * e.value < 0
+    return e.ci95 is not None and not e.may_be(value) and (high > OFF * low or value * e.value < 0)
 
 
 def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
@@ -213,13 +204,10 @@ def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
 class Levels:
     """J, Fc and Fv of one run (3,), twice their relative errors, and which of them are known."""
 
+    name: str
     parts: Sequence[Stretch]
     value: np.ndarray
     error: np.ndarray
-
-    @property
-    def run(self) -> int:
-        return self.parts[0].run
 
     @property
     def known(self) -> np.ndarray:
@@ -232,32 +220,26 @@ class Levels:
         return bool(both.any() and np.all((gap < ALIKE + np.hypot(self.error, other.error))[both]))
 
 
-@dataclass(frozen=True)
-class Unlike:
-    """Runs that another unit or sign separates from the others, and sentences on all runs."""
-
-    left_out: frozenset[int] = frozenset()
-    said: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-
-
-def unlike(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Unlike:
-    """The runs that contradict the others; ``names`` are those of the runs."""
+def unlike(
+    parts: Sequence[Stretch], model: Model, names: Sequence[str]
+) -> tuple[dict[int, str], list[str]]:
+    """Runs that another unit or sign separates from the others, each with its sentence, and notes
+    on the others; ``names`` are those of the runs."""
     runs = sorted({s.run for s in parts})
     if not 2 <= len(runs) <= MOST_RUNS:
-        return Unlike()
+        return {}, []
     model = replace(model, J=None, stated={})
     with np.errstate(all="ignore"):
-        each = [_levels([s for s in parts if s.run == run], model) for run in runs]
+        each = [_levels(names[run], [s for s in parts if s.run == run], model) for run in runs]
         found = [levels for levels in each if levels is not None]
-        return _compared(found, model, names) if len(found) > 1 else Unlike()
+        return _compared(found, model) if len(found) > 1 else ({}, [])
 
 
-def _levels(parts: Sequence[Stretch], model: Model) -> Levels | None:
+def _levels(name: str, parts: Sequence[Stretch], model: Model) -> Levels | None:
     """The levels of one run, of either sign; None where it has no answer of its own."""
     found, sign = plain_row(parts, model), 1.0
     if doubtful(found):
-        turned = plain_row([replace(p, u=-p.u) for p in parts], model)
+        turned = _turned(parts, model)
         if _makes_a_drive(turned, found):
             found, sign = turned, -1.0
     both: Mapping[str, Estimate] = {**found.uncertain, **found.parameters}
@@ -265,47 +247,40 @@ def _levels(parts: Sequence[Stretch], model: Model) -> Levels | None:
         return None
     value = np.array([both[k].value for k in LEVELS])
     ends = np.array([both[k].ci95 or (-np.inf, np.inf) for k in LEVELS])
-    levels = Levels(parts, sign * value, np.diff(ends)[:, 0] / 2 / np.abs(value))
+    levels = Levels(name, parts, sign * value, np.diff(ends)[:, 0] / 2 / np.abs(value))
     return levels if levels.known[:2].any() else None
 
 
-def _compared(found: Sequence[Levels], model: Model, names: Sequence[str]) -> Unlike:
+def _compared(found: Sequence[Levels], model: Model) -> tuple[dict[int, str], list[str]]:
     """Every other run against the one with which most agree; of two, the one that is possible."""
     votes = [sum(one.agrees(other) for other in found) for one in found]
     possible = [not np.any(one.known & (one.value < 0)) for one in found]
     best = max(range(len(found)), key=lambda i: (votes[i], possible[i]))  # the first of equal ones
     reference = found[best]
-    usual = "the other runs" if votes[best] > 1 else names[reference.run]
-    out, said, notes = set(), [], []
+    usual = "the other runs" if votes[best] > 1 else reference.name
+    left_out, notes = dict[int, str](), []
     for one in found:
         if one is reference or one.agrees(reference):
             continue
-        name = names[one.run]
-        if sentence := _another_unit(one, reference, model, name, usual):
-            out.add(one.run)
-            said.append(sentence)
+        if said := _another_unit(one, reference, model, usual):
+            left_out[one.parts[0].run] = said
         else:
-            notes += _another_friction(one, reference, name, usual)
-    notes += [OTHERS] if said else []
-    return Unlike(frozenset(out), tuple(said), tuple(notes))
+            notes += _another_friction(one, reference, usual)
+    return left_out, notes + [OTHERS] * bool(left_out)
 
 
-def _another_unit(
-    one: Levels, reference: Levels, model: Model, name: str, usual: str
-) -> str | None:
-    """The one factor that explains the difference, in a sentence."""
+def _another_unit(one: Levels, reference: Levels, model: Model, usual: str) -> str:
+    """The one factor that explains the difference, in a sentence; "" if none does."""
     linear, turns = model.motion == "linear", one.parts[0].theta is not None
     motion = (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
-    for factors in (TORQUES, TIMES, motion):
-        for size, undone in factors.items():
-            channel = undone.split("=")[0]
-            if not _explains(size, channel, one, reference, model):
-                continue
-            undo = option("scale" if undone.split("=")[1][-1].isdigit() else "units", undone)
+    for undone, size in (TORQUES | TIMES | motion).items():
+        channel, unit = undone.split("=")
+        if _explains(size, channel, one, reference, model):
+            undo = option("scale" if unit[-1].isdigit() else "units", undone)
             if size == -1.0:
-                return OPPOSITE.format(name, usual, undo)
-            return TIMES_OTHERS.format(name, channel, size, usual, undo)
-    return None
+                return OPPOSITE.format(one.name, usual, undo)
+            return TIMES_OTHERS.format(one.name, channel, size, usual, undo)
+    return ""
 
 
 def _explains(size: float, channel: str, one: Levels, reference: Levels, model: Model) -> bool:
@@ -317,16 +292,16 @@ def _explains(size: float, channel: str, one: Levels, reference: Levels, model: 
     if abs(longer - np.log(size)) >= abs(longer):
         return False
     # windows have a length in s: fitted again at the other rate
-    again = _levels([replace(s, dt=s.dt / size, t=s.t / size) for s in one.parts], model)
+    again = _levels(one.name, [replace(s, dt=s.dt / size, t=s.t / size) for s in one.parts], model)
     return again is not None and again.agrees(reference)
 
 
-def _another_friction(one: Levels, reference: Levels, name: str, usual: str) -> list[str]:
+def _another_friction(one: Levels, reference: Levels, usual: str) -> list[str]:
     """A sentence on friction that differs by more than chance."""
     change = one.value[1] / reference.value[1] - 1
     chance = np.hypot(one.error[1], reference.error[1]) * (1 + abs(change))
-    if not (one.known & reference.known)[1] or change < -1:
+    known = (one.known & reference.known)[1] and change >= -1
+    if not known or abs(change) < LITTLE + chance:
         return []
-    if abs(change) < LITTLE + chance:
-        return []
-    return [FRICTION.format(name, 100 * abs(change), "more" if change > 0 else "less", usual)]
+    more = "more" if change > 0 else "less"
+    return [FRICTION.format(one.name, 100 * abs(change), more, usual)]

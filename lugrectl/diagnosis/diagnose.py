@@ -5,19 +5,34 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from ..core.deadline import within
 from ..core.errors import Refused
-from ..core.progress import Wanted, reporter, shows_progress
+from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
 from ..core.validation import positive, share
+from ..estimates.comparison import Comparison
+from ..estimates.findings import Candidate, Estimate, Finding
+from ..estimates.members import Belief
 from ..parallel.blas_threads import one_blas_thread
+from ..torque_balance.budget import comparison, refuse_unjudged, signals
 from ..torque_balance.constants import ALPHA, FLOOR
+from ..torque_balance.model_values import completed
+from ..torque_balance.tabulated import tabulated
+from ..torque_balance.verdict import LAG_NAME, WHOLE_INERTIA, Answer, answer
 from .asked import Asked, judged_by
-from .balanced import diagnosed
+from .balanced import Begun, Ended
 from .compare_laws import under_law
-from .refusal import refusal
+from .mapped import of_map, torque_errors
+from .notes import longer, next_experiment, refusal, short
 from .result import Diagnosis
 
+NO_MOTION = "The errors of a simulation are left out: {} {}"
+WORSE = (
+    "On held-out samples the simulation with the added effect misses the motion by {0:.3g} {2}, "
+    "without it by {1:.3g}: the torque error falls, the motion error does not."
+)
 LIMIT = 270.0  # s that the answer may take
 
 
@@ -123,9 +138,96 @@ def diagnose(
     limits = share(least, "least"), share(alpha, "alpha")
     limit, report = positive(time_limit, "time_limit", "seconds"), reporter(progress)
     asked = Asked.of(record, model, holdout, **reading)
-    horizon, seed = judged_by(horizon, seed)
+    horizon, _ = judged_by(horizon, seed)
     try:
         with within(limit):
-            return diagnosed(asked, horizon, seed, *limits, report)
+            return diagnosed(asked, horizon, *limits, report)
     except Refused as no:
         return refusal(no, asked.model, asked.seen, asked.plain)
+
+
+def diagnosed(
+    asked: Asked, horizon: float, least: float, alpha: float, report: Progress
+) -> Diagnosis:
+    """The answer; Refused where the record cannot give one."""
+    report(0.0, "torque balance")
+    begun = Begun.of(asked, horizon)
+    report(0.1, "comparing explanations")
+    made = answer(begun.parts, asked.model, begun.held_out, least, alpha)
+    found = comparison(made, least, alpha)
+    refuse_unjudged(found)
+    report(0.6, "errors on held-out samples")
+    work = begun.ended(made, least)
+    effects, ranking = _findings(work, found), _ranking(found)
+    verdict, depends_on = made.verdict, _signals(made)
+    if work.law and verdict == "adequate":  # friction depends on w in another way
+        verdict, depends_on = "unexplained", ("w",)
+    stretches = None if made.view.is_map else found.stretches
+    then = next_experiment(verdict, depends_on, effects, work.plain, work.sure)
+    notes = [*work.notes(NO_MOTION), *_worse(work), *work.plain.notes, *work.changes()]
+    fields = work.fields([*notes, *short(asked.seen, stretches)])
+    noise = float(np.sqrt(made.view.noise)) * abs(made.values["J"][0])
+    answered = Diagnosis(
+        verdict=verdict,
+        effects=effects,
+        depends_on=depends_on,
+        experiment=longer(asked.seen, stretches, then),
+        free_error=work.judged and work.judged.free_error,
+        torque_error=torque_errors(made) | {"noise_floor": min(noise, made.with_names.error)},
+        ranking=ranking,
+        table=tabulated(made.last, depends_on) if verdict == "unexplained" else None,
+        comparison=found,
+        rivals=_rivals(work),
+        **fields,
+    )
+    return of_map(answered, made, asked) if made.view.is_map else answered
+
+
+def _findings(work: Ended, found: Comparison) -> tuple[Finding, ...]:
+    """The effects with their values and the alternatives to each."""
+    made, known = work.made, work.values.estimates
+    tried = {c.name: c for c in reversed(_ranking(found))}
+
+    def finding(name: str, key: str, own: Mapping[str, Estimate]) -> Finding:
+        others = made.alternatives.get(key, ())
+        return Finding(name, own, tuple(tried.get(n, Candidate(n, 0.0, 0.0)) for n in others))
+
+    effects = [finding(WHOLE_INERTIA, WHOLE_INERTIA, {})] if made.only_inertia else []
+    if made.lag is not None:
+        lag = Estimate(made.lag[0], "s", made.lag[1:])
+        effects.append(Finding(LAG_NAME, {"time_constant": lag}))
+    declared = {p.key for p in work.asked.model.effects}  # a map shows some of them only
+    for part in work.values.model.effects:
+        if part.key not in declared:
+            own = {k: known.get(f"{part.key}.{k}") for k in part.block.own}
+            own = {k: e for k, e in own.items() if e is not None}
+            effects.append(finding(part.block.name, part.key, own))
+    return tuple(effects)
+
+
+def _ranking(found: Comparison) -> tuple[Candidate, ...]:
+    rows = [row for row in found.rows[1:] if not row.model.startswith("unknown(")]
+    return tuple(Candidate(row.model, row.elpd, row.torque) for row in rows)
+
+
+def _signals(made: Answer) -> tuple[str, ...]:
+    if made.verdict == "unexplained":
+        return tuple(made.depends_on)
+    return tuple(dict.fromkeys(s for t in made.named for s in signals(t.block)))
+
+
+def _rivals(work: Ended) -> tuple[Belief, ...]:
+    """The models that explain the record as well as the first."""
+    made, known = work.made, work.values.estimates
+    models = [completed(last, made.view.model) for last in made.rivals]
+    return tuple(Belief.of(m, None, {k: e for k, e in known.items() if k in m.known()},
+                           1.0 / (len(models) + 1)) for m in models)  # fmt: skip
+
+
+def _worse(work: Ended) -> list[str]:
+    """A sentence where what is named raises the error of the simulated motion."""
+    error = work.judged.error if work.judged and (work.made.named or work.made.parts) else {}
+    before, after = error.get("refitted"), error.get("augmented")
+    if before is None or after is None or after <= before:
+        return []
+    return [WORSE.format(after, before, error["unit"])]

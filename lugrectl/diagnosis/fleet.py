@@ -32,10 +32,9 @@ from ..record.as_record import is_last, is_record, record_files
 from ..record.columns.arrays import is_table, source_of
 from ..record.log_files import there
 from ..torque_balance.constants import ALPHA, FLOOR
-from .asked import judged_by
+from .asked import judged_by, refuse_swapped
 from .diagnose import LIMIT, diagnose
 from .result import VERDICTS, Diagnosis
-from .swapped import refuse_swapped
 
 FAILED = "failed"
 Progress = Callable[[float, str], None]

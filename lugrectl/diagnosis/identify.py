@@ -3,40 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from time import perf_counter
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
 from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
-from ..core.provenance import Provenance, stamped
-from ..core.result import plain as jsonable
-from ..estimates.balance import Balance
-from ..estimates.covariance import Joint, Residuals
-from ..estimates.findings import Estimate, FrictionMap, Traces
+from ..core.provenance import stamped
 from ..estimates.fitted import Fitted
 from ..parallel.blas_threads import one_blas_thread
-from ..record import Record
 from ..torque_balance.base import alone
 from ..torque_balance.constants import FLOOR
-from ..torque_balance.model_values import model_values
-from ..torque_balance.plain import plain_balance
 from .asked import Asked, judged_by
-from .balanced import NO_INERTIA, knows_inertia, ready_of, same_values, simulated
+from .balanced import Begun
 from .compare_laws import under_law
-from .contradictions import contradicted, unfit_law
-from .law_comparison import LawComparison
-from .mapped import judged_on, of_map
-from .moved_values import at_bounds, moved
-from .refusal import noted
-from .simulation import residuals
+from .contradictions import contradicted
+from .mapped import of_map
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Identification(Fitted):
     """Fitted parameters of the declared structure, with the errors before and after.
 
@@ -44,48 +32,14 @@ class Identification(Fitted):
     is certain of; ``plain`` is that balance in any case.
     """
 
-    estimates: Mapping[str, Estimate]
-    error: Mapping[str, Any] | None
     model: Model
-    record: Record | None
-    messages: tuple[str, ...]
-    declared: Model | None = None
-    traces: Traces | None = None
-    map: FrictionMap | None = None
-    provenance: Provenance | None = None
-    plain: Balance | None = None
-    joint: Joint | None = None
-    residuals: Residuals | None = None
-    laws: LawComparison | None = None
-    records: tuple[Record, ...] = ()
-    torque_noise: float | None = None
-    rivals: ClassVar[tuple[()]] = ()
     verdict: ClassVar[str] = "identified"  # for reports and plots: nothing was added
     effects: ClassVar[tuple[()]] = ()
     depends_on: ClassVar[tuple[()]] = ()
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; never NaN or Infinity."""
-        nested = self.model.to_dict()
-        return jsonable(
-            {
-                "schema": 1,
-                "parameters": {k: v.summary() for k, v in self.estimates.items()},
-                "error": self.error,
-                "model": {k: nested[k] for k in ("plant", "friction", "effects")}
-                | {"stated": self.model.statements()},
-                "record": self.record.summary() if self.record else None,
-                "laws": self.laws.summary() if self.laws else None,
-                "records": self._records(),
-                "messages": list(self.messages),
-                "plain": self.plain.summary() if self.plain else None,
-                "covariance": self.joint.summary() if self.joint else None,
-                "members": self._drawn_from(),
-                "drive": self._drive(),
-                "residuals": self.residuals.summary() if self.residuals else None,
-                "provenance": self.provenance.summary() if self.provenance else None,
-            }
-        )
+        return self._document()
 
     def _title(self) -> str:
         return f"Identification: {self.model.name}"
@@ -161,48 +115,15 @@ def identify(
 
 def identified(asked: Asked, horizon: float, report: Progress) -> Identification:
     """The values of the declared model; Refused where the record cannot give any."""
-    start, model = perf_counter(), asked.model
-    asked.records()
-    asked.refuse_open_time()
     report(0.0, "torque balance")
-    doubts = asked.doubts()
-    ready, why_not = ready_of(asked, horizon)
-    parts, held_out = judged_on(asked, () if ready is None else ready.held_out)
-    made = alone(parts, model, held_out)
-    found = made.last, made.interval, made.values, made.covariance
+    begun = Begun.of(asked, horizon)
+    made = alone(begun.parts, asked.model, begun.held_out)
     report(0.4, "errors on held-out samples")
-    values = model_values(*found, model)
-    plain = plain_balance(*found, made.sure, asked.stretches)
-    sure = knows_inertia(plain, model)
-    judged, values, noise, why_not = simulated(
-        ready if sure else None, made, values, FLOOR, why_not
-    )
-    plain = same_values(plain, values)
-    values = values.beside(plain)
-    values = values if sure else values.told(model)
-    law = unfit_law(made, values.model, plain, FLOOR)
-    doubts = doubts or asked.doubts(plain) or contradicted(asked.stretches, model)
-    notes = [*([law] if law else []), *doubts]
-    notes += [ONLY_PLAIN.format(no)] if (no := why_not) else []
-    notes += [NO_INERTIA] if not (why_not or sure or made.view.is_map) else []
-    notes += [
-        *(() if judged is None else judged.messages),
-        *moved(values.estimates, model),
-        *at_bounds(values.estimates, model),
-    ]
-    keys = () if judged is None else judged.error.keys() - {"augmented"}
-    answer = Identification(
-        estimates=values.estimates,
-        error=None if judged is None else {k: v for k, v in judged.error.items() if k in keys},
-        model=values.model,
-        record=asked.seen[0],
-        records=tuple(asked.seen),
-        messages=noted(asked, [*notes, *plain.notes]),
-        declared=model,
-        traces=None if judged is None else judged.traces,
-        plain=asked.completed(plain, perf_counter() - start),
-        joint=values.joint,
-        residuals=None if ready is None or judged is None else residuals(ready, values.model),
-        torque_noise=noise,
-    )
-    return of_map(answer, made, asked) if made.view.is_map else answer
+    work = begun.ended(made, FLOOR)
+    doubts = work.doubts or contradicted(asked.stretches, asked.model)
+    notes = replace(work, doubts=doubts).notes(ONLY_PLAIN)
+    fields = work.fields([*notes, *work.changes(), *work.plain.notes])
+    error = (fields.pop("error") or {}).items()
+    error = {k: v for k, v in error if k != "augmented"} or None
+    found = Identification(error=error, **fields)
+    return of_map(found, made, asked) if made.view.is_map else found

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import signal, stats
@@ -12,6 +12,7 @@ from scipy import signal, stats
 from ..blocks.block import members, unit_for
 from ..core.errors import InputError
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
+from ..estimates.fitted import Fitted
 from ..record import stretches
 from ..record.stretches import Stretch
 from ..torque_balance.constants import FLOOR
@@ -19,6 +20,8 @@ from ..torque_balance.last_fit import Design, LastFit
 from ..torque_balance.maps import MapView, Nodes, Run, is_map
 from ..torque_balance.verdict import Answer
 from .asked import Asked
+from .result import Diagnosis
+from .simulation.records import Span
 
 FINE = 400  # speeds at which the curves are drawn
 LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated
@@ -39,7 +42,7 @@ LOG_ANGLE = (
     "To distinguish {} from {}: log theta from one zero mark in every run, over slow turns in both "
     "directions."
 )
-Span = tuple[int, float, float]
+Found = TypeVar("Found", bound=Fitted)
 Swing = tuple[int, Estimate]
 
 
@@ -60,68 +63,78 @@ def judged_on(asked: Asked, held_out: Sequence[Span]) -> tuple[list[Stretch], li
     return [*parts, *added], [(run, -np.inf, np.inf)]
 
 
-def of_map(found: Any, made: Answer, asked: Asked) -> Any:
+def of_map(found: Found, made: Answer, asked: Asked) -> Found:
     """An answer, of a diagnosis or an identification, with what only a map has."""
-    view, unit = made.view, unit_for("N m", asked.model.motion)
-    assert isinstance(view, MapView)
-    swing = swings(asked.stretches, unit)
-    error = _error(made, unit)
+    model, motion = asked.model, asked.model.motion
+    assert isinstance(made.view, MapView) and found.model
+    swing, error = swings(asked.stretches, unit_for("N m", motion)), torque_errors(made)
     known = {k: e for k, e in found.estimates.items() if e.ci95 is not None or e.held}
-    silent = [k for k, p in asked.model.declarations().items() if p.fitted and k not in known]
-    values = {k: x for k, x in asked.model.values().items() if k in silent}
-    if values.get("Fs"):  # a declared one stays, but not below Fc
-        values["Fs"] = max(values["Fs"], found.model.friction.values["Fc"])
-    friction = 0.01 * view.size
+    silent = [k for k, p in model.declarations().items() if p.fitted and k not in known]
+    values = {k: x for k, x in model.values().items() if k in silent}
+    if Fs := values.get("Fs"):  # a declared one stays, but not below Fc
+        values["Fs"] = max(Fs, found.model.known()["Fc"])
+    fields: dict[str, Any] = {
+        "error": error | _facts(made),
+        "estimates": known,
+        "map": friction_map(made, motion, swing),
+        "model": found.model.with_values(values),
+        "messages": (*found.messages, *_said(made, asked, silent, swing)),
+    }
+    if not isinstance(found, Diagnosis):
+        del fields["error"]["augmented"]
+        return replace(found, **fields)
+    if "vs" in silent and found.experiment is None:
+        slow = float(np.abs(made.view.motion.w).min())
+        fields["experiment"] = SLOWER.format(slow, unit_for("rad/s", motion))
+    fields["torque_error"] = error
+    fields["free_error"] = error | {"signal": "u", "in_sample": False}
+    fields["depends_on"] = tuple(s for s in found.depends_on if s != "t")
+    return _swung(replace(found, **fields), made, swing)
+
+
+def _said(
+    made: Answer, asked: Asked, silent: Sequence[str], swing: Sequence[Swing]
+) -> Iterator[str]:
+    """What the map does not tell, runs that differ from the others, and what varies with angle."""
+    view, last, unit = made.view, made.last, unit_for("N m", asked.model.motion)
+    assert isinstance(view, MapView)
+    runs = np.unique(view.motion.run)
     hidden = [p.key for p in asked.model.effects if p not in view.model.effects]
     unknown = [k for k in silent if k.rpartition(".")[0] not in hidden] + hidden
-    said = [MAP.format(len(np.unique(view.motion.run)), ", ".join(unknown) or "J")]
-    said += _different(made, [log.source for log in asked.logs], unit)
-    orders = [f"{n} times per turn by {e.value / friction:.2g} %" for n, e in swing]
-    named = {s for t in made.last.state.terms for s in t.block.inputs}
-    said += [SWINGS.format(", ".join(orders))] if swing and "theta" not in named else []
-    made_of = {
-        "error": error, "estimates": known, "map": friction_map(made, asked.model.motion, swing),
-        "model": found.model.with_values(values), "messages": (*found.messages, *said),
-    }  # fmt: skip
-    if "vs" in silent and getattr(found, "experiment", 0) is None:
-        slow = float(np.abs(view.motion.w).min())
-        made_of["experiment"] = SLOWER.format(slow, unit_for("rad/s", asked.model.motion))
-    keys = ("unit", "declared", "refitted", "augmented")
-    if not hasattr(found, "torque_error"):
-        return replace(found, **made_of | {"error": {k: error[k] for k in error if k != keys[-1]}})
-    made_of["torque_error"] = {k: error[k] for k in keys}
-    made_of["depends_on"] = tuple(s for s in found.depends_on if s != "t")
-    made_of["free_error"] = {k: error[k] for k in ("signal", *keys)} | {"in_sample": False}
-    return _swung(replace(found, **made_of), made, swing)
+    yield MAP.format(len(runs), ", ".join(unknown) or "J")
+    left = view.by_run(last.design.y - last.design.X @ last.fit.b)
+    most = max(FAR * 1.4826 * float(np.median(np.abs(left))), LARGE * view.force)
+    for i in np.flatnonzero(np.abs(left) > most):
+        yield DIFFERS.format(asked.logs[runs[i]].source, left[i], unit)
+    if swing and not any("theta" in t.block.inputs for t in last.state.terms):
+        share = 100.0 / view.size
+        orders = [f"{n} times per turn by {share * e.value:.2g} %" for n, e in swing]
+        yield SWINGS.format(", ".join(orders))
 
 
-def _error(made: Answer, unit: str) -> dict[str, Any]:
-    """Of means over stretches of the held-out runs."""
-    m, last = made.view.motion, made.last
-    assert isinstance(m, Nodes)
-    test = np.isin(m.row, np.flatnonzero(made.split.test))
-    time = [float(np.ptp(m.stamp[m.run == run])) for run in np.unique(m.run)]
-    errors = {
+def torque_errors(made: Answer) -> dict[str, Any]:
+    """RMS torque errors in the rows that are held out."""
+    return {
+        "unit": unit_for("N m", made.view.model.motion),
         "declared": made.declared_error,
         "refitted": made.without.error,
         "augmented": made.with_names.error,
     }
-    noise = made.view.scatter(last.design.y - last.design.X @ last.fit.b)
-    floor = min([noise, *(x for x in errors.values() if x is not None)])
-    return {
-        "signal": "u", "unit": unit, "samples": int(m.size[test].sum()),
-        "horizon": float(np.median(time)), **errors, "noise_floor": floor,
-    }  # fmt: skip
 
 
-def _different(made: Answer, names: Sequence[str], unit: str) -> list[str]:
-    """A sentence on each run that differs from the others."""
-    view, last = made.view, made.last
+def _facts(made: Answer) -> dict[str, Any]:
+    """What else is said of errors of means over stretches of the held-out runs."""
+    view, d = made.view, made.last.design
     assert isinstance(view, MapView)
-    left = view.by_run(last.design.y - last.design.X @ last.fit.b)
-    most = max(FAR * 1.4826 * float(np.median(np.abs(left))), LARGE * view.force)
-    far, runs = np.abs(left) > most, np.unique(view.motion.run)
-    return [DIFFERS.format(names[runs[i]], left[i], unit) for i in np.flatnonzero(far)]
+    m, errors = view.motion, (made.declared_error, made.without.error, made.with_names.error)
+    test = np.isin(m.row, np.flatnonzero(made.split.test))
+    noise = view.scatter(d.y - d.X @ made.last.fit.b)
+    return {
+        "signal": "u",
+        "samples": int(m.size[test].sum()),
+        "horizon": float(np.median([np.ptp(m.stamp[m.run == run]) for run in np.unique(m.run)])),
+        "noise_floor": min([noise, *(x for x in errors if x is not None)]),
+    }
 
 
 def friction_map(made: Answer, motion: str, swing: Sequence[Swing] = ()) -> FrictionMap:
@@ -201,7 +214,7 @@ def _swing(order: int, power: np.ndarray, unit: str) -> Swing | None:
     return order, Estimate(size, unit, (low, high))
 
 
-def _swung(found: Any, made: Answer, swing: Sequence[Swing]) -> Any:
+def _swung(found: Diagnosis, made: Answer, swing: Sequence[Swing]) -> Diagnosis:
     """A ripple that is the largest part of what is missing is named by what can cause it: a map
     does not tell its causes apart, nor its phase."""
     shares = [made.last.share(i) for i, t in enumerate(made.last.state.terms) if not t.declared]
@@ -216,8 +229,10 @@ def _swung(found: Any, made: Answer, swing: Sequence[Swing]) -> Any:
     own = {"amplitude": amplitude}
     own |= {} if order == 1 else {"harmonic": Estimate(float(order), "1/rev")}
     finding = Finding(name, own, tuple(Candidate(n, 0.0, 0.0) for n in others))
-    said = LOG_ANGLE.format(name, " or ".join(others))
     return replace(
-        found, verdict="ambiguous", effects=(*found.effects, finding), experiment=said,
+        found,
+        verdict="ambiguous",
+        effects=(*found.effects, finding),
+        experiment=LOG_ANGLE.format(name, " or ".join(others)),
         depends_on=(*found.depends_on, "theta"),
-    )  # fmt: skip
+    )

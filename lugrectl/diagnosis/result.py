@@ -8,20 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from ..blocks.model import Model
 from ..core.display import Row, estimated
-from ..core.provenance import Provenance
-from ..core.result import plain as jsonable
+from ..core.result import picked
 from ..core.views import view
-from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
+from ..estimates.comparison import Comparison
+from ..estimates.findings import Candidate, Finding, Table
 from ..estimates.fitted import Fitted
-from ..record import Record
 
 if TYPE_CHECKING:
     from ..compensated_loop import Compensation
-    from ..estimates.balance import Balance
-    from ..estimates.comparison import Comparison
-    from ..estimates.covariance import Joint, Residuals
-    from ..estimates.members import Belief
-    from .law_comparison import LawComparison
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 
@@ -99,66 +93,23 @@ class Diagnosis(Fitted):
     effects: tuple[Finding, ...] = ()
     depends_on: tuple[str, ...] = ()
     experiment: str | None = None
-    error: Mapping[str, Any] | None = None
+    model: Model | None = field(default=None, kw_only=True)
     free_error: Mapping[str, Any] | None = None
     torque_error: Mapping[str, Any] | None = None
-    model: Model | None = None
-    declared: Model | None = None
-    estimates: Mapping[str, Estimate] = field(default_factory=dict)
-    record: Record | None = None
-    messages: tuple[str, ...] = ()
     reason: str | None = None
     ranking: tuple[Candidate, ...] = ()
-    traces: Traces | None = None
     table: Table | None = None
     compensation: Compensation | None = None
-    map: FrictionMap | None = None
-    provenance: Provenance | None = None
-    plain: Balance | None = None
     comparison: Comparison | None = None
-    joint: Joint | None = None
-    residuals: Residuals | None = None
-    laws: LawComparison | None = None
-    records: tuple[Record, ...] = ()
-    rivals: tuple[Belief, ...] = ()
-    torque_noise: float | None = None
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document; never NaN or Infinity."""
-        nested = self.model.to_dict() if self.model else {}
-        return jsonable(
-            {
-                "schema": 1,
-                "verdict": self.verdict,
-                "headline": view("wording.headline")(self)[1],
-                "effects": [finding.summary() for finding in self.effects],
-                "depends_on": list(self.depends_on),
-                "experiment": self.experiment,
-                "error": self.error,
-                "free_error": self.free_error,
-                "torque_error": self.torque_error,
-                "model": {k: nested.get(k, {}) for k in ("plant", "friction")}
-                | {"effects": nested.get("effects", [])}
-                | {"stated": self.model.statements() if self.model else {}},
-                "parameters": {k: v.summary() for k, v in self.estimates.items()},
-                "ranking": [{"name": c.name, "score": c.score} for c in self.ranking],
-                "table": self.table.summary() if self.table else None,
-                "compensation": self.compensation.summary() if self.compensation else None,
-                "laws": self.laws.summary() if self.laws else None,
-                "map": self.map.summary() if self.map else None,
-                "record": self.record.summary() if self.record else None,
-                "records": self._records(),
-                "messages": list(self.messages),
-                "reason": self.reason,
-                "plain": self.plain.summary() if self.plain else None,
-                **_compared(self.comparison),
-                "covariance": self.joint.summary() if self.joint else None,
-                "members": self._drawn_from(),
-                "drive": self._drive(),
-                "residuals": self.residuals.summary() if self.residuals else None,
-                "provenance": self.provenance.summary() if self.provenance else None,
-            }
-        )
+        own = "verdict effects depends_on experiment free_error torque_error reason ranking table"
+        compared = dict.fromkeys(("budget", "comparison", "detectable"))
+        compared = compared if self.comparison is None else self.comparison.summary()
+        headline = view("wording.headline")(self)[1]
+        own = picked(self, f"{own} compensation map")
+        return self._document(**own, **compared, headline=headline)
 
     def _title(self) -> str:
         names = ", ".join(finding.name for finding in self.effects)
@@ -169,26 +120,11 @@ class Diagnosis(Fitted):
             rows = [Row("reason", self.reason or "the record cannot answer")]
             rows += [Row("record next", self.experiment)] if self.experiment else []
             return [*rows, *self._last_rows()]
-        rows = [
-            estimated(f"{finding.name}.{k}", e)
-            for finding in self.effects
-            for k, e in finding.parameters.items()
-        ]
-        others = [c.name for finding in self.effects for c in finding.alternatives]
+        rows = [estimated(f"{one.name}.{k}", e)
+                for one in self.effects for k, e in one.parameters.items()]  # fmt: skip
+        others = [other.name for one in self.effects for other in one.alternatives]
         if others and self.verdict == "ambiguous":
             rows.append(Row("or", ", ".join(others)))
         if self.depends_on:
             rows.append(Row("depends on", ", ".join(self.depends_on)))
         return [*rows, *self._error_rows(("refitted", "augmented")), *self._last_rows()]
-
-
-def _compared(found: Comparison | None) -> dict[str, Any]:
-    """The keys of the JSON format that the comparison fills."""
-    if found is None:
-        return {"budget": None, "comparison": None, "detectable": None}
-    limits = [limit.summary() for limit in found.detectable]
-    return {
-        "budget": [share.summary() for share in found.budget],
-        "comparison": [row.summary() for row in found.rows],
-        "detectable": limits if found.verdict == "adequate" else None,
-    }

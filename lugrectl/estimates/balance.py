@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.display import Row, between, estimated, noticed
-from ..core.result import Result, library
+from ..core.result import Fields, Result, library, picked
 from ..core.views import view
 from ..record.stretches import Stretch
 from .bench_test import BenchTest
@@ -34,9 +33,12 @@ class Combination:
     to_separate: str
     parts: Mapping[str, float] = field(default_factory=dict, hash=False)
 
+    def summary(self) -> dict[str, Any]:
+        return picked(self, "text value unit ci95 to_separate")
+
 
 @dataclass(frozen=True)
-class CurvePoint:
+class CurvePoint(Fields):
     """Mean friction torque in a bin of speeds, or of a run at steady speed.
 
     ``ci95`` is None where nothing is left to tell its error.
@@ -122,11 +124,10 @@ class Balance(Result):
     def why_not(self) -> tuple[str, ...]:
         """Why the log does not give an inertia or a friction that stands in no sum, either."""
         in_sums = {k for c in self.combinations for k in c.parts}
-        wide = {k: self.uncertain[k] for k in LEVELS if k in self.uncertain and k not in in_sums}
         return tuple(
-            f"{k} is not certain, {between(e.ci95)} {e.unit}: that needs {NEEDS[k]}."
-            for k, e in wide.items()
-            if e.ci95 is not None
+            f"{k} is not certain, {between(e.ci95)} {e.unit}: that needs {how}."
+            for k, how in NEEDS.items()
+            if k not in in_sums and (e := self.uncertain.get(k)) and e.ci95
         )
 
     def values(self) -> dict[str, float]:
@@ -136,18 +137,9 @@ class Balance(Result):
 
     def summary(self) -> dict[str, Any]:
         """The answer as plain Python values, as under "plain" in the JSON document."""
-        known, sums = self.parameters.items(), self.combinations
-        return {
-            "parameters": {k: _fields(e, "value", "unit", "ci95") for k, e in known},
-            "combinations": [
-                _fields(c, "text", "value", "unit", "ci95", "to_separate") for c in sums
-            ],
-            "curve": [_fields(p, "w", "torque", "ci95", "samples") for p in self.curve],
-            **_fields(self, "left", "seconds"),
-            **(
-                {"bench_tests": [b.summary() for b in self.bench_tests]} if self.bench_tests else {}
-            ),
-        }
+        known = {k: picked(e, "value unit ci95") for k, e in self.parameters.items()}
+        rest = "combinations curve left seconds" + " bench_tests" * bool(self.bench_tests)
+        return {"parameters": known, **picked(self, rest)}
 
     def to_frame(self) -> Any:
         """A DataFrame of the certain parameters: value, low, high, unit."""
@@ -168,22 +160,7 @@ class Balance(Result):
     def _rows(self) -> Iterable[Row]:
         rows = [Row(test.kind, test.text) for test in self.bench_tests]
         rows += [estimated(k, e) for k, e in self.parameters.items()]
-        for c in self.combinations:
-            rows.append(estimated(c.text, Estimate(c.value, c.unit, c.ci95)))
+        rows += [estimated(one.text, one) for one in self.combinations]
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
         return [*rows, *noticed((*self.against, *self.why_not, *self.notes, *self.reading), "said")]
-
-
-def _fields(x: Any, *names: str) -> dict[str, Any]:
-    """Some fields of a result as plain Python values."""
-    return {name: _plain(getattr(x, name)) for name in names}
-
-
-def _plain(x: Any) -> Any:
-    """What JSON holds: no tuple, no NaN, no number of numpy."""
-    if isinstance(x, tuple):
-        return [_plain(one) for one in x]
-    if isinstance(x, float):
-        return float(x) if math.isfinite(x) else None
-    return x

@@ -7,18 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ..core.display import Row, Shown, estimated, with_interval
+from ..core.result import Fields, picked
 from .findings import Estimate
 
 
 @dataclass(frozen=True, repr=False)
-class BenchTable(Shown):
+class BenchTable(Fields, Shown):
     """``columns`` are names with units; a row holds numbers or words, None where unknown."""
 
     columns: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...]
-
-    def summary(self) -> dict[str, Any]:
-        return {"columns": list(self.columns), "rows": [list(row) for row in self.rows]}
 
 
 @dataclass(frozen=True, repr=False)
@@ -36,10 +34,10 @@ class BenchTest(Shown):
 
     def summary(self) -> dict[str, Any]:
         values = {
-            k: {"value": e.value, "unit": e.unit, "ci95": list(e.ci95 or ())}
+            k: picked(e, "value unit") | {"ci95": list(e.ci95 or ())}
             for k, e in self.values.items()
         }
-        made: dict[str, Any] = {"kind": self.kind, "text": self.text, "values": values}
+        made = picked(self, "kind text") | {"values": values}
         return made if self.table is None else made | {"table": self.table.summary()}
 
     def _title(self) -> str:
@@ -51,8 +49,6 @@ class BenchTest(Shown):
 
 def in_words(values: Mapping[str, Estimate]) -> str:
     """Values with their intervals: "Fc 0.120 N m (0.118 to 0.122), ..."."""
-    parts = []
-    for name, e in values.items():
-        value, ends = with_interval(e)
-        parts.append(f"{name} {value} {e.unit} ({ends})")
+    shown = {name: with_interval(e) for name, e in values.items()}
+    parts = [f"{k} {value} {values[k].unit} ({ends})" for k, (value, ends) in shown.items()]
     return ", ".join(parts)

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from ..core.result import Fields, plain
+
 
 @dataclass(frozen=True)
-class Share:
+class Share(Fields):
     """Where a part of the torque goes.
 
     ``rms`` in N m, ``share`` of the RMS friction torque with its 95 % interval, ``signals`` on
@@ -20,13 +22,9 @@ class Share:
     ci95: tuple[float, float] | None
     signals: tuple[str, ...]
 
-    def summary(self) -> dict[str, Any]:
-        own = {"term": self.term, "rms": self.rms, "share": self.share}
-        return own | {"ci95": self.ci95 and list(self.ci95), "signals": list(self.signals)}
-
 
 @dataclass(frozen=True)
-class Compared:
+class Compared(Fields):
     """A row of the table: how much better it predicts left-out blocks than the declared model.
 
     ``elpd``: log predictive density relative to it, nats, with its paired standard error ``se``.
@@ -39,20 +37,13 @@ class Compared:
     torque: float
     parameters: int
 
-    def summary(self) -> dict[str, Any]:
-        keys = ("model", "elpd", "se", "torque", "parameters")
-        return {k: getattr(self, k) for k in keys}
-
 
 @dataclass(frozen=True)
-class Detectable:
+class Detectable(Fields):
     """The smallest share of friction at which an effect would have been seen."""
 
     name: str
     share: float
-
-    def summary(self) -> dict[str, Any]:
-        return {"name": self.name, "share": self.share}
 
 
 @dataclass(frozen=True)
@@ -72,3 +63,8 @@ class Comparison:
     least: float = 0.0
     friction: float = 0.0
     stretches: int | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Its keys of the JSON document."""
+        limits = self.detectable if self.verdict == "adequate" else None
+        return plain({"budget": self.budget, "comparison": self.rows, "detectable": limits})

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..core.display import Row
-from ..core.errors import InputError
-from ..core.numeric import Z95
-from ..core.result import Result, library
+from ..core.numeric import Z95, rms
+from ..core.result import Result, library, picked
 from ..core.validation import whole
 from ..core.views import view
 
@@ -78,7 +77,7 @@ class Joint(Result):
         return dict(zip(self.names, self._away(steps).T, strict=True))
 
     def summary(self) -> dict[str, Any]:
-        return {"names": list(self.names), "matrix": self.matrix.tolist()}
+        return picked(self, "names matrix")
 
     def to_frame(self) -> Any:
         """The covariance as a DataFrame; InputError where pandas is not installed."""
@@ -93,11 +92,11 @@ class Joint(Result):
 
     def _rows(self) -> Iterable[Row]:
         strong = np.abs(np.tril(self.correlation, -1))
-        for i, k in zip(*np.unravel_index(np.argsort(strong, axis=None)[::-1][:3], strong.shape),
-                        strict=True):  # fmt: skip
+        for at in np.argsort(strong, axis=None)[::-1][:3]:
+            i, k = np.unravel_index(at, strong.shape)
             if strong[i, k] > 0:
-                value = float(self.correlation[i, k])
-                yield Row(f"correlation of {self.names[k]} and {self.names[i]}", value)
+                name = f"correlation of {self.names[k]} and {self.names[i]}"
+                yield Row(name, float(self.correlation[i, k]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,14 +132,11 @@ class Residuals(Result):
         return bool(np.mean(np.abs(self.cross) < self.bound) > 0.9)
 
     def summary(self) -> dict[str, Any]:
-        arrays = ("lags", "autocorrelation", "cross")
-        made: dict[str, Any] = {k: getattr(self, k).tolist() for k in arrays}
-        flags = {"white": self.white, "independent": self.independent}
-        return {"signal": self.signal, **made, "bound": self.bound, **flags}
+        return picked(self, "signal lags autocorrelation cross bound white independent")
 
     def to_frame(self) -> Any:
         """A DataFrame: a row for each lag; InputError where pandas is not installed."""
-        columns = {k: getattr(self, k) for k in ("autocorrelation", "cross")}
+        columns = picked(self, "autocorrelation cross")
         return library("pandas").DataFrame(columns, index=self.lags)
 
     def plot(self, ax: Any = None) -> Any:
@@ -157,12 +153,10 @@ class Residuals(Result):
 
 def residuals_of(signal: str, e: np.ndarray, u: np.ndarray) -> Residuals:
     """The tests of prediction errors e, (windows, length), beside the torque u of their shape."""
-    if e.shape != u.shape:
-        raise InputError(f"residuals {e.shape} and torque {u.shape} differ in shape.")
     lags = np.arange(min(LAGS, e.shape[1] - 1) + 1)
-    e = e - e.mean()
     du = np.diff(u, axis=1, prepend=u[:, :1])  # a held torque repeats itself
-    e, du = (x / max(float(np.sqrt(np.mean(x**2))), TINY) for x in (e, du))
-    own = [float(np.mean(e[:, k:] * e[:, : e.shape[1] - k])) for k in lags]
-    with_u = [float(np.mean(e[:, k:] * du[:, : e.shape[1] - k])) for k in lags]
-    return Residuals(signal, lags, np.array(own), np.array(with_u), BOUND / float(np.sqrt(e.size)))
+    e, du = (x / max(rms(x), TINY) for x in (e - e.mean(), du))
+    own, with_u = (
+        np.array([np.mean(e[:, k:] * x[:, : e.shape[1] - k]) for k in lags]) for x in (e, du)
+    )
+    return Residuals(signal, lags, own, with_u, BOUND / float(np.sqrt(e.size)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,14 +11,12 @@ import numpy as np
 from ..blocks.block import members, unit_for
 from ..blocks.table import tabulated
 from ..core.display import Row, Shown, between, estimated
-from ..core.result import Result, library
-from ..core.result import plain as jsonable
+from ..core.result import Result, library, picked, plain
 from ..core.views import view
 
 if TYPE_CHECKING:
     import control as ct
 
-NOT_NAMED = "The record does not determine the inertia, so no effect is named"  # likewise
 AGAINST_HELD = "The record contradicts held values"  # a note that the headline repeats
 
 
@@ -37,9 +35,8 @@ class Estimate(Shown):
     together: str = ""
 
     def summary(self) -> dict[str, Any]:
-        made = {"value": self.value, "unit": self.unit, "ci95": self.ci95 and list(self.ci95)}
-        made |= {"held": True} if self.held else {}
-        return made | ({"together": self.together} if self.together else {})
+        more = " held" * self.held + " together" * bool(self.together)
+        return picked(self, "value unit ci95" + more)
 
     def may_be(self, value: float) -> bool:
         """Whether the 95 % interval holds this value."""
@@ -57,13 +54,15 @@ class Candidate(Shown):
     """One effect that was tried: how much better it explains the training samples.
 
     ``score`` is the gain in log-likelihood over the refitted model, ``share`` the part of the
-    residual torque's power that it removes, ``parameters`` its fitted values.
+    residual torque's power that it removes.
     """
 
     name: str
     score: float
     share: float
-    parameters: Mapping[str, float] = field(default_factory=dict)
+
+    def summary(self) -> dict[str, Any]:
+        return picked(self, "name score")
 
 
 ELSEWHERE = "record a run with other speeds, positions and loads"
@@ -77,32 +76,18 @@ class Finding(Shown):
     parameters: Mapping[str, Estimate]
     alternatives: tuple[Candidate, ...] = ()
 
-    @classmethod
-    def of(
-        cls, key: str, name: str, estimates: Mapping[str, Estimate], tied: tuple[Candidate, ...]
-    ) -> Finding:
-        """The effect ``name`` with its parameters, taken from the model's estimates of ``key``."""
-        prefix = f"{key}."
-        own = {k.removeprefix(prefix): e for k, e in estimates.items() if k.startswith(prefix)}
-        return cls(name, own, tied)
-
-    def apart(self, how: str | None = None) -> str:
+    def apart(self) -> str:
         """The experiments that distinguish it from its alternatives; "" if it has none.
 
         Each may tell another one from the rest.
         """
-        others, known = " or ".join(c.name for c in self.alternatives), members("effect")
-        names = [n for n in (self.name, *(c.name for c in self.alternatives)) if n in known]
-        own = dict.fromkeys(h for n in names if (h := known[n].experiment))
-        how = how or "; or ".join(own) or ELSEWHERE
-        return f"to distinguish {self.name} from {others}: {how}" if others else ""
+        others, known = [c.name for c in self.alternatives], members("effect")
+        own = [known[n].experiment for n in (self.name, *others) if n in known]
+        how = "; or ".join(dict.fromkeys(filter(None, own))) or ELSEWHERE
+        return f"to distinguish {self.name} from {' or '.join(others)}: {how}" if others else ""
 
     def summary(self) -> dict[str, Any]:
-        return {
-            "name": self.name,
-            "parameters": {k: v.summary() for k, v in self.parameters.items()},
-            "alternatives": [{"name": a.name, "score": a.score} for a in self.alternatives],
-        }
+        return picked(self, "name parameters alternatives")
 
     def _title(self) -> str:
         return f"Finding: {self.name}"
@@ -200,33 +185,13 @@ class Table(Result):
         outputs: Sequence[str] | None = None,
     ) -> ct.NonlinearIOSystem:
         """The table as a block with output d: :func:`lugrectl.tabulated`."""
-        return tabulated(
-            self.signals[0],
-            self.points,
-            self.values,
-            periodic=self.periodic,
-            name=name,
-            inputs=inputs,
-            outputs=outputs,
-        )
+        shape = {"periodic": self.periodic, "name": name, "inputs": inputs, "outputs": outputs}
+        return tabulated(self.signals[0], self.points, self.values, **shape)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "table" in the JSON document."""
-        return jsonable(
-            {
-                "name": self.name,
-                "signals": list(self.signals),
-                "unit": self.unit,
-                "periodic": self.periodic,
-                "points": self.points.tolist(),
-                "values": self.values.tolist(),
-                "standard_error": self.error.tolist(),
-                "share": self.share,
-                "share_ci95": list(self.share95),
-                "rms": self.rms,
-                "windows": self.windows,
-            }
-        )
+        made = picked(self, "name signals unit periodic points values share rms windows")
+        return made | {"standard_error": plain(self.error), "share_ci95": plain(self.share95)}
 
     def to_frame(self) -> Any:
         """A DataFrame, a row for each point: the signal, torque and standard error, of tables for
@@ -278,14 +243,12 @@ class FrictionMap(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "map" in the JSON document."""
-        points = {k: getattr(self, k).tolist() for k in ("w", "u", "error", "held_out")}
-        return jsonable(points | {"swing": [{"order": n} | e.summary() for n, e in self.swing]})
+        swing = [{"order": n} | e.summary() for n, e in self.swing]
+        return picked(self, "w u error held_out") | {"swing": swing}
 
     def to_frame(self) -> Any:
         """A DataFrame, a row for each run: w, u, error, held_out."""
-        return library("pandas").DataFrame(
-            {k: getattr(self, k) for k in ("w", "u", "error", "held_out")}
-        )
+        return library("pandas").DataFrame(picked(self, "w u error held_out"))
 
     def _rows(self) -> Iterable[Row]:
         torque = unit_for("N m", self.motion)

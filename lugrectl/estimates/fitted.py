@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, overload
+from typing import Any, NamedTuple
 
+from ..blocks.model import Model
 from ..core.display import Grid, Row, brief, grid_html, grid_text, noticed, number, with_interval
 from ..core.errors import InputError
-from ..core.result import NamedRows, Result, library, plain
+from ..core.provenance import Provenance
+from ..core.result import ComparedRows, NamedRows, Result, library, picked, plain
 from ..core.views import view
+from ..record import Record
+from .balance import Balance
+from .covariance import Joint, Residuals
+from .findings import Estimate, FrictionMap, Traces
 from .members import Belief, Members
-
-if TYPE_CHECKING:
-    from ..blocks.model import Model
-    from ..record import Record
-    from .covariance import Joint, Residuals
-    from .findings import Estimate
 
 
 class Parameter(NamedTuple):
@@ -34,6 +35,8 @@ class Parameter(NamedTuple):
 class ParameterTable(NamedRows[Parameter]):
     """Fitted parameters, a row for each: ``table[0]``, ``table["J"].value``, ``"J" in table``."""
 
+    _unknown = "there is no fitted parameter {0!r}; there is {1}."
+
     def __init__(self, estimates: Mapping[str, Estimate], declared: Model | None = None) -> None:
         before = declared.values() if declared is not None else {}
         self._estimates = dict(estimates)
@@ -42,28 +45,15 @@ class ParameterTable(NamedRows[Parameter]):
             for name, e in estimates.items()
         )
 
-    @overload
-    def __getitem__(self, which: int | str) -> Parameter: ...
-    @overload
-    def __getitem__(self, which: slice) -> tuple[Parameter, ...]: ...  # type: ignore[override]
-    def __getitem__(self, which: int | str | slice) -> Any:
-        if not isinstance(which, str):
-            return self._rows[which]
-        if which not in self.names:
-            known = ", ".join(self.names) or "none"
-            raise InputError(f"there is no fitted parameter '{which}'; there is {known}.")
-        return self._rows[self.names.index(which)]
-
     def to_dict(self) -> dict[str, dict[str, Any]]:
         """Plain Python: name -> value, low, high, unit, declared."""
-        return plain({row.name: {k: v for k, v in row._asdict().items() if k != "name"}
-                      for row in self})  # fmt: skip
+        return {name: plain(dict(zip(Parameter._fields[1:], row, strict=True)))
+                for name, *row in self}  # fmt: skip
 
     def to_frame(self) -> Any:
         """A DataFrame with the names as index; InputError where pandas is not installed."""
-        pandas = library("pandas")
-        frame = pandas.DataFrame(list(self), columns=list(Parameter._fields))
-        numbers = {k: float for k in ("value", "low", "high", "declared")}
+        frame = library("pandas").DataFrame(list(self), columns=list(Parameter._fields))
+        numbers = dict.fromkeys(("value", "low", "high", "declared"), float)
         return frame.astype(numbers).set_index("name")
 
     def _grid(self) -> Grid:
@@ -81,20 +71,26 @@ class ParameterTable(NamedRows[Parameter]):
         return grid_html(self._grid()) if self else "<p>no fitted parameters</p>"
 
 
+@dataclass(frozen=True, repr=False, kw_only=True)
 class Fitted(Result):
-    """What a diagnosis and an identification have in common."""
+    """What a diagnosis and an identification have in common; its fields stand with a diagnosis."""
 
-    estimates: Mapping[str, Estimate]
+    estimates: Mapping[str, Estimate] = field(default_factory=dict)
+    error: Mapping[str, Any] | None = None
     model: Model | None
-    declared: Model | None
-    error: Mapping[str, Any] | None
-    record: Record | None
-    records: tuple[Record, ...]
-    messages: tuple[str, ...]
-    joint: Joint | None
+    declared: Model | None = None
+    record: Record | None = None
+    records: tuple[Record, ...] = ()
+    messages: tuple[str, ...] = ()
+    traces: Traces | None = None
+    map: FrictionMap | None = None
+    plain: Balance | None = None
+    joint: Joint | None = None
+    residuals: Residuals | None = None
+    laws: ComparedRows | None = None
     rivals: tuple[Belief, ...] = ()
     torque_noise: float | None = None
-    residuals: Residuals | None
+    provenance: Provenance | None = None
 
     @property
     def covariance(self) -> Joint:
@@ -127,13 +123,22 @@ class Fitted(Result):
         own = Belief.of(self.model, self.joint, self.estimates, left)
         return tuple(one.moved_by(self.records) for one in (own, *self.rivals))
 
-    def _drawn_from(self) -> list[dict[str, Any]] | None:
-        """As under "members" in the JSON document."""
-        return None if self.model is None else [one.summary() for one in self.beliefs()]
-
-    def _drive(self) -> dict[str, Any] | None:
-        """The drive as it was recorded, as under "drive" in the JSON document."""
-        return view("believed.seen_in", "compensated_loop")(self.record, self.torque_noise) or None
+    def _document(self, **more: Any) -> dict[str, Any]:
+        """The JSON document: what both results have, and ``more``; never NaN or Infinity."""
+        model, every = self.model, self.records or ([self.record] if self.record else [])
+        nested = model.to_dict() if model else {"plant": {}, "friction": {}, "effects": []}
+        seen = view("believed.seen_in", "compensated_loop")(self.record, self.torque_noise)
+        made = {
+            "model": {k: nested[k] for k in ("plant", "friction", "effects")}
+            | {"stated": model.statements() if model else {}},
+            "parameters": self.estimates,
+            "records": [{"name": r.source, **r.summary()} for r in every],
+            "covariance": self.joint,
+            "members": self.beliefs() if model else None,
+            "drive": seen or None,
+        }
+        same = picked(self, "error record messages plain residuals laws provenance")
+        return {"schema": 1, **more, **plain(made), **same}
 
     @property
     def parameters(self) -> ParameterTable:
@@ -160,11 +165,6 @@ class Fitted(Result):
         and ``ax`` is returned. Raises InputError where there is nothing to draw.
         """
         return view("diagnosis_plots.overview")(self, ax)
-
-    def _records(self) -> list[dict[str, Any]]:
-        """All records with their names, as under "records" in the JSON document."""
-        every = self.records or ((self.record,) if self.record is not None else ())
-        return [{"name": r.source, **r.summary()} for r in every]
 
     def _error_rows(self, names: tuple[str, str]) -> list[Row]:
         """The error of two models, one after the other."""

@@ -13,7 +13,7 @@ from ..blocks.model import Model, as_model
 from ..core.display import Row, number
 from ..core.errors import InputError, Refused
 from ..core.numeric import Z95
-from ..core.result import Result, library
+from ..core.result import Result, library, picked, plain
 from ..core.validation import whole
 from .covariance import Joint
 from .findings import Estimate
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 ROUNDS = 50  # of drawing again what is out of bounds, before it is moved to the bound
 TORQUE = ("N m", "N")
 INTERVAL = 2.0 * Z95  # standard deviations in a 95 % interval
-SHOWN = "start, stop and reverse slowly, and pass the speeds of interest"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -47,21 +46,19 @@ class Belief:
 
         Those with an interval alone are independent of the others.
         """
-        known, covered = model.known(), () if joint is None else joint.names
-        sure = [k for k, e in estimates.items() if e.ci95 is not None and not e.held and k in known]
-        inside = [k for k in covered if k in sure]
-        size = {k: (b - a) / INTERVAL for k in sure for a, b in [estimates[k].ci95 or (0.0, 0.0)]}
-        size |= {
-            k: s.std for k, s in model.stated.items() if s.std and k not in sure and k in known
-        }
-        alone = [k for k in size if k not in inside]
-        names, C = (*inside, *alone), np.diag([size[k] ** 2 for k in (*inside, *alone)])
-        if joint is not None:
-            at = [covered.index(k) for k in inside]
+        known, limits = model.known(), model.declarations()
+        size = {k: (e.ci95[1] - e.ci95[0]) / INTERVAL for k, e in estimates.items()
+                if e.ci95 and not e.held and k in known}  # fmt: skip
+        inside = [k for k in (joint.names if joint else ()) if k in size]
+        size |= {k: one.std for k, one in model.stated.items()
+                 if one.std and k in known and k not in size}  # fmt: skip
+        names = (*inside, *(k for k in size if k not in inside))
+        C, values = np.diag([size[k] ** 2 for k in names]), np.array([known[k] for k in names])
+        if joint:
+            at = [joint.names.index(k) for k in inside]
             C[: len(at), : len(at)] = joint.matrix[np.ix_(at, at)]
-        limits = model.declarations()
-        positive = np.array([limits[k].low >= 0.0 and known[k] > 0.0 for k in names], bool)
-        return cls(model, Joint(names, np.array([known[k] for k in names]), C, positive), weight)
+        positive = (np.array([limits[k].low for k in names]) >= 0.0) & (values > 0.0)
+        return cls(model, Joint(names, values, C, positive), weight)
 
     def moved_by(self, records: Sequence[Record]) -> Belief:
         """The same with friction that the torque of these records overcame, as the drive moved."""
@@ -93,45 +90,26 @@ class Belief:
         """n sets of values inside their bounds: name -> (n,)."""
         made = self.joint.sample(n, random)
         for _ in range(ROUNDS):
-            out = self._outside(made, n)
+            out = self._outside(made)
             if not out.any():
                 return made
-            again = self.joint.sample(int(out.sum()), random)
-            for k, v in again.items():
+            for k, v in self.joint.sample(int(out.sum()), random).items():
                 made[k][out] = v
-        return {k: np.clip(v, *self._ends(k)) for k, v in made.items()}
+        return {k: np.clip(v, *self.model.bounds(k)) for k, v in made.items()}
 
-    def _ends(self, key: str) -> tuple[float, float]:
-        p, said = self.model.declarations()[key], self.model.stated.get(key)
-        low = max(p.low, -np.inf if said is None or said.low is None else said.low)
-        return low, min(p.high, np.inf if said is None or said.high is None else said.high)
-
-    def _outside(self, made: Mapping[str, np.ndarray], n: int) -> np.ndarray:
-        out = np.zeros(n, bool)
-        for k, v in made.items():
-            low, high = self._ends(k)
-            out |= ~((v >= low) & (v <= high))
-        known = self.model.known()
-        if (
-            {"Fc", "Fs"} & made.keys()
-            and {"Fc", "Fs"} <= known.keys()
-            and known["Fs"] >= known["Fc"]
-        ):
-            out |= made.get("Fs", known["Fs"]) < made.get("Fc", known["Fc"])
-        return out
+    def _outside(self, made: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Which sets are out of bounds, or have an Fs below Fc."""
+        inside = [(v >= low) & (v <= high)
+                  for k, v in made.items() for low, high in [self.model.bounds(k)]]  # fmt: skip
+        Fc, Fs = (self.model.known().get(k, np.nan) for k in ("Fc", "Fs"))
+        crossed = (Fs >= Fc) & (made.get("Fs", Fs) < made.get("Fc", Fc))
+        return ~np.all(inside, axis=0) | crossed
 
     def summary(self) -> dict[str, Any]:
         """As under "members" in the JSON document; :meth:`read` reads it."""
-        joint, model = self.joint, self.model
-        return {
-            "weight": self.weight,
-            "model": model.to_dict() | {"stated": model.statements()},
-            "names": list(joint.names),
-            "values": joint.values.tolist(),
-            "matrix": joint.matrix.tolist(),
-            "positive": joint.positive.tolist(),
-            "unknown": list(self.unknown),
-        }
+        model = self.model.to_dict() | {"stated": self.model.statements()}
+        joint = picked(self.joint, "names values matrix positive")
+        return picked(self, "weight unknown") | joint | {"model": model}
 
 
 class Members(Result, Sequence[Model]):
@@ -209,7 +187,7 @@ class Members(Result, Sequence[Model]):
         return {f"{block}.{k}": v for k, v in self._columns.items()}
 
     def summary(self) -> dict[str, Any]:
-        return {"members": len(self), "values": {k: v.tolist() for k, v in self._columns.items()}}
+        return {"members": len(self), "values": plain(self._columns)}
 
     def to_frame(self) -> Any:
         """A DataFrame, a row for each member; InputError where pandas is not installed."""
@@ -229,10 +207,11 @@ def refuse_unknown(belief: Belief) -> None:
     """Refused where a value would be taken as certain that is not."""
     left = belief.unknown
     if left:
-        names, many = ", ".join(left), len(left) > 1
+        names, each = ", ".join(left), ("it", "each")[len(left) > 1]
         raise Refused(
             f"{belief.model.name}: the log does not determine {names}, so no member can be drawn: "
-            f"declare {'each' if many else 'it'} with what is known of it, "
-            f"{left[0]} = {{value = ..., std = ...}} or fixed = true.",
-            f"Record a motion that shows {names}: {SHOWN}.",
+            f"declare {each} with what is known of it, {left[0]} = {{value = ..., std = ...}} or "
+            "fixed = true.",
+            f"Record a motion that shows {names}: start, stop and reverse slowly, and pass the "
+            "speeds of interest.",
         )

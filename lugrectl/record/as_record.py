@@ -57,24 +57,20 @@ def as_log(
     raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
 
 
-def as_logs(
-    given: Any, motion: str | None = None, **reading: Any
-) -> tuple[tuple[Log | Record, ...], bool]:
-    """The logs that are meant, and whether a list of them was given; ``reading`` are options of
-    :func:`read_record`, for those still to be read."""
+def as_logs(given: Any, motion: str | None = None, **reading: Any) -> tuple[Log | Record, ...]:
+    """The logs that are meant; ``reading`` are options of :func:`read_record`, for those still to
+    be read."""
     if is_file(given) and os.path.isdir(given):  # a folder stands for the logs in it
-        from .log_files import files_of
-
         given = files_of(given)
     if is_record(given) or isinstance(given, np.ndarray) or not isinstance(given, Iterable):
         made = as_log(given, motion, **reading)
         if made is given and isinstance(made, Record):
             already_read(made, **reading)
-        return (made,), False
+        return (made,)
     found = tuple(as_log(one, motion, "each record", **reading) for one in given)
     if not found:
         raise InputError("record is an empty list: give at least one record.")
-    return found, True
+    return found
 
 
 def as_holdout(

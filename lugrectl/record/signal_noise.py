@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import coherence
 
 from .record import smallest_step
 from .samples.outliers import quantum
@@ -15,6 +16,8 @@ NORMAL_MAD = 0.6745  # median absolute value of a unit normal variable
 SEGMENT = 256  # length of a segment of a spectrum, samples
 DIFFERENCE = 4  # order of the difference that keeps slow motion out of it
 TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the rate
+BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
+TOGETHER = 0.8  # median coherence there from which two channels share their noise
 NO_NOISE = 1e-12  # a standard deviation is never below this
 
 
@@ -42,6 +45,21 @@ def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
     least = 0.5 * max(resolution, smallest_step(x))
     changed = np.flatnonzero(np.abs(np.diff(x)) > least)
     return float(np.median(np.diff(changed))) if len(changed) > 1 else 1.0
+
+
+def repeats(x: np.ndarray, count: float) -> np.ndarray:
+    """For each sample, how many in a row stay on the same count."""
+    steps = np.round((x - x[0]) / count) if count > 0.0 else x
+    lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
+    return np.repeat(lengths, lengths)
+
+
+def share_noise(theta: np.ndarray, w: np.ndarray) -> bool:
+    """True if theta and w are coherent above the frequencies of motion: one noise is in both."""
+    if len(theta) < 4 * SEGMENT:
+        return False
+    f, shared = coherence(np.diff(theta, 2), np.diff(w[1:]), nperseg=SEGMENT)
+    return float(np.median(shared[(f > BAND[0]) & (f <= BAND[1])])) > TOGETHER
 
 
 def white_noise(parts: Sequence[np.ndarray]) -> float:

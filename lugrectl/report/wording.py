@@ -11,7 +11,7 @@ from ..blocks.block import members
 from ..blocks.model import model_toml
 from ..core.display import NONE, Grid, between, number, to_interval
 from ..core.display import with_interval as _with_interval
-from ..estimates.findings import AGAINST_HELD, NOT_NAMED, Estimate
+from ..estimates.findings import AGAINST_HELD, Estimate
 from . import comparison_section
 from .section import Section
 
@@ -50,7 +50,7 @@ def headline(d: Any) -> tuple[str, str]:
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     if verdict == "adequate":
         said = f"No missing effect was detected.{comparison_section.limits_in_words(d)}"
-        but = [m for m in _get(d, "messages", ()) if m.startswith((AGAINST_HELD, NOT_NAMED))]
+        but = [m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)]
         return "adequate", " But: ".join([said, *but[:1]])
     if verdict == "found":
         return f"found: {names}", _found(d)

@@ -3,9 +3,9 @@
 from ..axis_response import FrequencyResponse, ResponsePlan, Tuning
 from ..compensated_loop import Assurance, Compensation, HuntingChance, Run
 from ..design import Certificate, Design, Excitation, ObserverDesign
+from ..diagnosis.compare_laws import ComparedLaw, LawComparison
 from ..diagnosis.fleet import Fleet, Outcome
 from ..diagnosis.identify import Identification
-from ..diagnosis.law_comparison import ComparedLaw, LawComparison
 from ..diagnosis.result import Diagnosis
 from ..estimates.balance import Balance
 from ..estimates.comparison import Comparison

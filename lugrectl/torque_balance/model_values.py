@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..blocks.block import members
-from ..blocks.declared_values import Stated
 from ..blocks.model import Model
 from ..estimates.balance import Balance
 from ..estimates.covariance import Joint
@@ -75,13 +74,6 @@ def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model
     if means_the_same(made.friction.block):
         return made
     return made.with_values(made.kept(_inside(made, law_values(last, made))))
-
-
-def bounds_of(model: Model, key: str) -> tuple[float, float]:
-    """Where a value may lie: by its declaration, and as the model states it."""
-    p, one = model.declarations()[key], model.stated.get(key, Stated())
-    low = p.low if one.low is None else max(p.low, one.low)
-    return low, p.high if one.high is None else min(p.high, one.high)
 
 
 def lifted(model: Model, declared: Model) -> Model:
@@ -154,7 +146,7 @@ def model_values(
         ends = values[told[key]][1:] if key in told else None
         whole_turn = ends is not None and own[key].angle and ends[1] - ends[0] >= 2 * np.pi
         if ends is not None and not whole_turn and key not in held:
-            low, high = bounds_of(made, key)
+            low, high = made.bounds(key)
             ends = min(max(ends[0], low), value), max(min(ends[1], high), value)
         else:
             ends = None
@@ -200,7 +192,7 @@ def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     """Values of a joint distribution with their intervals."""
     made, both = {}, joint.interval().tolist()
     for key, x, (a, b) in zip(joint.names, joint.values.tolist(), both, strict=True):
-        low, high = bounds_of(model, key)
+        low, high = model.bounds(key)
         ends = min(max(a, low), x), max(min(b, high), x)
         made[key] = Estimate(x, model.unit(key), ends)
     return made

@@ -175,7 +175,7 @@ FLEET = {
 
 ARRAY = np.ndarray
 VALUE = {"value": float, "unit": str, "ci95": ENDS, "held": bool, "together": str}
-TRIED = {"name": str, "score": float, "share": float, "parameters": {...: float}}
+TRIED = {"name": str, "score": NUMBER, "share": NUMBER}
 FOUND = {"name": str, "parameters": {...: VALUE}, "alternatives": [TRIED]}
 TRACES = {
     "t": ARRAY, "measured": ARRAY, "held_out": ARRAY, "simulated": {...: ARRAY},

@@ -12,7 +12,8 @@ from .made_up import diagnosis
 
 def identification():
     d = diagnosis()
-    return Identification(d.estimates, d.error, d.model, d.record, d.messages, d.declared, d.traces)
+    keys = ("estimates", "error", "model", "record", "messages", "declared", "traces")
+    return Identification(**{k: getattr(d, k) for k in keys})
 
 
 def table(values=(0.1, -0.1, 0.2)):

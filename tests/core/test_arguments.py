@@ -258,7 +258,7 @@ def test_other_tables_in_memory_are_read_too(tmp_path):
 def test_a_record_is_taken_in_every_form(run):
     for given in (run, str(run), COLUMNS, RECORD):
         asked = Asked.of(given, MODEL)
-        assert same(asked.records(), RECORD) and asked.model is MODEL and asked.holdout() is None
+        assert same(asked.records()[0], RECORD) and asked.model is MODEL and asked.holdout() is None
     asked = Asked.of([str(run), COLUMNS], MODEL, {**COLUMNS, "u": -COLUMNS["u"]})
     assert len(asked.records()) == 2 and isinstance(asked.holdout(), lg.Record)
     assert Asked.of(run, MODEL, "last").holdout() == "last"
@@ -266,7 +266,7 @@ def test_a_record_is_taken_in_every_form(run):
 
 def test_records_are_read_for_the_motion_of_the_model():
     linear = lg.Model.of(J=2.0, motion="linear")
-    assert Asked.of(COLUMNS, linear).records().motion == "linear"
+    assert Asked.of(COLUMNS, linear).records()[0].motion == "linear"
     with pytest.raises(InputError, match='does not fit motion.*the model needs motion = "rotary"'):
         Asked.of({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear)
 
@@ -275,7 +275,7 @@ def test_records_are_read_for_the_motion_of_the_model():
 def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path, monkeypatch):
     asked = []
 
-    def prepared(records, model, holdout, horizon):
+    def prepared(records, model, holdout, horizon, length):
         asked.append((records, model, horizon))
         raise lg.Refused("far enough")
 

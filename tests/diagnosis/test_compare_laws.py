@@ -115,11 +115,11 @@ def test_laws_are_fitted_side_by_side_in_the_order_of_their_names(monkeypatch):
         both.wait()
         if name == "dahl":
             raise Refused("no bristle.")
-        return compare_laws._Fit(name, np.zeros(3), 0.0, 0.0, 1)
+        return compare_laws.ComparedLaw(name), np.zeros(3)
 
     monkeypatch.setattr(compare_laws, "_fit", fitted)
     names = ["viscous", "dahl"]
     made = compare_laws._fitted(None, None, names, 60.0, lambda *x: said.append(x))
-    fits, refused = made
-    assert [fit.name for fit in fits] == ["viscous"] and refused == {"dahl": "no bristle."}
+    rows = [(row.name, row.reason) for row, _ in made]
+    assert rows == [("viscous", None), ("dahl", "no bristle.")]
     assert [round(part, 2) for part, _ in said] == [0.1, 0.55, 1.0]

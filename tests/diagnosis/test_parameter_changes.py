@@ -6,7 +6,7 @@ import pytest
 from lugrectl import Model, diagnose
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.display import with_interval
-from lugrectl.diagnosis.moved_values import moved
+from lugrectl.diagnosis.notes import moved
 from lugrectl.estimates.findings import Estimate
 
 from ..cases.balance_drive import simulate, torque

@@ -5,7 +5,7 @@ import pytest
 
 from lugrectl import Model, diagnose
 from lugrectl.core.errors import Refused
-from lugrectl.diagnosis.refusal import refusal
+from lugrectl.diagnosis.notes import refusal
 from lugrectl.estimates.balance import Balance
 from lugrectl.report import text
 

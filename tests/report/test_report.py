@@ -18,7 +18,7 @@ from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.estimates.balance import Balance
-from lugrectl.estimates.findings import NOT_NAMED, Estimate
+from lugrectl.estimates.findings import Estimate
 from lugrectl.report import atomic, diagnosis_plots, wording
 
 from ..cases.html_page import Page
@@ -41,12 +41,6 @@ def test_a_record_against_held_values_is_in_the_headline():
     assert " ".join(report.text(held).split()).startswith(
         f"adequate No missing effect was detected. But: {said}"
     )
-
-
-def test_that_no_effect_can_be_named_is_in_the_headline_and_said_once():
-    said = f"{NOT_NAMED}: declare J."
-    shown = " ".join(report.text(diagnosis("adequate", messages=(said,))).split())
-    assert f"No missing effect was detected. But: {said}" in shown and shown.count(said) == 1
 
 
 def test_why_the_plain_balance_does_not_give_a_value_is_said():
@@ -113,7 +107,11 @@ def test_an_identification_shows_each_declared_value_beside_the_fitted_one():
     }
     error = {k: v for k, v in diagnosis().error.items() if k != "augmented"}
     declared = model.with_values({"J": 0.0024, "Fv": None})
-    said = report.text(Identification(fitted, error, model, diagnosis().record, (), declared))
+    record = diagnosis().record
+    made = Identification(
+        estimates=fitted, error=error, model=model, record=record, declared=declared
+    )
+    said = report.text(made)
     assert re.search(r"parameter +declared +fitted +95 % interval +unit", said)
     assert re.search(r"J +0\.0024\d* +0\.0022\d* +0\.0021\d* to 0\.0023\d* +kg m2", said)
     assert re.search(r"Fv +- +0\.02\d* +- +N m s/rad", said)

@@ -43,8 +43,9 @@ def diagnosis(verdict="found", **changes):
 def identified():
     d = bare()
     error = {k: v for k, v in d.error.items() if k != "augmented"}
-    whole = (d.estimates, error, d.model, d.record, ("a note.",))
-    return Identification(*whole, d.declared, stamped())
+    keys = ("estimates", "model", "record", "declared")
+    same = {k: getattr(d, k) for k in keys}
+    return Identification(**same, error=error, messages=("a note.",), provenance=stamped())
 
 
 def changed(d, *path, to):

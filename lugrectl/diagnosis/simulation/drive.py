@@ -30,7 +30,7 @@ STEP = 2e-3  # s, longest integration step; the engine divides it where necessar
 RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
 DOUBLINGS = 60  # of a Riccati equation, at most
 DIRECT = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
-ENOUGH = 20_000  # samples on which the noise of the torque is found
+ENOUGH = 20_000  # samples of training windows, evenly spread, by which a fit is found
 COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
 FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
 WORST = 1e30  # innovation of a model that diverges; its square can still be added up
@@ -71,6 +71,10 @@ class Drive:
         gain[[0, 1, *self.sensors]] = K
         return gain, S
 
+    def _gains(self, run: Run, sets: Sets, jumps: Any, least: float = 0.0) -> Array:
+        both = zip(sets, jumps, strict=True)
+        return np.array([self.gain(run, v, max(jump, least))[0] for v, jump in both])
+
     def _sensing(self, values: Values) -> tuple[Any, ...]:
         """The sensors with states, linearised at rest."""
         if not self.sensors:
@@ -92,10 +96,9 @@ class Drive:
         (S, n, length, 2), and the states after the last sample (S, n, x). Over the first half of a
         lead the observer stays close to the measured motion, which settles the other states.
         """
-        gains = np.array([self.gain(run, v, q)[0] for v, q in zip(sets, jumps, strict=True)])
+        gains, close = self._gains(run, sets, jumps), self._gains(run, sets, jumps, run.usual)
         y = np.empty((len(sets), len(where.start), where.length, 2))
         x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
-        close = np.array([self.gain(run, v, max(q, run.usual))[0] for v, q in zip(sets, jumps)])  # noqa: B905
         for lead in set(where.lead.tolist()):
             some = where.lead == lead
             start, half = where.start[some] - lead, lead // 2
@@ -195,21 +198,20 @@ def tuned(ready: Prepared, drive: Drive, values: Values, begun: float | None = N
 
 def _climbed(totals: Callable[[np.ndarray], np.ndarray], begun: float) -> int:
     """The place of the likeliest of COARSE, from the one next to a factor on."""
-    at, known = int(np.argmin(np.abs(COARSE - np.log(begun)))), dict[int, float]()
-    while True:
-        near = [i for i in (at - 1, at, at + 1) if 0 <= i < len(COARSE)]
-        new = [i for i in near if i not in known]
-        known |= zip(new, totals(COARSE[new]).tolist(), strict=True) if new else ()
-        best = max(near, key=lambda i: known[i])
-        if best == at:
-            return at
+    best, at, known = int(np.argmin(np.abs(COARSE - np.log(begun)))), -1, dict[int, float]()
+    while best != at:
         at = best
+        near = range(max(at - 1, 0), min(at + 2, len(COARSE)))
+        if new := [i for i in near if i not in known]:
+            known |= zip(new, totals(COARSE[new]).tolist(), strict=True)
+        best = max(near, key=lambda i: known[i])
+    return best
 
 
 def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
     """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
     both = zip(ready.runs, of, strict=True)
-    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.start.size]
+    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.size]
     return np.concatenate(made, axis=1)
 
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from ...blocks.block import unit_for
 from ...blocks.model import Model
-from ...core.errors import InputError
 from ...core.numeric import rms
 from ...estimates.covariance import Residuals, residuals_of
 from ...estimates.findings import Traces
@@ -39,11 +38,9 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
 
     ``models`` by name, "declared", "refitted", "augmented": None where values are missing. Restarts
     begin from the state of an observer that has seen samples before them only. The residual torque
-    is what the observer of "refitted" adds to each model. InputError if there is no model.
+    is what the observer of "refitted" adds to each model.
     """
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
-    if not fits:
-        raise InputError("errors are of a model that has all of its values; there is none.")
     jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
     free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
@@ -55,33 +52,31 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
     at = ready.along(ready.test, [0], lambda _, where: where.counted[..., None])[0]
     held_out = np.isfinite(at + measured)
     said: list[str] = []
-    error = _each(models, "error", said, lambda k: rms((measured - simulated[k])[held_out]))
-    free = _each(models, "error without restarts", said, lambda k: _free(ready, free_run[k]))
-    torque = _each(models, "torque error", said, lambda k: rms(missing[k][held_out]))
+
+    def each(what: str, of: Callable[[str], float]) -> dict[str, float | None]:
+        made = {k: of(k) for k in fits}
+        finite = {k: x for k, x in made.items() if x < DIVERGED}
+        said.extend(DIVERGES.format(k, what) for k in made if k not in finite)
+        return {k: finite.get(k) for k in models}
+
+    error = each("error", lambda k: rms((measured - simulated[k])[held_out]))
+    free = each("error without restarts", lambda k: _free(ready, free_run[k]))
+    torque = each("torque error", lambda k: rms(missing[k][held_out]))
     size = max(float(np.std(measured[held_out])), 1e-300)
     fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
-    unit = {"signal": ready.signal, "unit": ready.unit}
+    motion = ready.model.motion
+    signal, unit = (("theta", "rad"), ("w", "rad/s"))[channel]
+    of = {"signal": signal, "unit": unit_for(unit, motion)}
     counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
     t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
-    motion = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
+    signals = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
     return Judged(
-        {**unit, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
-        {**unit, "in_sample": ready.in_sample, **free},
-        {"unit": unit_for("N m", ready.model.motion), **torque},
-        Traces(t, measured, held_out, simulated, residual, motion),
+        {**of, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
+        {**of, "in_sample": ready.in_sample, **free},
+        {"unit": unit_for("N m", motion), **torque},
+        Traces(t, measured, held_out, simulated, residual, signals),
         tuple(said),
     )
-
-
-def _each(models: Mapping[str, Any], what: str, said: list[str], of: Any) -> dict[str, Any]:
-    """A value for each model: None where there is no model or it is not a number, which is said."""
-    made: dict[str, float | None] = {}
-    for name, model in models.items():
-        value = np.inf if model is None else of(name)
-        made[name] = value if value < DIVERGED else None
-        if model is not None and made[name] is None:
-            said.append(DIVERGES.format(name, what))
-    return made
 
 
 def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:
@@ -98,7 +93,7 @@ def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> fl
 def residuals(ready: Prepared, model: Model) -> Residuals:
     """The tests of one-step predictions, over the training windows of the run with most of them."""
     fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
-    run, where = max(both, key=lambda pair: pair[1].start.size * pair[1].length)
+    run, where = max(both, key=lambda pair: pair[1].size)
     channel = int(np.isfinite(run.noise[1]))
     e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
     return residuals_of(("theta", "w")[channel], e, run.u[where.counted])

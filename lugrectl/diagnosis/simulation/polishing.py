@@ -7,15 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...blocks.declared_values import Stated
 from ...blocks.model import Model
-from ...core.errors import InputError
 from ...core.numeric import Z95
 from ...estimates.covariance import Joint
-from .drive import Fit, fitted, loglik, tuned, whitened
+from .drive import ENOUGH, Fit, fitted, loglik, tuned, whitened
 from .records import Prepared, spread
 
-ENOUGH = 20_000  # samples of training windows that are used, evenly spread
 WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known
 WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
 FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
@@ -47,7 +44,7 @@ def polish(
     ready: Prepared,
     model: Model,
     free: Sequence[str],
-    start: Joint | None = None,
+    start: Joint = NONE,
     always: bool = False,
 ) -> Polished:
     """Make one-step predictions of training windows most likely, from the model's values on.
@@ -61,11 +58,11 @@ def polish(
     ``always`` keeps the values whatever left-out windows say: nothing else tells them.
     Free those that the balance knows, too, or their errors move the others. The covariance is the
     larger of the likelihood's own and the jackknife's over windows: it knows of no error of the
-    model that is the same in all windows. InputError for an unknown key or a missing value.
+    model that is the same in all windows. InputError where a value is missing.
     """
     begun = fitted(ready, model)
     climb = _Climb(ready, begun, model, free, start)
-    before = climb.each([begun.values], [begun.jump])[0]
+    before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
     if not climb.keys or len(before) < 2:
         return Polished(begun.values, NONE, False, 0.0, 0.0)
     fit = climb.up(climb.scanned())
@@ -96,28 +93,26 @@ class _Climb:
     coordinates: the logarithm of a value or, where it may be 0 or less, its part of ``size``."""
 
     def __init__(
-        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint | None
+        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint
     ) -> None:
         own, values = model.declarations(), begun.values
-        if unknown := [k for k in free if k not in own]:
-            raise InputError(f"free: {model.name} has no '{unknown[0]}', but {', '.join(own)}.")
         self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
+        self.where = spread(ready.train, ENOUGH)
         fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
         fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
         keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
         self.keys = keys = tuple(sorted(keys, key="Fs".__eq__))  # Fs last, as it stands on Fc
-        self.own, self.said = own, [model.stated.get(k, Stated()) for k in keys]
+        self.bounds = [model.bounds(k) for k in keys]
         found = np.array([values[k] for k in keys])
         self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
         usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
         self.size = np.maximum(np.abs(found), usual)
-        at = {k: i for i, k in enumerate(start.names if start is not None else ()) if k in keys}
-        at = {k: i for k, i in at.items() if self.said[keys.index(k)].std is None}
-        std = {k: s.std for k, s in zip(keys, self.said, strict=True) if s.std and k not in at}
+        std = {k: s.std for k, s in model.stated.items() if s.std and k in keys}
         known = np.diag([std.get(k, np.inf) ** -2.0 for k in keys])
-        if start is not None and at:
-            C = start.matrix[np.ix_([*at.values()], [*at.values()])]
-            size, here = np.maximum(np.diag(C), TINY) ** 0.5, [keys.index(k) for k in at]
+        if before := [k for k in start.names if k in keys and k not in std]:
+            here, at = [keys.index(k) for k in before], [start.names.index(k) for k in before]
+            C = start.matrix[np.ix_(at, at)]
+            size = np.maximum(np.diag(C), TINY) ** 0.5
             scaled = np.linalg.pinv(C / np.outer(size, size), hermitian=True)
             known[np.ix_(here, here)] = scaled / np.outer(size, size)
         rates = self.rates(values)
@@ -144,10 +139,11 @@ class _Climb:
     def values(self, x: np.ndarray) -> dict[str, float]:
         """All values inside their bounds; Fs does not fall below Fc."""
         made = dict(self.begun.values)
-        for k, log, size, said, v in zip(self.keys, self.log, self.size, self.said, x, strict=True):
+        ways = zip(self.keys, self.log, self.size, self.bounds, x, strict=True)
+        for k, log, size, (low, high), v in ways:
             value = float(np.exp(min(v, 700.0)) if log else v * size)
             value += made.get("Fc", 0.0) if k == "Fs" else 0.0
-            made[k] = said.clipped(min(max(value, self.own[k].low), self.own[k].high))
+            made[k] = min(max(value, low), high)
         if "Fc" in self.keys and "Fs" in made:
             made["Fs"] = max(made["Fs"], made["Fc"])
         return made
@@ -156,14 +152,10 @@ class _Climb:
         off = self.x(values) - self.middle
         return 0.5 * float(off @ self.weight @ off)
 
-    def each(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> np.ndarray:
-        """Log-likelihood of each window, (sets, windows)."""
-        where = spread(self.ready.train, ENOUGH)
-        return loglik(self.ready, self.begun.drive, sets, jumps, where)
-
     def best(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> tuple[float, Fit]:
         """The likeliest of some values, each with its noise."""
-        made = self.each(sets, jumps).sum(axis=1) - [self.cost(v) for v in sets]
+        each = loglik(self.ready, self.begun.drive, sets, jumps, self.where)
+        made = each.sum(axis=1) - [self.cost(v) for v in sets]
         i = int(np.argmax(np.nan_to_num(made, nan=-np.inf)))
         return float(made[i]), Fit(self.begun.drive, sets[i], jumps[i])
 
@@ -176,9 +168,8 @@ class _Climb:
             sets = [self.values(self.x(fit.values) + step) for step in steps]
             fit = self.best(sets, [fit.jump] * len(sets))[1]
             moved = moved or fit.values is not sets[0]
-        if not moved:
-            return fit
-        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values, fit.jump))
+        jump = tuned(self.ready, fit.drive, fit.values, fit.jump) if moved else fit.jump
+        return replace(fit, jump=jump)
 
     def up(self, fit: Fit) -> Fit:
         """Gauss-Newton steps, shorter where the whole one loses, each with the best noise."""
@@ -202,8 +193,8 @@ class _Climb:
         """Information (windows, x, x), slope (windows, x) and log-likelihood (windows,)."""
         x, n, made = self.x(fit.values), len(self.keys), []
         sets = [fit.values, *(self.values(x + STEP * row) for row in np.eye(n))]
-        both = zip(self.ready.runs, spread(self.ready.train, ENOUGH), strict=True)
-        for run, where in ((run, where) for run, where in both if where.start.size):
+        both = [*zip(self.ready.runs, self.where, strict=True)]
+        for run, where in (pair for pair in both if pair[1].size):
             white, each = whitened(fit.drive, run, sets, [fit.jump] * (n + 1), where)
             e = white.reshape(n + 1, len(where.start), -1).swapaxes(0, 1)
             A = (e[:, :1] - e[:, 1:]) / STEP

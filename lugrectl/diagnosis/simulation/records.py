@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from ...blocks.block import unit_for
 from ...blocks.effects.actuator import held_late
 from ...blocks.model import Model
 from ...core.errors import InputError, Refused
@@ -18,7 +17,7 @@ from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from ...record import Record, consistent, long_enough_to_judge
 from ...record.record import smallest_step
-from ...record.signal_noise import repeating, sensor_noise
+from ...record.signal_noise import repeating, repeats, sensor_noise, share_noise
 
 BLOCK = 2.0  # s, least length of a held-out block
 AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
@@ -27,22 +26,11 @@ FEWEST = 25  # samples of such a window, at least
 SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
 ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
 MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
-SPREAD = "Not all {} held-out samples were simulated, but evenly spread windows of {}."
 GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
 EXACT = 1e-11  # of a signal's range: noise of what has none
-SEGMENT = 256  # samples of one segment of a spectrum; it takes four
-BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
-TOGETHER = 0.8  # median coherence there from which two channels share their noise
-REPEATED = "w is the derivative of theta, by its noise: states are estimated from theta alone."
 Range = tuple[int, int]
 Parts = list[list[Range]]
-
-
-# a stretch of a run that nothing may be fitted to or chosen by, between two times in s
-class HeldOut(NamedTuple):
-    run: int
-    start: float
-    end: float
+Span = tuple[int, float, float]  # a run and two times in s
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +41,10 @@ class Windows:
     start: np.ndarray
     length: int
     lead: np.ndarray
+
+    @property
+    def size(self) -> int:
+        return self.start.size * self.length
 
     @property
     def counted(self) -> np.ndarray:
@@ -88,7 +80,6 @@ class Run:
     theta: np.ndarray
     dt: float
     pieces: tuple[Range, ...]
-    said: str
 
     @cached_property
     def speed(self) -> np.ndarray:
@@ -134,7 +125,7 @@ class Run:
 class Prepared:
     """Records prepared for judging and polishing.
 
-    ``records`` are the training ones, ``runs`` these and then one held out as a whole. By run:
+    ``runs`` are the training ones and then one held out as a whole. By run:
     ``train`` are windows to fit on, ``test`` those that are judged, a horizon long, and ``free``
     ranges simulated without a restart, ``in_sample`` where these hold training samples.
     ``held_out`` are all stretches set apart, whether judged or not, ``everywhere`` windows over all
@@ -142,21 +133,17 @@ class Prepared:
     ``noise_floor`` is its own noise, the largest of all runs. ``memory`` keeps what was computed.
     """
 
-    records: tuple[Record, ...]
     model: Model
     runs: tuple[Run, ...]
     train: tuple[Windows, ...]
     test: tuple[Windows, ...]
     free: Sequence[Sequence[Range]]
     in_sample: bool
-    held_out: tuple[HeldOut, ...]
+    held_out: tuple[Span, ...]
     horizon: float
     everywhere: tuple[Windows, ...]
     channel: int
-    signal: str
-    unit: str
     noise_floor: float
-    messages: tuple[str, ...] = ()
     memory: dict[Any, Any] = field(default_factory=dict, repr=False)
 
     def along(
@@ -175,19 +162,17 @@ class Prepared:
         """The same with the torque as it acted: an offset (N m) of the column of a run, by its
         number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0. A speed that
         was recorded alone is lowered by ``above`` (rad/s)."""
-        turn, runs = 1 if u_delay >= 0 else -1, []  # earlier is later in reversed time
+        turn, low, runs = 1 if u_delay >= 0 else -1, np.array([0.0, above]), []
         for i, run in enumerate(self.runs):
-            u = run.u - run_offsets.get(i, 0.0)
-            for a, b in run.pieces if u_delay else ():
+            u, theta = run.u - run_offsets.get(i, 0.0), run.theta - above * (run.t - run.t[0])
+            for a, b in run.pieces if u_delay else ():  # earlier is later in reversed time
                 u[a:b] = held_late(u[a:b][::turn], run.dt, abs(u_delay))[::turn]
-            low, theta = np.array([0.0, above]), run.theta - above * (run.t - run.t[0])
-            moved = {"recorded": run.recorded - low, "y": run.y - low, "theta": theta}
-            runs.append(replace(run, u=u, **moved))
+            runs.append(replace(run, u=u, recorded=run.recorded - low, y=run.y - low, theta=theta))
         return replace(self, runs=tuple(runs), memory={})
 
 
 def prepared(
-    records: Record | Sequence[Record],
+    records: Sequence[Record],
     model: Model,
     holdout: str | Record | None,
     horizon: float,
@@ -200,53 +185,48 @@ def prepared(
     residual depends on itself: blocks are longer than both, s. Refused where records are too short
     or too slow for both parts, InputError where they are of different kinds of motion.
     """
-    given = (records,) if isinstance(records, Record) else tuple(records)
-    apart = (holdout,) if isinstance(holdout, Record) else ()
-    every = [consistent(r) for r in (*given, *apart)]
+    apart = [holdout] if isinstance(holdout, Record) else []
+    every = [consistent(r) for r in (*records, *apart)]
     if len({r.motion for r in every}) > 1:
         raise InputError("rotary and linear records do not go together: give runs of one drive.")
     long_enough_to_judge(max(every, key=lambda r: r.duration))
     runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
-    pieces = [[*run.pieces] for run in runs]
-    train, test = _halves(runs) if whole else _alternate(runs, horizon, memory)
-    if apart:
-        train, test = [*pieces[:-1], []], [*([] for _ in given), pieces[-1]]
+    if whole:
+        seconds = sum(len(run.t) * run.dt for run in runs[: len(records)])
+        train, test = _cut(runs, seconds if apart else 0.5 * seconds)
+    else:
+        train, test = _alternate(runs, horizon, memory)
     fitting = _training(runs, train)
     both = [*zip(runs, test, strict=True)]
     judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
     if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
         raise _too_short(horizon)
     kept = spread(judging, MOST)
-    every_one, used = (sum(w.start.size * w.length for w in windows) for windows in (judging, kept))
-    said = [run.said for run in runs if run.said]
-    said += [SPREAD.format(every_one, used)] if used < every_one else []
     ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
-    held_out = tuple(HeldOut(i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
+    held_out = tuple((i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
     known = np.array([run.own for run in runs])
-    theta, w = [one.counted.size for one in kept] @ np.isfinite(known)
+    theta, w = [one.size for one in kept] @ np.isfinite(known)
     channel = int(w >= theta)
-    whole_runs = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    everywhere = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    free = test if whole else [run.pieces for run in runs]
     return Prepared(
-        tuple(every[: len(given)]), model, runs, spread(fitting, MOST), kept,
-        test if whole else pieces, not whole, held_out, horizon, whole_runs, channel,
-        ("theta", "w")[channel], unit_for(("rad", "rad/s")[channel], model.motion),
-        float(np.nanmax(known[:, channel])), tuple(dict.fromkeys(said)),
+        model, runs, spread(fitting, MOST), kept, free, not whole, held_out, horizon, everywhere,
+        channel, float(np.nanmax(known[:, channel])),
     )  # fmt: skip
 
 
 def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
     """As many windows of all runs as have so many samples, evenly spread, at least one of each."""
-    share, made = most / max(sum(w.start.size * w.length for w in windows), 1), []
+    share, made = most / max(sum(w.size for w in windows), 1), []
     for w in windows:
         kept = min(w.start.size, max(1, round(share * w.start.size)))
         made.append(w.at(np.linspace(0, w.start.size - 1, kept).round().astype(int)))
     return tuple(made)
 
 
-def _halves(runs: Sequence[Run]) -> tuple[Parts, Parts]:
-    """The first and the last half of the recorded time, by run."""
+def _cut(runs: Sequence[Run], left: float) -> tuple[Parts, Parts]:
+    """What is recorded in so many seconds, and after them, by run."""
     parts: tuple[Parts, Parts] = [], []
-    left = 0.5 * sum(len(run.t) * run.dt for run in runs)
     for run in runs:
         cut = int(np.clip(round(left / run.dt), 0, len(run.t)))
         left -= len(run.t) * run.dt
@@ -265,16 +245,12 @@ def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Part
     for i, run in enumerate(runs):
         span = run.count(horizon)
         length = run.gap + span * max(1, -(-run.count(max(BLOCK, memory)) // span))
-        for a, b in run.pieces:
-            starts = [*range(a, max(b - length, a) + 1, length)] if b - a >= run.gap + span else []
-            for s in starts:
-                parts[turn][i].append((s, b if s == starts[-1] else s + length))
+        for a, b in (ends for ends in run.pieces if ends[1] - ends[0] >= run.gap + span):
+            for ends in pairwise([*range(a, max(b - length, a) + 1, length), b]):
+                parts[turn][i].append(ends)
                 turn = 1 - turn
-    slow, fast = (
-        max((np.abs(run.speed[a:b]).max() for run, own in zip(runs, part, strict=True)
-             for a, b in own), default=0.0)
-        for part in parts
-    )  # fmt: skip
+    slow, fast = (max((np.abs(run.speed[a:b]).max() for run, own in zip(runs, part, strict=True)
+                       for a, b in own), default=0.0) for part in parts)  # fmt: skip
     return parts if slow > AS_FAST * fast else (parts[1], parts[0])
 
 
@@ -315,38 +291,13 @@ def run_of(record: Record) -> Run:
             own[k] = max(sensor_noise(x, step), EXACT * np.ptp(x))
             often[k] = repeating(x, step)
             counts[k] = max(step, smallest_step(x))
-            dull[:, k] = np.maximum(0.0, 1.0 - often[k] / _repeats(x, counts[k]))
+            dull[:, k] = np.maximum(0.0, 1.0 - often[k] / repeats(x, counts[k]))
     pieces = tuple((s.start, s.stop) for s in record.segments())
-    repeated = bool(np.isfinite(own).all()) and _together(recorded, pieces)
+    a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
+    repeated = bool(np.isfinite(own).all()) and share_noise(*recorded[a:b].T)
     left = np.array([1.0, np.nan if repeated else 1.0])
     noise = tuple((own * np.sqrt(often) * left).tolist())
     theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
     d = np.zeros(record.samples) if record.d is None else record.d
     measured = recorded, tuple(own.tolist()), recorded * left, noise, dull, counts, theta
-    return Run(record.t, record.u, d, *measured, dt, pieces, REPEATED if repeated else "")
-
-
-def _repeats(x: np.ndarray, count: float) -> np.ndarray:
-    """For each sample, how many in a row stay on the same count."""
-    steps = np.round((x - x[0]) / count) if count > 0.0 else x
-    lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
-    return np.repeat(lengths, lengths)
-
-
-def _together(y: np.ndarray, pieces: Sequence[Range]) -> bool:
-    """True if theta and w are coherent above the frequencies of motion: they share their noise."""
-    a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
-    if b - a < 4 * SEGMENT:
-        return False
-    both = _coherence(np.diff(y[a:b, 0], 2), np.diff(y[a + 1 : b, 1]))
-    f = np.arange(len(both)) / SEGMENT
-    return float(np.median(both[(f > BAND[0]) & (f <= BAND[1])])) > TOGETHER
-
-
-def _coherence(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The coherence of two signals by Welch's method, in segments that overlap by half."""
-    window = 1.0 - np.cos(2 * np.pi * np.arange(SEGMENT) / SEGMENT)
-    parts = [sliding_window_view(one, SEGMENT)[:: SEGMENT // 2] for one in (x, y)]
-    a, b = (np.fft.rfft((p - p.mean(axis=1, keepdims=True)) * window) for p in parts)
-    each = [np.mean(np.abs(one) ** 2, axis=0) for one in (a, b)]
-    return np.abs(np.mean(a.conj() * b, axis=0)) ** 2 / (each[0] * each[1])
+    return Run(record.t, record.u, d, *measured, dt, pieces)

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.diagnosis.simulation import (
-    errors,
-    polish,
-    prepared,
-    residuals,
-    torque_noise,
-)
+from lugrectl.diagnosis.simulation import records as simulated
 from lugrectl.diagnosis.simulation.drive import fitted
+from lugrectl.diagnosis.simulation.judge import errors, residuals, torque_noise
+from lugrectl.diagnosis.simulation.polishing import polish
 
 TRUE = lg.Model.of(lg.table1())
 ARM = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.1, "phase": 0.3})
@@ -39,6 +35,12 @@ def log(
 @pytest.fixture(scope="module")
 def record():
     return log()
+
+
+def prepared(records, model, *how, **more):
+    """Of one record, or of a list."""
+    given = [records] if isinstance(records, lg.Record) else records
+    return simulated.prepared(given, model, *how, **more)
 
 
 def changed(record, where, by):
@@ -97,19 +99,19 @@ def test_what_errors_return_is_what_the_document_holds(record):
 def test_held_out_blocks_are_long_and_behind_gaps(record):
     ready = prepared(record, TRUE, None, 1.0)
     train = np.concatenate([w.counted.ravel() for w in ready.train])
-    for one in ready.held_out:
-        assert one.end - one.start > 1.99
-        off = np.maximum(one.start - record.t[train], record.t[train] - one.end)
+    for _, start, end in ready.held_out:
+        assert end - start > 1.99
+        off = np.maximum(start - record.t[train], record.t[train] - end)
         assert off.min() > 0.24
     longer = prepared(record, TRUE, None, 1.0, memory=3.5)
-    assert min(one.end - one.start for one in longer.held_out) > 3.99
+    assert min(end - start for _, start, end in longer.held_out) > 3.99
 
 
 def test_no_fit_sees_what_is_held_out(record):
     ready = prepared(record, TRUE, None, 1.0)
     other = record
-    for one in ready.held_out:
-        other = changed(other, (record.t >= one.start) & (record.t <= one.end), 0.05)
+    for _, start, end in ready.held_out:
+        other = changed(other, (record.t >= start) & (record.t <= end), 0.05)
     start = TRUE.with_values({"sigma0": 350.0})
     free = ["J", "Fc", "Fv", "sigma0"]
     before = polish(ready, start, free).values
@@ -143,8 +145,8 @@ def test_the_last_half_is_held_out(record):
 
 def test_a_record_is_held_out(record):
     ready = prepared(record, TRUE, log(seed=1), 1.0)
-    assert len(ready.records) == 1 and len(ready.runs) == 2
-    assert {one.run for one in ready.held_out} == {1}
+    assert len(ready.runs) == 2
+    assert {run for run, _, _ in ready.held_out} == {1}
     made = errors(ready, {"refitted": TRUE, "augmented": TRUE})
     assert made.error["augmented"] == pytest.approx(1e-3, rel=0.1)
     assert not made.traces.held_out[: record.samples].any()
@@ -154,7 +156,6 @@ def test_runs_keep_their_rates_and_channels(record):
     slow = log(rate=250.0, seed=2, channels=("theta",))
     ready = prepared([record, slow], TRUE, None, 1.0)
     assert [run.dt for run in ready.runs] == pytest.approx([1e-3, 4e-3])
-    assert ready.signal == "w"
     made = errors(ready, {"refitted": TRUE, "augmented": TRUE})
     assert made.error["augmented"] == pytest.approx(1e-3, rel=0.1)
     assert len(made.traces.t) == sum(len(run.t) for run in ready.runs)
@@ -193,8 +194,7 @@ def test_a_speed_that_repeats_theta_is_no_sensor():
     record = log(channels=("theta",))
     w = np.gradient(record.theta, record.dt)
     made = prepared(replace(record, w=w, log=None), TRUE, None, 1.0)
-    assert "derivative of theta" in made.messages[0]
-    assert np.isnan(made.runs[0].noise[1]) and made.signal == "w"
+    assert np.isnan(made.runs[0].noise[1]) and made.channel == 1
 
 
 @pytest.mark.parametrize("delay", [0.0035, -0.0035])
@@ -238,7 +238,6 @@ def test_a_long_record_is_judged_on_evenly_spread_windows(record, monkeypatch):
     monkeypatch.setattr("lugrectl.diagnosis.simulation.records.MOST", 4000)
     ready = prepared(record, TRUE, None, 1.0)
     assert sum(w.counted.size for w in ready.test) == 4000
-    assert "evenly spread" in ready.messages[0]
     made = errors(ready, {"augmented": TRUE})
     assert made.error["samples"] == 4000
     assert made.error["augmented"] == pytest.approx(1e-3, rel=0.1)
@@ -262,8 +261,6 @@ def test_errors_need_all_values(record):
     ready = prepared(record, TRUE, None, 1.0)
     with pytest.raises(lg.InputError, match="sigma0"):
         errors(ready, {"augmented": lg.Model.of(J=0.002)})
-    with pytest.raises(lg.InputError, match="there is none"):
-        errors(ready, {"declared": None})
 
 
 WRONG = {"sigma0": 800.0, "sigma1": 0.2, "Fs": 0.4, "vs": 0.03, "J": 0.00221, "Fc": 0.287}
@@ -304,8 +301,6 @@ def test_statements_hold_in_a_polish(record):
     sure = lg.Model.of(TRUE, J={"value": 0.0022, "std": 1e-9})
     made = polish(prepared(record, sure, None, 1.0), sure, ["J", "Fc"])
     assert made.values["J"] == pytest.approx(0.0022, abs=4e-9)
-    with pytest.raises(lg.InputError, match="free"):
-        polish(ready, TRUE, ["stiffness"])
 
 
 def test_what_is_known_beforehand_is_a_prior(record):
