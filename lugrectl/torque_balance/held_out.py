@@ -20,6 +20,7 @@ PARTS = 40  # of a log at least: both kinds see every place and speed
 LONGER = 6.0  # windows reach: a part is so many times as long
 TOO_FEW = "the runs at steady speed are too few to fit some and to judge on others."
 MORE = "Record at least three speeds in each direction."
+LASTS = 3.0  # windows reach: two would be one bad sample
 OUTLIER = 10.0  # robust standard deviations beyond which a row counts no more
 
 
@@ -84,9 +85,10 @@ class Unseen:
 
     @classmethod
     def left(cls, r: np.ndarray, rows: Rows) -> Unseen:
-        r = clipped(r)
-        size = float(np.sqrt(np.mean(r**2)))
-        return cls(r, rows.t, size, structured(r, rows.t, rows.step, rows.h))
+        usual, far = clipped(r), lasting(r, rows)
+        size = float(np.sqrt(np.mean(usual**2)))
+        stays = np.hypot(structured(usual, rows.t, rows.step, rows.h), far)
+        return cls(usual, rows.t, size, float(stays))
 
 
 def gain(without: Unseen, other: Unseen, duration: float) -> float:
@@ -99,10 +101,25 @@ def gain(without: Unseen, other: Unseen, duration: float) -> float:
     return total / error
 
 
+def _far(r: np.ndarray) -> float:
+    """From where on a row counts as far off."""
+    return OUTLIER * 1.4826 * float(np.median(np.abs(r))) + 1e-300
+
+
 def clipped(r: np.ndarray) -> np.ndarray:
     """Rows that are far off count as OUTLIER times the usual."""
-    far = OUTLIER * 1.4826 * float(np.median(np.abs(r))) + 1e-300
-    return np.clip(r, -far, far)
+    return np.clip(r, -_far(r), _far(r))
+
+
+def lasting(r: np.ndarray, rows: Rows) -> float:
+    """RMS over all rows of those that are far off for longer than the windows around one bad sample
+    are: a contact, a burst, a stop."""
+    off = np.flatnonzero(np.abs(r) > _far(r))
+    t, power = rows.t[off], 0.0
+    for one in np.split(np.arange(len(off)), np.flatnonzero(np.diff(t) > 2 * rows.step) + 1):
+        if len(one) and t[one[-1]] - t[one[0]] > LASTS * rows.reach:
+            power += float(np.sum(r[off[one]] ** 2))
+    return float(np.sqrt(power / len(r)))
 
 
 def structured(r: np.ndarray, t: np.ndarray, step: float, h: float) -> float:

@@ -167,6 +167,7 @@ class Table:
             self.scale_J = self.J
         r = np.abs(self.y - self.X @ fit.b)
         self.left = float(np.sqrt(np.mean(np.minimum(r, 5 * np.median(r)) ** 2))) / v.size
+        self.stays = float(np.sqrt(np.mean(r**2))) / v.size
         self.e = self._score(fit, self.X, self.prior, 0.0, self.J)
         self.e_seen = v.blocks.seen(fit.r, self.stretch(self.J))
         # weights of the richest description: only true outliers lose weight
@@ -291,6 +292,8 @@ class Table:
         at = np.flatnonzero(np.r_[law, self.fit.free[own:]])
         c.tau = self._beside_law(tau, at)
         c.share = float(np.sqrt(np.mean(c.tau**2))) / v.size
+        if c.depends_on:  # beside what a bound of the base holds it may be large: it is not
+            c.share = min(c.share, self.stays)
         J = v.declared.get("J")
         if c.inertial and J and self.J > GROWN * J > c.fit.b[0]:
             # the inertia that was not declared is its trace as well
