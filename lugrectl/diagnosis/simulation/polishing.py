@@ -83,6 +83,9 @@ def polish(
     if not always and gain <= error and not confirmed:
         return Polished(begun.values, NONE, False, gain, error)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
+    if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
+        V = min(C[-1, -1], 1.0)
+        rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
     found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
     joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
     return Polished(fit.values, joint, True, gain, error)
