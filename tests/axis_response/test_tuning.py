@@ -28,7 +28,7 @@ def pid(found):
 
 
 def response(drive):
-    return lg.frequency_response(drives.log(drive), lg.Model.of())
+    return lg.frequency_response(drives.log(drive, 16.0), lg.Model.of())
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import math
 import threading
 
 import numpy as np
@@ -22,14 +23,14 @@ def log(dip, seconds=16.0, dt=2e-3, seed=1):
     rng = np.random.default_rng(seed)
     t, inner = np.arange(0.0, seconds, dt), 20
     w, theta, rows = 0.0, 0.0, []
-    for now in t:
-        goal = 1.2 * np.sin(2 * np.pi * 0.4 * now) + 0.5 * np.sin(2 * np.pi * 0.13 * now)
-        u = 0.3 * (goal - w) + 0.25 * np.tanh(5.0 * goal)
+    for now in t.tolist():
+        goal = 1.2 * math.sin(2 * np.pi * 0.4 * now) + 0.5 * math.sin(2 * np.pi * 0.13 * now)
+        u = 0.3 * (goal - w) + 0.25 * math.tanh(5.0 * goal)
         rows.append((now, u, w, theta))
         for _ in range(inner):
-            level = 0.2 + dip * np.exp(-((w / 0.25) ** 2))
+            level = 0.2 + dip * math.exp(-((w / 0.25) ** 2))
             pushed = w + dt / inner * (u - 0.03 * w) / 0.004
-            w = np.sign(pushed) * max(abs(pushed) - dt / inner * level / 0.004, 0.0)
+            w = math.copysign(max(abs(pushed) - dt / inner * level / 0.004, 0.0), pushed)
             theta += dt / inner * w
     t, u, w, theta = np.array(rows).T
     return {"t": t, "u": u, "w": w + 1e-3 * rng.standard_normal(len(t)), "theta": theta}

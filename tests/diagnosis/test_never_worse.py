@@ -1,5 +1,7 @@
 """A fit is compared with the plain balance by its own noise, however far off the base is."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -16,14 +18,14 @@ def arm(seconds: float = 12.0, dt: float = 1e-3, fine: int = 20) -> dict[str, np
     log = np.empty((n, 3))
     for i in range(n):
         t = i * dt
-        goal = 0.4 + sum(a * np.sin(b * t) for a, b in (SLOW, FAST))
-        rate = sum(a * b * np.cos(b * t) for a, b in (SLOW, FAST))
+        goal = 0.4 + sum(a * math.sin(b * t) for a, b in (SLOW, FAST))
+        rate = sum(a * b * math.cos(b * t) for a, b in (SLOW, FAST))
         u = 40.0 * (goal - theta) + rate - w
         log[i] = t, u, theta
         for _ in range(fine):
-            level = FC + (FS - FC) * np.exp(-((w / VS) ** 2))
+            level = FC + (FS - FC) * math.exp(-((w / VS) ** 2))
             z = (z + h * w) / (1.0 + h * abs(w) * SIGMA0 / level)
-            weight = GRAVITY * np.sin(theta + PHASE)
+            weight = GRAVITY * math.sin(theta + PHASE)
             w += h / J * (u - SIGMA0 * z - FV * w - weight)
             theta += h * w
     count = 2 * np.pi / 20_000

@@ -1,5 +1,7 @@
 """Rows are left out only where the motion contradicts them: rests, peaks and reversals stay."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from lugrectl.core.numeric import top_speed
 from ..bench_tests.drawn import draw
 
 
+@cache
 def plain(kind, seed):
     """The plain answer of a drawn bench test, and what was said of rows left out."""
     drawn = draw(kind, seed)
