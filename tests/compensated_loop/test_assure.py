@@ -146,8 +146,8 @@ def true_figures(n, seed, seconds, counts, dt, noise):
 @pytest.mark.slow
 @pytest.mark.sample
 def test_the_band_and_the_gain_hold_on_a_few_drives_that_nothing_has_seen():
-    inside, error, none, best = true_figures(4, 17, 6.0, 2**13, 1e-3, 0.01)
-    assert inside.sum() >= 3 and np.all(error < none)
+    inside, error, none, best = true_figures(2, 17, 6.0, 2**13, 1e-3, 0.01)
+    assert inside.all() and np.all(error < none)
     assert np.mean((none - error) / (none - best)) > 0.85
 
 

@@ -2,7 +2,6 @@
 
 import importlib
 import json
-import math
 import threading
 
 import numpy as np
@@ -12,6 +11,8 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.core.errors import Refused
 from lugrectl.engine.runtime.c_compiler import has_compiler
+
+from ..cases import shapes
 
 compare_laws = importlib.import_module("lugrectl.diagnosis.compare_laws")
 
@@ -23,14 +24,14 @@ def log(dip, seconds=16.0, dt=2e-3, seed=1):
     rng = np.random.default_rng(seed)
     t, inner = np.arange(0.0, seconds, dt), 20
     w, theta, rows = 0.0, 0.0, []
-    for now in t.tolist():
-        goal = 1.2 * math.sin(2 * np.pi * 0.4 * now) + 0.5 * math.sin(2 * np.pi * 0.13 * now)
-        u = 0.3 * (goal - w) + 0.25 * math.tanh(5.0 * goal)
+    for now in t:
+        goal = 1.2 * np.sin(2 * np.pi * 0.4 * now) + 0.5 * np.sin(2 * np.pi * 0.13 * now)
+        u = 0.3 * (goal - w) + 0.25 * np.tanh(5.0 * goal)
         rows.append((now, u, w, theta))
         for _ in range(inner):
-            level = 0.2 + dip * math.exp(-((w / 0.25) ** 2))
+            level = 0.2 + dip * np.exp(-((w / 0.25) ** 2))
             pushed = w + dt / inner * (u - 0.03 * w) / 0.004
-            w = math.copysign(max(abs(pushed) - dt / inner * level / 0.004, 0.0), pushed)
+            w = np.sign(pushed) * max(abs(pushed) - dt / inner * level / 0.004, 0.0)
             theta += dt / inner * w
     t, u, w, theta = np.array(rows).T
     return {"t": t, "u": u, "w": w + 1e-3 * rng.standard_normal(len(t)), "theta": theta}
@@ -61,7 +62,8 @@ def test_a_dip_that_the_record_shows_is_kept():
 
 def test_the_comparison_hands_itself_out(compared):
     assert compared.names[0] in compared
-    assert json.loads(compared.to_json())["chosen"] == "coulomb"
+    document = json.loads(compared.to_json())
+    assert document["chosen"] == "coulomb" and not list(shapes.faults(document, shapes.LAWS))
     assert "coulomb" in repr(compared) and "predicts better by" in compared._repr_html_()
     assert list(compared.to_frame().index) == list(compared.names)
 
@@ -88,6 +90,7 @@ def test_the_command_chooses_a_law_and_says_so(plain_drive, tmp_path, capsys, mo
     asked = ["identify", str(tmp_path / "run.csv"), "--model", str(tmp_path / "my.toml")]
     assert main([*asked, "--law", "auto", "--out", str(tmp_path / "out"), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert not list(shapes.faults(found["laws"], shapes.LAWS))
     assert found["laws"]["chosen"] == found["model"]["friction"]["model"] == "coulomb"
     assert "Friction laws" in (tmp_path / "out" / "report.html").read_text()
 

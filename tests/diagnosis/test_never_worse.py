@@ -11,7 +11,7 @@ J, FC, FS, FV, VS, SIGMA0, GRAVITY, PHASE = 0.02, 0.3, 0.42, 0.02, 0.3, 200.0, 1
 SLOW, FAST = (0.35, 2.5), (0.2, 6.9)  # rad, rad/s of the two sines of the motion
 
 
-def arm(seconds: float = 12.0, dt: float = 1e-3, fine: int = 20) -> dict[str, np.ndarray]:
+def arm(seconds: float = 8.0, dt: float = 1e-3, fine: int = 20) -> dict[str, np.ndarray]:
     """An arm that a PD controller swings through a part of a turn; its torque is held."""
     h, n = dt / fine, round(seconds / dt)
     theta, w, z = 0.4, SLOW[0] * SLOW[1] + FAST[0] * FAST[1], 0.0

@@ -17,7 +17,7 @@ def found() -> lg.Diagnosis:
     return lg.diagnose(log(), lg.Model.of(J=J, friction="lugre"))
 
 
-def log(seconds: float = 20.0, dt: float = 1e-3, inner: int = 20) -> dict[str, np.ndarray]:
+def log(seconds: float = 14.0, dt: float = 1e-3, inner: int = 20) -> dict[str, np.ndarray]:
     """A speed loop whose torque is held; Coulomb friction that sticks at rest."""
     rng, h = np.random.default_rng(4), dt / inner
     theta, w, rows = 0.0, 0.0, []

@@ -84,7 +84,9 @@ def test_a_sampled_loop_stands_its_factor_and_its_samples(many):
         more = ct.tf([1.0], [1.0] + [0.0] * k, dt)
         assert bool(lg.stability_check(L * more)) == (k == stands)
     w = np.linspace(1e-4, math.pi, 100001) / dt
-    away = np.abs(1 + np.divide(*(np.polyval(x[0][0], np.exp(1j * w * dt)) for x in (L.num, L.den))))
+    away = np.abs(
+        1 + np.divide(*(np.polyval(x[0][0], np.exp(1j * w * dt)) for x in (L.num, L.den)))
+    )
     assert found.modulus_margin == pytest.approx(away.min(), rel=1e-6)
     assert found.modulus_margin_frequency == pytest.approx(w[away.argmin()], rel=1e-3)
 
