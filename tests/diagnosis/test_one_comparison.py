@@ -120,29 +120,6 @@ def test_a_torque_that_no_effect_has_is_unexplained_and_its_signals_are_said():
     assert found.effects == ()
 
 
-@pytest.mark.cases
-@pytest.mark.parametrize("what", ["units", "signs", "origin", "zero of theta"])
-def test_the_way_a_log_is_written_changes_nothing(weighed, what):
-    u = torque(14.0, DT)
-    theta, _ = simulate(u, DT, load=weight)
-    step = 2 * np.pi / COUNTS
-    log = {"t": np.arange(len(u)) * DT, "u": u, "theta": np.floor(theta / step) * step}
-    log |= {
-        "units": {"theta [deg]": np.degrees(log["theta"]), "u [mN m]": 1e3 * u},
-        "signs": {"theta": -log["theta"], "u": -u},
-        "origin": {"t": log["t"] + 1e5},
-        "zero of theta": {"theta": log["theta"] + 40 * np.pi},
-    }[what]
-    if what == "units":
-        del log["theta"], log["u"]
-    found = lg.diagnose(log, MODEL)
-    (effect,) = found.effects
-    assert (found.verdict, effect.name) == ("found", "gravity")
-    assert effect.parameters["amplitude"].value == pytest.approx(
-        weighed.effects[0].parameters["amplitude"].value, rel=1e-3
-    )
-
-
 def runs(load, offset):
     """Two runs of the drive, the second with an offset of its torque."""
     made = []

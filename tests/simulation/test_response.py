@@ -43,6 +43,10 @@ def backend(
     return request.param
 
 
+# numba runs such a loop in tests/engine/test_accuracy.py
+few = pytest.mark.parametrize("backend", ["c", "python"], indirect=True)
+
+
 def block(update, output=None, *, inputs=0, outputs=1, states=1, name="block", **options):
     return ct.nlsys(
         update, output, inputs=inputs, outputs=outputs, states=states, name=name, **options
@@ -75,6 +79,7 @@ def worst(a, b) -> float:
     return float(np.max(np.max(np.abs(a - b), axis=1) / np.max(np.abs(b), axis=1)))
 
 
+@few
 def test_velocity_loop_as_python_control_sees_it(backend: str) -> None:
     loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.1, 1e-3)
     r, x0 = np.sin(2 * np.pi * 10 * t), np.array([0.0, 0.0, 2e-4, 0.0])
@@ -96,6 +101,7 @@ MANY = (
 )
 
 
+@few
 def test_many_effects_in_the_plant(backend: str) -> None:
     loop, t = velocity_loop(lg.plant(MANY)), np.arange(0, 0.1, 1e-3)
     r = np.sin(2 * np.pi * 10 * t)
