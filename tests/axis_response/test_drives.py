@@ -106,6 +106,8 @@ def test_friction_that_governs_a_log_is_warned_of():
     assert "does not hold" in found.messages[0] and "quick moves" in found.messages[-1]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_log_without_reference_answers_too(quick):
     drive, known = quick[1]
     found = answer(drive, columns=("t", "u", "theta"), seconds=20.0)
@@ -123,6 +125,8 @@ def test_runs_are_averaged():
     assert np.median(decibel(three.frd, drive)) < 0.8 * np.median(decibel(one.frd, drive))
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_other_effects_of_the_model_are_taken_out():
     drive = drives.draw(12)
     log = drives.log(drive, 12.0)

@@ -59,6 +59,8 @@ def test_its_figures_are_those_of_members_that_no_choice_has_seen(found):
     assert chosen.upper == min(one.upper for one in found.tried)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_report_holds_all_that_is_needed(fit, found, tmp_path):
     fit.save(tmp_path)
     again = lg.assure(tmp_path / "report.json", 0.8, loop="velocity", seed=3)
@@ -76,6 +78,8 @@ def test_too_few_members_have_no_bound(fit):
     assert np.isinf(few.bound) and json.loads(few.to_json())["bound"] is None
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_late_and_coarse_loop_misses_more(fit):
     own = {"members": 2, "observers": "extended_state"}
     fine = lg.assure(fit, counts=2**20, **own)

@@ -69,6 +69,8 @@ def test_constant_channels_are_refused(plain, value):
             refuse_dead([record])
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_torque_of_another_run_explains_nothing(plain, model):
     found = diagnose(replace(plain, u=plain.u[::-1].copy()), model)
     assert found.verdict == "unexplained"
@@ -102,12 +104,16 @@ def test_a_late_speed_is_a_filter(plain, model):
     assert [e.name for e in found.effects] == ["velocity_sensor_lag"]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_one_direction_and_one_speed_are_answered(rotary):
     assert diagnose(driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T)), rotary).verdict == "adequate"
     turns = np.clip(40 * np.sin(1.3 * T), -1.0, 1.0) * 2.0
     assert diagnose(driven(turns), rotary).verdict == "adequate"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
     """Kicked by a held torque, one way and the other, and left alone."""
     rng, dt, w = np.random.default_rng(0), 1 / RATE, 0.0

@@ -37,6 +37,8 @@ def found() -> lg.Diagnosis:
     return lg.diagnose(arm(), {"motion": "rotary", "friction": "lugre"})
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_gravity_over_a_part_of_a_turn_leaves_the_fit_its_values(found) -> None:
     """Without gravity nothing fits; the noise of that fit must not judge the one with it."""
     assert found.verdict == "found" and [e.name for e in found.effects] == ["gravity"]
@@ -46,6 +48,8 @@ def test_gravity_over_a_part_of_a_turn_leaves_the_fit_its_values(found) -> None:
         assert found.estimates[key].ci95 is not None
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_errors_are_those_of_the_model_that_is_right(found) -> None:
     assert found.torque_error["augmented"] < 0.02 * found.torque_error["refitted"]
     assert found.error["augmented"] < 0.02 * found.error["refitted"]

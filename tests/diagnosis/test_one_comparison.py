@@ -110,6 +110,8 @@ def test_windows_do_not_average_away_what_is_missing_where_no_inertia_is_declare
     assert effect.parameters["amplitude"].value == pytest.approx(0.05, rel=0.05)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_torque_that_no_effect_has_is_unexplained_and_its_signals_are_said():
     found = said_of(bumps, 16.0)
     assert found.verdict == "unexplained" and "theta" in found.depends_on

@@ -59,6 +59,8 @@ def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
             assert result.effects[0].parameters[name].value == pytest.approx(true, rel=0.02)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_periods_of_a_micrometre_are_found(bumpy):
     """On a travel of a hundred of them."""
     case = in_units(bumpy, 1.0, 1e-4 / np.ptp(bumpy.columns["theta"]))

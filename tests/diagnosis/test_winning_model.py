@@ -45,6 +45,8 @@ def model():
     return lg.Model.of(**MODEL)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_gravity_that_the_values_do_not_hold_is_not_named():
     """Over a small travel gravity and a spring are alike: beside the spring nothing is left."""
     runs = [drive(0.25, 0.25, spring=0.12, rest=0.2, seed=seed) for seed in (0, 1)]
