@@ -106,8 +106,6 @@ def test_friction_that_governs_a_log_is_warned_of():
     assert "does not hold" in found.messages[0] and "quick moves" in found.messages[-1]
 
 
-@pytest.mark.slow
-@pytest.mark.sample
 def test_a_log_without_reference_answers_too(quick):
     drive, known = quick[1]
     found = answer(drive, columns=("t", "u", "theta"), seconds=20.0)

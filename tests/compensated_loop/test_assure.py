@@ -59,8 +59,6 @@ def test_its_figures_are_those_of_members_that_no_choice_has_seen(found):
     assert chosen.upper == min(one.upper for one in found.tried)
 
 
-@pytest.mark.slow
-@pytest.mark.sample
 def test_the_report_holds_all_that_is_needed(fit, found, tmp_path):
     fit.save(tmp_path)
     again = lg.assure(tmp_path / "report.json", 0.8, loop="velocity", seed=3)
