@@ -1,8 +1,11 @@
 """What holds for all tests."""
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 from zlib import crc32
 
 # Before NumPy is loaded: its threads cost more on small matrices than they give.
@@ -26,15 +29,50 @@ settings.load_profile("any machine")
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Of many cases the first runs always; a third of the long scenarios is in the sample, always
-    the same ones."""
+    the same ones and one of each test at most."""
     begun: set[str] = set()
+    sampled: set[str] = set()
     for item in items:
-        if item.get_closest_marker("scenario") and crc32(item.nodeid.encode()) % 3 == 0:
-            item.add_marker("sample")
         test = item.nodeid.partition("[")[0]
+        if item.get_closest_marker("scenario") and test not in sampled:
+            if crc32(item.nodeid.encode()) % 3 == 0:
+                item.add_marker("sample")
+                sampled.add(test)
         if item.get_closest_marker("cases") and test in begun:
             item.add_marker("slow")
         begun.add(test)
+
+
+def pytest_collection_finish() -> None:
+    """What collecting has made stays: the garbage collector need not look through it each time."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Each core takes files in a row, so that what the tests of a file share is made once."""
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log) if config.getoption("dist") == "load" else None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Compiled code stays for the next run: all tests make more than one cache keeps."""
+    if "cache" in CODE:
+        os.environ["LUGRECTL_CACHE"] = str(CODE["cache"] / item.path.parent.name)
+
+
+CODE: dict[str, Path] = {}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Where compiled code stays, unless that is said already."""
+    made = getattr(config, "cache", None)
+    if made is not None and "LUGRECTL_CACHE" not in os.environ:
+        CODE["cache"] = made.mkdir("lugrectl")
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ J, Fc = 0.02, 0.3
 MODEL = lg.Model.of(friction="coulomb")
 
 
-def log(n=8000, dt=2e-3, bias=0.0):
+def log(n=4000, dt=2e-3, bias=0.0):
     """A rigid axis with Coulomb friction, jogged with noise on top; each torque is held."""
     t, rng = dt * np.arange(n), np.random.default_rng(0)
     w = bias + 10 * np.sin(20 * t) + np.convolve(rng.normal(0, 2, n), np.ones(5), "same")
@@ -187,7 +187,7 @@ def test_unfit_logs_are_refused():
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     lg.write_model(MODEL, tmp_path / "my.toml")
-    for name, n in (("run.csv", 8000), ("short.csv", 300)):
+    for name, n in (("run.csv", 4000), ("short.csv", 300)):
         rows = np.column_stack([*log(n).values()])
         head = "t,u [N m],w [rad/s]"
         np.savetxt(tmp_path / name, rows, "%.9g", ",", header=head, comments="")

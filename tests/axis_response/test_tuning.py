@@ -28,7 +28,7 @@ def pid(found):
 
 
 def response(drive):
-    return lg.frequency_response(drives.log(drive), lg.Model.of())
+    return lg.frequency_response(drives.log(drive, 16.0), lg.Model.of())
 
 
 @pytest.fixture(scope="module")
@@ -179,8 +179,8 @@ def test_no_hunting_where_none_is_asked_for(structure):
 
 def test_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    lg.write_model(lg.Model.of(lg.table1()), "my.toml")
-    log = drives.log(drives.draw(317), 6.0)
+    lg.write_model(lg.Model.of(J=0.002, friction="viscous", Fv=0.02), "my.toml")
+    log = drives.log(drives.draw(317, friction=False), 6.0)
     rows = np.column_stack([*log.values()])
     np.savetxt("run.csv", rows, "%.9g", ",", header="t,u [N m],theta [rad],r [rad/s]", comments="")
     assert main(["bode", "run.csv", "--model", "my.toml", "--tune", "PI", "--json"]) == 0

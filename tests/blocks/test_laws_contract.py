@@ -119,22 +119,21 @@ def steady(made, h, lost, way):
 def test_a_closed_cycle_costs_energy(case):
     """At every amplitude, also within the elastic zone, where it costs none."""
     for size in (1e-4, 1e-3, 1e-2):
-        t = np.linspace(1.0, 2.0, 4001)
+        t = np.linspace(1.0, 2.0, 2001)
         w = lambda s, a=size: 2.0 * np.pi * a * np.cos(2.0 * np.pi * s)  # noqa: E731
         F, _ = along(case, w, np.concatenate([[0.0], t]))
         assert trapezoid(F[1:] * w(t), t) > -1e-9 * size
 
 
 @every_dynamic
-@pytest.mark.parametrize("seed", range(2))
-def test_what_is_called_passive_never_gives_out_more_than_it_stores(case, seed):
+def test_what_is_called_passive_never_gives_out_more_than_it_stores(case):
     """Energy taken in from rest is never negative: for all laws where Fv is large enough."""
     law, own = CASES[case]
     made, values = values_of(case)
     if law not in UNCONDITIONAL:
         power = values.get("n", 1.0)
         values["Fv"] = S1 * ((FS / FC) ** power - 1.0)
-    random = np.random.default_rng(seed)
+    random = np.random.default_rng(0)
     a, f = random.uniform(0.01, 0.3, 6), random.uniform(0.5, 12.0, 6)
 
     def rates(s, x):
@@ -173,7 +172,7 @@ def both(model, t, u, rtol=1e-10):
 @every_case
 def test_the_engine_is_python_controls_own_away_from_rest(case):
     """The drive breaks away once and then keeps sliding."""
-    t = np.linspace(0.0, 0.15, 76)
+    t = np.linspace(0.0, 0.08, 41)
     ours, theirs = both(model_of(case), t, 0.8 + 0.3 * np.sin(60.0 * t))
     size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
     assert np.max(np.abs(ours.states - theirs.states) / size) < 1e-6

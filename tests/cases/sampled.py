@@ -20,11 +20,11 @@ def step_response(block, u, x0, steps):
 
 
 def sine_error(observer, x0, dt):
-    """Largest error of Fhat along 2 s of a 1 rad/s, 1 Hz sine, against the continuous block.
+    """Largest error of Fhat along 1 s of a 1 rad/s, 1 Hz sine, against the continuous block.
 
     The torque is the one that a drive with LuGre friction needs, held between samples.
     """
-    t = dt * np.arange(round(2 / dt) + 1)
+    t = dt * np.arange(round(1 / dt) + 1)
     wave = ct.nlsys(
         None,
         lambda t, x, u, p: np.array([np.sin(2 * np.pi * t), 0.3 * np.sin(7 * t)]),

@@ -111,8 +111,16 @@ def test_options_that_a_typed_transfer_function_leaves_without_a_part_are_named(
     assert "does not depend on --kp, --position: not used" in err and "half-power" not in err
 
 
-@pytest.mark.parametrize("what", ["spr", "l2", "bandwidth"])
-@pytest.mark.parametrize("T", ["", "--num 1,10 --den 1,2,0.5", "--num 1,0.2 --den 1,-0.4 --dt 0.1"])
+@pytest.mark.parametrize(
+    "what, T",
+    [
+        ("spr", ""),
+        ("l2", "--num 1,10 --den 1,2,0.5"),
+        ("bandwidth", "--num 1,10 --den 1,2,0.5"),
+        ("spr", "--num 1,0.2 --den 1,-0.4 --dt 0.1"),
+        ("bandwidth", "--num 1,0.2 --den 1,-0.4 --dt 0.1"),
+    ],
+)
 def test_the_verdict_is_drawn_into_a_file(capsys, tmp_path, what, T):
     file = tmp_path / "check.png"
     code, out, err = run(capsys, f"{what} {T} --plot {file} --json")

@@ -261,19 +261,6 @@ def test_a_reader_that_leaves_a_pipe_is_no_error():
         assert process.stderr.read() == b"" and process.wait(60) == 141
 
 
-def test_version_and_help_do_not_load_what_only_the_work_needs():
-    script = (
-        "import sys; from lugrectl.cli import main\n"
-        "codes = [main(['--version']), main(['--help'])]\n"
-        "heavy = {'numba', 'lugrectl.diagnosis.diagnose', 'lugrectl.report'}\n"
-        "sys.exit(f'{codes} {heavy & set(sys.modules)}' if any(codes) or heavy & set(sys.modules)"
-        " else 0)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("lugrectl ") and "diagnose" in done.stdout
-
-
 # --- check -------------------------------------------------------------------------------
 
 

@@ -76,7 +76,8 @@ def test_an_unknown_effect_is_one_sentence(capsys):
 def test_what_needs_no_record_loads_nothing_heavy(line):
     code = (
         f"import sys, lugrectl.cli as c; code = c.main({line.split()!r}); "
-        "heavy = {'control', 'scipy', 'matplotlib', 'numba'} & set(sys.modules); "
+        "heavy = {'control', 'scipy', 'matplotlib', 'numba', 'lugrectl.diagnosis.diagnose', "
+        "'lugrectl.report'} & set(sys.modules); "
         "sys.exit(f'{code} {heavy}' if code or heavy else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

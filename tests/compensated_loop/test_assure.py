@@ -76,6 +76,8 @@ def test_too_few_members_have_no_bound(fit):
     assert np.isinf(few.bound) and json.loads(few.to_json())["bound"] is None
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_late_and_coarse_loop_misses_more(fit):
     own = {"members": 2, "observers": "extended_state"}
     fine = lg.assure(fit, counts=2**20, **own)
@@ -146,8 +148,8 @@ def true_figures(n, seed, seconds, counts, dt, noise):
 @pytest.mark.slow
 @pytest.mark.sample
 def test_the_band_and_the_gain_hold_on_a_few_drives_that_nothing_has_seen():
-    inside, error, none, best = true_figures(4, 17, 6.0, 2**13, 1e-3, 0.01)
-    assert inside.sum() >= 3 and np.all(error < none)
+    inside, error, none, best = true_figures(2, 17, 6.0, 2**13, 1e-3, 0.01)
+    assert inside.all() and np.all(error < none)
     assert np.mean((none - error) / (none - best)) > 0.85
 
 

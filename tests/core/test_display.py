@@ -217,6 +217,8 @@ CELLS = (
 )
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore")
 def test_a_cell_shows_its_picture_once_with_and_without_semicolon(monkeypatch):
     nbclient, nbformat = (pytest.importorskip(name) for name in ("nbclient", "nbformat"))

@@ -1,24 +1,29 @@
 """Records that no drive with the declared model can have are refused; odd but sound ones not."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from lugrectl import diagnose, identify
+from lugrectl import diagnose
 from lugrectl.core.errors import Refused
 from lugrectl.record import Record, refuse_dead
 from tests.rig import make
 
 from ..cases.common import model_of, record_of
 
-RATE, N = 500.0, 8000
+RATE, N = 500.0, 5000
 T = np.arange(N) / RATE
 
 
 @pytest.fixture(scope="module")
 def case():
-    return make("none", machine="stage", excitation="torque", seed=31, rate=RATE, duration=16.0)
+    return drawn(N / RATE)
+
+
+def drawn(seconds):
+    return make("none", machine="stage", excitation="torque", seed=31, rate=RATE, duration=seconds)
 
 
 @pytest.fixture(scope="module")
@@ -64,13 +69,8 @@ def test_constant_channels_are_refused(plain, value):
             refuse_dead([record])
 
 
-def test_a_dead_torque_is_refused_by_both_questions(plain, model):
-    dead = replace(plain, u=np.full(N, 0.5))
-    assert "u is constant" in diagnose(dead, model).reason
-    with pytest.raises(Refused, match="u is constant"):
-        identify([dead, dead], model)
-
-
+@pytest.mark.slow
+@pytest.mark.sample
 def test_the_torque_of_another_run_explains_nothing(plain, model):
     found = diagnose(replace(plain, u=plain.u[::-1].copy()), model)
     assert found.verdict == "unexplained"
@@ -80,23 +80,11 @@ def test_the_torque_of_another_run_explains_nothing(plain, model):
     assert found.verdict in ("refused", "unexplained") and not found.effects
 
 
-def test_the_other_sign_is_said(plain, model):
-    assert "wrong sign" in refused(replace(plain, u=-plain.u), model)
-
-
-@pytest.mark.parametrize("factor", [3.6, 8.0, 1e4])
-def test_an_inertia_far_too_large_is_said(plain, model, factor):
+def test_an_inertia_far_too_large_is_said(plain, model):
+    factor = 3.6
     found = diagnose(plain, replace(model, J=model.J * factor))
     assert found.verdict == "adequate" and not found.effects
     assert f"declared {factor * model.J:.6g} kg" in " ".join(found.messages)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("factor", [1e-3, 0.1])
-def test_an_inertia_far_too_small_is_said_with_the_answer(plain, model, factor):
-    found = diagnose(plain, replace(model, J=model.J * factor))
-    assert found.verdict == "ambiguous" and found.effects[0].name == "elastic_coupling"
-    assert "that of drive and load together" in " ".join(found.messages)
 
 
 def test_an_early_torque_is_a_delay(plain, model):
@@ -116,12 +104,16 @@ def test_a_late_speed_is_a_filter(plain, model):
     assert [e.name for e in found.effects] == ["velocity_sensor_lag"]
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_one_direction_and_one_speed_are_answered(rotary):
     assert diagnose(driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T)), rotary).verdict == "adequate"
     turns = np.clip(40 * np.sin(1.3 * T), -1.0, 1.0) * 2.0
     assert diagnose(driven(turns), rotary).verdict == "adequate"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
     """Kicked by a held torque, one way and the other, and left alone."""
     rng, dt, w = np.random.default_rng(0), 1 / RATE, 0.0
@@ -129,8 +121,9 @@ def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
     for k in range(N):
         speed[k] = w + 1e-3 * rng.standard_normal()
         u[k] = kicks[k // 50] * (1.0 if T[k] % 4 < 2 else -1.0) * (T[k] % 2 < 0.5)
+        pull = float(u[k])
         for _ in range(10):
-            w += 0.1 * dt / 0.01 * (u[k] - 0.2 * np.tanh(w / 0.02) - 0.05 * w)
+            w += 0.1 * dt / 0.01 * (pull - 0.2 * math.tanh(w / 0.02) - 0.05 * w)
     assert np.mean(u == 0.0) > 0.5
     assert diagnose(Record(T, u, speed, dt=dt), rotary).verdict == "adequate"
 
@@ -143,18 +136,11 @@ def test_a_copy_of_another_column_is_no_torque(plain, model, of, share):
     assert "contradicts the declared inertia" in said
 
 
-def test_a_motion_of_a_few_steps_is_too_short(plain, model):
-    q = float(np.ptp(plain.theta)) / 6
-    coarse = replace(plain, w=None, theta=np.round(plain.theta / q) * q)
+def test_a_motion_of_a_few_steps_is_too_short(model):
+    longer = record_of(drawn(16.0))
+    q = float(np.ptp(longer.theta)) / 6
+    coarse = replace(longer, w=None, theta=np.round(longer.theta / q) * q)
     assert "too short" in refused(coarse, model)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("late", [3, 25])
-def test_a_torque_that_is_written_down_late_is_no_missing_effect(plain, model, late):
-    """By the clock of another device: 6 and 50 ms."""
-    found = diagnose(replace(plain, u=shifted(plain.u, late)), model)
-    assert found.verdict == "adequate"
 
 
 def test_the_fit_takes_a_late_torque_earlier(case, plain, model):

@@ -8,6 +8,7 @@ import lugrectl as lg
 from ..cases.small_answers import STEP
 
 DT, FINE = 2e-3, 20
+SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 KNOWN = {
     "J": 0.002, "Fc": 0.12, "Fs": 0.16, "Fv": 0.02, "vs": 0.1, "sigma0": 60.0, "sigma1": 0.1,
 }  # fmt: skip
@@ -28,7 +29,13 @@ def log(model):
     return {"t": t, "u": u, "theta": STEP * np.round(theta / STEP)}
 
 
-@pytest.mark.parametrize("law", lg.laws().names)
+@pytest.mark.parametrize(
+    "law",
+    [
+        law if law in ("coulomb", "stribeck", "lugre") else pytest.param(law, marks=SAMPLED)
+        for law in lg.laws().names
+    ],
+)
 def test_its_values_lie_in_their_intervals(law):
     model = drive(law)
     found, right = lg.identify(log(model), lg.Model.of(friction=law)), model.known()

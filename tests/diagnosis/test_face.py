@@ -288,7 +288,7 @@ def test_an_answer_shows_itself_and_travels(name):
     assert pickle.loads(pickle.dumps(d)).to_json() == d.to_json()
 
 
-@pytest.mark.parametrize("name", ["unexplained", "refused", "map", "identified"])
+@pytest.mark.parametrize("name", ["unexplained", "refused", "map"])
 def test_an_answer_shows_itself_in_a_notebook(name):
     page = answer(name)._repr_html_()
     assert "<h1>" in page and "<svg" in page
@@ -368,23 +368,6 @@ def test_a_value_that_is_held_stays():
     assert d.estimates["J"].held and d.parameters["J"].value == 0.002
     assert document(d)["parameters"]["J"]["held"] is True
     assert "J" not in d.covariance.names and document(d)["model"]["stated"]["J"] == {"fixed": True}
-
-
-@pytest.fixture
-def few_laws(monkeypatch):
-    for kind, name in list(REGISTRY):
-        if kind == "friction" and name not in ("viscous", "coulomb", "stribeck"):
-            monkeypatch.delitem(REGISTRY, (kind, name))
-
-
-def test_laws_are_compared(few_laws):
-    found = lg.compare_laws(log(6.0), FREE, ["viscous", "coulomb"])
-    well_formed(document(found), shapes.LAWS)
-    assert {*found.names} == {"viscous", "coulomb"} and found[found.chosen].elpd == 0.0
-    assert isinstance(found.model, lg.Model) and found.chosen in repr(found)
-    d = lg.identify(log(6.0), FREE, law="auto")
-    assert d.laws.chosen == d.model.friction.block.name
-    well_formed(document(d)["laws"], shapes.LAWS)
 
 
 def test_a_report_tells_how_much_to_compensate(tmp_path, capsys):

@@ -21,7 +21,7 @@ CASES = {  # hidden effect and seed of short records
     "quadratic_drag": 182005,
     "none": 183003,
 }
-SHORT = {"viscous_asymmetry": {}, "quadratic_drag": {}, "none": {"duration": 6.0}}
+SHORT = {"viscous_asymmetry": {"duration": 20.0}, "quadratic_drag": {}, "none": {"duration": 6.0}}
 ODD = {("viscous_asymmetry", "ratio")}  # parameters that change their sign with the axis
 SCALED = {("quadratic_drag", "coefficient")}  # those that grow with torque
 TORQUES = ("sigma0", "sigma1", "Fc", "Fs", "Fv")

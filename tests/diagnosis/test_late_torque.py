@@ -1,5 +1,7 @@
 """A torque that acts late: its time comes out right, and what cannot be told apart is said."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -54,7 +56,7 @@ def screw(mass=340.0, viscous=1700.0, coulomb=120.0, late=1.1e-3, dt=2.5e-4, sec
     for k in range(n):
         places[k] = x
         for i in range(k * fine, (k + 1) * fine):
-            w += h / mass * (force[i] - viscous * w - coulomb * np.tanh(w / 1e-3))
+            w += h / mass * (force[i] - viscous * w - coulomb * math.tanh(w / 1e-3))
             x += h * w
     return {"t": t, "u": u, "theta": np.round(places / 1e-7) * 1e-7}
 

@@ -11,7 +11,7 @@ from ..cases.drives import EFFECTS
 
 DT = 4e-3
 LATE = 6e-3
-t = np.arange(0.0, 6.0, DT)
+t = np.arange(0.0, 4.0, DT)
 u = 0.45 * np.sin(4.4 * t) + 0.35 * np.sin(14.5 * t + 1.0) + 0.25 * np.sin(32.0 * t + 2.0)
 
 

@@ -32,11 +32,11 @@ def written(folder, log, head=None, order=None):
 DEGREES = {"t": "t [ms]", "u": "u [mN m]", "w": "w [deg/s]", "theta": "theta [deg]"}
 FACTOR = {"t": 1e3, "u": 1e3, "w": 180.0 / np.pi, "theta": 180.0 / np.pi}
 CHANGES = {
+    "units": lambda log: {k: x * FACTOR[k] for k, x in log.items()},
     "order": lambda log: {k: log[k] for k in ("theta", "w", "u", "t")},
     "origin": lambda log: log | {"t": log["t"] + 1e6},
     "signs": lambda log: log | {k: -log[k] for k in ("u", "w", "theta")},
     "tenth digit": lambda log: {k: x if k == "t" else x * (1.0 + 1e-10) for k, x in log.items()},
-    "units": lambda log: {k: x * FACTOR[k] for k, x in log.items()},
 }
 
 

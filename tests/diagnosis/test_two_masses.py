@@ -7,7 +7,8 @@ import lugrectl as lg
 from ..axis_response.drives import draw, log
 
 
-@pytest.mark.parametrize("seed", [9030, pytest.param(9015, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [pytest.param(9030, marks=pytest.mark.sample), 9015])
 def test_a_load_behind_a_spring_is_no_gap(seed):
     """Jogs and a multisine; with the whole inertia held, a gap explained more."""
     drive = draw(seed)

@@ -43,13 +43,12 @@ def bumpy():
 @pytest.mark.parametrize(
     "torque, length",
     [
-        (1.0, 1e-3),
-        pytest.param(1e-5, 1.0, marks=pytest.mark.slow),
-        pytest.param(1e5, 1e3, marks=pytest.mark.slow),
-        pytest.param(1.0, -1.0, marks=pytest.mark.slow),
+        (1e-5, 1.0),
+        (1e5, 1e3),
+        pytest.param(1.0, 1e-3, marks=pytest.mark.sample),
+        pytest.param(1.0, -1.0, marks=pytest.mark.sample),
     ],
 )
-@pytest.mark.sample
 @pytest.mark.slow
 def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
     case = in_units(bumpy, torque, length)
@@ -60,6 +59,8 @@ def test_a_ripple_is_found_in_any_units(bumpy, torque, length):
             assert result.effects[0].parameters[name].value == pytest.approx(true, rel=0.02)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_periods_of_a_micrometre_are_found(bumpy):
     """On a travel of a hundred of them."""
     case = in_units(bumpy, 1.0, 1e-4 / np.ptp(bumpy.columns["theta"]))

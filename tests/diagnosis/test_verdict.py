@@ -83,6 +83,8 @@ def test_a_torque_at_one_instant_decides_nothing(tmp_path, motion):
     assert found.verdict == "adequate"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_load_that_is_measured_is_not_missing(tmp_path, motion):
     t = motion[0]
     load = 0.5 * FC * np.sin(2 * np.pi * 0.11 * t)

@@ -1,5 +1,7 @@
 """One set of values: of a fit by simulation where the log is clean, else of the comparison."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -14,19 +16,19 @@ def drive(forward=0.31, backward=0.19, spring=0.0, rest=0.0, seconds=10.0, noise
     h, theta, w, integral, log = dt / fine, 0.0, 0.0, 0.0, []
     for i in range(int(seconds / dt)):
         t = i * dt
-        goal = 3.0 * np.sin(1.9 * t + seed) + 2.0 * np.sin(0.83 * t) + 0.8 * np.sin(4.7 * t)
+        goal = 3.0 * math.sin(1.9 * t + seed) + 2.0 * math.sin(0.83 * t) + 0.8 * math.sin(4.7 * t)
         error = goal - w
         integral += dt * error
         u = 0.4 * error + 2.0 * integral
         log.append((t, u, theta, w))
-        torque = u + noise * rng.standard_normal()
+        torque = u + noise * float(rng.standard_normal())
         for _ in range(fine):
-            level = (forward if w > 0 else backward) * (1.0 + 0.25 * np.exp(-((w / VS) ** 2)))
+            level = (forward if w > 0 else backward) * (1.0 + 0.25 * math.exp(-((w / VS) ** 2)))
             drives = torque - FV * w - spring * (theta - rest)
             if abs(w) < 2e-3 and abs(drives) < level:
                 w = 0.0
                 continue
-            side = np.sign(w) if w else np.sign(drives)
+            side = math.copysign(1.0, w or drives)
             new = w + h / J * (drives - side * level)
             w = 0.0 if w * new < 0 else new
             theta += h * w
@@ -43,6 +45,8 @@ def model():
     return lg.Model.of(**MODEL)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_gravity_that_the_values_do_not_hold_is_not_named():
     """Over a small travel gravity and a spring are alike: beside the spring nothing is left."""
     runs = [drive(0.25, 0.25, spring=0.12, rest=0.2, seed=seed) for seed in (0, 1)]

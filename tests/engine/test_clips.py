@@ -69,8 +69,9 @@ def test_absolute_values_and_two_unknowns_at_once():
     np.testing.assert_allclose(b, np.maximum(a, 0) / 3 + np.minimum(a, R), atol=1e-9)
 
 
-@pytest.mark.parametrize("method", [None, "RK45", "LSODA"])
-@pytest.mark.parametrize("hold", [False, True])
+@pytest.mark.parametrize(
+    "method, hold", [(None, False), (None, True), ("RK45", False), ("LSODA", True)]
+)
 @pytest.mark.filterwarnings("ignore:block relay:RuntimeWarning")
 def test_an_if_that_chatters_ends_with_a_sentence(method, hold):
     relay = ct.nlsys(

@@ -62,7 +62,7 @@ ABSENT: dict[str, Signal] = {
 
 
 @pytest.mark.parametrize("idle", ABSENT.values(), ids=ABSENT)
-@pytest.mark.parametrize("points", [2, 12, 500])
+@pytest.mark.parametrize("points", [2, 12, 120])
 def test_a_function_at_zero_does_not_keep_others_from_being_met(idle: Signal, points: int) -> None:
     t = np.linspace(0.0, 5.5, points)
     exact = area(lambda t: np.abs(np.cos(W * t)), 5.5)
@@ -147,7 +147,7 @@ def _piece(name: str, a: Any, b: Any, t: Any) -> Any:
     return made[name]()
 
 
-@settings(max_examples=60, derandomize=True)
+@settings(max_examples=30, derandomize=True)
 @given(
     st.lists(st.tuples(PIECES, st.integers(0, 2), st.integers(0, 2), NUMBERS), max_size=5),
     st.lists(NUMBERS, min_size=9, max_size=9),
@@ -194,7 +194,7 @@ def test_a_root_of_a_magnitude_is_no_nan_beyond_its_switch(name: str) -> None:
         return np.array([u[0] - ROOTS[name](x[0])])
 
     system = ct.nlsys(update, None, states=1, inputs=1, outputs=1, name=name.replace(" ", "_"))
-    t = np.linspace(0.0, 3.0, 301)
+    t = np.linspace(0.0, 2.2, 221)
     u = np.sin(3.0 * t) + 0.1
     found = lg.simulate(system, t, u, rtol=1e-8).states
     known = lg.simulate(system, t, u, method="RK45", rtol=1e-10, atol=1e-12).states

@@ -38,11 +38,10 @@ def close(result, case):
     [
         "coulomb_asymmetry",
         "input_delay",
-        "periodic_disturbance",
+        pytest.param("periodic_disturbance", marks=pytest.mark.sample),
     ],
 )
 @pytest.mark.slow
-@pytest.mark.sample
 def test_a_hidden_effect_is_named(name):
     case = make(name, machine="joint", excitation="rich", seed=4001, **SHORT)
     result, names = verdict(case)
@@ -56,9 +55,8 @@ def test_a_hidden_effect_is_named(name):
     assert again.verdict == "adequate"
 
 
-@pytest.mark.parametrize("seed", [4002, pytest.param(4003, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seed", [pytest.param(4002, marks=pytest.mark.sample), 4003])
 @pytest.mark.slow
-@pytest.mark.sample
 def test_nothing_missing_is_adequate(seed):
     case = make("none", machine="wrist", excitation="rich", seed=seed, **SHORT)
     assert verdict(case)[0].verdict == "adequate"

@@ -57,6 +57,8 @@ CALLS = {
 }
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs os.fork")
 def test_every_public_name_works_as_the_first_call_of_a_process():
     one_of_each_module = {home: name for name, home in lugrectl._HOME.items()}

@@ -6,6 +6,7 @@ import ast
 import shutil
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -32,6 +33,11 @@ ARROWS = 98  # between the rooms of the package, at most
 LINES = 70  # of a function without its docstring, at most
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
 def room(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
@@ -39,7 +45,7 @@ def room(path: Path) -> str:
 def imported(path: Path) -> set[tuple[str, ...]]:
     """The modules of the package that a file imports, at its top or within a function."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = path.relative_to(PACKAGE).parts[: -node.level]
             module = tuple(node.module.split(".")) if node.module else ()
@@ -77,7 +83,7 @@ def test_computing_neither_draws_nor_prints():
     for path in PACKAGE.rglob("*.py"):
         if room(path) in SHOWING:
             continue
-        tree = ast.parse(path.read_text())
+        tree = parsed(path)
         calls = [n.func for n in ast.walk(tree) if isinstance(n, ast.Call)]
         assert "print" not in [f.id for f in calls if isinstance(f, ast.Name)], path
         assert "matplotlib" not in path.read_text(), path
@@ -95,7 +101,7 @@ def test_top_level_holds_what_it_should():
 def test_tests_stand_alone():
     """No test file imports another, nor a private name of the package."""
     for path in (ROOT / "tests").rglob("test_*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.ImportFrom):
                 module = (node.module or "").split(".")
                 names = [alias.name for alias in node.names]
@@ -106,7 +112,7 @@ def test_tests_stand_alone():
 
 def test_functions_are_short():
     for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if isinstance(node, ast.FunctionDef):
                 body = node.body[1:] if ast.get_docstring(node) else node.body
                 lines = body[-1].end_lineno - body[0].lineno + 1 if body else 0
@@ -115,7 +121,7 @@ def test_functions_are_short():
 
 def test_what_a_result_shows_itself_with_exists():
     for path in PACKAGE.rglob("*.py"):
-        for call in ast.walk(ast.parse(path.read_text())):
+        for call in ast.walk(parsed(path)):
             if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "view":
                 assert callable(view(*[ast.literal_eval(a) for a in call.args])), path
 
@@ -136,15 +142,6 @@ def test_types():
     command = [sys.executable, "-m", "basedpyright", "--pythonpath", sys.executable]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout
-
-
-def test_quick_commands_load_nothing_heavy():
-    code = (
-        "import sys, lugrectl.cli as c; c.main(['--version']); "
-        "sys.exit(any(m in sys.modules for m in ('control', 'matplotlib', 'numba', 'scipy')))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 0 and "lugrectl" in done.stdout
 
 
 def test_no_public_name_is_hidden_by_a_module():

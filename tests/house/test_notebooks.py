@@ -14,6 +14,7 @@ nbclient = pytest.importorskip("nbclient")
 nbformat = pytest.importorskip("nbformat")
 README = Path(__file__).parents[2] / "README.md"
 PAGES = ["benchmark", "commissioning", "method", "observers", "paper", "tour"]
+LONG = ["commissioning", "observers"]  # minutes: not in the sample
 each = pytest.mark.parametrize("path", notebooks.paths(), ids=lambda p: p.stem)
 
 
@@ -63,9 +64,14 @@ def test_a_page_asserts_nothing(path):
 
 
 @pytest.mark.filterwarnings("ignore")
-@each
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(path, id=path.stem, marks=[] if path.stem in LONG else pytest.mark.sample)
+        for path in notebooks.paths()
+    ],
+)
 @pytest.mark.slow
-@pytest.mark.sample
 @pytest.mark.timeout(1800)
 def test_a_page_runs_again_with_its_figures(path):
     """As it is stored: the same figures, but for the times that were measured."""

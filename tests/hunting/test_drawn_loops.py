@@ -34,7 +34,7 @@ def compare(seed):
         assert len({id(c) for c in near}) == len(stable)
 
 
-@pytest.mark.parametrize("seed", [2, 12, 13, 31])
+@pytest.mark.parametrize("seed", [2, 12, 13])
 def test_a_drawn_loop_agrees_with_another_simulation(seed):
     compare(seed)
 
@@ -81,8 +81,7 @@ def test_what_neither_rests_nor_hunts_follows_the_unstable_cycle_of_bristles(see
 
 
 @pytest.mark.slow
-@pytest.mark.sample
-@pytest.mark.parametrize("seed", [308, 312])
+@pytest.mark.parametrize("seed", [308, pytest.param(312, marks=pytest.mark.sample)])
 def test_what_neither_grows_nor_shrinks_follows_the_unstable_cycle_that_never_sticks(seed):
     own = drawn(seed).own
     ki = 1.2 * (own["kd"] + own["Fv"]) * own["kp"] / own["J"]  # beyond Routh's limit

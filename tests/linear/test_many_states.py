@@ -26,7 +26,7 @@ def test_the_verdict_on_many_states_is_that_of_exact_arithmetic(turned):
 
 
 @pytest.mark.parametrize("modes", [3, 4, 6, 10])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_other_coordinates_are_no_other_verdict(modes, seed):
     """Without feedthrough T(0) = 0: PR, and never "not PR" by rounding."""
     kinds = [

@@ -85,7 +85,7 @@ def agrees_with_a_decisive_grid(T):
             assert verdict and verdict.margin > 0
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(transfers)
 def test_spr_never_disagrees_with_a_decisive_grid(T):
     agrees_with_a_decisive_grid(T)

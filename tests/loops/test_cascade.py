@@ -13,8 +13,8 @@ from lugrectl.simulation.response import simulate
 P = lg.table1()
 KV, KP, KI, LIMIT, LAG, DELAY = 20.0, 1.6, 16.0, 0.8, 3e-4, 2e-4
 OPTIONS = {"limit": LIMIT, "lag": LAG, "delay": DELAY, "load": True}
-T = np.arange(0, 0.1, 2e-3)
-STEP = np.vstack([np.where(T < 0.06, 1.0, 0.0), np.where(T > 0.03, 0.1, 0.0)])
+T = np.arange(0, 0.06, 2e-3)
+STEP = np.vstack([np.where(T < 0.036, 1.0, 0.0), np.where(T > 0.018, 0.1, 0.0)])
 LSODA = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-11}}
 GEARED = lg.Model.of(P).with_effect(
     "elastic_coupling", {"load_inertia": 0.002, "stiffness": 40.0, "damping": 0.02}

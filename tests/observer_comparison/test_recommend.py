@@ -78,7 +78,7 @@ def test_the_gains_of_the_best_fit_into_a_loop(found):
 
 
 def test_a_drive_with_a_position_only_takes_observers_of_the_position():
-    made = lg.recommend_observer(P, rate=1000, measured="theta", observers=FEW, uncertainty=0)
+    made = lg.recommend_observer(P, rate=500, measured="theta", observers=FEW, uncertainty=0)
     assert made.names == ("position_coulomb",) and made.signal == "theta" and made.unit == "rad"
     assert set(made.refused) == set(FEW) - {"position_coulomb"}
     assert "reads w, and this drive measures only theta" in made.refused["natural"]

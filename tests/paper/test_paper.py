@@ -114,7 +114,7 @@ def test_a_run_by_python_control(bench, column):
     """Fc and Fs 20 % low, with LSODA and the observer's own parameters in place of overrides."""
     c = studies.OBSERVERS[column]
     low = replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fs)
-    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.2, dt=2e-3)
+    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.12, dt=2e-3)
     t, ours = bench.respond("velocity", studies.VELOCITY, c, case)
     loop = lg.velocity_loop(P, c.observer, observer_parameters=low, **c.gains)
     options = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-7, "atol": 1e-11}}

@@ -13,8 +13,9 @@ U_W = [("u", "theta"), ("u", "w"), ("u", "w", "theta")]
 
 
 @pytest.mark.parametrize("roles", U_W)
-@pytest.mark.parametrize("seed", [1, 2, 3])
-@pytest.mark.parametrize("rate, counts", [(500.0, 8192), (200.0, 2000), (1000.0, 100_000)])
+@pytest.mark.parametrize(
+    "seed, rate, counts", [(1, 500.0, 8192), (2, 200.0, 2000), (3, 1000.0, 100_000)]
+)
 def test_a_sound_log_gets_no_note(roles, seed, rate, counts):
     log = columns(*roles, seed=seed, rate=rate, counts=counts)
     found, said = seen(log)
@@ -24,8 +25,13 @@ def test_a_sound_log_gets_no_note(roles, seed, rate, counts):
 
 
 @pytest.mark.parametrize("role", ["u", "w", "theta"])
-@pytest.mark.parametrize("row", [0, 7, 2500, 5998, 5999])
-@pytest.mark.parametrize("value", [1e30, -1e308, np.finfo(float).max, -1e20, 1e12, -9999.0, 40.0])
+@pytest.mark.parametrize(
+    "row, value",
+    [
+        *((row, 40.0) for row in (0, 7, 2500, 5998, 5999)),
+        *((2500, value) for value in (1e30, -1e308, np.finfo(float).max, -1e20, 1e12, -9999.0)),
+    ],
+)
 def test_one_bad_sample_is_named_with_its_row_and_value(role, row, value):
     log = columns("u", "w", "theta")
     log[role][row] = value

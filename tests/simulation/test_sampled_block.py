@@ -7,7 +7,7 @@ import control as ct
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
@@ -53,6 +53,7 @@ def transition(observer, w):
 # The closed form.
 
 
+@settings(max_examples=40)
 @given(st.lists(entries, min_size=8, max_size=8), sizes, sizes, st.integers(0, 3))
 def test_ramp_response_solves_its_equation(numbers, size, other, kind):
     """x(1) of dx/ds = B x + p + q s by a Taylor matrix exponential with 40 digits."""
@@ -205,7 +206,7 @@ REVERSALS = [(1e-3, 1.0, 5.0), (1e-3, 100.0, 5.0), (1e-3, 300.0, 5.0), (5e-3, 10
 @pytest.mark.parametrize(("dt", "top", "f"), REVERSALS)
 def test_reversals_at_any_speed_are_better_than_by_backward_euler(make, dt, top, f):
     observer, w = make(P), top * np.sin(2 * np.pi * f * dt * np.arange(round(1 / f / dt) + 1))
-    exact, found = along(observer, w, dt, parts=16)[0], along(observer, w, dt)[0]
+    exact, found = along(observer, w, dt, parts=5)[0], along(observer, w, dt)[0]
     assert np.std(found - exact) < 0.8 * np.std(backward_euler(observer, w, dt) - exact)
 
 

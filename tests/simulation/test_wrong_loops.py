@@ -47,15 +47,11 @@ RUNS = {
 @WRONG
 @pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
 def test_a_diverging_loop_is_an_error_with_state_and_time(run):
-    with pytest.raises(Diverged, match=r"state plant_w .* t = 0\.0\d|t = 0\.0\d.* state plant_w"):
+    """And hints at the sign of e."""
+    match = r"state plant_w .* t = 0\.0\d|t = 0\.0\d.* state plant_w"
+    with pytest.raises(Diverged, match=match) as said:
         run()
-
-
-@WRONG
-@pytest.mark.parametrize("run", RUNS.values(), ids=RUNS)
-def test_a_diverging_loop_hints_at_the_sign_of_e(run):
-    with pytest.raises(Diverged, match="e = measured - reference"):
-        run()
+    assert "e = measured - reference" in str(said.value)
 
 
 @pytest.mark.parametrize("samples", [200, 2000])

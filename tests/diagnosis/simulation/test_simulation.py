@@ -214,6 +214,8 @@ def test_an_offset_of_a_run_is_taken_off(record):
     assert errors(ready, {"augmented": TRUE}).error["augmented"] > 5e-3
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_delay_in_the_model_acts_on_the_torque():
     late = lg.Model.of(TRUE, effects={"name": "input_delay", "delay": 0.005})
     ready = prepared(log(late), TRUE, None, 1.0)
@@ -266,6 +268,8 @@ def test_errors_need_all_values(record):
 WRONG = {"sigma0": 800.0, "sigma1": 0.2, "Fs": 0.4, "vs": 0.03, "J": 0.00221, "Fc": 0.287}
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 @pytest.mark.parametrize("channel", ["w", "theta"])
 def test_a_polish_finds_the_values_of_the_bristles(channel):
     ready = prepared(log(seconds=30.0, channels=(channel,)), TRUE, None, 1.0)
@@ -312,6 +316,8 @@ def test_what_is_known_beforehand_is_a_prior(record):
     assert made.values["J"] == pytest.approx(0.0022 * 1.0001, rel=1e-6)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_load_behind_a_spring_at_coarse_counts():
     spring = {"load_inertia": 1e-3, "stiffness": 8.0, "damping": 0.01}
     true = lg.Model.of(TRUE, effects={"name": "elastic_coupling", **spring})
