@@ -32,7 +32,7 @@ from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
 from ..torque_balance.verdict import Answer
 from .asked import Asked
-from .contradictions import unfit_law
+from .contradictions import contradicted, unfit_law
 from .mapped import judged_on
 from .notes import moved, noted
 from .simulation.judge import Judged, errors, residuals, torque_noise
@@ -94,6 +94,8 @@ class Begun:
         values = values if sure else values.told(model)
         law = unfit_law(made, values.model, plain, least)
         doubts = self.doubts or asked.doubts(plain)
+        if made.verdict not in ("found", "ambiguous"):  # else what is missing contradicts them
+            doubts = doubts or contradicted(asked.stretches, model)
         rest = residuals(ready, values.model) if ready and judged else None
         return Ended(asked, made, values, plain, sure, judged, why_not, law, doubts, noise, rest)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
@@ -18,7 +18,6 @@ from ..torque_balance.constants import FLOOR
 from .asked import Asked, judged_by
 from .balanced import Begun
 from .compare_laws import under_law
-from .contradictions import contradicted
 from .mapped import of_map
 
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
@@ -120,8 +119,7 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     made = alone(begun.parts, asked.model, begun.held_out)
     report(0.4, "errors on held-out samples")
     work = begun.ended(made, FLOOR)
-    doubts = work.doubts or contradicted(asked.stretches, asked.model)
-    notes = replace(work, doubts=doubts).notes(ONLY_PLAIN)
+    notes = work.notes(ONLY_PLAIN)
     fields = work.fields([*notes, *work.changes(), *work.plain.notes])
     error = (fields.pop("error") or {}).items()
     error = {k: v for k, v in error if k != "augmented"} or None

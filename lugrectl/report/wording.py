@@ -48,16 +48,17 @@ def listed(names: Sequence[str]) -> str:
 def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
+    but = [m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)][:1]
     if verdict == "adequate":
         said = f"No missing effect was detected.{comparison_section.limits_in_words(d)}"
-        but = [m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)]
-        return "adequate", " But: ".join([said, *but[:1]])
+        return "adequate", " But: ".join([said, *but])
     if verdict == "found":
         return f"found: {names}", _found(d)
     if verdict == "ambiguous":
         return f"ambiguous: {names}?", _ambiguous(_get(d, "effects", ()), names)
     if verdict == "unexplained":
-        return "unexplained", _unexplained(listed(_get(d, "depends_on", ())), names)
+        said = _unexplained(listed(_get(d, "depends_on", ())), names)
+        return "unexplained", " But: ".join([said, *but])
     if verdict == "refused":
         return "refused", _get(d, "reason") or "This record cannot answer the question."
     return "identified", "The declared model was fitted to the record; nothing was added."
