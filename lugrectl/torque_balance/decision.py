@@ -33,7 +33,7 @@ from .constants import (
 )
 from .friction import OFFSET, WEIGHT, Term, View
 from .interval import Interval, best_law
-from .last_fit import CONSTANT, state_of
+from .last_fit import state_of
 from .law_parts import Part, parts
 from .maps import Still
 from .search import Search
@@ -203,8 +203,6 @@ class Decision:
         rows = self._beside()[0] if self.table.chosen else self.named
         plain = {row.name: row for row in reversed(rows)}
         best, left = self._likeliest([plain[o.name] for o in (c, *alike)], offset)
-        if best in CONSTANT and OFFSET in left:  # the plain answer has one in any case
-            best, left = OFFSET, [best, *(name for name in left if name != OFFSET)]
         if left:
             self.alternatives[best], self.verdict = left, "ambiguous"
         return plain[best]
