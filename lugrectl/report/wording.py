@@ -381,7 +381,7 @@ def plain(d: Any) -> Section | None:
         rows.append((key, *_with_interval(estimate), one["unit"]))
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     lines = [*(test.text for test in balance.bench_tests), _left(found["left"])]
-    if _get(d, "effects", ()) or _get(d, "depends_on"):
+    if _get(d, "verdict") == "unexplained":
         lines.append("What is missing from the model is missing here too, and biases these values.")
     else:
         lines += [*map(_together, found["combinations"]), *balance.why_not]

@@ -21,6 +21,7 @@ LONGER = 6.0  # windows reach: a part is so many times as long
 TOO_FEW = "the runs at steady speed are too few to fit some and to judge on others."
 MORE = "Record at least three speeds in each direction."
 LASTS = 3.0  # windows reach: two would be one bad sample
+AGAIN = 6  # stretches that are far off: bad samples are fewer
 OUTLIER = 10.0  # robust standard deviations beyond which a row counts no more
 
 
@@ -113,13 +114,15 @@ def clipped(r: np.ndarray) -> np.ndarray:
 
 def lasting(r: np.ndarray, rows: Rows) -> float:
     """RMS over all rows of those that are far off for longer than the windows around one bad sample
-    are: a contact, a burst, a stop."""
+    are (a contact, a burst), or again and again (an impact at each reversal)."""
     off = np.flatnonzero(np.abs(r) > _far(r))
-    t, power = rows.t[off], 0.0
-    for one in np.split(np.arange(len(off)), np.flatnonzero(np.diff(t) > 2 * rows.step) + 1):
-        if len(one) and t[one[-1]] - t[one[0]] > LASTS * rows.reach:
-            power += float(np.sum(r[off[one]] ** 2))
-    return float(np.sqrt(power / len(r)))
+    t, size = rows.t[off], r[off] ** 2
+    apart = np.flatnonzero(np.diff(t) > 2 * rows.step) + 1
+    if len(apart) < AGAIN:
+        times = [one for one in np.split(np.arange(len(off)), apart)
+                 if len(one) and t[one[-1]] - t[one[0]] > LASTS * rows.reach]  # fmt: skip
+        size = size[np.concatenate([np.zeros(0, int), *times])]
+    return float(np.sqrt(size.sum() / len(r)))
 
 
 def structured(r: np.ndarray, t: np.ndarray, step: float, h: float) -> float:

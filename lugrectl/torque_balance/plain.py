@@ -218,7 +218,7 @@ def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: 
         made.append(SCALED.format(own["w_gain"][0]))
     known, taken = v.declared, []
     if not sure or "J" not in certain:
-        taken += ["J"] if known.get("J") and not v.is_map else []
+        taken += ["J"] if known.get("J") and not (sure or v.is_map) else []
         made += [] if taken else [NO_J]
     if v.motion.one_way:
         taken += ["Fc"] if "Fc" in v.model.held() else []

@@ -65,7 +65,7 @@ COMMANDED = "Log the commanded torque, positive where it speeds up positive moti
 TOO_SHORT = "the record is too short to judge what is missing: {} blocks of {:.3g} ms are needed."
 LONGER = "Record a longer run in which the drive moves."
 TURN = "Check the sign of u; {} reverses it."
-STAYS = "Torque of {:.2g} % of friction stays in held-out rows, and nothing explains it."
+STAYS = "Torque of {:.2g} % of friction stays, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
@@ -439,7 +439,7 @@ class _Judge:
             if d.rest > MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
-            left = full.stays / v.size
+            left = max(full.stays, Unseen.left(last.left, v.rows).stays) / v.size
             if verdict == "adequate" and left > 2 * d.least and not v.is_map:
                 self.notes.append(STAYS.format(100 * left))
                 verdict = "unexplained"

@@ -63,8 +63,17 @@ def polish(
     begun = fitted(ready, model)
     climb = _Climb(ready, begun, model, free, start)
     before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
+    none = Polished(begun.values, NONE, False, 0.0, 0.0)
     if not climb.keys or len(before) < 2:
-        return Polished(begun.values, NONE, False, 0.0, 0.0)
+        return none
+    try:
+        return _at_top(climb, begun, before, always)
+    except np.linalg.LinAlgError:  # the model diverges along this log
+        return none
+
+
+def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Polished:
+    """The likeliest values, what is known of them, and whether left-out windows (n,) gain."""
     fit = climb.up(climb.scanned())
     parts, scores, each = climb.linear(fit)
     H = parts.sum(0) + climb.weight
@@ -84,7 +93,7 @@ def polish(
         return Polished(begun.values, NONE, False, gain, error)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
     if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
-        V = min(C[-1, -1], 1.0)
+        V = float(np.clip(C[-1, -1], 1e-12, 1.0))
         rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
     found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
     joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
