@@ -383,7 +383,7 @@ def plain(d: Any) -> Section | None:
     lines = [*(test.text for test in balance.bench_tests), _left(found["left"])]
     if _get(d, "verdict") == "unexplained":
         lines.append("What is missing from the model is missing here too, and biases these values.")
-    else:
+    elif not _get(d, "effects", ()):
         lines += [*map(_together, found["combinations"]), *balance.why_not]
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)

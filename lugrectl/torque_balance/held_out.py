@@ -86,10 +86,9 @@ class Unseen:
 
     @classmethod
     def left(cls, r: np.ndarray, rows: Rows) -> Unseen:
-        usual, far = clipped(r), lasting(r, rows)
-        size = float(np.sqrt(np.mean(usual**2)))
-        stays = np.hypot(structured(usual, rows.t, rows.step, rows.h), far)
-        return cls(usual, rows.t, size, float(stays))
+        r = clipped(r)
+        size = float(np.sqrt(np.mean(r**2)))
+        return cls(r, rows.t, size, structured(r, rows.t, rows.step, rows.h))
 
 
 def gain(without: Unseen, other: Unseen, duration: float) -> float:
@@ -113,16 +112,17 @@ def clipped(r: np.ndarray) -> np.ndarray:
 
 
 def lasting(r: np.ndarray, rows: Rows) -> float:
-    """RMS over all rows of those that are far off for longer than the windows around one bad sample
-    are (a contact, a burst), or again and again (an impact at each reversal)."""
+    """RMS over all rows of those that are far off: for longer than the windows around one bad sample
+    are (contacts, bursts), or again and again (an impact at each reversal). The largest stretch of
+    them is left out: what is there once decides nothing."""
     off = np.flatnonzero(np.abs(r) > _far(r))
     t, size = rows.t[off], r[off] ** 2
-    apart = np.flatnonzero(np.diff(t) > 2 * rows.step) + 1
-    if len(apart) < AGAIN:
-        times = [one for one in np.split(np.arange(len(off)), apart)
-                 if len(one) and t[one[-1]] - t[one[0]] > LASTS * rows.reach]  # fmt: skip
-        size = size[np.concatenate([np.zeros(0, int), *times])]
-    return float(np.sqrt(size.sum() / len(r)))
+    ends = [0, *(np.flatnonzero(np.diff(t) > 2 * rows.step) + 1).tolist(), len(off)]
+    every = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if b > a]
+    if len(every) < AGAIN:
+        every = [at for at in every if t[at.stop - 1] - t[at.start] > LASTS * rows.reach]
+    power = [float(size[at].sum()) for at in every]
+    return float(np.sqrt((sum(power) - max(power, default=0.0)) / len(r)))
 
 
 def structured(r: np.ndarray, t: np.ndarray, step: float, h: float) -> float:

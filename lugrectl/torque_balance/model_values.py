@@ -98,7 +98,7 @@ def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
     """Inertia and friction as the fit has them, with what is declared of the bristles."""
     v, own, s = last.view, last.values, last.state
     declared = known.get("J")  # counts where the log does not tell, or finds nothing of it
-    J = own["J"] if declared is None or v.sure and own["J"] > LEAST * declared else declared
+    J = own["J"] if declared is None or v.sure and own["J"] > 0 else declared
     level = max(own["Fc"], LEAST * v.force)
     static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
     Fs = max(own["Fs"], level) if static is None else max(static, 1.0) * level

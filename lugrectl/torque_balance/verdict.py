@@ -24,7 +24,7 @@ from .constants import ALPHA, CLEAR, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
 from .enough import enough
 from .friction import OFFSET, Term, View, declared_terms, places
-from .held_out import Split, Unseen, gain
+from .held_out import Split, Unseen, gain, lasting
 from .interval import Interval, Value, apart, best_law, other_views
 from .last_fit import LastFit, State, state_of
 from .maps import Still, is_map, map_of
@@ -439,7 +439,7 @@ class _Judge:
             if d.rest > MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
-            left = max(full.stays, Unseen.left(last.left, v.rows).stays) / v.size
+            left = max(full.stays, lasting(last.left, v.rows)) / v.size
             if verdict == "adequate" and left > 2 * d.least and not v.is_map:
                 self.notes.append(STAYS.format(100 * left))
                 verdict = "unexplained"

@@ -12,7 +12,6 @@ from functools import cached_property
 import numpy as np
 from scipy import ndimage
 
-from ..blocks.friction import free_level
 from ..core.errors import Refused
 from ..core.regression import NU, Prior, normal_equations, robust
 from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, NOISY, WIDE, WIDTHS
@@ -20,7 +19,6 @@ from .motion import Motion, SmoothRuns
 from .rows import averages, bump, centres, half_samples
 
 SEVERAL = 3.0  # times as wide: windows that show what narrow ones lose
-DIPS = (0.03, 0.15)  # of top speed: near rest friction is another
 ORDERS = 400  # per turn: the finest wave over the angle that is looked for
 
 
@@ -46,14 +44,12 @@ class Probe:
 
     def __init__(self, motion: Motion, h: float, declared: Declared) -> None:
         self.h, self.declared = h, declared
-        self.dips = () if motion.one_way else DIPS  # after a step the speed tells the acceleration
-        self.place = 5 + len(self.dips)
         parts = [self._windows(r) for r in motion.runs]
         self._fit(motion, parts)
 
     @property
     def enough(self) -> bool:
-        return self.rows >= 3 * (self.place + self.declared.place.shape[1])
+        return self.rows >= 3 * (5 + self.declared.place.shape[1])
 
     def _windows(self, runs: SmoothRuns) -> tuple:
         """Acceleration, its noise (variance), the averages and the centres of the windows of one
@@ -81,9 +77,8 @@ class Probe:
     def _fit(self, motion: Motion, parts: list[tuple]) -> None:
         direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
         late = motion.slope(motion.u)
-        dips = [direction * free_level(motion.w, 0.0, 1.0, v * motion.top, 1.0) for v in self.dips]
-        friction, none = [direction, motion.w, *dips], np.ones(len(motion))
-        signals = np.column_stack([*friction, none, late, self.declared.place])
+        none = np.ones(len(motion))
+        signals = np.column_stack([direction, motion.w, none, late, self.declared.place])
         X, y, moves, variance, thin, t = [], [], [], [], [], []
         for (a, own, K, middle, every), at in zip(parts, motion.at, strict=True):
             t.append(motion.elapsed[at][middle])
@@ -129,7 +124,7 @@ class Probe:
 
     def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
         b, size, w = self._b, self._size, np.abs(motion.w)
-        near = self._X[:, 1 : self.place - 2] @ b[1 : self.place - 2]
+        near = self._X[:, 1:3] @ b[1:3]
         friction = float(np.sqrt(np.mean(near**2))) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
         self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
@@ -138,8 +133,7 @@ class Probe:
 
     def _heavy(self, friction: float) -> bool:
         """Gravity that is large and certain beside everything that is linear."""
-        n = self.place
-        b, inverse, X = self._b[n:], self._inverse[n:, n:], self._X[:, n:]
+        b, inverse, X = self._b[5:], self._inverse[5:, 5:], self._X[:, 5:]
         chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory + 1e-300)
         return bool(np.sqrt(np.mean((X @ b) ** 2)) > HEAVY * friction and chi2 > 50)
 
