@@ -112,9 +112,9 @@ def clipped(r: np.ndarray) -> np.ndarray:
 
 
 def lasting(r: np.ndarray, rows: Rows) -> float:
-    """RMS over all rows of those that are far off: for longer than the windows around one bad sample
-    are (contacts, bursts), or again and again (an impact at each reversal). The largest stretch of
-    them is left out: what is there once decides nothing."""
+    """RMS over all rows of those that are far off: for longer than the windows around one bad
+    sample are (contacts, bursts), or again and again (an impact at each reversal). The largest
+    stretch of them is left out: what is there once decides nothing."""
     off = np.flatnonzero(np.abs(r) > _far(r))
     t, size = rows.t[off], r[off] ** 2
     ends = [0, *(np.flatnonzero(np.diff(t) > 2 * rows.step) + 1).tolist(), len(off)]

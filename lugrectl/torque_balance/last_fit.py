@@ -184,7 +184,8 @@ class Design:
             done = self.state.late / v.longest_hold
             add("late", late, sd=float(np.hypot(1 / Z95, done)), centre=-done)
         else:
-            add("late", late, sd=1 / Z95, low=-1.0, high=v.latest)
+            ends = (-1.0, v.latest) if self.state.bare else (-np.inf, np.inf)
+            add("late", late, 1 / Z95, *ends)
 
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
@@ -310,9 +311,9 @@ class LastFit:
     def _in_time(self) -> bool:
         """Whether no other time of the torque is to be tried: none is likelier than the free ones,
         or no log of this kind tells."""
-        at, prior = self.design.names.index("late"), self.design.prior
-        apart = prior.low[at] < prior.high[at] < np.inf
-        return not apart or bool(self.fit.free[at]) or self.state.bare or self.view.is_map
+        if self.state.bare or self.state.delayed or self.view.is_map:
+            return True
+        return -1.0 <= self.fit.b[self.design.names.index("late")] <= self.view.latest
 
     @cached_property
     def left(self) -> np.ndarray:

@@ -439,7 +439,8 @@ class _Judge:
             if d.rest > MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
-            left = max(full.stays, lasting(last.left, v.rows)) / v.size
+            rare = lasting(last.left, v.rows) if v.sure else 0.0  # else J a is in it
+            left = max(full.stays, rare) / v.size
             if verdict == "adequate" and left > 2 * d.least and not v.is_map:
                 self.notes.append(STAYS.format(100 * left))
                 verdict = "unexplained"
