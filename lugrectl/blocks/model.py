@@ -286,7 +286,7 @@ class Model(Shown):
         made, given = block_named("effect", name), values or {}
         used = sum(part.block.name == made.name for part in self.effects)
         key = made.name if not used else f"{made.name}_{used + 1}"
-        usual = usual_values(made, given)
+        usual = {k: x for k, x in usual_values(made, given).items() if k not in given}
         values = {k: given.get(k, None if p.fitted else p.value) for k, p in made.own.items()}
         held = {f"{key}.{k}": Stated(fixed=True) for k in usual}
         part = Part(key, made, values | usual)
