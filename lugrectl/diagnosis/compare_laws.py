@@ -23,7 +23,7 @@ from ..core.validation import positive, share, shown
 from ..engine.runtime.threads import each_beside
 from ..parallel.blas_threads import one_blas_thread
 from ..torque_balance.base import alone
-from ..torque_balance.constants import ALPHA
+from ..torque_balance.constants import ALPHA, SCALE
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
 from .simulation.drive import fitted, loglik
@@ -159,7 +159,8 @@ def compare_laws(
 
     p is the density of the one-step predictions (innovations) of the fitted law. A law is left
     out of the choice if another is better by more than the standard error over the windows allows
-    (one-sided, ``alpha``); of those that stay, the one with the fewest free parameters is chosen.
+    (one-sided, ``alpha``), unless its torque error is below 0.3 % of u: no sensor is better. Of
+    those that stay, the one with the fewest free parameters is chosen.
     An effect that is missing from the model is missing beside every law; a law that imitates it
     may be chosen for that. ``diagnose(..., law="auto")`` therefore finds the effects first.
 
@@ -215,7 +216,8 @@ def compare_laws(
     ready, no = ready_of(asked, horizon)
     if ready is None:
         raise no or Refused(*OF_MAP)
-    return _chosen(_fitted(ready, asked, names, limit, report), asked.model, bar)
+    least = SCALE * max(float(np.std(run.u)) for run in ready.runs)
+    return _chosen(_fitted(ready, asked, names, limit, report), asked.model, bar, least)
 
 
 def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **options: Any) -> Any:
@@ -292,13 +294,15 @@ def _fit(ready: Prepared, asked: Asked, name: str) -> Fit:
     return row, np.nan_to_num(windows, nan=-1e300)
 
 
-def _chosen(made: Sequence[Fit], model: Model, bar: float) -> LawComparison:
+def _chosen(made: Sequence[Fit], model: Model, bar: float, least: float) -> LawComparison:
+    """The simplest of the laws that predict as well, or leave less than any sensor can tell."""
     refused = [row for row, _ in made if row.reason]
     fits = sorted((one for one in made if not one[0].reason), key=lambda one: -one[1].sum())
     if not fits:
         raise Refused(refused[0].reason or "")
     gains = [paired(fits[0][1], windows) for _, windows in fits]
-    able = [one for one, (gain, se) in zip(fits, gains, strict=True) if gain <= bar * se]
+    able = [one for one, (gain, se) in zip(fits, gains, strict=True)
+            if gain <= bar * se or (one[0].torque or np.inf) < least]  # fmt: skip
     simplest, windows = min(able, key=lambda one: one[0].parameters or 0)
     rows = [_beside(row, own - windows) for row, own in fits]
     alike = [row.name for row, _ in able if row is not simplest]
