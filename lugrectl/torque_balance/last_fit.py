@@ -30,7 +30,7 @@ from .columns import (
     step_of,
     to_values,
 )
-from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST, ONE_MORE
+from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST
 from .friction import LARGE, OFFSET, WEIGHT, Term, View
 from .stated import with_stated
 from .table import Table, is_lateness
@@ -277,22 +277,16 @@ def room(term: Term, key: str, step: float) -> float:
 
 
 class LastFit:
-    """A fit at a state, repeated ``turns`` times at what it says.
+    """A fit at a state, repeated ``turns`` times at what it says, or until a delay stays.
 
-    The torque acts when it was logged, but for a current loop, unless it is clearly likelier at
-    another time: then the fit is repeated until the delay stays. ``values`` are all that is
-    reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum" and "key.parameter" of each
-    effect.
+    ``values`` are all that is reported, by name: J, Fc, Fv, Fs, offset, "Fc + constant", "sum" and
+    "key.parameter" of each effect.
     """
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view = view
-        self.state, self.scale, self.design, self.fit = self._fitted(state, scale, turns)
-        if not self._in_time():
-            other = self._fitted(state.copy(delayed=True), scale, turns)
-            gained = self.score(other[3].r * other[1] / self.scale) - self.score(self.fit.r)
-            if gained > ONE_MORE * KAPPA:
-                self.state, self.scale, self.design, self.fit = other
+        begun = state.copy(delayed=not (state.bare or view.is_map))
+        self.state, self.scale, self.design, self.fit = self._fitted(begun, scale, turns)
         self.values = quantities(self.design, self.fit.b)
 
     def _fitted(self, state: State, scale: float, turns: int) -> tuple[State, float, Design, Fit]:
@@ -307,13 +301,6 @@ class LastFit:
                 break
             state = state.updated(d.names, fit.b, self.view)
         return state, scale, d, fit
-
-    def _in_time(self) -> bool:
-        """Whether no other time of the torque is to be tried: none is likelier than the free ones,
-        or no log of this kind tells."""
-        if self.state.bare or self.state.delayed or self.view.is_map:
-            return True
-        return -1.0 <= self.fit.b[self.design.names.index("late")] <= self.view.latest
 
     @cached_property
     def left(self) -> np.ndarray:
