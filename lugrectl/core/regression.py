@@ -132,10 +132,20 @@ def robust(
         b, free = bounded(G, g, prior.low, prior.high, fixed)
         fixed = ~free & (b != prior.high)
         r = (y - X @ b) / scale
-        before, w = w, (NU + 1) / (NU + r * r)
+        before, w = w, weight(r)
         if np.max(np.abs(w - before)) < SETTLED:
             break
     return Fit(b, r, free, w)
+
+
+def weight(r: np.ndarray) -> np.ndarray:
+    """Weights (m,) of rows with these residuals, in scales."""
+    return (NU + 1) / (NU + r * r)
+
+
+def spread(r: np.ndarray) -> float:
+    """Standard deviation of residuals (m,) of which a few may be bad: by their median size."""
+    return 1.4826 * float(np.median(np.abs(r)))
 
 
 def log_density(r: np.ndarray, stretch: float = 1.0) -> np.ndarray:
@@ -170,7 +180,7 @@ class Blocks:
         """
         own, r = X[:, fit.free], fit.r
         weighted = own * (fit.w / scale**2)[:, None]
-        score = own * ((NU + 1) * r / (NU + r * r) / scale)[:, None]
+        score = own * (weight(r) * r / scale)[:, None]
         H = own.T @ weighted
         size = np.diag(H).copy()
         rounding = 1e-9 * size + size.max() * (size < 1e-24 * size.max())

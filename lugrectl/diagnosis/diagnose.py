@@ -80,7 +80,7 @@ def diagnose(
     horizon : float
         Time between restarts of the simulation, s.
     seed : int
-        Seed of the random numbers, which only the error of the residual table uses.
+        Without effect: nothing in an answer is drawn at random.
     least : float
         The smallest torque that matters, as a share of RMS friction torque.
     alpha : float

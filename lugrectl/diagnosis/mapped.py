@@ -11,6 +11,7 @@ from scipy import signal, stats
 
 from ..blocks.block import members, unit_for
 from ..core.errors import InputError
+from ..core.regression import spread
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
 from ..estimates.fitted import Fitted
 from ..record import stretches
@@ -102,8 +103,8 @@ def _said(
     hidden = [p.key for p in asked.model.effects if p not in view.model.effects]
     unknown = [k for k in silent if k.rpartition(".")[0] not in hidden] + hidden
     yield MAP.format(len(runs), ", ".join(unknown) or "J")
-    left = view.by_run(last.design.y - last.design.X @ last.fit.b)
-    most = max(FAR * 1.4826 * float(np.median(np.abs(left))), LARGE * view.force)
+    left = view.by_run(last.left)
+    most = max(FAR * spread(left), LARGE * view.force)
     for i in np.flatnonzero(np.abs(left) > most):
         yield DIFFERS.format(asked.logs[runs[i]].source, left[i], unit)
     if swing and not any("theta" in t.block.inputs for t in last.state.terms):
@@ -124,11 +125,11 @@ def torque_errors(made: Answer) -> dict[str, Any]:
 
 def _facts(made: Answer) -> dict[str, Any]:
     """What else is said of errors of means over stretches of the held-out runs."""
-    view, d = made.view, made.last.design
+    view = made.view
     assert isinstance(view, MapView)
     m, errors = view.motion, (made.declared_error, made.without.error, made.with_names.error)
     test = np.isin(m.row, np.flatnonzero(made.split.test))
-    noise = view.scatter(d.y - d.X @ made.last.fit.b)
+    noise = view.scatter(made.last.left)
     return {
         "signal": "u",
         "samples": int(m.size[test].sum()),

@@ -124,12 +124,7 @@ def fit(balance: Balance, ax: Axes) -> Axes:
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
     factor, unit = readable([float(np.abs(windows.value).max())], unit_for("N m", balance.motion))
     _between_runs(balance, ax)
-    for which, colour, label in (
-        (windows.sliding, FITTED, "sliding"),
-        (~windows.sliding, LEFT_OUT, "near rest"),
-    ):
-        y = factor * windows.value[which]
-        ax.plot(t[which], y, ".", ms=2.0, color=colour, label=label, rasterized=True)
+    ax.plot(t, factor * windows.value, ".", ms=2.0, color=FITTED, rasterized=True)
     ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
     left = number(100.0 * (balance.left or 0.0), 2)
     _titled(ax, "")
@@ -184,8 +179,7 @@ def sampled_rest(balance: Balance, one: Stretch) -> dict[str, Any]:
     ends = [np.clip(windows.t[at] + k * half, one.t[0], one.t[-1] + dt) for k in (-1, 1)]
     low, high = (np.interp(end, np.r_[one.t, one.t[-1] + dt], total) for end in ends)
     slow = windows.value[at] - (high - low) / (ends[1] - ends[0])
-    sliding = windows.sliding[at].astype(float)
-    slides = np.interp(one.t, windows.t[at], sliding, left=0.0, right=0.0) > 0.5
+    slides = (one.t >= windows.t[at].min()) & (one.t <= windows.t[at].max())
     left = np.where(slides & one.ok, fast + np.interp(one.t, windows.t[at], slow), np.nan)
     return {"theta": nothing["theta"] if one.theta is None else one.theta, "w": w, "left": left}
 

@@ -16,6 +16,7 @@ import numpy as np
 from ..blocks.block import Block
 from ..core.bare_system import BareSystem
 from ..engine.runtime.batch_run import Lanes
+from .numerics import cubic
 
 FINE = 1e-3  # s, the longest step: reversals do not wait for the next sample
 ROOM = 2**22  # numbers that are kept at a time
@@ -119,12 +120,8 @@ def _between(own: Signals, shares: np.ndarray, dt: float, held: bool) -> dict[st
         rise = np.append(np.diff(x), 0.0) * (name != "u" or not held)
         made[name] = (x[:, None] + shares * rise[:, None]).ravel()
     if {"theta", "w"} <= own.keys():
-        x, v = own["theta"], own["w"] * dt
-        rise, after = np.append(np.diff(x), v[-1]), np.append(v[1:], v[-1])
-        second, third = 3 * rise - 2 * v - after, v + after - 2 * rise
-        q, (x, v, second, third) = shares, (y[:, None] for y in (x, v, second, third))
-        made["theta"] = (x + q * (v + q * (second + q * third))).ravel()
-        made["w"] = ((v + q * (2 * second + 3 * q * third)) / dt).ravel()
+        theta, rise = cubic(own["theta"], own["w"] * dt, shares)
+        made |= {"theta": theta.ravel(), "w": rise.ravel() / dt}
     return made
 
 

@@ -22,7 +22,7 @@ from ..blocks.friction import free_level, level
 from ..blocks.measured_bristle import along as bristle
 from ..blocks.measured_bristle import strokes
 from ..blocks.model import Model
-from ..core.regression import Blocks, Prior, robust
+from ..core.regression import Blocks, Prior, robust, spread
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .constants import (
     BACKGROUND,
@@ -388,7 +388,7 @@ class View:
                     first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
                     r = y - X[:, :first] @ prior.low[:first]
                     r = r - X[:, first:] @ np.linalg.lstsq(X[:, first:], r, rcond=None)[0]
-                    found[0] = 1.4826 * float(np.median(np.abs(r)))
+                    found[0] = spread(r)
                 fit = robust(X, y, prior, found[0], self.noise, turns=3)
                 seen[i, j] = -float(np.sum(np.log1p(fit.r**2 / 4)))
             return seen[i, j]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import Refused
-from ..core.regression import log_density, paired
+from ..core.regression import log_density, paired, spread
 from .constants import BLOCK, LEAST_ROWS
 from .friction import View
 from .last_fit import Design, LastFit
@@ -95,7 +95,7 @@ def gain(without: Unseen, other: Unseen, duration: float) -> float:
     """By how many standard errors ``other`` predicts held-out stretches better, by log density."""
     stretch = (without.t / max(BLOCK, duration / 60)).astype(int)
     there = np.bincount(stretch) > 0
-    scale = 1.4826 * float(np.median(np.abs(other.r))) + 1e-300
+    scale = spread(other.r) + 1e-300
     both = [np.bincount(stretch, log_density(one.r / scale))[there] for one in (other, without)]
     total, error = paired(*both)
     return total / error
@@ -103,12 +103,13 @@ def gain(without: Unseen, other: Unseen, duration: float) -> float:
 
 def _far(r: np.ndarray) -> float:
     """From where on a row counts as far off."""
-    return OUTLIER * 1.4826 * float(np.median(np.abs(r))) + 1e-300
+    return OUTLIER * spread(r) + 1e-300
 
 
 def clipped(r: np.ndarray) -> np.ndarray:
     """Rows that are far off count as OUTLIER times the usual."""
-    return np.clip(r, -_far(r), _far(r))
+    far = _far(r)
+    return np.clip(r, -far, far)
 
 
 def lasting(r: np.ndarray, rows: Rows) -> float:

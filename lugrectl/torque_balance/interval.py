@@ -107,7 +107,6 @@ class Interval:
         size = np.mean(d.X**2, axis=0) * len(d.y)
         at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
         told = last.fit.free | np.isin(np.arange(len(b)), [at[k] for k in ("J", "Fc", "Fv")])
-        told[at["late"]] |= d.prior.low[at["late"]] < d.prior.high[at["late"]]
         precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
         if v.J_range and not v.sure:  # a declared J that is held is known that well
             precision[0] = 16 / max(float(np.ptp(v.J_range)), SCALE * v.J_range[1]) ** 2

@@ -19,7 +19,7 @@ import numpy as np
 from ..blocks.block import Block, members
 from ..blocks.friction import free_level
 from ..core.numeric import Z95
-from ..core.regression import Fit, Prior, log_density, robust
+from ..core.regression import Prior, log_density, robust, spread
 from .columns import (
     changed_input,
     columns,
@@ -54,8 +54,8 @@ class State:
 
     ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
     drive has is held to its size. ``constant``: a constant torque is a term, of any size.
-    ``delayed``: the torque acts at any time, ``late`` (s) later than logged; else within its hold
-    and what a current loop takes. ``absent`` are parts of friction that the law does not have.
+    ``late`` (s): so much later than logged the torque acts. ``absent`` are parts of friction that
+    the law does not have.
     """
 
     k: dict[str, float]
@@ -65,15 +65,16 @@ class State:
     grease: float = 0.0
     bare: bool = False
     constant: bool = False
-    delayed: bool = False
     late: float = 0.0
     absent: frozenset[str] = frozenset()
 
     def copy(self, **other: Any) -> State:
-        made = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        keys = ("vs", "exponent", "grease", "bare", "constant", "delayed", "late", "absent")
-        own = {k: getattr(self, k) for k in keys}
-        return State(**{**made, **own, **other})
+        own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
+        return replace(self, **own | other)
+
+    def delayed(self, view: View) -> bool:
+        """Whether the torque may act at any time; at steady speeds it has none."""
+        return not (self.bare or view.is_map)
 
     def apply(self, view: View) -> None:
         """Friction and load along the log, which effects scale."""
@@ -104,7 +105,7 @@ class State:
         for name, x in zip(names, b, strict=True):
             if isinstance(name, str):
                 new.k[name] = float(x)
-                if name == "late" and self.delayed:
+                if name == "late" and self.delayed(view):
                     new.late += float(x) * view.longest_hold
             elif isinstance(name[1], int):
                 new.terms[name[0]].b[name[1]] = x
@@ -177,15 +178,13 @@ class Design:
             add("J", v.rows.a, low=v.J_range[0], high=v.J_range[1])
         else:
             add("J", v.rows.a, low=0.0)
+        own = any(is_lateness(t.block) for t in self.state.terms)  # a delay has its own column
+        most = 0.0 if own else 1.0 if self.state.bare else np.inf
         late = v.K @ (v.hold * v.motion.slope(v.motion.held(v.u)))
-        if any(is_lateness(t.block) for t in self.state.terms):  # a delay has its own column
-            add("late", late, low=0.0, high=0.0)
-        elif self.state.delayed:  # anything, but seldom
-            done = self.state.late / v.longest_hold
-            add("late", late, sd=float(np.hypot(1 / Z95, done)), centre=-done)
-        else:
-            ends = (-1.0, v.latest) if self.state.bare else (-np.inf, np.inf)
-            add("late", late, 1 / Z95, *ends)
+        free = v.latest if self.state.bare else np.inf
+        done = self.state.late / v.longest_hold
+        sd = float(np.hypot(1 / Z95, done))  # a part of a hold, or, seldom, anything
+        add("late", late, sd=sd, low=-most, high=min(most, free), centre=-done)
 
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._made.add
@@ -284,23 +283,17 @@ class LastFit:
     """
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
-        self.view = view
-        begun = state.copy(delayed=not (state.bare or view.is_map))
-        self.state, self.scale, self.design, self.fit = self._fitted(begun, scale, turns)
-        self.values = quantities(self.design, self.fit.b)
-
-    def _fitted(self, state: State, scale: float, turns: int) -> tuple[State, float, Design, Fit]:
-        begun, w = scale, None
+        self.view, self.scale, w = view, scale, None
         for turn in range(MOST_TURNS):
-            d = Design(self.view, state)
-            fit = robust(d.X, d.y, d.prior, scale, self.view.noise, w, 4 if turn == 0 else 2)
-            w = fit.w
-            scale = max(begun, 1.4826 * float(np.median(np.abs(fit.r))) * scale)
-            off = abs(fit.b[d.names.index("late")]) if state.delayed else 0.0
-            if turn >= turns - 1 and off < STAYS or turn == MOST_TURNS - 1:
+            d = self.design = Design(view, state)
+            self.fit = robust(d.X, d.y, d.prior, self.scale, view.noise, w, 4 if turn == 0 else 2)
+            w, self.state = self.fit.w, state
+            self.scale = max(scale, spread(self.fit.r) * self.scale)
+            off = abs(self.fit.b[d.names.index("late")]) if state.delayed(view) else 0.0
+            if turn >= turns - 1 and off < STAYS:
                 break
-            state = state.updated(d.names, fit.b, self.view)
-        return state, scale, d, fit
+            state = state.updated(d.names, self.fit.b, view)
+        self.values = quantities(d, self.fit.b)
 
     @cached_property
     def left(self) -> np.ndarray:

@@ -16,7 +16,7 @@ from .constants import SCALE
 from .interval import WITHOUT_SCALE, Interval, Value
 from .last_fit import LastFit
 from .own_law import DIPPED, law_values, means_the_same, static_values
-from .plain import CERTAIN
+from .plain import tells
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
 SEEN = 1.05  # times Fc: an Fs that rows show
@@ -39,7 +39,8 @@ class ModelValues:
         """The same without the intervals of what the plain answer calls uncertain, where no polish
         has made it certain, or gives in a sum only."""
         made = dict(self.estimates)
-        wide = {k: "" for k in plain.uncertain if k in made and _is_wide(made[k])}
+        wide = {k: "" for k in plain.uncertain if k in made and (ends := made[k].ci95)
+                and not tells((made[k].value, *ends))}  # fmt: skip
         for one in reversed(plain.combinations):  # of several the first counts
             wide |= dict.fromkeys(one.parts, one.text)
         for key, text in wide.items():
@@ -55,10 +56,6 @@ class ModelValues:
         model = self.model.with_values(dict.fromkeys(gone))
         estimates = {k: e for k, e in self.estimates.items() if k not in gone}
         return replace(self, model=model, estimates=estimates)
-
-
-def _is_wide(e: Estimate) -> bool:
-    return e.ci95 is not None and e.ci95[1] - e.ci95[0] >= 2 * CERTAIN * abs(e.value)
 
 
 def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:

@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 
 from .constants import ENOUGH, FINE, FREE_LATE, NOISE_FIT, SOFT
-from .numerics import bend, half_response, slope
+from .numerics import bend, cubic, half_response, slope
 from .samples import Samples, joined
 from .sensors import Sensors
 
@@ -191,13 +191,11 @@ class SmoothRuns:
         k = self.between
         if k == 1:
             return self._joined(np.diff(self.theta)), self.w
-        q = np.arange(k) / k
-        h = (1 - 3 * q**2 + 2 * q**3, q - 2 * q**2 + q**3, 3 * q**2 - 2 * q**3, q**3 - q**2)
         fine = []
         for at in self.samples.pieces:
-            x, v = self.theta[at][:, None], self.w[at][:, None] * self.dt
-            cubic = h[0] * x[:-1] + h[1] * v[:-1] + h[2] * x[1:] + h[3] * v[1:]
-            fine.append(np.r_[cubic.ravel(), np.full(k, x[-1, 0])])
+            theta, _ = cubic(self.theta[at], self.w[at] * self.dt, np.arange(k) / k)
+            theta[-1] = self.theta[at][-1]
+            fine.append(theta.ravel())
         speeds = np.concatenate([np.gradient(f, self.dt / k) for f in fine])
         return self._joined(np.diff(np.concatenate(fine)), k), speeds
 

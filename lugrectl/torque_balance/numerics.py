@@ -28,6 +28,15 @@ def bend(x: np.ndarray, dt: float) -> np.ndarray:
     return d
 
 
+def cubic(x: np.ndarray, v: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and speeds (n, k) at these shares (k,) of the way to the next sample, by the cubic
+    through positions x (n,) and speeds v (n,) a sample; beyond the end the speed stays."""
+    rise, after = np.append(np.diff(x), v[-1]), np.append(v[1:], v[-1])
+    second, third = 3 * rise - 2 * v - after, v + after - 2 * rise
+    q, (x, v, second, third) = shares, (y[:, None] for y in (x, v, second, third))
+    return x + q * (v + q * (second + q * third)), v + q * (2 * second + 3 * q * third)
+
+
 def local_noise(x: np.ndarray, pieces: Sequence[slice], quantile: float) -> float:
     """A quantile, over short stretches, of the spread of third differences."""
     thirds = [np.diff(x[at], 3) for at in pieces]

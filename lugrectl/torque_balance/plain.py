@@ -130,6 +130,11 @@ def _unit_of(key: str, parameter: str, model: Model) -> str:
     return p.unit if p.angle else unit_for(p.unit, model.motion)
 
 
+def tells(x: Value) -> bool:
+    """Whether the interval of an inertia is narrow enough for it to be an answer."""
+    return x[2] - x[1] < 2 * CERTAIN * abs(x[0])
+
+
 def _certain(
     last: LastFit, known: Mapping[str, Value], values: Mapping[str, Value], sure: bool
 ) -> set[str]:
@@ -143,7 +148,7 @@ def _certain(
 
     made = set()
     J = known.get("J", (0.0, 0.0, 0.0))
-    if sure and J[0] > 0 and wide("J") < 2 * CERTAIN * J[0]:
+    if sure and J[0] > 0 and tells(J):
         made.add("J")
     if several and wide("Fc") < level and not v.motion.one_way:
         made.add("Fc")
@@ -203,7 +208,7 @@ def _left(last: LastFit) -> float:
 def _residual(last: LastFit) -> Residual:
     m, at = last.view.motion, last.view.rows.at
     order = np.lexsort((m.stamp[at], m.run[at]))
-    return Residual(m.stamp[at][order], m.run[at][order], last.left[order], np.ones(len(at), bool))
+    return Residual(m.stamp[at][order], m.run[at][order], last.left[order])
 
 
 def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: bool) -> list[str]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..blocks.block import Block
-from ..core.regression import NU, TINY, Fit, Prior, normal_equations, robust
+from ..core.regression import TINY, Fit, Prior, normal_equations, robust, spread, weight
 from .columns import linear
 from .constants import ALPHA, GROWN, SCREEN
 from .friction import IMITATES, Term, View
@@ -365,18 +365,18 @@ class Table:
 
     def _weigh(self, X: np.ndarray, r: np.ndarray, prior: Prior) -> None:
         """Scale of the residual, and weights, as a fit without the row would leave it."""
-        most = 5 * 1.4826 * np.median(np.abs(r))
+        most = 5 * spread(r)
         r = np.clip(r, -most, most)
-        spread = np.sqrt(1 + min(0.5, X.shape[1] / len(r)))
-        scale = 1.38 * float(np.median(np.abs(r))) * spread + TINY
-        w = (NU + 1) / (NU + (r / scale) ** 2)
+        wider = np.sqrt(1 + min(0.5, X.shape[1] / len(r)))
+        scale = 1.38 * float(np.median(np.abs(r))) * wider + TINY
+        w = weight(r / scale)
         G, _ = normal_equations(X, r, w, prior, scale, 0.0)
         lever = np.einsum("ij,ij->i", X, np.linalg.solve(G, X.T).T) * w
         alone = np.abs(r) / np.maximum(1 - lever, 0.05)
         alike = self.view.scatter(self.y - self.X @ self.fit.b)
         self.scale = max(scale, 1.38 * float(np.median(alone)), alike)
         self.rest = float(np.sqrt(np.mean(r**2))) / self.view.size
-        self.weights = (NU + 1) / (NU + (r / self.scale) ** 2)
+        self.weights = weight(r / self.scale)
 
 
 def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:

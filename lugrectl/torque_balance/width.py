@@ -13,7 +13,7 @@ import numpy as np
 from scipy import ndimage
 
 from ..core.errors import Refused
-from ..core.regression import NU, Prior, normal_equations, robust
+from ..core.regression import Prior, normal_equations, robust, weight
 from .constants import ENOUGH, FINE_WAVE, HEAVY, LOST, NOISY, WIDE, WIDTHS
 from .motion import Motion, SmoothRuns
 from .rows import averages, bump, centres, half_samples
@@ -102,7 +102,7 @@ class Probe:
             fit = robust(X, y, prior, scale, 0.0, k, 1)
             r = fit.r * scale
             scale = 1.5 * float(np.median(np.abs(r))) + 1e-300
-            k = (NU + 1) / (NU + (r / scale) ** 2)
+            k = weight(r / scale)
         self._X, self._b, self.r, self._scale, self._size = X, fit.b, r, scale, size
         G, _ = normal_equations(X, y, k, prior, scale, 0.0)
         self._inverse = np.linalg.inv(G)

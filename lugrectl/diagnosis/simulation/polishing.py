@@ -28,24 +28,18 @@ NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 class Polished:
     """All values of the model after a polish and the distribution of those that it determined.
 
-    ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
-    order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
-    all values before are within their intervals. Else these are kept, of no distribution.
+    ``gained``: left-out training windows are more likely by more than a standard error, to first
+    order (Takeuchi's criterion), or all values before are within their intervals. Else these are
+    kept, of no distribution.
     """
 
     values: dict[str, float]
-    joint: Joint
-    gained: bool
-    gain: float
-    error: float
+    joint: Joint = NONE
+    gained: bool = False
 
 
 def polish(
-    ready: Prepared,
-    model: Model,
-    free: Sequence[str],
-    start: Joint = NONE,
-    always: bool = False,
+    ready: Prepared, model: Model, free: Sequence[str], start: Joint = NONE, always: bool = False
 ) -> Polished:
     """Make one-step predictions of training windows most likely, from the model's values on.
 
@@ -63,7 +57,7 @@ def polish(
     begun = fitted(ready, model)
     climb = _Climb(ready, begun, model, free, start)
     before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
-    none = Polished(begun.values, NONE, False, 0.0, 0.0)
+    none = Polished(begun.values)
     if not climb.keys or len(before) < 2:
         return none
     try:
@@ -90,14 +84,14 @@ def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Poli
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
     if not always and gain <= error and not confirmed:
-        return Polished(begun.values, NONE, False, gain, error)
+        return Polished(begun.values)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
     if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
         V = float(np.clip(C[-1, -1], 1e-12, 1.0))
         rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
     found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
     joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
-    return Polished(fit.values, joint, True, gain, error)
+    return Polished(fit.values, joint, True)
 
 
 class _Climb:
