@@ -68,7 +68,8 @@ def polish(
 
 def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Polished:
     """The likeliest values, what is known of them, and whether left-out windows (n,) gain."""
-    fit = climb.up(climb.scanned())
+    tops = [climb.up(one) for one in dict.fromkeys((begun, climb.scanned()))]
+    _, fit = climb.best([top.values for top in tops], [top.jump for top in tops])
     parts, scores, each = climb.linear(fit)
     H = parts.sum(0) + climb.weight
     off = np.array([np.linalg.solve(H - p, s) for p, s in zip(parts, scores, strict=True)])
@@ -174,8 +175,9 @@ class _Climb:
             sets = [self.values(self.x(fit.values) + step) for step in steps]
             fit = self.best(sets, [fit.jump] * len(sets))[1]
             moved = moved or fit.values is not sets[0]
-        jump = tuned(self.ready, fit.drive, fit.values, fit.jump) if moved else fit.jump
-        return replace(fit, jump=jump)
+        if not moved:
+            return self.begun
+        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values, fit.jump))
 
     def up(self, fit: Fit) -> Fit:
         """Gauss-Newton steps, shorter where the whole one loses, each with the best noise."""
