@@ -28,14 +28,16 @@ NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 class Polished:
     """All values of the model after a polish and the distribution of those that it determined.
 
-    ``gained``: left-out training windows are more likely by more than a standard error, to first
-    order (Takeuchi's criterion), or all values before are within their intervals. Else these are
-    kept, of no distribution.
+    ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
+    order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
+    all values before are within their intervals. Else these are kept, of no distribution.
     """
 
     values: dict[str, float]
     joint: Joint = NONE
     gained: bool = False
+    gain: float = 0.0
+    error: float = 0.0
 
 
 def polish(
@@ -85,14 +87,14 @@ def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Poli
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
     if not always and gain <= error and not confirmed:
-        return Polished(begun.values)
+        return Polished(begun.values, gain=gain, error=error)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
     if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
         V = float(np.clip(C[-1, -1], 1e-12, 1.0))
         rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
     found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
     joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
-    return Polished(fit.values, joint, True)
+    return Polished(fit.values, joint, True, gain, error)
 
 
 class _Climb:
