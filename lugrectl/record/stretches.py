@@ -9,6 +9,7 @@ import numpy as np
 
 from .log import Log
 from .samples.clock import FEWEST, multiples, typical_step
+from .samples.resampling import between
 from .samples.rows import Stamped
 from .samples.usable import usable
 
@@ -42,7 +43,7 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     ticks = np.r_[0, np.cumsum(multiples(np.diff(t), dt))]
     for role, x in values.items():
         good = np.isfinite(x)
-        made[role] = np.interp(grid, t[good], x[good])
+        made[role] = between(role, t[good], x[good], grid)
         near.append(_near(grid, t[good], ticks[good], dt))
     ok = np.all(near, axis=0)
     sound = np.flatnonzero(ok)
