@@ -37,6 +37,7 @@ AT_REST = 0.004  # of top speed: slower is rest
 # friction
 TAIL = 0.15  # of top speed: the longest Stribeck tail; a longer one bends like a drag
 BACKGROUND = 0.007  # of friction: what every drive has of an offset, unbalance, warming
+ALONG = 0.4  # share of it that may follow the acceleration
 BETWEEN = 0.1  # of all torque: by how much the offset of a run may differ from the first one's
 GREASE = (0.6, 0.8)  # exponents of the speed that grease may have beside Fv
 ONE_MORE = 2.0  # nats at independent rows that a law must gain for one parameter more

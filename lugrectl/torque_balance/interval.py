@@ -18,7 +18,7 @@ import numpy as np
 from ..core.errors import Refused
 from ..core.numeric import Z95
 from ..core.regression import left_out_covariance, memory_blocks, robust
-from .constants import BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE
+from .constants import ALONG, BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE
 from .friction import View
 from .last_fit import KAPPA, LastFit, State, quantities
 from .rows import Rows
@@ -124,6 +124,9 @@ class Interval:
         own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
         own += [at["offset"]] if d.constant else []
         own += [at["Fc"], at["Fv"]]  # a little warmer is another friction
+        if last.fit.free[at["J"]]:  # a ripple of the motor's constant is another inertia
+            little[at["J"]] *= ALONG
+            own += [at["J"]]
         V[own, own] += little[own] ** 2
         return V
 
