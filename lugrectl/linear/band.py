@@ -167,11 +167,14 @@ def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | Non
     dc, slack = model.at(0.0)
     if abs(dc) <= slack:
         return None
-    found = level_crossings(model, float(c))
+    edges = level_crossings(model, float(c))
     if sampled:
-        found = tuple(2 * math.atan(v) / sample_time(T) for v in found)
+        edges = tuple(e.moved(lambda v: 2 * math.atan(v) / sample_time(T)) for e in edges)
+    found = tuple(e.first for e in edges)
     width = found[0] if found else math.inf
     poles, reason = tuple(map(complex, model.poles)), _falls(width, level, abs(dc))
+    if edges and not edges[0].sharp:
+        reason += f", or up to {edges[0].high:.6g} rad/s: rounding decides"
     return _verdict(width, found, model.stable, poles, reason, sampled)
 
 

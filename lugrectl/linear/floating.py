@@ -15,10 +15,10 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from scipy.linalg import eig, schur, solve_triangular
-from scipy.optimize import brentq
+from scipy.linalg import eig, matrix_balance, schur, solve_triangular
 
 from ..core.errors import InputError
+from .signs import Edge, Function, Signs
 from .transfer import require_continuous_siso
 from .verdict import show_poles
 
@@ -40,10 +40,19 @@ class Model:
     @classmethod
     def of(cls, T: Any) -> Model:
         require_continuous_siso(T, "T")
+        return cls.balanced(T)
+
+    @classmethod
+    def balanced(cls, T: Any) -> Self:
+        """In units of the states that make rows and columns of A alike: powers of two, exactly."""
         A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
         if not all(np.isfinite(M).all() for M in (A, B, C, D)):
             raise InputError("an entry of the state-space matrices is not a finite number.")
-        return cls(A, B, C, float(D[0, 0]))
+        if not len(A):
+            return cls(A, B, C, float(D[0, 0]))
+        found: Any = matrix_balance(A, permute=False, separate=True)
+        A, (units, _) = found
+        return cls(A, B / units[:, None], C * units, float(D[0, 0]))
 
     @cached_property
     def norm(self) -> float:
@@ -87,6 +96,11 @@ class Model:
         size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(self.D)
         return complex(c @ right) + self.D, EPS * ((self.norm + abs(s)) * reach + size)
 
+    def real_part(self, w: float) -> tuple[float, float]:
+        """Re T(jw), and what rounding of the matrices may change of it."""
+        t, slack = self.at(w)
+        return t.real, slack
+
     def point(self, w: float) -> complex:
         """Where on the axis, moved by the shift, w is."""
         return 1j * w - self.shift
@@ -106,6 +120,10 @@ class Model:
             return np.array([0.0, 1.0])
         between = np.sqrt(marks[1:] * marks[:-1])
         return np.sort(np.concatenate([[0.0, 0.1 * marks[0], 10 * marks[-1]], marks, between]))
+
+    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> Signs:
+        """The signs of a function of frequency, and where they change."""
+        return Signs.of(function, points, values)
 
     def realness_zeros(self) -> np.ndarray:
         """The zeros of T(s) + T(-s)."""
@@ -181,11 +199,11 @@ def realness(model: Model) -> Realness:
         shown = show_poles([p for p in map(complex, model.poles) if p.real > model.uncertain])
         return Realness("not PR", f"T has poles right of the imaginary axis ({shown} 1/s)", 0.0)
     w = model.places(model.realness_zeros())
-    values = np.array([(t.real, slack) for t, slack in map(model.at, w)])
-    real, slack = values[:, 0], values[:, 1]
+    values = np.array([model.real_part(x) for x in w])
+    real, slack = values.T
     end, least = _at_infinity(model)
     if (real < -slack).any() or end < -least:
-        return _not_real(model, w, real, slack, end, least)
+        return _not_real(model, w, values, min(end + least, 0.0))
     limit = ("Re T(jw)" if model.D else "w^2 Re T(jw)") + f" tends to {end:.6g} as w grows"
     near = np.flatnonzero(real <= slack)
     if len(near):
@@ -221,36 +239,15 @@ def _at_infinity(model: Model) -> tuple[float, float]:
     return float(-(model.C @ A @ model.B)[0, 0]), EPS * float(sizes)
 
 
-def _not_real(
-    model: Model, w: np.ndarray, real: np.ndarray, slack: np.ndarray, end: float, least: float
-) -> Realness:
-    below = real < -slack
-    if end < -least:
-        below = below | (w >= w[-1])
-    first = int(np.argmax(below))
-    low = crossing(lambda x: model.at(x)[0].real, w, first, real) if first else 0.0
-    after = np.flatnonzero(~below[first:])
-    high = math.inf
-    if len(after):
-        k = first + int(after[0])
-        high = crossing(lambda x: model.at(x)[0].real, w, k, real)
-    to = f"{low:.6g} < w < {high:.6g} rad/s" if high < math.inf else f"w > {low:.6g} rad/s"
-    more = f" and at {many} higher places" if (many := _more(below, first)) else ""
-    edge = low if first and (real[1:first] > 0).any() else 0.0
-    return Realness("not PR", f"Re T(jw) < 0 for {to}{more}", edge)
-
-
-def _more(below: np.ndarray, first: int) -> int:
-    later = below[first:]
-    return int(np.count_nonzero(np.diff(later.astype(int)) == 1))
-
-
-def crossing(function: Any, w: np.ndarray, k: int, values: np.ndarray) -> float:
-    """Where a function changes its sign between w[k - 1] and w[k]."""
-    if values[k - 1] * values[k] >= 0:
-        return float(w[k])
-    found: Any = brentq(function, w[k - 1], w[k], xtol=1e-300, rtol=np.float64(1e-13))
-    return float(found)
+def _not_real(model: Model, w: np.ndarray, values: np.ndarray, end: float) -> Realness:
+    """The first band with Re T(jw) < 0; ``end`` < 0: so it is as w grows without end."""
+    signs = model.signs(model.real_part, w, values)
+    if end < 0:
+        signs = signs.below_beyond()
+    low, high, later = signs.first_band()
+    to = f"{low} < w < {high} rad/s" if high else f"w > {low} rad/s"
+    more = f" and at {later} higher places" if later else ""
+    return Realness("not PR", f"Re T(jw) < 0 for {to}{more}", low.first)
 
 
 def _margin(model: Model) -> float:
@@ -275,14 +272,14 @@ def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
     return low
 
 
-def level_crossings(model: Model, power: float) -> tuple[float, ...]:
-    """Where |T(jw)|^2 changes its side of ``power`` |T(0)|^2, in rad/s, ascending."""
-    square = power * abs(model.at(0.0)[0]) ** 2
+def level_crossings(model: Model, power: float) -> tuple[Edge, ...]:
+    """Where |T(jw)|^2 changes its side of ``power`` |T(0)|^2, w in rad/s, ascending."""
+    dc, rounding = model.at(0.0)
+    square = power * abs(dc) ** 2
 
-    def above(w: float) -> float:
-        return abs(model.at(w)[0]) ** 2 / square - 1.0
+    def above(w: float) -> tuple[float, float]:
+        t, slack = model.at(w)
+        size = abs(t) ** 2 / square
+        return size - 1.0, 2 * size * (slack / max(abs(t), slack) + rounding / abs(dc)) + EPS
 
-    w = model.places(model.level_zeros(square))
-    values = np.array([above(x) for x in w])
-    ends = np.flatnonzero((values[1:] < 0) != (values[:-1] < 0)) + 1
-    return tuple(crossing(above, w, int(k), values) for k in ends)
+    return model.signs(above, model.places(model.level_zeros(square))).edges

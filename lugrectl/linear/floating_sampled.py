@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 
 from .floating import EPS as ROUNDING
-from .floating import Model, Realness, crossing, is_seen, last_that_holds
+from .floating import Model, Realness, is_seen, last_that_holds
 from .sampled import mapped_states, on_circle, sample_time
+from .signs import Function, Signs
 from .transfer import require_siso
 from .verdict import show_poles
 
@@ -25,8 +26,7 @@ class SampledModel(Model):
     @classmethod
     def of(cls, T: Any) -> SampledModel:
         require_siso(T, "T")
-        A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
-        return cls(A, B, C, float(D[0, 0]))
+        return cls.balanced(T)
 
     def point(self, w: float) -> complex:
         return math.exp(-self.shift) * on_circle(w)
@@ -73,6 +73,11 @@ class SampledModel(Model):
     def level_zeros(self, square: float) -> np.ndarray:
         return self.continuous.level_zeros(square)
 
+    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> Signs:
+        """As of a continuous model, along the circle: v ends at infinity."""
+        along = Signs.of(lambda x: function(math.tan(x)), np.arctan(points), values)
+        return along.moved(math.tan)
+
     def places(self, zeros: np.ndarray) -> np.ndarray:
         return np.append(super().places(zeros), math.inf)
 
@@ -89,9 +94,10 @@ def realness(T: Any) -> Realness:
         return Realness("not PR", f"T has poles outside the unit circle (z = {shown})", 0.0)
     v = model.places(model.realness_zeros())
     w = 2 * np.arctan(v) / dt
-    real, slack = np.array([(t.real, slack) for t, slack in map(model.at, v)]).T
+    values = np.array([model.real_part(x) for x in v])
+    real, slack = values.T
     if (real < -slack).any():
-        return _not_real(model, v, real, slack, dt)
+        return _not_real(model, v, values, dt)
     k = int(np.argmin(real - slack))
     if real[k] <= slack[k]:
         reason = f"Re T(exp(jw dt)) >= 0, but it is 0 at w = {w[k]:.6g} rad/s within rounding"
@@ -104,27 +110,14 @@ def realness(T: Any) -> Realness:
     return Realness("SPR", reason, math.inf, _margin(model) / dt)
 
 
-def _not_real(
-    model: SampledModel, v: np.ndarray, real: np.ndarray, slack: np.ndarray, dt: float
-) -> Realness:
+def _not_real(model: SampledModel, v: np.ndarray, values: np.ndarray, dt: float) -> Realness:
     """The first band with Re T < 0."""
-    below = real < -slack
-    first = int(np.argmax(below))
-    after = first + int(np.argmin(below[first:]))
-    ends = [0.0, math.inf]
-    for i, k in enumerate((first, after)):
-        if 0 < k and below[k] != below[k - 1]:
-            ends[i] = _crossing(model, v, k, real)
-    low, high = (2 * math.atan(end) / dt for end in ends)
-    edge = low if first and (real[1:first] > 0).any() else 0.0
-    more = "" if not below[after:].any() or after == first else " and at higher places"
-    reason = f"Re T(exp(jw dt)) < 0 for {low:.6g} < w < {high:.6g} rad/s{more}"
-    return Realness("not PR", reason, edge)
-
-
-def _crossing(model: SampledModel, v: np.ndarray, k: int, real: np.ndarray) -> float:
-    angles = np.arctan(v)
-    return math.tan(crossing(lambda x: model.at(math.tan(x))[0].real, angles, k, real))
+    signs = model.signs(model.real_part, v, values)
+    low, high, later = signs.moved(lambda x: 2 * math.atan(x) / dt).first_band()
+    more = " and at higher places" if later else ""
+    end = high or f"{math.pi / dt:.6g}"
+    reason = f"Re T(exp(jw dt)) < 0 for {low} < w < {end} rad/s{more}"
+    return Realness("not PR", reason, low.first)
 
 
 def _margin(model: SampledModel) -> float:

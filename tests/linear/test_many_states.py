@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 
 import control as ct
@@ -9,7 +10,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.linear.realness import classify, margin
+from lugrectl.linear.realness import band_edge, classify, margin
+from lugrectl.linear.sampled import Sampled
+from lugrectl.linear.signs import Signs
+from lugrectl.linear.spr import of_sampled
 from lugrectl.linear.transfer import read_transfer
 
 from ..cases.structures import structure
@@ -45,7 +49,7 @@ def test_a_negative_real_part_is_found_with_its_band(turned):
     T = structure(5, -0.005, turned=turned)
     found = lg.spr_check(T)
     assert (found.classification, found.band_edge) == ("not PR", 0.0)
-    low, high = 0.0, float(found.reason.split(" < w < ")[1].split()[0])
+    low, high = 0.0, float(re.findall(r"[\d.]+", found.reason.split(" < w < ")[1])[0])
     assert T(1j * 0.99 * high).real < 0 < T(1j * 1.01 * high).real and low == 0.0
 
 
@@ -89,3 +93,43 @@ def test_an_unstable_mode_that_cancels_is_named_at_any_order():
     B, C = np.vstack([T.B, [[0.0]]]), np.hstack([T.C, [[1.0]]])
     found = lg.spr_check(ct.ss(A, B, C, T.D))
     assert found and "s = +0.5 1/s" in found.reason
+
+
+def port_hamiltonian(seed: int) -> ct.StateSpace:
+    """7 to 9 states with a disturbed output; every other one in units that differ by 1e6."""
+    random = np.random.default_rng(seed)
+    n = int(random.integers(7, 10))
+    S, R = random.normal(size=(2, n, n))
+    A, B = S - S.T - 0.1 * R @ R.T, random.normal(size=(n, 1))
+    C = B.T * (1 + 1.2 * random.normal(size=(1, n)))
+    units = 10 ** random.uniform(-3, 3, n) if seed % 2 else np.ones(n)
+    D = random.choice([0.0, 0.02, 0.3])
+    return ct.ss(A * np.outer(units, 1 / units), B * units[:, None], C / units, D)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_edges_and_bandwidths_are_those_of_exact_arithmetic(seed):
+    T = port_hamiltonian(seed)
+    num, den, _ = read_transfer(T)
+    found, width = lg.spr_check(T), lg.bandwidth_check(T)
+    assert found.classification == classify(num, den)
+    assert found.band_edge == pytest.approx(band_edge(num, den), rel=1e-6)
+    assert width.crossings == pytest.approx(lg.bandwidth_check((num, den)).crossings, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 3, 4, 5, 6])  # 2 is PR within rounding
+def test_edges_of_sampled_models_are_those_of_exact_arithmetic(seed):
+    T = ct.sample_system(port_hamiltonian(seed), 0.2, "bilinear")
+    kind, _, edge, _ = of_sampled(Sampled.of(T))
+    found = lg.spr_check(T)
+    assert found.classification == kind
+    assert found.band_edge == pytest.approx(edge, rel=1e-6)
+
+
+def test_an_edge_that_rounding_blurs_is_a_range():
+    """x (x - 1) with a rounding of 1e-4 crosses 0 somewhere near 1, surely not far from it."""
+    made = Signs.of(lambda x: (x * (x - 1), 1e-4), [0.0, 0.5, 1.0, 2.0])
+    (edge,) = made.edges
+    assert edge.at == pytest.approx(1.0) and not edge.sharp
+    assert 0.9995 < edge.low < 1 - 1e-4 < 1 + 1e-4 < edge.high < 1.0005
+    assert edge.first == edge.low and f"between {edge.low:.9g} and" in str(edge)
