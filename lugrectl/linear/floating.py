@@ -89,7 +89,11 @@ class Model:
         """T(jw), and what rounding of the matrices may change of it."""
         S, b, c = self.triangular
         s = self.point(w)
+        if math.isinf(abs(s)):
+            return complex(self.D), 0.0
         M = s * np.eye(len(S)) - S
+        if not np.diag(M).all():
+            return complex(math.nan), math.inf
         right = solve_triangular(M, b)
         left = solve_triangular(M, c, trans=1)
         reach = float(np.linalg.norm(left) * np.linalg.norm(right))
@@ -127,13 +131,20 @@ class Model:
 
     def realness_zeros(self) -> np.ndarray:
         """The zeros of T(s) + T(-s)."""
+        return self._mirrored_zeros(1.0)
+
+    def real_zeros(self) -> np.ndarray:
+        """The zeros of T(s) - T(-s), among them where T(jw) is real."""
+        return self._mirrored_zeros(-1.0)
+
+    def _mirrored_zeros(self, sign: float) -> np.ndarray:
         A = self.A + self.shift * np.eye(len(self.A))
         zero = np.zeros_like(A)
         return zeros_of(
             np.block([[A, zero], [zero, -A.T]]),
             np.vstack([self.B, self.C.T]),
-            np.hstack([self.C, -self.B.T]),
-            2 * self.D,
+            np.hstack([self.C, -sign * self.B.T]),
+            (1.0 + sign) * self.D,
         )
 
     def level_zeros(self, square: float) -> np.ndarray:

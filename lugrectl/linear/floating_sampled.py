@@ -67,8 +67,8 @@ class SampledModel(Model):
         A, B, C, D = mapped_states(self.A * grow, self.B, self.C * grow, np.atleast_2d(self.D))
         return Model(A, B, C, float(D[0, 0]))
 
-    def realness_zeros(self) -> np.ndarray:
-        return self.continuous.realness_zeros()
+    def _mirrored_zeros(self, sign: float) -> np.ndarray:
+        return self.continuous._mirrored_zeros(sign)
 
     def level_zeros(self, square: float) -> np.ndarray:
         return self.continuous.level_zeros(square)

@@ -58,6 +58,12 @@ class MeasuredLoop:
         w = low * (high / low) ** x if low > 0 else low + x * (high - low)
         return w, complex(math.exp(size) * complex(math.cos(turned), math.sin(turned)))
 
+    @property
+    def end(self) -> Margin:
+        """The factor on L up to which the last |L| stays below 1."""
+        size = float(abs(self.L[-1]))
+        return Margin(1.0 / size if size else math.inf, float(self.w[-1]))
+
     def crossovers(self) -> list[tuple[float, complex]]:
         """Where |L| = 1, and L there."""
         return [self._at(k, x) for k, x in _through(self._lines[0], 0.0)]

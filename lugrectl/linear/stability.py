@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
+
+import control as ct
 
 from ..core.errors import InputError
 from ..core.views import view
@@ -13,12 +15,19 @@ from .axis import zeros
 from .delayed import DelayedTransfer
 from .delayed_checks import poles, unstable
 from .exact import add
+from .floating_loop import FloatingLoop
 from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest
 from .measured import is_measured
 from .measured_loop import MeasuredLoop
 from .quasi import Quasi
 from .sampled import Sampled, inside, is_sampled
 from .verdict import Verdict
+
+EXACT = 8  # states up to which a loop in state space is decided in exact arithmetic
+BEYOND = (
+    "; from {:.6g} rad/s on nothing is measured: there the gain margin is at least {:.4g} if |L| "
+    "stays below its last value"
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -28,14 +37,15 @@ class StabilityVerdict(Verdict):
     A margin is inf if there is none, and nan of a loop that is not stable; the frequency beside
     it, in rad/s, is where L is then moved to -1: inf as w grows, nan where there is none.
     ``gain_margin``: the factor on L, nearest to 1 in dB, that makes the loop unstable; a loop that
-    also needs a least gain may have one below 1. ``gain_range``: between which factors it is
-    stable. ``phase_margin`` in deg: the smallest phase lag that makes it unstable, between 0 and
-    360. ``modulus_margin``: the least |1 + L(jw)|, the distance to -1; ``Ms`` = 1/modulus_margin
-    is the peak of the sensitivity. ``delay_margin`` in s: the largest dead time that the loop
-    stands on top of its own, the least of phase margin over frequency of all ``crossovers``
-    (rad/s, |L| = 1). ``encirclements`` of -1 by L(jw), counterclockwise, and the numbers of poles
-    right of the imaginary axis (outside the unit circle) of L (``open_poles``) and of the closed
-    loop (``closed_poles``): encirclements = open_poles - closed_poles (Nyquist).
+    also needs a least gain may have one below 1. Of a measured response it is that inside its band,
+    or the least that it has beyond it, as the reason says. ``gain_range``: between which factors it
+    is stable. ``phase_margin`` in deg: the smallest phase lag that makes it unstable, between 0 and
+    360. ``modulus_margin``: the least |1 + L(jw)|, the distance to -1; ``Ms`` = 1/modulus_margin is
+    the peak of the sensitivity. ``delay_margin`` in s: the largest dead time that the loop stands
+    on top of its own, the least of phase margin over frequency of all ``crossovers`` (rad/s, |L| =
+    1). ``encirclements`` of -1 by L(jw), counterclockwise, and the numbers of poles right of the
+    imaginary axis (outside the unit circle) of L (``open_poles``) and of the closed loop
+    (``closed_poles``): encirclements = open_poles - closed_poles (Nyquist).
     """
 
     stable: bool
@@ -152,6 +162,8 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
         raise InputError(
             "open_poles is for a measured response; of any other L the poles are counted."
         )
+    if isinstance(L, ct.StateSpace) and L.nstates > EXACT:
+        return _floating(FloatingLoop.of(L)).of(L)
     if is_sampled(L):
         return _sampled(Sampled.of(L, "L")).of(L)
     made = DelayedTransfer.of(L, "L")
@@ -186,16 +198,28 @@ def _not_inside(T: Sampled, closed: Quasi) -> str:
 def _verdict(loop: Loop, closed: Quasi, cause: str) -> StabilityVerdict:
     mine, theirs = zeros(loop.L.den).right, zeros(closed).right
     turns = mine - theirs if math.isfinite(mine) and math.isfinite(theirs) else math.nan
-    counts = (turns, mine, theirs)
+    return _decided(loop, (turns, mine, theirs), cause, _gain_at_infinity(loop.L))
+
+
+def _floating(loop: FloatingLoop) -> StabilityVerdict:
+    """The verdict on a loop of many states."""
+    made = _decided(loop, loop.counts, loop.cause, loop.high)
+    return made if loop.cause else replace(made, reason=f"{made.reason} (in floating point)")
+
+
+def _decided(
+    loop: Loop | FloatingLoop, counts: tuple[float, float, float], cause: str, high: Any
+) -> StabilityVerdict:
+    """``high`` is a bound on |L| as w grows."""
     found = loop.crossovers()
     at = tuple(w for w, _ in found)
     if cause:
         return _unstable(at, counts, cause)
     phase, delay = _lags(found)
-    if _gain_at_infinity(loop.L) >= 1:  # there one sample turns L(z), and any dead time L(s)
+    if high >= 1:  # there one sample turns L(z), and any dead time L(s)
         dt, end = loop.dt or 0.0, loop.frequency(math.inf)
         delay = min(delay, Margin(dt, end)) if dt else Margin(0.0, end)
-    reason = _reason(delay, turns, mine)
+    reason = _reason(delay, counts[0], counts[1])
     gains = gain_margins(loop.real_crossings())
     return _made(True, phase, delay, gains, loop.modulus(), at, counts, reason)
 
@@ -209,8 +233,11 @@ def _measured(loop: MeasuredLoop) -> StabilityVerdict:
         return _unstable(at, counts, loop.cause)
     phase, delay = _lags(found)
     reason = f"{_reason(delay, counts[0], loop.open_poles)}, of {loop.said}"
-    gains = gain_margins(loop.real_crossings())
-    return _made(True, phase, delay, gains, loop.modulus(), at, counts, reason)
+    below, above = gain_margins(loop.real_crossings())
+    if (end := loop.end).value < above.value:
+        reason += BEYOND.format(end.at, end.value)
+        above = above if math.isfinite(above.value) else end
+    return _made(True, phase, delay, (below, above), loop.modulus(), at, counts, reason)
 
 
 def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:

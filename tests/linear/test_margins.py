@@ -1,6 +1,7 @@
 """Gain, phase, modulus and delay margin are those of their definitions, in every kind of loop."""
 
 import math
+import time
 
 import control as ct
 import numpy as np
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
+from lugrectl.linear.transfer import read_transfer
 
 STEPS = np.geomspace(1e-4, 1e5, 40001)
 RESONANT = ct.tf([2.0, 20.0], [1.0, 1.0, 50.0, 0.0])
@@ -148,3 +150,45 @@ def test_python_control_finds_the_same_where_it_finds_any(seed):
     if math.isfinite(phase):
         assert found.phase_margin == pytest.approx(phase, rel=1e-6)
         assert found.phase_margin_frequency == pytest.approx(w_phase, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_many_states_have_the_margins_of_exact_arithmetic(seed):
+    random = np.random.default_rng(seed)
+    A = random.normal(size=(8, 8))
+    A = A - (np.linalg.eigvals(A).real.max() + 0.3) * np.eye(8)
+    B, C = random.normal(size=(2, 8))
+    L = ct.ss(A, B[:, None], 0.3 * C[None], 0.2 * (seed % 3 - 1))
+    L = L * ct.ss([[0.0 if seed % 2 else 0.2]], 1.0, 1.0, 0.5)  # an integrator, or not stable
+    num, den, _ = read_transfer(L)
+    found, exact = lg.stability_check(L), lg.stability_check((num[::-1], den[::-1]))
+    assert L.nstates == 9 and (found.stable, found.closed_poles) == (
+        exact.stable,
+        exact.closed_poles,
+    )
+    for name in ("gain_range", "crossovers", "delay_margin", "phase_margin", "modulus_margin"):
+        wanted = pytest.approx(getattr(exact, name), rel=1e-6, nan_ok=True)
+        assert getattr(found, name) == wanted, name
+
+
+def test_two_hundred_states_take_little_time():
+    random = np.random.default_rng(0)
+    A = random.normal(size=(200, 200)) / 14
+    A = A - (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(200)
+    B, C = random.normal(size=(2, 200)) / 14
+    begun = time.process_time()
+    found = lg.stability_check(ct.ss(A, B[:, None], 0.3 * C[None], 0.0))
+    assert found.stable and time.process_time() - begun < 20  # 2 s on a free core
+    on = 1j * np.geomspace(1e-2, 1e2, 2000)
+    L = ct.ss(A, B[:, None], 0.3 * C[None], 0.0)(on)
+    assert found.modulus_margin == pytest.approx(np.abs(1 + L).min(), rel=1e-3)
+
+
+def test_beyond_the_band_the_gain_margin_is_a_least_one():
+    """The phase of this loop crosses -180 deg at 773 rad/s, above what was measured."""
+    w = np.geomspace(1.0, 600.0, 400)
+    L = (0.25 + 6 / (1j * w)) / (0.002j * w + 0.01) * np.exp(-0.002j * w)
+    found = lg.stability_check(ct.frd(L, w))
+    assert found.gain_margin == pytest.approx(1 / abs(L[-1]))
+    assert found.gain_margin_frequency == pytest.approx(600.0)
+    assert "at least 4.796 if |L| stays below its last value" in found.reason

@@ -1,0 +1,109 @@
+"""A loop of many states: margins and the count of poles from eigenvalues, in floating point."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from .floating import Model
+from .floating_sampled import SampledModel
+from .hinf import StateResponse
+from .margins import Margin
+from .sampled import is_sampled, sample_time
+from .transfer import require_siso
+from .verdict import show_poles
+
+
+@dataclass(frozen=True)
+class FloatingLoop:
+    """L = C (sI - A)^-1 B + D, or L(z) where ``dt`` is given."""
+
+    L: Model
+    dt: float | None = None
+
+    @classmethod
+    def of(cls, L: Any) -> FloatingLoop:
+        """Raises InputError where the closed loop has no solution."""
+        require_siso(L, "L")
+        sampled = is_sampled(L)
+        model = (SampledModel if sampled else Model).balanced(L)
+        if model.D == -1:
+            raise InputError(
+                "L(s) is -1 as s grows, so that the closed loop L/(1 + L) is improper."
+            )
+        return cls(model, sample_time(L) if sampled else None)
+
+    def frequency(self, v: float) -> float:
+        """w in rad/s of the place jv."""
+        return v if self.dt is None else 2.0 * math.atan(v) / self.dt
+
+    @cached_property
+    def sensitivity(self) -> StateResponse:
+        """1/(1 + L)."""
+        M, own = self.L, 1.0 / (1.0 + self.L.D)
+        A = M.A - M.B @ M.C * own
+        return StateResponse(A, M.B * own, -M.C * own, np.array([[own]]), self.dt)
+
+    @cached_property
+    def counts(self) -> tuple[float, float, float]:
+        """Turns about -1, and poles of L and of the closed loop that are not stable."""
+        closed, L = (
+            self.sensitivity,
+            StateResponse(self.L.A, self.L.B, self.L.C, np.zeros((1, 1)), self.dt),
+        )
+        mine, theirs = (int((one.beyond(one.poles) > one.rounding).sum()) for one in (L, closed))
+        return mine - theirs, mine, theirs
+
+    @property
+    def cause(self) -> str:
+        """Why the closed loop is not stable; "" where it is."""
+        closed = self.sensitivity
+        right = closed.beyond(closed.poles) > -closed.rounding
+        if not right.any():
+            return ""
+        upper = [p for p in map(complex, closed.poles[right]) if p.imag >= 0]
+        where = "right of the imaginary axis" if self.dt is None else "outside the unit circle"
+        sure = "" if self.counts[2] else " or, within rounding, on its border"
+        return f"it has poles {where}{sure} ({show_poles(upper)}), found in floating point"
+
+    @property
+    def high(self) -> float:
+        """|L| as w grows; of a sampled loop, where one sample turns L, that too."""
+        return abs(self.L.D)
+
+    def crossovers(self) -> list[tuple[float, complex]]:
+        """Where |L| = 1, and L there."""
+
+        def above(w: float) -> tuple[float, float]:
+            t, slack = self.L.at(w)
+            return abs(t) - 1.0, slack
+
+        return self._changes(above, self.L.level_zeros(1.0))
+
+    def real_crossings(self) -> list[tuple[float, float]]:
+        """Where L is real and negative, and L there."""
+
+        def part(w: float) -> tuple[float, float]:
+            t, slack = self.L.at(w)
+            return t.imag, slack
+
+        found = [(w, L.real) for w, L in self._changes(part, self.L.real_zeros())]
+        for v in (0.0, math.inf):
+            value, slack = self.L.at(v)
+            if abs(value) > slack:
+                found.append((self.frequency(v), value.real))
+        return [(w, x) for w, x in found if x < 0]
+
+    def _changes(self, function: Any, zeros: np.ndarray) -> list[tuple[float, complex]]:
+        edges = self.L.signs(function, self.L.places(zeros)).edges
+        return [(self.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
+
+    def modulus(self) -> Margin:
+        """The least |1 + L|, of a stable closed loop."""
+        most, w = self.sensitivity.peak()
+        return Margin(1.0 / most if most else math.inf, w)
