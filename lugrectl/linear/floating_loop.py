@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +25,7 @@ class FloatingLoop:
 
     L: Model
     dt: float | None = None
+    ends = True  # all crossings are known
 
     @classmethod
     def of(cls, L: Any) -> FloatingLoop:
@@ -103,7 +104,13 @@ class FloatingLoop:
         edges = self.L.signs(function, self.L.places(zeros)).edges
         return [(self.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
 
-    def modulus(self) -> Margin:
-        """The least |1 + L|, of a stable closed loop."""
-        most, w = self.sensitivity.peak()
+    def disk(self, skew: int = 1) -> Margin:
+        """1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L); skew 1: least |1 + L|."""
+        S = self.sensitivity
+        most, w = replace(S, D=S.D + 0.5 * (skew - 1)).peak()
         return Margin(1.0 / most if most else math.inf, w)
+
+    def unstable_poles(self, gain: float) -> float:
+        """Poles of the loop with L times ``gain`` that are not stable."""
+        M = replace(self.L, C=gain * self.L.C, D=gain * self.L.D)
+        return FloatingLoop(M, self.dt).counts[2] if M.D != -1 else math.nan

@@ -11,11 +11,12 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 from ..core.errors import InputError
 from . import peaks
-from .axis import WINDOWS, Signs, settled, signs
+from .axis import WINDOWS, Signs, settled, signs, zeros
 from .delayed import DelayedTransfer
 from .delayed_checks import largest, limits, square
 from .quasi import Quasi
@@ -91,17 +92,30 @@ class Loop:
             return [math.inf]
         return [*found.changes] if found.complete else [math.inf]
 
-    def modulus(self) -> Margin:
-        """The least |1 + L|, of a stable closed loop."""
+    def disk(self, skew: int = 1) -> Margin:
+        """1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L); skew 1: least |1 + L|."""
         closed = self.L.num + self.L.den
         if closed.degree < self.L.den.degree:
             return Margin(0.0, math.inf)
-        if closed.rational and self.L.den.rational:
-            most, v = peaks.largest(self.L.den.polynomial, closed.polynomial)
+        off = self.L.den + closed.scaled(Fraction(skew - 1, 2))
+        if not off:  # L = 1 at all frequencies: the middle of the disk
+            return NONE
+        if closed.rational and off.rational:
+            most, v = peaks.largest(off.polynomial, closed.polynomial)
         else:
             near = [v for v in self._real_places if abs(self.L(1j * v)) < 1]
-            most, v = largest(DelayedTransfer(self.L.den, closed), *near)
+            most, v = largest(DelayedTransfer(off, closed), *near)
         return Margin(1.0 / most if most else math.inf, self.frequency(v))
+
+    def unstable_poles(self, gain: float) -> float:
+        """Poles of the loop with L times ``gain`` that are not stable."""
+        found = zeros(self.L.num.scaled(Fraction(gain)) + self.L.den)
+        return found.right + found.origin
+
+    @property
+    def ends(self) -> bool:
+        """Whether L is real at finitely many frequencies only."""
+        return self.L.num.rational and self.L.den.rational
 
 
 def _places(found: Signs) -> list[float]:
@@ -119,6 +133,30 @@ def gain_margins(crossings: list[tuple[float, float]]) -> tuple[Margin, Margin]:
     factors = [Margin(-1.0 / x, w) for w, x in crossings]
     below = max((m for m in factors if m.value < 1), default=Margin(0.0))
     return below, min((m for m in factors if m.value >= 1), default=NONE)
+
+
+def stable_gains(
+    loop: Any, crossings: list[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """The intervals of a factor on L, above 0, with which the closed loop is stable.
+
+    Poles reach the axis only at factors that move L to -1: one point of each interval decides. With
+    dead times such factors have no end, and none is claimed beyond the largest that is known.
+    """
+    borders = [0.0, *sorted({-1.0 / x for _, x in crossings}), math.inf]
+    if not loop.ends and len(borders) > 2:
+        borders.pop()
+    return tuple(
+        (low, high)
+        for low, high in pairwise(borders)
+        if loop.unstable_poles(_between(low, high)) == 0
+    )
+
+
+def _between(low: float, high: float) -> float:
+    if math.isinf(high):
+        return 2.0 * low or 1.0
+    return math.sqrt(low * high) or 0.5 * high
 
 
 def nearest(below: Margin, above: Margin) -> Margin:

@@ -30,6 +30,7 @@ class MeasuredLoop:
     w: np.ndarray
     L: np.ndarray
     open_poles: int
+    ends = True  # all crossings are known
 
     @classmethod
     def of(cls, L: Any, open_poles: Any) -> MeasuredLoop:
@@ -82,26 +83,33 @@ class MeasuredLoop:
             for k, x in _through(turned, (2 * m + 1) * math.pi)
         ]
 
-    def modulus(self) -> Margin:
-        """The least |1 + L|."""
+    def disk(self, skew: int = 1) -> Margin:
+        """1/max |S + (skew - 1)/2|, S = 1/(1 + L); skew 1: least |1 + L|."""
+
+        def away(L: Any) -> Any:
+            return np.abs((1 + L) / np.maximum(np.abs(1 + 0.5 * (skew - 1) * (1 + L)), LEAST))
+
         size, turned = self._lines
         x = np.linspace(0.0, 1.0, NEAR + 1)
         a, b = (line[:-1, None] + x * np.diff(line)[:, None] for line in (size, turned))
-        away = np.abs(1 + np.exp(a + 1j * b))
-        found: list[Margin] = []
-        for flat in np.argsort(away, axis=None)[: AMONG * NEAR]:
+        every, found = away(np.exp(a + 1j * b)), list[Margin]()
+        for flat in np.argsort(every, axis=None)[: AMONG * NEAR]:
             k, i = divmod(int(flat), NEAR + 1)
             ends = (max(x[i] - 1 / NEAR, 0.0), min(x[i] + 1 / NEAR, 1.0))
             best: Any = minimize_scalar(
-                lambda part, k=k: abs(1 + self._at(k, part)[1]),
+                lambda part, k=k: float(away(self._at(k, part)[1])),
                 bounds=ends,
                 method="bounded",
                 options={"xatol": 1e-12},
             )
             for part in (float(best.x), *ends):
                 w, value = self._at(k, part)
-                found.append(Margin(abs(1 + value), w))
+                found.append(Margin(float(away(value)), w))
         return min(found)
+
+    def unstable_poles(self, gain: float) -> float:
+        """Poles of the loop with L times ``gain`` that are not stable; nan where it is open."""
+        return MeasuredLoop(self.w, gain * self.L, self.open_poles).closed_poles
 
     @cached_property
     def closed_poles(self) -> float:

@@ -16,13 +16,14 @@ from .delayed import DelayedTransfer
 from .delayed_checks import poles, unstable
 from .exact import add
 from .floating_loop import FloatingLoop
-from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest
+from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest, stable_gains
 from .measured import is_measured
 from .measured_loop import MeasuredLoop
 from .quasi import Quasi
 from .sampled import Sampled, inside, is_sampled
 from .verdict import Verdict
 
+Intervals = tuple[tuple[float, float], ...]
 EXACT = 8  # states up to which a loop in state space is decided in exact arithmetic
 BEYOND = (
     "; from {:.6g} rad/s on nothing is measured: there the gain margin is at least {:.4g} if |L| "
@@ -45,7 +46,10 @@ class StabilityVerdict(Verdict):
     on top of its own, the least of phase margin over frequency of all ``crossovers`` (rad/s, |L| =
     1). ``encirclements`` of -1 by L(jw), counterclockwise, and the numbers of poles right of the
     imaginary axis (outside the unit circle) of L (``open_poles``) and of the closed loop
-    (``closed_poles``): encirclements = open_poles - closed_poles (Nyquist).
+    (``closed_poles``): encirclements = open_poles - closed_poles (Nyquist). ``disk_margins`` for
+    the skews 1, -1 and 0 of ``control.disk_margins``: 1 over the largest |S|, |T| and |S - T|/2.
+    ``stable_gains``: every interval of a factor on L with which the loop is stable, also where it
+    is not so as it stands; with dead times up to the largest factor that is known.
     """
 
     stable: bool
@@ -64,6 +68,8 @@ class StabilityVerdict(Verdict):
     phase_margin_frequency: float
     modulus_margin_frequency: float
     delay_margin_frequency: float
+    disk_margins: tuple[float, float, float]
+    stable_gains: Intervals
     _units = {
         "delay_margin": "s",
         "phase_margin": "deg",
@@ -211,17 +217,16 @@ def _decided(
     loop: Loop | FloatingLoop, counts: tuple[float, float, float], cause: str, high: Any
 ) -> StabilityVerdict:
     """``high`` is a bound on |L| as w grows."""
-    found = loop.crossovers()
-    at = tuple(w for w, _ in found)
+    found, turns = loop.crossovers(), loop.real_crossings()
+    at, gains = tuple(w for w, _ in found), stable_gains(loop, turns)
     if cause:
-        return _unstable(at, counts, cause)
+        return _unstable(at, counts, cause, gains)
     phase, delay = _lags(found)
     if high >= 1:  # there one sample turns L(z), and any dead time L(s)
         dt, end = loop.dt or 0.0, loop.frequency(math.inf)
         delay = min(delay, Margin(dt, end)) if dt else Margin(0.0, end)
     reason = _reason(delay, counts[0], counts[1])
-    gains = gain_margins(loop.real_crossings())
-    return _made(True, phase, delay, gains, loop.modulus(), at, counts, reason)
+    return _made(phase, delay, gain_margins(turns), _disks(loop), at, counts, reason, gains)
 
 
 def _measured(loop: MeasuredLoop) -> StabilityVerdict:
@@ -229,15 +234,22 @@ def _measured(loop: MeasuredLoop) -> StabilityVerdict:
     found = loop.crossovers()
     at = tuple(w for w, _ in found)
     counts = (loop.open_poles - loop.closed_poles, loop.open_poles, loop.closed_poles)
+    turns = loop.real_crossings()
+    gains = stable_gains(loop, turns)
     if loop.closed_poles:
-        return _unstable(at, counts, loop.cause)
+        return _unstable(at, counts, loop.cause, gains)
     phase, delay = _lags(found)
     reason = f"{_reason(delay, counts[0], loop.open_poles)}, of {loop.said}"
-    below, above = gain_margins(loop.real_crossings())
+    below, above = gain_margins(turns)
     if (end := loop.end).value < above.value:
         reason += BEYOND.format(end.at, end.value)
         above = above if math.isfinite(above.value) else end
-    return _made(True, phase, delay, (below, above), loop.modulus(), at, counts, reason)
+    return _made(phase, delay, (below, above), _disks(loop), at, counts, reason, gains)
+
+
+def _disks(loop: Loop | FloatingLoop | MeasuredLoop) -> tuple[Margin, Margin, Margin]:
+    """Those of S, of T and of S - T, as ``control.disk_margins`` has them."""
+    return loop.disk(1), loop.disk(-1), loop.disk(0)
 
 
 def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
@@ -248,24 +260,30 @@ def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
 
 
 def _unstable(
-    crossovers: tuple[float, ...], counts: tuple[float, float, float], cause: str
+    crossovers: tuple[float, ...], counts: tuple[float, float, float], cause: str, gains: Intervals
 ) -> StabilityVerdict:
     reason = f"the closed loop is not stable: {cause}"
-    none = (UNKNOWN, UNKNOWN, (UNKNOWN, UNKNOWN), UNKNOWN)
-    return _made(False, *none, crossovers, counts, reason)
+    if gains:
+        shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
+        reason += f"; with L times {shown} it is"
+    else:
+        reason += "; no factor on L makes it stable"
+    none = (UNKNOWN, UNKNOWN, (UNKNOWN, UNKNOWN), (UNKNOWN, UNKNOWN, UNKNOWN))
+    return _made(*none, crossovers, counts, reason, gains, False)
 
 
 def _made(
-    stable: bool,
     phase: Margin,
     delay: Margin,
     gains: tuple[Margin, Margin],
-    modulus: Margin,
+    disks: tuple[Margin, Margin, Margin],
     crossovers: tuple[float, ...],
     counts: tuple[float, float, float],
     reason: str,
+    stable_gains: Intervals,
+    stable: bool = True,
 ) -> StabilityVerdict:
-    gain = nearest(*gains)
+    gain, modulus = nearest(*gains), disks[0]
     return StabilityVerdict(
         stable,
         delay.value,
@@ -281,6 +299,8 @@ def _made(
         phase_margin_frequency=phase.at,
         modulus_margin_frequency=modulus.at,
         delay_margin_frequency=delay.at,
+        disk_margins=(disks[0].value, disks[1].value, disks[2].value),
+        stable_gains=stable_gains,
     )
 
 

@@ -192,3 +192,47 @@ def test_beyond_the_band_the_gain_margin_is_a_least_one():
     assert found.gain_margin == pytest.approx(1 / abs(L[-1]))
     assert found.gain_margin_frequency == pytest.approx(600.0)
     assert "at least 4.796 if |L| stays below its last value" in found.reason
+
+
+@pytest.mark.parametrize("kind", ["exact", "floating", "measured", "late"])
+def test_disk_margins_are_those_of_their_definition(kind):
+    w = np.geomspace(1e-3, 1e3, 6000)
+    two = ct.ss([[0.0, 1.0], [-0.2, -0.3]], [[0.0], [1.0]], [[1.0, 0.2]], 0.0)
+    seven = ct.ss(-np.eye(7), np.ones((7, 1)), np.ones((1, 7)) / 7, 0.0)
+    late = lg.delayed(ct.tf([1.0], [1.0, 1.0, 0.0]), 0.3)
+    given = {"exact": RESONANT, "floating": 0.1 * two * seven, "late": late}
+    L = given.get(kind, ct.frd(RESONANT, w))
+    values = np.array([given.get(kind, RESONANT)(1j * x) for x in w])
+    found = lg.stability_check(L)
+    assert found.stable
+    for skew, margin in zip((1, -1, 0), found.disk_margins, strict=True):
+        grid = 1 / np.abs(1 / (1 + values) + (skew - 1) / 2).max()
+        assert margin == pytest.approx(grid, rel=2e-3)
+        if kind == "exact":
+            assert margin == pytest.approx(ct.disk_margins(L, w, skew=skew)[0], rel=2e-3)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_stable_gains_are_all_there_are(seed):
+    """Against the poles of the closed loop over gains; a third has many states, one is sampled."""
+    random = np.random.default_rng(seed)
+    num, den = random.normal(size=random.integers(1, 4)), random.normal(size=4)
+    L = ct.ss(ct.tf(num, den))
+    if seed % 3 == 1:
+        L = L * ct.ss(-np.eye(7), np.ones((7, 1)), np.ones((1, 7)) / 7, 0.0)
+    if seed % 3 == 2:
+        L = ct.sample_system(L, 0.3)
+    found = lg.stability_check(L)
+    for k in np.geomspace(1e-3, 1e3, 61):
+        if any(abs(k / end - 1) < 1e-3 for one in found.stable_gains for end in one if end):
+            continue
+        poles = np.linalg.eigvals(L.A - k / (1 + k * L.D[0, 0]) * L.B @ L.C)
+        stable = bool((np.abs(poles) < 1).all() if L.dt else (poles.real < 0).all())
+        assert stable == any(low < k < high for low, high in found.stable_gains), k
+
+
+def test_an_unstable_loop_says_which_gains_would_do():
+    raised = lg.stability_check(ct.tf([0.5], [1.0, -1.0]))
+    assert not raised and raised.stable_gains == ((2.0, math.inf),)
+    assert raised.reason.endswith("with L times 2 to inf it is")
+    assert lg.stability_check(ct.tf([1.0], [1.0, -1.0, 1.0, 0.0])).stable_gains == ()
