@@ -77,6 +77,12 @@ class FloatingLoop:
         """|L| as w grows; of a sampled loop, where one sample turns L, that too."""
         return abs(self.L.D)
 
+    @property
+    def static(self) -> float:
+        """L at w = 0; nan where it is infinite."""
+        value, slack = self.L.at(0.0)
+        return value.real if slack < abs(value) else math.nan
+
     def crossovers(self) -> list[tuple[float, complex]]:
         """Where |L| = 1, and L there."""
 

@@ -113,6 +113,12 @@ class Loop:
         return found.right + found.origin
 
     @property
+    def static(self) -> float:
+        """L at w = 0; nan where it is infinite."""
+        below = self.L.den.taylor(0)
+        return float(self.L.num.taylor(0) / below) if below else math.nan
+
+    @property
     def ends(self) -> bool:
         """Whether L is real at finitely many frequencies only."""
         return self.L.num.rational and self.L.den.rational

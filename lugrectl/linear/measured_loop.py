@@ -21,6 +21,7 @@ from .measured import response, span
 LEAST = 1e-300
 NEAR = 8  # steps between two frequencies, about which |1 + L| is then minimised
 AMONG = 3  # of the lowest of these
+LIKE_1 = 0.02  # of a measured L: closer to 1 is 1
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,12 @@ class MeasuredLoop:
         low, high = float(self.w[k]), float(self.w[k + 1])
         w = low * (high / low) ** x if low > 0 else low + x * (high - low)
         return w, complex(math.exp(size) * complex(math.cos(turned), math.sin(turned)))
+
+    @property
+    def static(self) -> float:
+        """L at the lowest frequency; nan where it is not real."""
+        first = complex(self.L[0])
+        return first.real if abs(first.imag) < LIKE_1 * abs(first) else math.nan
 
     @property
     def end(self) -> Margin:

@@ -18,11 +18,13 @@ from .exact import add
 from .floating_loop import FloatingLoop
 from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest, stable_gains
 from .measured import is_measured
-from .measured_loop import MeasuredLoop
+from .measured_loop import LIKE_1, MeasuredLoop
 from .quasi import Quasi
 from .sampled import Sampled, inside, is_sampled
 from .verdict import Verdict
 
+CLOSED = "; L is 1 at w = 0, as a closed loop with integral action is: the open loop is asked for"
+SAME = 1e-9  # of L at w = 0: closer to 1 is 1
 Intervals = tuple[tuple[float, float], ...]
 EXACT = 8  # states up to which a loop in state space is decided in exact arithmetic
 BEYOND = (
@@ -225,7 +227,7 @@ def _decided(
     if high >= 1:  # there one sample turns L(z), and any dead time L(s)
         dt, end = loop.dt or 0.0, loop.frequency(math.inf)
         delay = min(delay, Margin(dt, end)) if dt else Margin(0.0, end)
-    reason = _reason(delay, counts[0], counts[1])
+    reason = _reason(delay, counts[0], counts[1]) + CLOSED * (abs(loop.static - 1) < SAME)
     return _made(phase, delay, gain_margins(turns), _disks(loop), at, counts, reason, gains)
 
 
@@ -240,6 +242,7 @@ def _measured(loop: MeasuredLoop) -> StabilityVerdict:
         return _unstable(at, counts, loop.cause, gains)
     phase, delay = _lags(found)
     reason = f"{_reason(delay, counts[0], loop.open_poles)}, of {loop.said}"
+    reason += CLOSED * (abs(loop.static - 1) < LIKE_1)
     below, above = gain_margins(turns)
     if (end := loop.end).value < above.value:
         reason += BEYOND.format(end.at, end.value)

@@ -236,3 +236,13 @@ def test_an_unstable_loop_says_which_gains_would_do():
     assert not raised and raised.stable_gains == ((2.0, math.inf),)
     assert raised.reason.endswith("with L times 2 to inf it is")
     assert lg.stability_check(ct.tf([1.0], [1.0, -1.0, 1.0, 0.0])).stable_gains == ()
+
+
+def test_a_closed_loop_that_was_handed_in_is_told():
+    closed, said = ct.tf([10.0], [1.0, 2.0, 10.0]), "the open loop is asked for"
+    w = np.geomspace(0.01, 1e3, 300)
+    seven = ct.ss(-np.eye(9), np.ones((9, 1)), np.ones((1, 9)) / 9, 0.0)
+    for L in (closed, ct.frd(closed, w), lg.delayed(closed, 0.01), seven):
+        assert said in lg.stability_check(L).reason
+    for L in (1.1 * closed, ct.frd(1.1 * closed, w), RESONANT):
+        assert said not in lg.stability_check(L).reason
