@@ -20,7 +20,7 @@ from ..core.option_names import option
 from ..record.stretches import Stretch
 from .channels import as_acted, logged_late, speed_offset
 from .columns import columns
-from .constants import ALPHA, CLEAR, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
+from .constants import ALPHA, CLEAR, FEW, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
 from .enough import enough
 from .friction import OFFSET, Term, View, declared_terms, places
@@ -232,7 +232,11 @@ def answer(
     split = Split.of(few, held_out)
     train, test = few.on(split.train), few.on(split.test)
     decision = Decision(train, width, (), least, alpha)
-    made = _Judge(few, train, test, split, decision, view).answer()
+    judge = _Judge(few, train, test, split, decision, view)
+    if not view.is_map and judge.short():
+        whole = Decision(few.on(np.ones(len(few.rows), bool)), width, (), least, alpha)
+        judge.keep(whole)
+    made = judge.answer()
     if not view.is_map:
         return made
     # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
@@ -299,6 +303,22 @@ class _Judge:
         """What was named and is not held, the largest first, but what the plain answer has."""
         names = [name for _, name in sorted(self.candidates)]
         return [n for n in names if not (n == OFFSET and last.design.constant)]
+
+    def short(self) -> bool:
+        """Whether names are given, of so few independent stretches that half of them mislead."""
+        d = self.decision
+        if not (d.table.chosen or d.parts):
+            return False
+        last = LastFit(d.view, state_of(d.table), d.table.scale)
+        return bool(Interval(last).blocks[0][-1] + 1 < FEW)
+
+    def keep(self, whole: Decision) -> None:
+        """Of the names of training rows those that all rows have, too."""
+        there = {*_names(whole), *(t.name for t in whole.joined)}
+        there |= {n for names in whole.alternatives.values() for n in names}
+        while own := {*_names(self.decision)} - there:
+            self.struck |= own
+            self.decision.decide(self.struck)
 
     # ---- what the last fit holds
     def _held(self) -> LastFit:
@@ -572,6 +592,10 @@ class _Judge:
         made.only_inertia, made.verdict, made.depends_on = True, "ambiguous", []
         made.alternatives = {WHOLE_INERTIA: ["backlash"]}
         made.notes.append("J is that of drive and load together; the drive's own lies below.")
+
+
+def _names(d: Decision) -> list[str]:
+    return [*(c.name for c in d.table.chosen), *(p.name for p in d.parts)]
 
 
 def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:
