@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..blocks.block import unit_for
-from ..estimates.bench_test import BenchTest, in_words
+from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
 from .momentum import EXPLAINED, Fitted, Stroke, best, constant, coulomb, stroked, viscous
 from .motion import Motion
@@ -60,7 +60,8 @@ def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> Bench
     values = _values(made, J, motion)
     many = f"{len(strokes)} coast-downs" if len(strokes) > 1 else "One coast-down"
     taken = f", with J = {J:.6g} {unit_for('kg m2', motion)} as declared" if J else ""
-    return BenchTest(KIND, f"{many}{taken}: {in_words(values)}.", values)
+    alone = ALONE if len(ways) == 1 else ""
+    return BenchTest(KIND, f"{many}{taken}: {in_words(values)}.{alone}", values)
 
 
 def _values(made: Fitted, J: float | None, motion: str) -> dict[str, Estimate]:

@@ -9,7 +9,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..blocks.friction import level
 from ..core.numeric import Z95
-from ..estimates.bench_test import BenchTable, BenchTest, in_words
+from ..estimates.bench_test import ONE_WAY, BenchTable, BenchTest, in_words
 from ..estimates.findings import Estimate
 from .motion import Motion
 from .plateaus import Plateau, levels, plateaus
@@ -48,7 +48,8 @@ def staircase(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     )
     table = BenchTable((f"w [{speed}]", f"u [{torque}]", f"+- [{torque}]"), rows)
     said = f"Staircase of {len(w)} plateaus: {in_words(values)}."
-    return BenchTest(KIND, said if "Fs" in values else f"{said} {TOO_FAST}", values, table)
+    falls = any(k.startswith("Fs") for k in values)
+    return BenchTest(KIND, said if falls else f"{said} {TOO_FAST}", values, table)
 
 
 def _torque(p: Plateau) -> tuple[float, float]:
@@ -95,10 +96,11 @@ def fitted(
     likely /= max(likely.sum(), 1.0)
     gap = np.array([f[0][: len(plain)] for f in fits]) - p[: len(plain)]
     V = V[: len(plain), : len(plain)] * unit + np.einsum("i,ij,ik->jk", likely, gap, gap)
-    units = {"Fc": unit_for("N m", motion), "Fv": unit_for("N m s/rad", motion)}
+    more = "" if np.ptp(s) else ONE_WAY
+    units = {"Fc" + more: unit_for("N m", motion), "Fv": unit_for("N m s/rad", motion)}
     made = {k: interval(p[i], float(np.sqrt(V[i, i])), free, units[k]) for i, k in enumerate(units)}
     fall = _fall(fits, last, likely, unit, free, motion) if falls else {}
-    return made | fall
+    return made | {k + more * (k == "Fs"): e for k, e in fall.items()}
 
 
 def _at(

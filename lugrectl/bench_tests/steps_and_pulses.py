@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..blocks.block import unit_for
-from ..estimates.bench_test import BenchTest, in_words
+from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
 from .momentum import (
     EXPLAINED,
@@ -45,7 +45,8 @@ def steps_and_pulses(motions: Sequence[Motion], motion: str) -> BenchTest | None
         return None
     pushes = sum(p.held and p.level != 0 for _, parts in found for p in parts)
     values = _values(made, [one for one, _ in found], motion)
-    return BenchTest(KIND, f"{pushes} torque steps or pulses: {in_words(values)}.", values)
+    alone = "" if both else ALONE
+    return BenchTest(KIND, f"{pushes} torque steps or pulses: {in_words(values)}.{alone}", values)
 
 
 def _is_held(one: Motion, parts: Sequence[Piece]) -> bool:

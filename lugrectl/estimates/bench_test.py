@@ -10,6 +10,9 @@ from ..core.display import Row, Shown, estimated, with_interval
 from ..core.result import Fields, picked
 from .findings import Estimate
 
+ONE_WAY = " + constant_torque"  # what a friction torque holds beside itself in one direction
+ALONE = " In one direction Fc holds a constant torque, too."
+
 
 @dataclass(frozen=True, repr=False)
 class BenchTable(Fields, Shown):

@@ -44,3 +44,12 @@ def test_short_plateaus_of_a_slow_log_are_plateaus():
     (test,) = lg.balance(log).bench_tests
     assert test.kind == "staircase" and test.values["Fc"].may_be(DRIVE.Fc)
     assert test.values["Fc"].value == pytest.approx(DRIVE.Fc, rel=0.02)
+
+
+def test_in_one_direction_friction_and_a_constant_torque_are_one_number():
+    levels = np.repeat(np.r_[1.0:9.0], 400)
+    w = np.convolve(np.r_[np.zeros(80), levels], np.ones(80) / 80, "valid")[: len(levels)]
+    u = DRIVE.J * np.gradient(w, 2e-3) + DRIVE.Fc + DRIVE.Fv * w + 0.1
+    (test,) = lg.balance({"t": 2e-3 * np.arange(len(w)), "u": u, "w": w}).bench_tests
+    assert "Fc" not in test.values and " Fc + constant_torque " in test.text
+    assert test.values["Fc + constant_torque"].value == pytest.approx(DRIVE.Fc + 0.1, rel=0.01)
