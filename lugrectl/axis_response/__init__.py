@@ -2,7 +2,7 @@
 
 from .of_record import frequency_response
 from .plan import ResponsePlan, response_plan
-from .result import FrequencyResponse
+from .result import FrequencyResponse, UncertainResponseWarning
 from .tuned import Tuning
 from .tuning import tune
 
@@ -10,6 +10,7 @@ __all__ = [
     "FrequencyResponse",
     "ResponsePlan",
     "Tuning",
+    "UncertainResponseWarning",
     "frequency_response",
     "response_plan",
     "tune",

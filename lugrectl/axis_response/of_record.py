@@ -164,9 +164,7 @@ def _result(
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
-        frequency=r.w,
-        magnitude=size,
-        phase=unwrapped(r.w, r.P, sure),
+        unwrapped=unwrapped(r.w, r.P, sure),
         low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -27,13 +28,21 @@ RECORD = (
     "torque is about twice the friction, and log the reference."
 )
 THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little."
+UNSURE = "{} of {} points of the response are not certain (coherence below 0.95)."
 FEW = 0.5  # of the points: with fewer certain ones that is said
 UNIT = {"rotary": "(rad/s)/(N m)", "linear": "(m/s)/N"}  # of a response
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class FrequencyResponse(Result):
+class UncertainResponseWarning(UserWarning):
+    """A response is used at points that are not certain."""
+
+
+@dataclass(eq=False, repr=False)
+class FrequencyResponse(Result, ct.FrequencyResponseData):
     """The frequency response from motor torque less friction to motor speed.
+
+    A ``control.FrequencyResponseData`` of all points, at the log's sample time: of a loop with the
+    controller C, ``lg.stability_check(C * response)``, which warns of points that are not certain.
 
     Attributes
     ----------
@@ -41,7 +50,7 @@ class FrequencyResponse(Result):
         The response with friction taken out, and without; (rad/s)/(N m), or (m/s)/N, at the log's
         sample time: the torque is held over each sample, and a dead time is part of it.
     frequency, magnitude, phase : ndarray
-        In rad/s, as above, and rad.
+        In rad/s, as above, and rad (``unwrapped`` along what is certain).
     low, high : ndarray
         The 95 % band of the magnitude; NaN where the coherence is below 0.95.
     coherence : ndarray
@@ -71,9 +80,7 @@ class FrequencyResponse(Result):
 
     frd: ct.FrequencyResponseData
     raw: ct.FrequencyResponseData
-    frequency: np.ndarray
-    magnitude: np.ndarray
-    phase: np.ndarray
+    unwrapped: np.ndarray
     low: np.ndarray
     high: np.ndarray
     coherence: np.ndarray
@@ -88,6 +95,38 @@ class FrequencyResponse(Result):
     mechanics: Mechanics | None = field(default=None, repr=False)
     gains: Any = None
     provenance: Provenance | None = field(default=None, repr=False)
+    is_axis = True  # and no loop
+
+    def __post_init__(self) -> None:
+        ct.FrequencyResponseData.__init__(self, self.frd, sysname="axis")
+
+    @property
+    def frequency(self) -> np.ndarray:
+        return self.omega
+
+    @property
+    def magnitude(self) -> np.ndarray:
+        return np.abs(np.asarray(self.frdata)[0, 0])
+
+    @property
+    def phase(self) -> np.ndarray:
+        return self.unwrapped
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._used() * other
+
+    def __rmul__(self, other: Any) -> Any:
+        return other * self._used()
+
+    def _used(self) -> ct.FrequencyResponseData:
+        """All points, with a warning where some are not certain."""
+        if unsure := int((~self.certain).sum()):
+            said = UNSURE.format(unsure, len(self.omega))
+            warnings.warn(said, UncertainResponseWarning, stacklevel=3)
+        return self.frd
 
     @property
     def trusted(self) -> bool:

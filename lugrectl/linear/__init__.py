@@ -22,9 +22,10 @@ from .loops import (
 from .passivity import PassivityVerdict, passivity_check
 from .repair import Repair
 from .spr import SprVerdict, spr_check, spr_repair
-from .stability import StabilityVerdict, stability_check
+from .stability import AxisAsLoopWarning, StabilityVerdict, stability_check
 
 __all__ = [
+    "AxisAsLoopWarning",
     "BandwidthVerdict",
     "DelayedTransfer",
     "DesignChecks",

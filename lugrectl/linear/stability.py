@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -23,6 +24,7 @@ from .quasi import Quasi
 from .sampled import Sampled, inside, is_sampled
 from .verdict import Verdict
 
+AXIS = "This is the response of an axis, and no loop: give its product with the controller, C * fr."
 CLOSED = "; L is 1 at w = 0, as a closed loop with integral action is: the open loop is asked for"
 SAME = 1e-9  # of L at w = 0: closer to 1 is 1
 Intervals = tuple[tuple[float, float], ...]
@@ -31,6 +33,10 @@ BEYOND = (
     "; from {:.6g} rad/s on nothing is measured: there the gain margin is at least {:.4g} if |L| "
     "stays below its last value"
 )
+
+
+class AxisAsLoopWarning(UserWarning):
+    """The response of an axis alone is taken for an open loop."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -165,6 +171,8 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     2.16
     """
     if is_measured(L):
+        if getattr(L, "is_axis", False):
+            warnings.warn(AXIS, AxisAsLoopWarning, stacklevel=2)
         return _measured(MeasuredLoop.of(L, open_poles)).of(L)
     if open_poles:
         raise InputError(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+from dataclasses import replace
 
 import control as ct
 import matplotlib.pyplot as plt
@@ -10,9 +12,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.axis_response import UncertainResponseWarning
 from lugrectl.axis_response.friction_terms import impossible
 from lugrectl.axis_response.result import unwrapped
 from lugrectl.cli import main
+from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3
 MODEL = lg.Model.of(friction="coulomb")
@@ -42,6 +46,24 @@ def test_it_is_an_frd_of_the_sampled_axis(found):
     assert np.allclose(np.abs(found.frd.frdata[0, 0]), found.magnitude)
     assert np.allclose(np.exp(1j * found.phase), np.exp(1j * np.angle(found.frd.frdata[0, 0])))
     assert isinstance(found, lg.results.FrequencyResponse)
+
+
+def test_it_is_one_itself_of_a_loop_with_the_controller(found):
+    C = ct.tf([0.5, 2.0], [1.0, 0.0])
+    assert isinstance(found, ct.FrequencyResponseData) and found.dt == pytest.approx(2e-3)
+    assert found.certain.all() and lg.stability_check(C * found).stable
+    unsure = replace(found, coherence=np.where(found.frequency < 100, found.coherence, 0.5))
+    for product in (lambda: C * unsure, lambda: unsure * C):
+        with pytest.warns(UncertainResponseWarning, match="points of the response are not certain"):
+            L = product()
+        assert np.allclose(L.frdata, (found.frd * C).frdata)
+        assert lg.stability_check(L).phase_margin > 0
+    with pytest.warns(AxisAsLoopWarning, match="of an axis, and no loop"):
+        lg.stability_check(found)
+    again = pickle.loads(pickle.dumps(found))
+    assert np.array_equal(again.magnitude, found.magnitude) and str(again) == repr(found)
+    axes = ct.bode_plot(found).axes
+    plt.close(axes[0, 0].figure)
 
 
 def test_plain_data_and_a_short_text(found):
