@@ -170,6 +170,13 @@ def test_what_c_has_no_word_for_is_named() -> None:
         c_code("def run(a):\n    with a:\n        pass\n", [NUMBER])
 
 
+def test_a_long_sum_is_not_nested() -> None:
+    """That over the samples of a dead time has thousands of terms."""
+    text = c_code(f"def run(a):\n    return {' - '.join(['a'] * 3000)} * (a + a) / a\n", [NUMBER])
+    (line,) = [line for line in text.splitlines() if "a_ - a_" in line]
+    assert line.strip() == f"return ({'a_ - ' * 2999}((double)(a_ * (a_ + a_)) / a_));"
+
+
 def test_arrays_in_another_order_are_refused() -> None:
     with pytest.raises(TypeError, match="argument 0"):
         Native("def run(a):\n    pass\n")(np.zeros((3, 2)).T)
