@@ -18,6 +18,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
+from lugrectl.engine.codegen.python_source import summed
 from lugrectl.engine.runtime import c_compiler, disk_cache
 from lugrectl.engine.runtime.c_compiler import Native, has_compiler
 
@@ -175,6 +176,13 @@ def test_a_long_sum_is_not_nested() -> None:
     text = c_code(f"def run(a):\n    return {' - '.join(['a'] * 3000)} * (a + a) / a\n", [NUMBER])
     (line,) = [line for line in text.splitlines() if "a_ - a_" in line]
     assert line.strip() == f"return ({'a_ - ' * 2999}((double)(a_ * (a_ + a_)) / a_));"
+
+
+def test_a_long_sum_is_not_deep() -> None:
+    """The state of a long dead time has thousands of numbers: Python and C nest no sum of them."""
+    text = summed([f"{i}.0" for i in range(20000)])
+    assert eval(text) == sum(range(20000))  # noqa: S307
+    assert "+ 19999.0" in c_code(f"def run(a):\n    return a + {text}\n", [NUMBER])
 
 
 def test_arrays_in_another_order_are_refused() -> None:

@@ -18,7 +18,7 @@ from .events import (
     turns,
 )
 from .filippov import exactly_at_zero, names, settle, sliding
-from .python_source import Emitter, early_first, indent, reciprocals
+from .python_source import Emitter, early_first, indent, reciprocals, summed
 from .rosenbrock import Equations, step
 from .switching import freeze_modes
 
@@ -159,7 +159,7 @@ def adaptive_code(program: Program, kind: str) -> str:
         settle=indent(settle(parts.slides, parts.states, write(rest)), 3),
         step=indent(write(step_code), 3),
         weights=indent(_weights(len(parts.states)), 3),
-        error=" + ".join(f"g{i} * g{i}" for i in range(len(parts.states))) or "0.0",
+        error=summed([f"g{i} * g{i}" for i in range(len(parts.states))]),
         blame=indent(_blame(len(parts.states)), 5),
         leads=indent(_end_inputs(parts) + write(end) + nearest_zero(parts, write(after)), 3),
         before=indent(nearest_before(parts), 4),

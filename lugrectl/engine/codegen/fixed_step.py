@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ..expression.graph import Node, rename
 from ..tracing.equations import Program
-from .python_source import Emitter, indent, lines_of
+from .python_source import Emitter, indent, lines_of, summed
 from .relay import Relays, relays
 from .rosenbrock import Equations, step
 
@@ -154,8 +154,8 @@ def trial(
         template.format(
             tired=TIRED,
             code="\n".join([*emitter.body, *made, *switching.after(kind)]),
-            error=" + ".join(parts) or "0.0",
-            state=" + ".join(states) or "0.0",
+            error=summed(parts),
+            state=summed(states),
             advance="\n".join(advance),
             **switching.filling(kind),
         )

@@ -19,6 +19,7 @@ ARRAY_HEADER = "import numpy as np\nfrom numpy import inf, nan\n"
 
 _INFIX = {"add", "subtract", "multiply", "divide", "negative"}
 _LONGEST = 70
+_SUM = 64  # terms without brackets
 # exp is 0 there, but the library is slow to return it; tests for nan, and functions that few
 # libraries provide for several numbers at once, keep compilers from vectorising
 _OWN = {
@@ -191,3 +192,11 @@ def indent(lines: Iterable[str], depth: int) -> str:
 def lines_of(text: str) -> list[str]:
     """The lines of a filled template, without the empty ones."""
     return [line for line in text.split("\n") if line]
+
+
+def summed(terms: Sequence[str]) -> str:
+    """A sum of many terms in groups: Python and C read no deep nesting of operations."""
+    parts = list(terms)
+    while len(parts) > _SUM:
+        parts = [f"({' + '.join(parts[i : i + _SUM])})" for i in range(0, len(parts), _SUM)]
+    return " + ".join(parts) or "0.0"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..expression.graph import symbols_in
 from ..tracing.network_equations import Hybrid, Tick
 from .adaptive_step import adaptive_code
-from .python_source import Emitter, indent
+from .python_source import Emitter, indent, summed
 
 # x are the continuous states, q the sampled ones, u the external inputs followed by the values
 # held between updates (ticks). column[k] is where the grid point is stored, -1: not stored.
@@ -86,7 +86,7 @@ def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
         before=indent(_store("q", hybrid) + _store("b", hybrid), 3),
         read=indent(_read(hybrid, tick), 3),
         tick=indent(_tick(hybrid, tick, emitter.body, codes, kind), 3),
-        total=" + ".join(f"0.0 * {name}" for name in targets) or "0.0",
+        total=summed([f"0.0 * {name}" for name in targets]),
         keep=indent(_keep(hybrid, tick), 4),
         keep_last=indent(_keep(hybrid, tick), 3),
         store=indent(_store("x", hybrid) + _store("h", hybrid), 3),
