@@ -171,13 +171,6 @@ def test_what_c_has_no_word_for_is_named() -> None:
         c_code("def run(a):\n    with a:\n        pass\n", [NUMBER])
 
 
-def test_a_long_sum_is_not_nested() -> None:
-    """That over the samples of a dead time has thousands of terms."""
-    text = c_code(f"def run(a):\n    return {' - '.join(['a'] * 3000)} * (a + a) / a\n", [NUMBER])
-    (line,) = [line for line in text.splitlines() if "a_ - a_" in line]
-    assert line.strip() == f"return ({'a_ - ' * 2999}((double)(a_ * (a_ + a_)) / a_));"
-
-
 def test_a_long_sum_is_not_deep() -> None:
     """The state of a long dead time has thousands of numbers: Python and C nest no sum of them."""
     text = summed([f"{i}.0" for i in range(20000)])

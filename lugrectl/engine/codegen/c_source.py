@@ -242,20 +242,10 @@ class _Writer:
         return f"({_SIGNS[type(node.op)]}{code})", kind
 
     def _binop(self, node: ast.BinOp) -> Value:
-        chain: list[ast.BinOp] = []  # a long sum is not nested, neither here nor in C
-        first: ast.expr = node
-        while isinstance(first, ast.BinOp):
-            chain.append(first)
-            first = first.left
-        (code, kind), before = self.of(first), False
-        for one in reversed(chain):
-            other, its = self.of(one.right)
-            sums, divides = isinstance(one.op, ast.Add | ast.Sub), isinstance(one.op, ast.Div)
-            code = f"({code})" if before and not sums else code
-            code = f"{'(double)' * divides}{code} {_SIGNS[type(one.op)]} {other}"
-            code = code if sums else f"({code})"
-            kind, before = NUMBER if divides or kind != its else kind, sums
-        return f"({code})" if before else code, kind
+        (a, one), (b, two) = self.of(node.left), self.of(node.right)
+        if isinstance(node.op, ast.Div):
+            return f"((double){a} / {b})", NUMBER
+        return f"({a} {_SIGNS[type(node.op)]} {b})", one if one == two else NUMBER
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         return f"({f' {_SIGNS[type(node.op)]} '.join(self.of(v)[0] for v in node.values)})", WHOLE
