@@ -154,17 +154,17 @@ def log_density(r: np.ndarray, stretch: float = 1.0) -> np.ndarray:
 
 
 class Blocks:
-    """Stretches of time over which descriptions are compared: ``number`` of equal length.
+    """Stretches of time over which descriptions are compared: those of ``most`` of equal length
+    in which there are rows, ``number`` in all.
 
     ``t`` (m,) are the times of the rows in order, from 0 to ``duration``.
     """
 
-    def __init__(self, t: np.ndarray, duration: float, number: int) -> None:
-        self.number = number
-        at = np.minimum((t / duration * number).astype(int), number - 1)
-        self.cut = np.searchsorted(at, np.arange(number + 1))
-        ends = zip(self.cut[:-1], self.cut[1:], strict=True)
-        self.parts = [(i, slice(a, b)) for i, (a, b) in enumerate(ends) if b > a]
+    def __init__(self, t: np.ndarray, duration: float, most: int) -> None:
+        at = np.minimum((t / duration * most).astype(int), most - 1)
+        first = np.flatnonzero(np.r_[True, np.diff(at) > 0])
+        self.most, self.number, self.cut = most, len(first), np.r_[first, len(at)]
+        self.parts = [*map(slice, self.cut[:-1], self.cut[1:])]
 
     def seen(self, r: np.ndarray, stretch: float) -> np.ndarray:
         """Log density of each block (number,) under a fit that has seen it."""
@@ -185,14 +185,14 @@ class Blocks:
         size = np.diag(H).copy()
         rounding = 1e-9 * size + size.max() * (size < 1e-24 * size.max())
         H[np.diag_indices(len(H))] += prior.precision[fit.free] + rounding
-        M = np.stack([H - own[k].T @ weighted[k] for _, k in self.parts])
-        S = np.stack([score[k].sum(axis=0) for _, k in self.parts])
+        M = np.stack([H - own[k].T @ weighted[k] for k in self.parts])
+        S = np.stack([score[k].sum(axis=0) for k in self.parts])
         try:
             step = -np.linalg.solve(M, S[:, :, None])[:, :, 0]
         except np.linalg.LinAlgError:
             step = np.zeros_like(S)
         out = np.zeros(self.number)
-        for (i, k), d in zip(self.parts, step, strict=True):
+        for i, (k, d) in enumerate(zip(self.parts, step, strict=True)):
             out[i] = log_density(r[k] - own[k] @ d / scale, stretch).sum()
         return out
 

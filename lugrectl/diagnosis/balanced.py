@@ -162,7 +162,7 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
     """
     if is_map(asked.stretches):  # nothing moves that could be simulated
         return None, None
-    records, holdout = asked.records(), asked.holdout()
+    records, holdout, other = asked.records(), asked.holdout(), None
     for length in LENGTHS:
         try:
             ready = prepared(records, asked.model, holdout, horizon, length)
@@ -170,9 +170,34 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
             if not length:
                 return None, no
             continue
-        if holdout is not None or _same_motion(ready):
+        if holdout is not None or (_same_motion(ready) and _both_ways(ready)):
             return ready, None
-    return None, Refused(OTHER_PLACES)
+        other = other or (ready if _same_motion(ready) else None)
+    return other, None if other else Refused(OTHER_PLACES)
+
+
+def _both_ways(ready: Prepared) -> bool:
+    """Whether the rarer direction is no rarer in training samples than by half."""
+    ways, training = [], []
+    for i, run in enumerate(ready.runs):
+        moves = np.abs(run.speed) > SLOW * np.abs(run.speed).max()
+        ways.append(np.sign(run.speed) * moves)
+        training.append(~_held_out(ready, i))
+    way, of = np.concatenate(ways), np.concatenate(training)
+
+    def rarer(x: np.ndarray) -> float:
+        return min(np.mean(x[x != 0] == side) for side in (-1, 1)) if x.any() else 0.0
+
+    return rarer(way[of]) >= 0.5 * rarer(way)
+
+
+def _held_out(ready: Prepared, i: int) -> np.ndarray:
+    """The samples (n,) of a run that are set apart."""
+    t = ready.runs[i].t
+    out = np.zeros(len(t), bool)
+    for own, start, end in ready.held_out:
+        out |= (own == i) & (t >= start) & (t <= end)
+    return out
 
 
 def _same_motion(ready: Prepared) -> bool:
@@ -183,9 +208,7 @@ def _same_motion(ready: Prepared) -> bool:
         turn = 2 * np.pi if ready.model.motion == "rotary" else travel
         place = np.floor(run.theta / turn * PLACES) % PLACES
         way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
-        out = np.zeros(len(run.t), bool)
-        for own, start, end in ready.held_out:
-            out |= (own == i) & (run.t >= start) & (run.t <= end)
+        out = _held_out(ready, i)
         seen |= {*np.unique((3 * place + way)[~out]).tolist()}
         held_out |= {*np.unique((3 * place + way)[out]).tolist()}
     return len(seen & held_out) > 0.5 * len(held_out)

@@ -155,7 +155,7 @@ class View:
         made.K, made._in_rows = made.rows.K, {}
         made._made, made._waves, made._room = {}, {}, ROOM
         made.noise = float(np.mean(made.rows.shake**2))
-        made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.number)
+        made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.most)
         return made
 
     def once(self, key: Any, make: Callable[[], Seen]) -> Seen:

@@ -120,7 +120,8 @@ class Interval:
         apart = np.array([law.b for law in laws] + [b]) - b
         V = WHOLE**2 * V + (share[:, None] * apart).T @ apart
         # every drive has a little of the same kind as what is named
-        little = BACKGROUND * d.level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
+        level = max(abs(float(b[at["Fc"]])), 0.1 * float(np.sqrt(np.mean(d.y**2))))
+        little = BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
         own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
         own += [at["offset"]] if d.constant else []
         own += [at["Fc"], at["Fv"]]  # a little warmer is another friction
