@@ -7,7 +7,10 @@ from lugrectl import Model, balance, diagnose, identify
 from lugrectl.report import text
 from lugrectl.report.wording import toml_of
 
+from ..blind.plan import STRENGTHS
+from ..blind.work import write
 from ..cases.balance_drive import FC, simulate
+from ..rig import sample
 
 DT, LOAD = 2e-3, 0.05
 SUM = "Fc + constant_torque"
@@ -111,3 +114,13 @@ def test_runs_in_one_direction_each_show_both_together():
     assert plain.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
     fitted = identify([forward, backward], declared()).estimates
     assert fitted["Fc"].may_be(FC)
+
+
+@pytest.mark.parametrize("effect", ["viscous_asymmetry", "none"])
+def test_halves_of_a_short_record_show_both_directions(effect, tmp_path):
+    """These moves of 10 s have blocks of 2 s of which every other one goes one way."""
+    seed, hard = (233000, False) if effect == "viscous_asymmetry" else (233008, True)
+    (path,), model = write(sample(effect, seed, hard=hard, strength=STRENGTHS["weak"]), tmp_path)
+    found = diagnose(path, model)
+    assert [one.name for one in found.effects] == [effect] * (effect != "none")
+    assert found.verdict == ("adequate" if effect == "none" else "found")
