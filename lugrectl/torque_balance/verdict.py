@@ -264,6 +264,7 @@ class _Judge:
         self.view, self.train, self.test, self.split = view, train, test, split
         self.decision, self.all = decision, every
         self.struck: set[str] = set()
+        self.bare: LastFit | None = None  # the fit to training rows without names
         self.large = 0  # how many of these were the largest of theirs
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
@@ -275,7 +276,7 @@ class _Judge:
     def answer(self) -> Answer:
         last = self._held()
         trained = self._on_training_rows(last.state)
-        without = self._without(trained.state)
+        self.bare = without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
         verdict, named = self._verdict(last, full, plain)
         if not named and (self.absent or any(not t.declared for t in last.state.terms)):
@@ -459,10 +460,7 @@ class _Judge:
             if d.rest > MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
-            rare = lasting(last.left, v.rows) if v.sure else 0.0  # else J a is in it
-            left = max(full.stays, rare) / v.size
-            if verdict == "adequate" and left > 2 * d.least and not v.is_map:
-                self.notes.append(STAYS.format(100 * left))
+            if verdict == "adequate" and not v.is_map and self._left(last, v, full):
                 verdict = "unexplained"
                 d.depends_on = sorted(d.unknown[0].depends_on) if d.unknown else []
             return verdict, False
@@ -480,7 +478,7 @@ class _Judge:
         lower = sure and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
-            return self._no_names(last, named), False
+            return self._no_names(last, named, plain), False
         if not much:
             return "unexplained", True
         clear = min(shares) > CLEAR * stays and d.rest < MOSTLY
@@ -489,16 +487,27 @@ class _Judge:
             verdict = "ambiguous" if d.alternatives else "found"
         return verdict, True
 
-    def _no_names(self, last: LastFit, named: Collection[int]) -> str:
-        """What could be named is no more than a candidate."""
+    def _left(self, fit: LastFit, of: View, full: Unseen) -> bool:
+        """Whether torque stays that matters, which is said."""
+        rare = lasting(fit.left, of.rows) if of.sure else 0.0  # else J a is in it
+        left = max(full.stays, rare) / self.view.size
+        if left > 2 * self.decision.least:
+            self.notes.append(STAYS.format(100 * left))
+        return left > 2 * self.decision.least
+
+    def _no_names(self, last: LastFit, named: Collection[int], plain: Unseen) -> str:
+        """What could be named is no more than a candidate; without it little may stay."""
         d, state = self.decision, last.state
         self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
         self.candidates += [(-p.share, p.name) for p in d.parts]
+        small = d.verdict != "unexplained" and not d.parts and d.rest < 2 * d.least
         self.absent, d.parts = frozenset(p.name for p in d.parts), []
-        if d.unknown and not d.depends_on:
-            d.depends_on = sorted(d.unknown[0].depends_on)
         d.alternatives = {}
         self.notes.append(NO_GAIN)
+        if small and self.bare is not None and not self._left(self.bare, self.train, plain):
+            return "adequate"
+        if d.unknown and not d.depends_on:
+            d.depends_on = sorted(d.unknown[0].depends_on)
         return "unexplained"
 
     def _plain(self, last: LastFit) -> LastFit:
