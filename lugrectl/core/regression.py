@@ -206,7 +206,7 @@ def paired(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
     total, error = float(d.sum()), float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
     for most in CLIPS:
         c = np.clip(d, -most, most)
-        z = float(c.sum() / (np.sqrt(len(d)) * c.std(ddof=1) + 1e-9))
+        z = float(c.sum() / (np.sqrt(np.sum(c**2)) + 1e-9))  # any sign of a block was as likely
         if z * np.sign(total) > abs(total) / error:
             error = abs(total) / abs(z)
     return total, error

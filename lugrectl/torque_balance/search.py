@@ -266,7 +266,8 @@ class Search:
             return True
         if c.block.own[linear(c.block)[1]].angle:
             return True
-        return c.b[0] > 0 and abs(c.b[1] / c.b[0]) < 0.7 * self.span
+        told = self.table.beside(c.C[:, 1:2]).any()  # else a constant of the base has it already
+        return c.b[0] > 0 and not (told and abs(c.b[1] / c.b[0]) > 0.7 * self.span)
 
     # ---- by what is to be searched
     def _plainly(self, block: Block) -> Iterator[Contender]:

@@ -7,6 +7,10 @@ import pytest
 
 import lugrectl as lg
 
+from ..blind.plan import STRENGTHS
+from ..blind.work import write
+from ..rig import sample
+
 J, FV, VS = 0.012, 0.03, 0.05  # kg m2, N m s/rad, rad/s
 
 
@@ -79,3 +83,13 @@ def test_the_joint_distribution_is_that_of_the_intervals(noisy):
     assert 2 * 1.96 * np.sqrt(noisy.joint.matrix[i, i]) == pytest.approx(high - low)
     drawn = noisy.sample(2000, seed=0)["J"]
     assert np.std(drawn) == pytest.approx((high - low) / 3.92, rel=0.1)
+
+
+def test_a_spring_is_found_beside_a_declared_constant_torque(tmp_path):
+    """Where the spring rests the log cannot tell: a constant torque does the same."""
+    drawn = sample("return_spring", 234000, hard=False, strength=STRENGTHS["normal"])
+    (path,), model = write(drawn, tmp_path)
+    (effect,) = lg.diagnose(path, model).effects
+    assert effect.name == "return_spring"
+    stiffness = drawn.truth["parameters"]["stiffness"]
+    assert effect.parameters["stiffness"].value == pytest.approx(stiffness, rel=0.01)
