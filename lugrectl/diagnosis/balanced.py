@@ -15,7 +15,7 @@ from ..core.deadline import OutOfTime
 from ..core.errors import InputError, Refused
 from ..core.option_names import option
 from ..estimates.balance import Balance
-from ..estimates.covariance import Residuals
+from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Estimate
 from ..record import Stretch
 from ..torque_balance.last_fit import LastFit
@@ -229,11 +229,15 @@ def simulated(
     try:
         own_law = not told_by_balance(model)
         if (clean or own_law) and not made.only_inertia:
-            finer, own = _polished(ready, trained, values, own_law)
+            start = _as_logged(values.joint, made)
+            finer, own = _polished(ready, trained, values, start, own_law)
             if own_law or torque_noise(ready, finer) < least * made.view.size:
                 trained, values = finer, own
                 named = bool(made.named or made.parts)
-                refitted = _polished(ready, refitted, values, own_law)[0] if named else trained
+                start = values.joint
+                refitted = (
+                    _polished(ready, refitted, values, start, own_law)[0] if named else trained
+                )
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model), None
@@ -257,17 +261,28 @@ def polished_values(ready: Prepared, made: Answer) -> Model:
     model = made.view.model
     trained = completed(made.trained or made.last, model)
     values = model_values(made.last, made.interval, made.values, made.covariance, model)
-    return _polished(ready, trained, values, not told_by_balance(model))[0]
+    start = _as_logged(values.joint, made)
+    return _polished(ready, trained, values, start, not told_by_balance(model))[0]
+
+
+def _as_logged(joint: Joint, made: Answer) -> Joint:
+    """The distribution for a fit that takes the torque as it was logged: J is not as uncertain as
+    the motor's constant."""
+    if "J" not in joint.names:
+        return joint
+    i, matrix = joint.names.index("J"), joint.matrix.copy()
+    matrix[i, i] = max(matrix[i, i] - made.interval.of_constant, 0.01 * matrix[i, i])
+    return replace(joint, matrix=matrix)
 
 
 def _polished(
-    ready: Prepared, trained: Model, values: ModelValues, always: bool
+    ready: Prepared, trained: Model, values: ModelValues, start: Joint, always: bool
 ) -> tuple[Model, ModelValues]:
-    """Values by one-step predictions, begun from those of the balance."""
+    """Values by one-step predictions, begun from those of the balance with their distribution."""
     own = values.model.declarations()
     free = own.keys() & trained.values().keys() - values.model.held()
     free = [k for k, p in own.items() if p.fitted and k in free]
-    made = polish(ready, lifted(trained, ready.model), free, values.joint, always)
+    made = polish(ready, lifted(trained, ready.model), free, start, always)
     if not made.gained:
         return trained, values
     polished, joint = trained.with_values(made.values), with_scale(made.joint)

@@ -47,9 +47,13 @@ class Law(NamedTuple):
 
 @dataclass(eq=False)
 class Interval:
-    """Covariance of what a last fit reports, and the friction laws beside its own."""
+    """Covariance of what a last fit reports, and the friction laws beside its own.
+
+    ``of_constant`` is the variance of J by what the motor's constant may differ over the angle.
+    """
 
     last: LastFit
+    of_constant: float = 0.0
 
     @cached_property
     def blocks(self) -> list[np.ndarray]:
@@ -127,6 +131,7 @@ class Interval:
         own += [at["Fc"], at["Fv"]]  # a little warmer is another friction
         if last.fit.free[at["J"]]:  # a ripple of the motor's constant is another inertia
             little[at["J"]] *= ALONG
+            self.of_constant = float(little[at["J"]] ** 2)
             own += [at["J"]]
         V[own, own] += little[own] ** 2
         return V

@@ -19,14 +19,14 @@ def exact(lines: Sequence[Line]) -> str:
     """How many are named exactly; those named as one of at most three are added in words."""
     credits = [score.credit(x) for x in lines]
     among = sum(c == 0.5 for c in credits)
-    more = f", {among} more as one of two or three" if among else ""
+    more = f", {among} more ambiguous" if among else ""
     return counted(sum(c == 1.0 for c in credits), len(credits)) + more
 
 
 def pairs(lines: Sequence[Line]) -> str:
     """How many have both effects named; how many of these without a name too many."""
     both, right = (sum(map(of, lines)) for of in (score.both, lambda x: score.credit(x) == 1.0))
-    fewer = f", {right} of them with no other name and no alternative" if right < both else ""
+    fewer = f", {right} alone" if right < both else ""
     return counted(both, len(lines)) + fewer
 
 

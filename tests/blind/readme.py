@@ -38,10 +38,11 @@ def right() -> str:
     path = newest()
     lines, known = read(path), json.loads((RESULTS / "about.json").read_text())
     seeds = [x["seed"] for x in lines]
-    other = f"; messy: commit {known['messy.json']['commit']}" if "messy.json" in known else ""
+    its = known.get("messy.json", {}).get("commit", known[path.name]["commit"])
+    other = f"; messy: commit {its}" if its != known[path.name]["commit"] else ""
     said = (
-        f"{len(lines)} records of an independent simulator, seeds {min(seeds)} to {max(seeds)} "
-        f"(new), {max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}"
+        f"{len(lines)} records of an independent simulator, seeds {min(seeds)} to {max(seeds)}, "
+        f"{max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}"
         f"{other}."
     )
     rows = [*front.rows(lines), *messy()]

@@ -39,15 +39,23 @@ def log(seconds: float = 14.0, dt: float = 1e-3, inner: int = 20) -> dict[str, n
     }
 
 
+SAME = {"constant_torque", "coulomb_asymmetry"}  # where rows near rest do not tell
+
+
 def test_both_are_named(found) -> None:
     assert found.verdict in ("found", "ambiguous")
-    assert {e.name for e in found.effects} == {"torque_ripple", "constant_torque"}
+    names = {e.name for e in found.effects}
     alternatives = {a.name for e in found.effects for a in e.alternatives}
-    assert alternatives <= {"coulomb_asymmetry"}
+    assert "torque_ripple" in names and len(names) == 2
+    assert "constant_torque" in names | alternatives and names | alternatives <= {*names, *SAME}
 
 
 def test_their_values_are_right(found) -> None:
     values = {e.name: e.parameters for e in found.effects}
     assert values["torque_ripple"]["harmonic"].value == ORDER
     assert values["torque_ripple"]["amplitude"].value == pytest.approx(RIPPLE, rel=0.05)
-    assert values["constant_torque"]["torque"].value == pytest.approx(OFFSET, rel=0.05)
+    if "constant_torque" in values:
+        offset = values["constant_torque"]["torque"].value
+    else:  # of Fc, to one side
+        offset = values["coulomb_asymmetry"]["ratio"].value * found.estimates["Fc"].value
+    assert offset == pytest.approx(OFFSET, rel=0.05)

@@ -91,7 +91,12 @@ def test_below_the_speed_none_does_and_above_it_one_does():
     assert np.min(np.diff(taken - stored)) < 0
 
 
-@given(st.floats(0.0, 2.0), st.floats(0.1, 1.0), st.floats(1.0, 3.0), st.floats(0.0, 0.2))
+@given(
+    st.floats(0.0, 2.0, allow_subnormal=False),  # a margin below 1e-308 has no sign of its own
+    st.floats(0.1, 1.0),
+    st.floats(1.0, 3.0),
+    st.floats(0.0, 0.2),
+)
 @settings(max_examples=50, deadline=None)
 def test_the_speed_is_where_the_energy_balance_changes_its_sign(sigma1, Fc, ratio, Fv):
     p = changed(sigma1=sigma1, Fc=Fc, Fs=ratio * Fc, Fv=Fv)
