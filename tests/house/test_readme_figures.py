@@ -74,9 +74,9 @@ def test_there_are_six_counts():
     ]
     # the gravity of line() hides no values, the ripple's harmonic is a count
     assert [said for _, said in front.rows(lines)] == [
-        "1 of 2, 1 more as one of two or three",
+        "1 of 2, 1 more ambiguous",
         "1 of 1",
-        "2 of 2, 1 of them with no other name and no alternative",
+        "2 of 2, 1 alone",
         "1 of 2",
         "1 of 2, the first signal right in 1",
         "2 of 2",
