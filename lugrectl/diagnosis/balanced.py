@@ -170,25 +170,27 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
             if not length:
                 return None, no
             continue
-        if holdout is not None or (_same_motion(ready) and _both_ways(ready)):
+        alike = holdout is not None or _same_motion(ready)
+        if holdout is not None or (alike and _both_ways(ready)):
             return ready, None
-        other = other or (ready if _same_motion(ready) else None)
+        other = other or (ready if alike else None)
     return other, None if other else Refused(OTHER_PLACES)
 
 
 def _both_ways(ready: Prepared) -> bool:
     """Whether the rarer direction is no rarer in training samples than by half."""
-    ways, training = [], []
-    for i, run in enumerate(ready.runs):
-        moves = np.abs(run.speed) > SLOW * np.abs(run.speed).max()
-        ways.append(np.sign(run.speed) * moves)
-        training.append(~_held_out(ready, i))
-    way, of = np.concatenate(ways), np.concatenate(training)
+    way = np.concatenate([_way(run) for run in ready.runs])
+    training = np.concatenate([~_held_out(ready, i) for i in range(len(ready.runs))])
 
     def rarer(x: np.ndarray) -> float:
         return min(np.mean(x[x != 0] == side) for side in (-1, 1)) if x.any() else 0.0
 
-    return rarer(way[of]) >= 0.5 * rarer(way)
+    return rarer(way[training]) >= 0.5 * rarer(way)
+
+
+def _way(run: Any) -> np.ndarray:
+    """The direction (n,) of a run, 0 where it hardly moves."""
+    return np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
 
 
 def _held_out(ready: Prepared, i: int) -> np.ndarray:
@@ -207,8 +209,7 @@ def _same_motion(ready: Prepared) -> bool:
         travel = max(float(np.ptp(run.theta)), 1e-300)
         turn = 2 * np.pi if ready.model.motion == "rotary" else travel
         place = np.floor(run.theta / turn * PLACES) % PLACES
-        way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
-        out = _held_out(ready, i)
+        way, out = _way(run), _held_out(ready, i)
         seen |= {*np.unique((3 * place + way)[~out]).tolist()}
         held_out |= {*np.unique((3 * place + way)[out]).tolist()}
     return len(seen & held_out) > 0.5 * len(held_out)
@@ -233,11 +234,10 @@ def simulated(
             finer, own = _polished(ready, trained, values, start, own_law)
             if own_law or torque_noise(ready, finer) < least * made.view.size:
                 trained, values = finer, own
-                named = bool(made.named or made.parts)
-                start = values.joint
-                refitted = (
-                    _polished(ready, refitted, values, start, own_law)[0] if named else trained
-                )
+                if made.named or made.parts:
+                    refitted = _polished(ready, refitted, own, own.joint, own_law)[0]
+                else:
+                    refitted = trained
         full = None if None in model.values().values() else model
         models = {"declared": full, "refitted": refitted, "augmented": trained}
         return errors(ready, models), values, torque_noise(ready, values.model), None

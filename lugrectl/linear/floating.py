@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import eig, matrix_balance, schur, solve_triangular
 
 from ..core.errors import InputError
-from .signs import Edge, Function, Signs
+from .sure_signs import Edge, Function, SureSigns
 from .transfer import require_continuous_siso
 from .verdict import show_poles
 
@@ -125,9 +125,9 @@ class Model:
         between = np.sqrt(marks[1:] * marks[:-1])
         return np.sort(np.concatenate([[0.0, 0.1 * marks[0], 10 * marks[-1]], marks, between]))
 
-    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> Signs:
+    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> SureSigns:
         """The signs of a function of frequency, and where they change."""
-        return Signs.of(function, points, values)
+        return SureSigns.of(function, points, values)
 
     def realness_zeros(self) -> np.ndarray:
         """The zeros of T(s) + T(-s)."""

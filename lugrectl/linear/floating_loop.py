@@ -25,7 +25,6 @@ class FloatingLoop:
 
     L: Model
     dt: float | None = None
-    ends = True  # all crossings are known
 
     @classmethod
     def of(cls, L: Any) -> FloatingLoop:
@@ -53,11 +52,9 @@ class FloatingLoop:
     @cached_property
     def counts(self) -> tuple[float, float, float]:
         """Turns about -1, and poles of L and of the closed loop that are not stable."""
-        closed, L = (
-            self.sensitivity,
-            StateResponse(self.L.A, self.L.B, self.L.C, np.zeros((1, 1)), self.dt),
-        )
-        mine, theirs = (int((one.beyond(one.poles) > one.rounding).sum()) for one in (L, closed))
+        own = StateResponse(self.L.A, self.L.B, self.L.C, np.zeros((1, 1)), self.dt)
+        both = own, self.sensitivity
+        mine, theirs = (int((one.beyond(one.poles) > one.rounding).sum()) for one in both)
         return mine - theirs, mine, theirs
 
     @property
@@ -74,7 +71,7 @@ class FloatingLoop:
 
     @property
     def high(self) -> float:
-        """|L| as w grows; of a sampled loop, where one sample turns L, that too."""
+        """|L| as s, or z, grows."""
         return abs(self.L.D)
 
     @property
@@ -115,6 +112,10 @@ class FloatingLoop:
         S = self.sensitivity
         most, w = replace(S, D=S.D + 0.5 * (skew - 1)).peak()
         return Margin(1.0 / most if most else math.inf, w)
+
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1."""
+        return math.inf
 
     def unstable_poles(self, gain: float) -> float:
         """Poles of the loop with L times ``gain`` that are not stable."""

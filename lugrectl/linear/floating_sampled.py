@@ -15,7 +15,7 @@ import numpy as np
 from .floating import EPS as ROUNDING
 from .floating import Model, Realness, is_seen, last_that_holds
 from .sampled import mapped_states, on_circle, sample_time
-from .signs import Function, Signs
+from .sure_signs import Function, SureSigns
 from .transfer import require_siso
 from .verdict import show_poles
 
@@ -73,9 +73,9 @@ class SampledModel(Model):
     def level_zeros(self, square: float) -> np.ndarray:
         return self.continuous.level_zeros(square)
 
-    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> Signs:
+    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> SureSigns:
         """As of a continuous model, along the circle: v ends at infinity."""
-        along = Signs.of(lambda x: function(math.tan(x)), np.arctan(points), values)
+        along = SureSigns.of(lambda x: function(math.tan(x)), np.arctan(points), values)
         return along.moved(math.tan)
 
     def places(self, zeros: np.ndarray) -> np.ndarray:

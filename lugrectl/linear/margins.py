@@ -118,10 +118,11 @@ class Loop:
         below = self.L.den.taylor(0)
         return float(self.L.num.taylor(0) / below) if below else math.nan
 
-    @property
-    def ends(self) -> bool:
-        """Whether L is real at finitely many frequencies only."""
-        return self.L.num.rational and self.L.den.rational
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1: with dead times there
+        is no end of them."""
+        finite = self.L.num.rational and self.L.den.rational
+        return math.inf if finite else max(factors, default=math.inf)
 
 
 def _places(found: Signs) -> list[float]:
@@ -146,12 +147,12 @@ def stable_gains(
 ) -> tuple[tuple[float, float], ...]:
     """The intervals of a factor on L, above 0, with which the closed loop is stable.
 
-    Poles reach the axis only at factors that move L to -1: one point of each interval decides. With
-    dead times such factors have no end, and none is claimed beyond the largest that is known.
+    Poles reach the axis only at factors that move L to -1: one point of each interval decides. None
+    is claimed beyond the largest factor up to which these are known.
     """
-    borders = [0.0, *sorted({-1.0 / x for _, x in crossings}), math.inf]
-    if not loop.ends and len(borders) > 2:
-        borders.pop()
+    factors = sorted({-1.0 / x for _, x in crossings})
+    most = loop.known(factors)
+    borders = [0.0, *(x for x in factors if x < most), most]
     return tuple(
         (low, high)
         for low, high in pairwise(borders)

@@ -31,7 +31,6 @@ class MeasuredLoop:
     w: np.ndarray
     L: np.ndarray
     open_poles: int
-    ends = True  # all crossings are known
 
     @classmethod
     def of(cls, L: Any, open_poles: Any) -> MeasuredLoop:
@@ -113,6 +112,11 @@ class MeasuredLoop:
                 w, value = self._at(k, part)
                 found.append(Margin(float(away(value)), w))
         return min(found)
+
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1: beyond the band |L|
+        may be as large as at its end."""
+        return self.end.value
 
     def unstable_poles(self, gain: float) -> float:
         """Poles of the loop with L times ``gain`` that are not stable; nan where it is open."""

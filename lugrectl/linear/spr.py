@@ -114,6 +114,8 @@ def spr_check(T: Any) -> SprVerdict:
     A state-space model of more than 6 states is decided in floating point, from the zeros of
     T(s) + T(-s): time grows with the third power of the order. Where the rounding of its matrices
     may decide, as after a change of coordinates, T counts as PR and the reason says so.
+    A band edge that rounding blurs by more than 1e-6 is the last frequency before it at which the
+    sign is sure, and the reason gives both sides.
 
     With dead times n and d are sums of p(s) exp(-s h). The sign of Re T(jw) and the number of
     zeros of d right of the axis are decided in floating point, and none is missed between points

@@ -57,7 +57,8 @@ class StabilityVerdict(Verdict):
     (``closed_poles``): encirclements = open_poles - closed_poles (Nyquist). ``disk_margins`` for
     the skews 1, -1 and 0 of ``control.disk_margins``: 1 over the largest |S|, |T| and |S - T|/2.
     ``stable_gains``: every interval of a factor on L with which the loop is stable, also where it
-    is not so as it stands; with dead times up to the largest factor that is known.
+    is not so as it stands; with dead times up to the largest factor that is known, of a measured
+    response up to that at which the last |L| is 1.
     """
 
     stable: bool
@@ -142,6 +143,10 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     Of L(z), L(exp(jw dt)) up to half the sampling rate is meant, w in rad/s (per sample where L.dt
     is True). The delay margin is that of whole samples: L(z) z^-k is stable for all k below
     delay_margin/dt. A dead time of a part of a sample changes L(z) itself.
+
+    A loop of more than 8 states, given in state space, is decided by eigenvalues in floating point,
+    and the reason says so: a pole within rounding of the border counts as not stable; of |L| = 1
+    and Im L = 0 only changes of sign are found, no touching.
 
     A measured response is joined by straight lines of log |L| and of the phase over log w; the
     margins are exact for these. Steps of the phase above 180 deg between two frequencies are

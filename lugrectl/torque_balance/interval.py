@@ -47,13 +47,9 @@ class Law(NamedTuple):
 
 @dataclass(eq=False)
 class Interval:
-    """Covariance of what a last fit reports, and the friction laws beside its own.
-
-    ``of_constant`` is the variance of J by what the motor's constant may differ over the angle.
-    """
+    """Covariance of what a last fit reports, and the friction laws beside its own."""
 
     last: LastFit
-    of_constant: float = 0.0
 
     @cached_property
     def blocks(self) -> list[np.ndarray]:
@@ -123,18 +119,28 @@ class Interval:
         share /= share.sum()
         apart = np.array([law.b for law in laws] + [b]) - b
         V = WHOLE**2 * V + (share[:, None] * apart).T @ apart
-        # every drive has a little of the same kind as what is named
+        return V + np.diag(self._little**2)
+
+    @cached_property
+    def _little(self) -> np.ndarray:
+        """Of each coefficient (k,), the standard deviation by what every drive has a little of: a
+        torque of the same kind as what is named, friction of another warmth, and an inertia of
+        another motor's constant."""
+        last, d, b = self.last, self.last.design, self.last.fit.b
+        at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
         level = max(abs(float(b[at["Fc"]])), 0.1 * float(np.sqrt(np.mean(d.y**2))))
-        little = BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
-        own = [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
-        own += [at["offset"]] if d.constant else []
-        own += [at["Fc"], at["Fv"]]  # a little warmer is another friction
-        if last.fit.free[at["J"]]:  # a ripple of the motor's constant is another inertia
-            little[at["J"]] *= ALONG
-            self.of_constant = float(little[at["J"]] ** 2)
-            own += [at["J"]]
-        V[own, own] += little[own] ** 2
-        return V
+        share = np.zeros(len(b))
+        share[
+            [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
+        ] = 1
+        share[[at["Fc"], at["Fv"], *([at["offset"]] if d.constant else [])]] = 1
+        share[at["J"]] = ALONG * last.fit.free[at["J"]]
+        return share * BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
+
+    @property
+    def of_constant(self) -> float:
+        """The variance of J by what the motor's constant may differ over the angle."""
+        return float(self._little[self.last.design.names.index("J")] ** 2)
 
     @cached_property
     def _slopes(self) -> np.ndarray:

@@ -264,7 +264,6 @@ class _Judge:
         self.view, self.train, self.test, self.split = view, train, test, split
         self.decision, self.all = decision, every
         self.struck: set[str] = set()
-        self.bare: LastFit | None = None  # the fit to training rows without names
         self.large = 0  # how many of these were the largest of theirs
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
@@ -276,9 +275,9 @@ class _Judge:
     def answer(self) -> Answer:
         last = self._held()
         trained = self._on_training_rows(last.state)
-        self.bare = without = self._without(trained.state)
+        without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
-        verdict, named = self._verdict(last, full, plain)
+        verdict, named = self._verdict(last, full, plain, without)
         if not named and (self.absent or any(not t.declared for t in last.state.terms)):
             last = self._plain(last)
             trained = self._on_training_rows(last.state)
@@ -449,8 +448,11 @@ class _Judge:
         bare = state.copy(terms=terms, grease=0.0, bare=True, absent=absent)
         return best_law(self.train, bare, self.decision.table.scale, straight=True)
 
-    def _verdict(self, last: LastFit, full: Unseen, plain: Unseen) -> tuple[str, bool]:
-        """The verdict with the held-out error, and whether names are shown."""
+    def _verdict(
+        self, last: LastFit, full: Unseen, plain: Unseen, without: LastFit
+    ) -> tuple[str, bool]:
+        """The verdict with the held-out error, and whether names are shown; ``without`` is the fit
+        to training rows that has none."""
         d, v, state = self.decision, self.view, last.state
         named = [i for i, t in enumerate(state.terms) if not t.declared]
         verdict = d.verdict
@@ -478,7 +480,7 @@ class _Judge:
         lower = sure and full.error < plain.error
         much = full.error < MOSTLY * v.force
         if not (lower and explained > stays):
-            return self._no_names(last, named, plain), False
+            return self._no_names(last, named, plain, without), False
         if not much:
             return "unexplained", True
         clear = min(shares) > CLEAR * stays and d.rest < MOSTLY
@@ -495,7 +497,9 @@ class _Judge:
             self.notes.append(STAYS.format(100 * left))
         return left > 2 * self.decision.least
 
-    def _no_names(self, last: LastFit, named: Collection[int], plain: Unseen) -> str:
+    def _no_names(
+        self, last: LastFit, named: Collection[int], plain: Unseen, without: LastFit
+    ) -> str:
         """What could be named is no more than a candidate; without it little may stay."""
         d, state = self.decision, last.state
         self.candidates += [(-last.share(i), state.terms[i].name) for i in named]
@@ -504,7 +508,7 @@ class _Judge:
         self.absent, d.parts = frozenset(p.name for p in d.parts), []
         d.alternatives = {}
         self.notes.append(NO_GAIN)
-        if small and self.bare is not None and not self._left(self.bare, self.train, plain):
+        if small and not self._left(without, self.train, plain):
             return "adequate"
         if d.unknown and not d.depends_on:
             d.depends_on = sorted(d.unknown[0].depends_on)

@@ -12,8 +12,8 @@ import pytest
 import lugrectl as lg
 from lugrectl.linear.realness import band_edge, classify, margin
 from lugrectl.linear.sampled import Sampled
-from lugrectl.linear.signs import Signs
 from lugrectl.linear.spr import of_sampled
+from lugrectl.linear.sure_signs import SureSigns
 from lugrectl.linear.transfer import read_transfer
 
 from ..cases.structures import structure
@@ -129,7 +129,7 @@ def test_edges_of_sampled_models_are_those_of_exact_arithmetic(seed):
 
 def test_an_edge_that_rounding_blurs_is_a_range():
     """x (x - 1) with a rounding of 1e-4 crosses 0 somewhere near 1, surely not far from it."""
-    made = Signs.of(lambda x: (x * (x - 1), 1e-4), [0.0, 0.5, 1.0, 2.0])
+    made = SureSigns.of(lambda x: (x * (x - 1), 1e-4), [0.0, 0.5, 1.0, 2.0])
     (edge,) = made.edges
     assert edge.at == pytest.approx(1.0) and not edge.sharp
     assert 0.9995 < edge.low < 1 - 1e-4 < 1 + 1e-4 < edge.high < 1.0005

@@ -191,6 +191,7 @@ def test_beyond_the_band_the_gain_margin_is_a_least_one():
     found = lg.stability_check(ct.frd(L, w))
     assert found.gain_margin == pytest.approx(1 / abs(L[-1]))
     assert found.gain_margin_frequency == pytest.approx(600.0)
+    assert found.stable_gains == ((0.0, pytest.approx(found.gain_margin)),)
     assert "at least 4.796 if |L| stays below its last value" in found.reason
 
 

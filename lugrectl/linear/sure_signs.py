@@ -48,7 +48,7 @@ class Edge(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Signs:
+class SureSigns:
     """The signs ``above`` at the points ``at`` where they are sure, and the ``edges`` between."""
 
     at: np.ndarray
@@ -56,7 +56,7 @@ class Signs:
     edges: tuple[Edge, ...]
 
     @classmethod
-    def of(cls, function: Function, points: Any, values: Any = None) -> Signs:
+    def of(cls, function: Function, points: Any, values: Any = None) -> SureSigns:
         """``points`` (n,) ascend; ``values`` (n, 2) are those there, where they are known."""
         made = np.array([function(x) for x in points] if values is None else values)
         sure = np.abs(made[:, 0]) > made[:, 1]
@@ -64,18 +64,18 @@ class Signs:
         turns = np.flatnonzero(above[1:] != above[:-1])
         return cls(at, above, tuple(edge(function, *at[k : k + 2].tolist()) for k in turns))
 
-    def moved(self, to: Map) -> Signs:
+    def moved(self, to: Map) -> SureSigns:
         """The same in another variable."""
         return replace(self, at=np.array([*map(to, self.at)]),
                        edges=tuple(e.moved(to) for e in self.edges))  # fmt: skip
 
-    def below_beyond(self) -> Signs:
+    def below_beyond(self) -> SureSigns:
         """The same of a function that is below 0 as the frequency grows without end."""
         if len(self.above) and not self.above[-1]:
             return self
         last = float(self.at[-1]) if len(self.at) else 0.0
         edges = (*self.edges, Edge(last, last, math.inf)) if len(self.at) else ()
-        return Signs(np.append(self.at, math.inf), np.append(self.above, False), edges)
+        return SureSigns(np.append(self.at, math.inf), np.append(self.above, False), edges)
 
     def first_band(self) -> tuple[Edge, Edge | None, int]:
         """Where it is below 0 first: from, to (None: without end), and how often again later."""
