@@ -14,12 +14,15 @@ import numpy as np
 
 from .curve import Curve
 
+NEAR = 1e-5  # relative distance of two speeds between which a slope is measured
+
 
 @dataclass(frozen=True)
 class Lanes:
     """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
 
-    A stick at an error of at most ``calm`` (units) is known to come to rest.
+    A stick at an error of at most ``calm`` (units) is known to come to rest. ``drift`` is the speed
+    of a reference (units) in the direction of the slip.
     """
 
     delta: np.ndarray
@@ -27,10 +30,12 @@ class Lanes:
     speed: np.ndarray
     fall: Callable[[np.ndarray], np.ndarray]
     calm: float = 0.0
+    drift: np.ndarray | None = None
 
     def __getitem__(self, which: np.ndarray) -> Lanes:
         own = (self.delta[which], self.rho[which], self.speed[which])
-        return Lanes(*own, self.fall, self.calm)
+        drift = None if self.drift is None else self.drift[which]
+        return Lanes(*own, self.fall, self.calm, drift)
 
     def __len__(self) -> int:
         return len(self.delta)
@@ -38,6 +43,10 @@ class Lanes:
     def drop(self, a: np.ndarray) -> np.ndarray:
         """1 - F/Fs at the speed a."""
         return self.fall(a * self.speed)
+
+    def steepness(self, a: np.ndarray) -> np.ndarray:
+        """dF/da / Fs at the speed a."""
+        return (self.drop(a * (1.0 - NEAR)) - self.drop(a * (1.0 + NEAR))) / (2.0 * NEAR * a)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,137 @@
+"""Stick-slip of a rigid loop under the reference r = v t: from breakaway to breakaway.
+
+In a stick the error changes by -v and U = -(kp e + ki int e) by kp v - ki e, so that the drive
+breaks away at U = Fs or -Fs with an error as its only free number: forward where kp v > ki e, else
+backward. In units, and with x = -e, the excess y = U - Fs of a stick is
+y0 + (v + rho x0) t + rho v t^2/2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from .lanes import Lanes, Loop
+from .slip import slip
+
+REVERSALS = 20  # without a stick, after which a drive swings and sticks no more
+LOWEST, RATIO = 1e-5, 1.35  # of the highest speed; from speed to speed of a search
+STARTS, FOLLOWED = 16, 4  # errors at breakaway of a speed, and how many images of them
+ROUNDS, BRIEF = 60, 8  # slips, after which what still sticks persists, or may do so
+ALIKE = 1e-4  # relative change from breakaway to breakaway of what repeats
+CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
+GRID = np.r_[np.linspace(0.0, 30.0, 6000), np.geomspace(30.1, 1e9, 20_000)]  # 1/wn
+
+
+def next_breakaway(lanes: Lanes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The error x of the next breakaway from one at x, and whether there is one."""
+    made, sticks = x.copy(), np.zeros(len(x), bool)
+    v = np.asarray(lanes.drift)
+    side = np.where(v + lanes.rho * x >= 0.0, 1.0, -1.0)
+    at, excess, active = side * x, 0.0 * x, np.arange(len(x))
+    for _ in range(REVERSALS):
+        own = lanes[active]
+        end = slip(replace(own, drift=side * v[active]), at, excess)
+        stops = ~end.rests & (end.y >= -2.0)
+        y = np.where(side > 0.0, end.y, -2.0 - end.y)
+        made[active[stops]] = waited(own, side * end.x, y)[stops]
+        sticks[active[stops]] = True
+        goes = ~end.rests & ~stops
+        active, side = active[goes], -side[goes]
+        at, excess = -end.x[goes], -2.0 - end.y[goes]
+        if not len(active):
+            break
+    return made, sticks
+
+
+def waited(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The error at breakaway after a stop at the error x and the excess -2 <= y <= 0."""
+    v = np.asarray(lanes.drift)
+    rate, bend = v + lanes.rho * x, lanes.rho * v
+    back, ahead = rate**2 - 2.0 * bend * (y + 2.0), np.sqrt(rate**2 - 2.0 * bend * y)
+    with np.errstate(all="ignore"):
+        forward = np.where(rate > 0.0, -2.0 * y / (rate + ahead), (ahead - rate) / bend)
+        backward = 2.0 * (y + 2.0) / (np.sqrt(np.maximum(back, 0.0)) - rate)
+    return x + v * np.where((rate < 0.0) & (back >= 0.0), backward, forward)
+
+
+def largest(loop: Loop) -> tuple[float, float]:
+    """The largest |w - v| and |e| in the long run, units, as |F - Fv w| <= Fs: the L1 norms from
+    torque to speed and to error of the loop without friction."""
+    one = loop.lanes(1)
+    delta = float(one.delta[0]) + loop.curve.viscous / np.sqrt(loop.kp * loop.J)
+    poles = np.roots([1.0, delta, 1.0, float(one.rho[0])]) * (1.0 + 1e-6 * np.arange(3))
+    rest = np.array([np.prod(p - np.delete(poles, k)) for k, p in enumerate(poles)])
+    t = GRID[GRID * np.abs(poles.real[poles.real < -1e-9]).min() < 40.0]
+    decay = np.exp(np.outer(t, poles)) / rest
+    speed, error = (np.trapezoid(np.abs((decay @ poles**k).real), t) for k in (2, 1))
+    return float(speed), float(error)
+
+
+def moving(loop: Loop, v: np.ndarray) -> Lanes:
+    """A lane for each speed v in rad/s."""
+    return replace(loop.lanes(len(v)), drift=v / (loop.unit * loop.wn))
+
+
+def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndarray:
+    """An error at breakaway that follows so many others, units, at each speed; nan: none.
+
+    ``x`` (n, count) are the first errors of each speed.
+    """
+    place, made = np.repeat(np.arange(len(v)), x.shape[1]), np.full(len(v), np.nan)
+    lanes, x = moving(loop, v[place]), x.ravel()
+    for k in range(rounds):
+        new, sticks = next_breakaway(lanes, x)
+        repeats = sticks & (np.abs(new - x) <= ALIKE * (np.abs(x) + np.asarray(lanes.drift)))
+        made[place[repeats]] = new[repeats]
+        goes = sticks & np.isnan(made[place])
+        if k == 0:
+            goes &= _some(place, new, goes)
+        lanes, place, x = lanes[goes], place[goes], new[goes]
+        if not len(x):
+            break
+    made[place] = x
+    return made
+
+
+def _some(place: np.ndarray, x: np.ndarray, among: np.ndarray) -> np.ndarray:
+    """A few of the lanes at each speed, from the smallest error to the largest."""
+    chosen = np.zeros(len(x), bool)
+    for one in np.unique(place[among]):
+        own = np.flatnonzero(among & (place == one))
+        own = own[np.argsort(x[own])]
+        chosen[own[np.linspace(0, len(own) - 1, FOLLOWED).astype(int)]] = True
+    return chosen
+
+
+def last_speed(loop: Loop, marked: float) -> float:
+    """The highest speed at which stick-slip persists, rad/s; 0: at none.
+
+    Speeds are scanned in even ratios below the highest at which the drive can stop; ``marked`` is
+    one of them. From the highest at which it persists it is followed upwards.
+    """
+    speed, error = largest(loop)
+    v = speed * loop.unit * loop.wn * RATIO ** -np.arange(int(-np.log(LOWEST) / np.log(RATIO)))
+    v = np.sort(np.r_[v, marked])
+    at = np.linspace(-1.0, 1.0, STARTS if loop.ki else 1)
+    found = persisting(loop, v, np.tile(error * at * np.abs(at), (len(v), 1)), BRIEF)
+    for k in np.flatnonzero(np.isfinite(found))[::-1]:
+        low = _followed(loop, float(v[k]), float(found[k]))
+        if low:
+            return low
+    return 0.0
+
+
+def _followed(loop: Loop, v: float, x: float) -> float:
+    """The highest speed to which the stick-slip at v can be followed; 0: not even there."""
+    step, low = np.log(RATIO) / PARTS, 0.0
+    while step > CLOSE / PARTS:
+        tried = v * np.exp(step * np.arange(PARTS + 1))
+        found = persisting(loop, tried, np.full((len(tried), 1), x), ROUNDS)
+        kept = np.flatnonzero(np.isfinite(found))
+        if not len(kept):
+            return low
+        v, x = float(tried[kept[-1]]), float(found[kept[-1]])
+        low, step = v, step if kept[-1] == PARTS else step / PARTS
+    return low
