@@ -8,6 +8,7 @@ y0 + (v + rho x0) t + rho v t^2/2.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +17,9 @@ from .lanes import Lanes, Loop
 from .slip import slip
 
 REVERSALS = 20  # without a stick, after which a drive swings and sticks no more
-LOWEST, RATIO = 1e-5, 1.35  # of the highest speed; from speed to speed of a search
 STARTS, FOLLOWED = 16, 4  # errors at breakaway of a speed, and how many images of them
 ROUNDS, BRIEF = 60, 8  # slips, after which what still sticks persists, or may do so
 ALIKE = 1e-4  # relative change from breakaway to breakaway of what repeats
-CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
 GRID = np.r_[np.linspace(0.0, 30.0, 6000), np.geomspace(30.1, 1e9, 20_000)]  # 1/wn
 
 
@@ -105,33 +104,20 @@ def _some(place: np.ndarray, x: np.ndarray, among: np.ndarray) -> np.ndarray:
     return chosen
 
 
-def last_speed(loop: Loop, marked: float) -> float:
-    """The highest speed at which stick-slip persists, rad/s; 0: at none.
+def errors(loop: Loop, error: float, count: int = STARTS) -> np.ndarray:
+    """Errors x at breakaway up to ``error``, units; without ki all breakaways are one, at 1."""
+    at = np.linspace(-1.0, 1.0, count)
+    return error * at * np.abs(at) if loop.ki else np.ones(1)
 
-    Speeds are scanned in even ratios below the highest at which the drive can stop; ``marked`` is
-    one of them. From the highest at which it persists it is followed upwards.
-    """
-    speed, error = largest(loop)
-    v = speed * loop.unit * loop.wn * RATIO ** -np.arange(int(-np.log(LOWEST) / np.log(RATIO)))
-    v = np.sort(np.r_[v, marked])
-    at = np.linspace(-1.0, 1.0, STARTS if loop.ki else 1)
-    found = persisting(loop, v, np.tile(error * at * np.abs(at), (len(v), 1)), BRIEF)
+
+def candidates(loop: Loop, v: np.ndarray, error: float) -> Iterator[tuple[float, float]]:
+    """Speeds at which stick-slip goes on for a while, and an error at breakaway; highest first."""
+    found = persisting(loop, v, np.tile(errors(loop, error), (len(v), 1)), BRIEF)
     for k in np.flatnonzero(np.isfinite(found))[::-1]:
-        low = _followed(loop, float(v[k]), float(found[k]))
-        if low:
-            return low
-    return 0.0
+        yield float(v[k]), float(found[k])
 
 
-def _followed(loop: Loop, v: float, x: float) -> float:
-    """The highest speed to which the stick-slip at v can be followed; 0: not even there."""
-    step, low = np.log(RATIO) / PARTS, 0.0
-    while step > CLOSE / PARTS:
-        tried = v * np.exp(step * np.arange(PARTS + 1))
-        found = persisting(loop, tried, np.full((len(tried), 1), x), ROUNDS)
-        kept = np.flatnonzero(np.isfinite(found))
-        if not len(kept):
-            return low
-        v, x = float(tried[kept[-1]]), float(found[kept[-1]])
-        low, step = v, step if kept[-1] == PARTS else step / PARTS
-    return low
+def followed(loop: Loop, v: np.ndarray, x: float) -> list[float | None]:
+    """Where stick-slip from breakaway at x persists: the error at breakaway then."""
+    found = persisting(loop, v, np.full((len(v), 1), x), ROUNDS)
+    return [float(x) if np.isfinite(x) else None for x in found]

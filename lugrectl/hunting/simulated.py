@@ -59,7 +59,7 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing) -> Run:
         start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
         shaken = np.random.default_rng(0).uniform(-SHAKEN, SHAKEN, length) * sensing.resolution
         inputs = {"r": 0.0, "n_theta": shaken}
-        return t, *_motion(_quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
+        return t, *_motion(quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
 
     return run
 
@@ -91,7 +91,7 @@ def continuous_run(model: Model, loop: Loop, seconds: float) -> Run:
     def run(e: float, times: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.linspace(0.0, times * seconds, POINTS)
         start = [*at_breakaway(loop, parts[0], e), _integral(loop, e)]
-        return t, *_motion(_quietly(simulate, system, t, {"r": 0.0}, start))
+        return t, *_motion(quietly(simulate, system, t, {"r": 0.0}, start))
 
     return run
 
@@ -107,12 +107,12 @@ def loop_run(system: Any, seconds: float) -> Run:
 
     def run(step: float, times: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         t = np.linspace(0.0, times * seconds, POINTS)
-        return t, *_motion(_quietly(simulate, system, t, {"r": step}))
+        return t, *_motion(quietly(simulate, system, t, {"r": step}))
 
     return run
 
 
-def _quietly(simulated: Any, *given: Any, **more: Any) -> Any:
+def quietly(simulated: Any, *given: Any, **more: Any) -> Any:
     """A response without its warnings: a drive that chatters at rest is what is looked for."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
