@@ -22,7 +22,7 @@ from .lanes import Lanes
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
 STEPS = 4000  # of one slip; a longer one creeps
-MOVING = 500  # the same under a moving reference, some 10 periods; a longer one slides on
+MOVING, ROUGH = 250, 1e-5  # STEPS and RTOL under a moving reference: some 10 periods of sliding
 LOOK = 40  # steps, after which it is looked for creeping
 NEARLY = 0.02  # relative difference of a creeping speed from rho x
 AROUND = 0.02  # of the speed v: a state this near to steady sliding stays there if it attracts
@@ -55,13 +55,15 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     """From a = 0 to the next a = 0 of each lane."""
     state, h, t = _begun(x, y)
     small = SMALL * np.minimum(1.0, np.abs(x)) if lanes.drift is None else 0.0 * x
-    settles, steps = (_creeps, STEPS) if lanes.drift is None else (_follows, MOVING)
+    settles, steps, rtol = _creeps, STEPS, RTOL
+    if lanes.drift is not None:
+        settles, steps, rtol = _follows, MOVING, ROUGH
     rests, active = np.zeros(len(x), bool), np.arange(len(x))
     last = np.full(len(x), FIRST)  # the step in which a lane stops
     own, now, step, slope = lanes, state.copy(), h.copy(), _rates(lanes, state)
     for k in range(1, steps + 1):
         new, slopes = _stepped(own, now, step, slope)
-        worst = _worst(now, new, step, slopes)
+        worst = _worst(now, new, step, slopes) * (RTOL / rtol)
         good = worst <= 1.0
         stops = good & (new[1] <= 0.0)
         crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])

@@ -34,6 +34,6 @@ __all__ = [
     "HuntingMap", "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles", "Members",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
-    "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "StickSlip", "Sweep", "Table", "Traces",
-    "Tuning",
+    "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "StickSlip", "Sweep", "Table",
+    "Traces", "Tuning",
 ]  # fmt: skip
