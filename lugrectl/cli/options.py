@@ -318,7 +318,9 @@ def _hunting(command: argparse.ArgumentParser) -> None:
     late = "with --rate: from measurement to torque"
     add("--dead-time", type=_finite, default=0.0, metavar="S", help=late)
     add("--counts", type=_count, metavar="N", help="with --rate: counts of the encoder in a turn")
-    ends = "also find the values of a gain between which the loop hunts"
+    what = "also under r = v t: below which speeds sliding is unstable, and stick-slip persists"
+    add("--speed", action="store_true", help=what)
+    ends = "also find the values of a gain between which the loop hunts (--speed: sticks and slips)"
     add("--vary", action="append", metavar="ki=1:50", help=ends)
     add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
 
