@@ -18,7 +18,9 @@ from .slip import slip
 
 REVERSALS = 20  # without a stick, after which a drive swings and sticks no more
 STARTS, FOLLOWED = 16, 4  # errors at breakaway of a speed, and how many images of them
-ROUNDS, BRIEF = 60, 8  # slips, after which what still sticks persists, or may do so
+SLOW, STRIDE, SLOWEST = 0.2, 0.3, 3e-4  # shares of the way to where it repeats: of a breakaway
+# that is followed by others like it, of a stride, and the least that is told from none
+ROUNDS, BRIEF = 60, 12  # slips, after which what still sticks persists, or may do so
 ALIKE = 1e-4  # relative change from breakaway to breakaway of what repeats
 GRID = np.r_[np.linspace(0.0, 30.0, 6000), np.geomspace(30.1, 1e9, 20_000)]  # 1/wn
 
@@ -76,18 +78,26 @@ def moving(loop: Loop, v: np.ndarray) -> Lanes:
 def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndarray:
     """An error at breakaway that follows so many others, units, at each speed; nan: none.
 
-    ``x`` (n, count) are the first errors of each speed.
+    ``x`` (n, count) are the first errors of each speed. Where a slow integral lets the error
+    change alike from breakaway to breakaway, many of them are taken in one stride.
     """
     place, made = np.repeat(np.arange(len(v)), x.shape[1]), np.full(len(v), np.nan)
     lanes, x = moving(loop, v[place]), x.ravel()
+    was, stride = np.full(len(x), np.nan), np.ones(len(x))
     for k in range(rounds):
         new, sticks = next_breakaway(lanes, x)
-        repeats = sticks & (np.abs(new - x) <= ALIKE * (np.abs(x) + np.asarray(lanes.drift)))
+        change = new - x
+        nearing = np.clip(np.nan_to_num((1.0 - change / was) / stride, nan=1.0), -1.0, 1.0)
+        close = ALIKE * (np.abs(x) + np.asarray(lanes.drift)) * np.clip(nearing, SLOWEST, 1.0)
+        repeats = sticks & (np.abs(change) <= close)
         made[place[repeats]] = new[repeats]
         goes = sticks & np.isnan(made[place])
         if k == 0:
             goes &= _some(place, new, goes)
-        lanes, place, x = lanes[goes], place[goes], new[goes]
+        slow = np.abs(nearing) < SLOW
+        stride = np.where(slow, STRIDE / np.maximum(np.abs(nearing), SLOWEST), 1.0)[goes]
+        was = change[goes]
+        lanes, place, x = lanes[goes], place[goes], x[goes] + stride * was
         if not len(x):
             break
     made[place] = x

@@ -22,10 +22,11 @@ from .lanes import Lanes
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
 STEPS = 4000  # of one slip; a longer one creeps
-MOVING, ROUGH = 250, 1e-5  # STEPS and RTOL under a moving reference: some 10 periods of sliding
+MOVING, ROUGH = 1000, 1e-5  # STEPS and RTOL under a moving reference: some 40 periods of sliding
 LOOK = 40  # steps, after which it is looked for creeping
 NEARLY = 0.02  # relative difference of a creeping speed from rho x
-AROUND = 0.02  # of the speed v: a state this near to steady sliding stays there if it attracts
+AROUND = 0.8  # of the speed v: how far from steady sliding a slip may stay about it
+ASIDE = np.linspace(-1.0, 1.0, 7)  # parts of that distance at which it must be damped
 SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
 FIRST = 1e-3  # the first step
 A = np.array(
@@ -130,11 +131,16 @@ def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 
 def _follows(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Whether a slip is next to steady sliding, and that attracts (Routh)."""
+    """Whether a slip stays about steady sliding, without a stop.
+
+    (a - v)^2 + (y - y0)^2 falls while the slope of the friction and delta together damp, by more
+    than the integral drives; its root, with the part of x, is what a may still differ from v by.
+    """
     v = np.asarray(lanes.drift)
     x, a, y = state
-    missed = np.abs([lanes.rho * x, a - v, y - lanes.delta * v + lanes.drop(v)]).max(axis=0)
-    return (missed < AROUND * v) & (lanes.delta + lanes.steepness(v) > lanes.rho)
+    far = np.hypot(a - v, y - lanes.delta * v + lanes.drop(v)) + 2.0 * lanes.rho * np.abs(x)
+    damped = [lanes.delta + lanes.steepness(np.maximum(v + far * s, FLOOR * v)) for s in ASIDE]
+    return (far < AROUND * v) & (np.min(damped, axis=0) > 2.0 * lanes.rho)
 
 
 def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ from .lanes import Loop
 
 NEAR = 1e-6  # relative step of a difference
 SPAN, COUNT = (1e2, 1e-5), 300  # times a speed: where sliding is looked at, and at how many
+ROUNDING = 1e-6  # of wn: elements that slip together have an eigenvalue of 0
 BENDS = 100.0  # times its bend that a bristle is dragged
 
 
@@ -50,7 +51,7 @@ class Sliding:
         return self.z
 
     def growth(self, v: float) -> float:
-        """The largest real part of an eigenvalue, 1/s."""
+        """The largest real part of an eigenvalue, 1/s; a rounding error counts as decay."""
         loop, z = self.loop, self.bent(v)
         at = np.r_[v, z]
         steps = NEAR * np.r_[v, np.full(len(z), self.bend)]
@@ -63,7 +64,7 @@ class Sliding:
         A[3:, [1, *range(3, len(A))]] = slope[1:]
         if not loop.ki:
             A = np.delete(np.delete(A, 2, 0), 2, 1)
-        return float(np.linalg.eigvals(A).real.max())
+        return float(np.linalg.eigvals(A).real.max()) - ROUNDING * loop.wn
 
     def profile(self, speed: float) -> tuple[np.ndarray, np.ndarray]:
         """The growth at falling speeds about one."""

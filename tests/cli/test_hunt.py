@@ -50,3 +50,17 @@ def test_the_document_has_what_is_promised(files, capsys):
 def test_a_range_that_is_none_exits_2(files, capsys):
     code, _, err = run(capsys, f"--model sticks.toml {GAINS} --vary ki=1")
     assert code == 2 and "ki=1:50" in err
+
+
+def test_the_speeds_of_a_moving_loop_are_answered_with_exit_0(files, capsys):
+    code, out, _ = run(capsys, "--model sticks.toml --kp 3 --ki 4 --kd 6 --speed --json")
+    said = json.loads(out)
+    assert code == 0 and said["hunts"] is True and said["critical"] == {}
+    assert 0.0 < said["stick_slip"]["speed_start"] and said["stick_slip"]["speed_end"] is not None
+    code, out, _ = run(capsys, f"--model smooth.toml {GAINS} --json")
+    assert json.loads(out)["stick_slip"] is None
+
+
+def test_the_speeds_of_a_sampled_loop_are_not_answered(files, capsys):
+    code, _, err = run(capsys, f"--model sticks.toml {GAINS} --speed --rate 100")
+    assert code == 3 and "continuous time" in err
