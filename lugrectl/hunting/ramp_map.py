@@ -18,8 +18,9 @@ from .slip import slip
 
 REVERSALS = 20  # without a stick, after which a drive swings and sticks no more
 STARTS, FOLLOWED = 16, 4  # errors at breakaway of a speed, and how many images of them
-SLOW, STRIDE, SLOWEST = 0.2, 0.3, 3e-4  # shares of the way to where it repeats: of a breakaway
-# that is followed by others like it, of a stride, and the least that is told from none
+SMALLEST = 0.03  # units, of these errors
+SLOW, STRIDE = 0.2, 0.3  # shares of the way to where it repeats: of a slow breakaway, of a stride
+SLOWEST = 3e-4  # the least such share that is known
 ROUNDS, BRIEF = 60, 12  # slips, after which what still sticks persists, or may do so
 ALIKE = 1e-4  # relative change from breakaway to breakaway of what repeats
 GRID = np.r_[np.linspace(0.0, 30.0, 6000), np.geomspace(30.1, 1e9, 20_000)]  # 1/wn
@@ -36,7 +37,7 @@ def next_breakaway(lanes: Lanes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]
         end = slip(replace(own, drift=side * v[active]), at, excess)
         stops = ~end.rests & (end.y >= -2.0)
         y = np.where(side > 0.0, end.y, -2.0 - end.y)
-        made[active[stops]] = waited(own, side * end.x, y)[stops]
+        made[active[stops]] = waited(own[stops], (side * end.x)[stops], y[stops])
         sticks[active[stops]] = True
         goes = ~end.rests & ~stops
         active, side = active[goes], -side[goes]
@@ -64,7 +65,8 @@ def largest(loop: Loop) -> tuple[float, float]:
     delta = float(one.delta[0]) + loop.curve.viscous / np.sqrt(loop.kp * loop.J)
     poles = np.roots([1.0, delta, 1.0, float(one.rho[0])]) * (1.0 + 1e-6 * np.arange(3))
     rest = np.array([np.prod(p - np.delete(poles, k)) for k, p in enumerate(poles)])
-    t = GRID[GRID * np.abs(poles.real[poles.real < -1e-9]).min() < 40.0]
+    slowest = min((-p for p in poles.real if p < -1e-9), default=1e-9)
+    t = GRID[GRID * slowest < 40.0]
     decay = np.exp(np.outer(t, poles)) / rest
     speed, error = (np.trapezoid(np.abs((decay @ poles**k).real), t) for k in (2, 1))
     return float(speed), float(error)
@@ -116,8 +118,8 @@ def _some(place: np.ndarray, x: np.ndarray, among: np.ndarray) -> np.ndarray:
 
 def errors(loop: Loop, error: float, count: int = STARTS) -> np.ndarray:
     """Errors x at breakaway up to ``error``, units; without ki all breakaways are one, at 1."""
-    at = np.linspace(-1.0, 1.0, count)
-    return error * at * np.abs(at) if loop.ki else np.ones(1)
+    x = np.geomspace(SMALLEST, max(error, 1.0), count // 2)
+    return np.r_[-x, x] if loop.ki else np.ones(1)
 
 
 def candidates(loop: Loop, v: np.ndarray, error: float) -> Iterator[tuple[float, float]]:

@@ -139,7 +139,9 @@ def _follows(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
     v = np.asarray(lanes.drift)
     x, a, y = state
     far = np.hypot(a - v, y - lanes.delta * v + lanes.drop(v)) + 2.0 * lanes.rho * np.abs(x)
-    damped = [lanes.delta + lanes.steepness(np.maximum(v + far * s, FLOOR * v)) for s in ASIDE]
+    damped = [
+        lanes.delta + lanes.steepness(np.maximum(v + far * s, FLOOR * np.abs(v))) for s in ASIDE
+    ]
     return (far < AROUND * v) & (np.min(damped, axis=0) > 2.0 * lanes.rho)
 
 

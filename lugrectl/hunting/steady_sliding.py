@@ -12,7 +12,7 @@ from .bristles import known
 from .lanes import Loop
 
 NEAR = 1e-6  # relative step of a difference
-SPAN, COUNT = (1e2, 1e-5), 300  # times a speed: where sliding is looked at, and at how many
+SPEEDS = np.geomspace(1e4, 1e-8, 400)  # rad/s, at which sliding is looked at
 ROUNDING = 1e-6  # of wn: elements that slip together have an eigenvalue of 0
 BENDS = 100.0  # times its bend that a bristle is dragged
 
@@ -66,10 +66,9 @@ class Sliding:
             A = np.delete(np.delete(A, 2, 0), 2, 1)
         return float(np.linalg.eigvals(A).real.max()) - ROUNDING * loop.wn
 
-    def profile(self, speed: float) -> tuple[np.ndarray, np.ndarray]:
-        """The growth at falling speeds about one."""
-        v = speed * np.geomspace(*SPAN, COUNT)
-        return v, np.array([self.growth(x) for x in v])
+    def profile(self) -> tuple[np.ndarray, np.ndarray]:
+        """The growth at falling speeds."""
+        return SPEEDS, np.array([self.growth(v) for v in SPEEDS])
 
     def first_speed(self, v: np.ndarray, growth: np.ndarray) -> float:
         """The speed below which sliding is unstable; 0: at none."""

@@ -23,7 +23,7 @@ from .ramp_bristles import ramp_run
 from .ramp_map import largest
 from .steady_sliding import Sliding
 
-LOWEST, RATIO = 1e-5, 1.35  # of the highest speed; from speed to speed of a search
+LOWEST, RATIO = 1e-5, 1.35  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
 CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
 
 
@@ -53,7 +53,7 @@ class StickSlip(Result):
     --------
     >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=0.1, Fv=0.4)
     >>> lg.stick_slip_speed(drive, kp=3.0, kd=0.1).speed_end
-    0.37...
+    0.369...
     """
 
     speed_start: float
@@ -141,12 +141,13 @@ def stick_slip_speed(
 
     ``speed_end``: in a stick the error falls at v and u changes by kp v - ki e, so that breakaway
     at |u| = Fs has one free number, the error. The map from breakaway to breakaway is iterated
-    from 16 errors at speeds from 1e-5 times to once the highest at which a drive can stop; the
+    from 16 errors at speeds from 1e-5 Fs/sqrt(kp J) to the highest at which a drive can stop; the
     highest at which it goes on is followed upwards. Friction with states is simulated from 8
     errors instead; what repeatedly falls below a tenth of v sticks. Steady sliding and stick-slip
     exist both between the two speeds where ``speed_end`` is the higher one; where it is the lower
-    one, the loop swings about v without sticking. Absence is searched, not proven. Effects are
-    left out, and the loop is continuous.
+    one, the loop swings about v without sticking. Absence is searched, not proven. A slip of more
+    than some 40 periods counts as sliding: damping ratios below 1e-3 are not resolved. Effects
+    are left out, and the loop is continuous.
 
     Dependence of the two speeds on damping: Armstrong-Helouvry, Stick Slip and Control in
     Low-Speed Motion, IEEE Trans. Automatic Control 38(10), 1993; Thomsen and Fidlin, Analytical
@@ -157,7 +158,7 @@ def stick_slip_speed(
     >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=0.1, Fv=0.4)
     >>> found = lg.stick_slip_speed(drive, kp=3.0, kd=0.1)
     >>> round(found.speed_start, 3), round(found.speed_end, 2)
-    (0.193, 0.37)
+    (0.191, 0.37)
     """
     known, gains = as_model(model), pid_gains(kp, ki, kd, kv)
     ends = None if vary is None else ranges(vary, "vary")
@@ -192,7 +193,7 @@ def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
 def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterator[str]:
     """What holds between the two speeds, and below the first."""
     low, high = sorted([start, end])
-    between = f"between {number(low)} and {number(high)}"
+    between = f"between {number(low)} and {number(high)}" if low else f"below {number(high)}"
     if end > start:
         yield f"{between} a disturbance decides whether it slides or sticks and slips"
     elif start > end:
@@ -215,11 +216,11 @@ class _Search:
     def bounds(self) -> tuple[float, float]:
         """The highest speed at which the drive can stop, rad/s, and the largest error, units."""
         speed, error = largest(self.loop)
-        return speed * (self.loop.unit * self.loop.wn or 1.0), error
+        return speed * self.loop.unit * self.loop.wn, error
 
     @cached_property
     def growth(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.sliding.profile(self.bounds[0])
+        return self.sliding.profile()
 
     def followed(self, v: np.ndarray, x: Any) -> list[Any]:
         """The state of the stick-slip that persists at each speed from a state x; None: none."""
@@ -232,8 +233,9 @@ class _Search:
         if self.loop.curve.Fs <= 0.0:
             return
         (top, error), (v, growth) = self.bounds, self.growth
-        grid = top * np.geomspace(1.0, LOWEST, int(-np.log(LOWEST) / np.log(RATIO)))
-        grid = np.sort(np.r_[grid, min(v[np.argmax(growth)], top)])
+        low = LOWEST * self.loop.unit * self.loop.wn
+        grid = np.geomspace(low, top, int(np.log(top / low) / np.log(RATIO)))
+        grid = np.sort(np.r_[grid, np.clip(v[np.argmax(growth)], low, top)])
         if self.run:
             found = ramp_bristles.candidates(self.model, self.loop, self.run, grid, error)
         else:
