@@ -35,7 +35,7 @@ _HOMES = {
     "blocks.catalogue": "controllers effects laws observers",
     "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
     "compensated_loop": "Assurance Compensation HuntingChance assure compensate hunting_chance",
-    "hunting": "HuntingMap LimitCycles hunting_map limit_cycles",
+    "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.balance": "balance",
@@ -189,8 +189,10 @@ if TYPE_CHECKING:
     from .hunting import (  # noqa: F401
         HuntingMap,
         LimitCycles,
+        StickSlip,
         hunting_map,
         limit_cycles,
+        stick_slip_speed,
     )
     from .linear import (  # noqa: F401
         DelayedTransfer,

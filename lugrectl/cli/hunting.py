@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import sys
 from argparse import Namespace
+from dataclasses import replace
+from math import isfinite
 from typing import Any
 
-from ..core.errors import InputError
+from ..core.errors import InputError, Refused
 from .output import print_out
 from .plotting import drawn, format_of
 
@@ -14,17 +16,40 @@ EXIT = {"rests": 0, "hunts": 1, "undecided": 3}
 
 
 def hunt(a: Namespace) -> int:
-    """0 where every start comes to rest, 1 where one does not, 3 where it is undecided."""
+    """0 where every start comes to rest, 1 where one does not, 3 where it is undecided; with
+    ``--speed`` 0 where both speeds are known."""
     kind = None if a.plot is None else format_of(a.plot, "--plot")
     gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
     given = {k: getattr(a, k) for k in ("rate", "dead_time", "counts", "limit", "time_limit")}
     vary = dict(map(_range, a.vary)) if a.vary else None
+    moving = _moving(a, gains, vary) if a.speed else None
+    vary = None if moving else vary
     found = _over(a, gains | given, vary) if a.report else _of_model(a, gains | given, vary)
-    said = drawn(found, a.plot, kind, "--plot") if kind else ""
+    found = replace(found, stick_slip=moving) if moving else found
+    said = drawn(moving or found, a.plot, kind, "--plot") if kind else ""
     print_out(found.to_json() if a.json else repr(found))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
+    if moving is not None:
+        return int(not isfinite(moving.speed_end))
     return int(not found) if a.report else EXIT[found.outcome]
+
+
+def _moving(a: Namespace, gains: dict[str, Any], vary: Any) -> Any:
+    """Below which speeds the loop sticks and slips."""
+    from ..blocks.model import read_model
+    from ..hunting import stick_slip_speed
+    from .progress import Bar
+
+    if a.report:
+        raise InputError("--speed is for one drive: give --model instead of --report.")
+    if a.rate or a.dead_time or a.counts or a.limit:
+        raise Refused(
+            "--speed is answered for a loop in continuous time without a limit: leave out --rate, "
+            "--dead-time, --counts and --limit."
+        )
+    with Bar(sys.stderr) as bar:
+        return stick_slip_speed(read_model(a.model), **gains, vary=vary, progress=bar)
 
 
 def _of_model(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:

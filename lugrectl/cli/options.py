@@ -321,7 +321,9 @@ def _hunting(command: argparse.ArgumentParser) -> None:
     add("--limit", type=_positive, metavar="X", help="largest torque of the controller in N m")
     budget = "seconds after which a search by simulation leaves undecided what it does not know"
     add("--time-limit", type=_positive, metavar="S", help=budget)
-    ends = "also find the values of a gain between which the loop hunts"
+    what = "also under r = v t: below which speeds sliding is unstable, and stick-slip persists"
+    add("--speed", action="store_true", help=what)
+    ends = "also find the values of a gain between which the loop hunts (--speed: sticks and slips)"
     add("--vary", action="append", metavar="ki=1:50", help=ends)
     add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
 

@@ -3,5 +3,14 @@
 from .hunt import limit_cycles
 from .map import HuntingMap, hunting_map
 from .result import Cycle, LimitCycles
+from .stick_slip import StickSlip, stick_slip_speed
 
-__all__ = ["Cycle", "HuntingMap", "LimitCycles", "hunting_map", "limit_cycles"]
+__all__ = [
+    "Cycle",
+    "HuntingMap",
+    "LimitCycles",
+    "StickSlip",
+    "hunting_map",
+    "limit_cycles",
+    "stick_slip_speed",
+]

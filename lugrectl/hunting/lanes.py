@@ -17,6 +17,7 @@ from scipy.linalg import expm
 from .curve import Curve
 
 STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
+NEAR = 1e-5  # relative distance of two speeds between which a slope is measured
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class Lanes:
     """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
 
     A stick at an error of at most ``calm`` (units) is known to come to rest; a swing beyond
-    ``large`` grows without bound.
+    ``large`` grows without bound. ``drift`` is the speed of a reference (units) in the direction of
+    the slip.
     """
 
     delta: np.ndarray
@@ -33,10 +35,12 @@ class Lanes:
     fall: Callable[[np.ndarray], np.ndarray]
     calm: float = 0.0
     large: float = 300.0
+    drift: np.ndarray | None = None
 
     def __getitem__(self, which: np.ndarray) -> Lanes:
         own = (self.delta[which], self.rho[which], self.speed[which])
-        return Lanes(*own, self.fall, self.calm, self.large)
+        drift = None if self.drift is None else self.drift[which]
+        return Lanes(*own, self.fall, self.calm, self.large, drift)
 
     def __len__(self) -> int:
         return len(self.delta)
@@ -44,6 +48,10 @@ class Lanes:
     def drop(self, a: np.ndarray) -> np.ndarray:
         """1 - F/Fs at the speed a."""
         return self.fall(a * self.speed)
+
+    def steepness(self, a: np.ndarray) -> np.ndarray:
+        """dF/da / Fs at the speed a."""
+        return (self.drop(a * (1.0 - NEAR)) - self.drop(a * (1.0 + NEAR))) / (2.0 * NEAR * a)
 
 
 @dataclass(frozen=True)
@@ -74,26 +82,33 @@ class Loop:
         """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""
         return (self.kd + self.curve.viscous) * self.kp > self.ki * self.J
 
-    @cached_property
+    @property
     def reach(self) -> float:
-        """The largest error that friction can keep up, in units; inf where fast motion grows.
+        """The largest error that friction can keep up, in units; inf where fast motion grows."""
+        return self.largest[1]
 
-        |F - Fv w| is bounded, so that |e| is at most that bound times the L1 norm from torque to
-        error of the linear loop. The norm is a sum over steps that double as motion gets slower.
+    @cached_property
+    def largest(self) -> tuple[float, float]:
+        """The largest speed, and error, that friction can keep up about a steady motion, in units.
+
+        |F - Fv w| is bounded: that bound times the L1 norm from torque to each of the linear loop,
+        a sum over steps that double as motion gets slower; inf where fast motion grows.
         """
         if not self.is_stable():
-            return np.inf
+            return np.inf, np.inf
         delta = (self.kd + self.curve.viscous) / np.sqrt(self.kp * self.J)
         rho = self.ki / (self.kp * self.wn)
         M = expm(STEP * np.array([[0.0, 1.0, 0.0], [-1.0, -delta, 1.0], [-rho, 0.0, 0.0]]))
-        x, step, total, last = np.array([0.0, 1.0, 0.0]), STEP, 0.0, np.inf
-        while last > ENOUGH * total:
-            last = 0.0
+        x, step, total = np.array([0.0, 1.0, 0.0]), STEP, np.zeros(2)
+        last = total + 1.0
+        while np.any(last > ENOUGH * total):
+            last = np.zeros(2)
             for _ in range(PER_OCTAVE):
                 x = M @ x
-                last += step * abs(x[0])
+                last += step * np.abs(x[:2])
             total, M, step = total + last, M @ M, 2.0 * step
-        return float(total) * self.curve.most / self.curve.Fs
+        error, speed = total * self.curve.most / self.curve.Fs
+        return float(speed), float(error)
 
 
 def together(loops: list[Loop], count: int) -> Lanes:

@@ -85,6 +85,8 @@ class LimitCycles(Result):
         Of the drive.
     undecided : int
         Starts of a search by simulation that neither came to rest nor repeated.
+    stick_slip : StickSlip or None
+        With ``lugrectl hunt --speed``: the speeds of :func:`stick_slip_speed`.
 
     Examples
     --------
@@ -105,6 +107,7 @@ class LimitCycles(Result):
     curve: tuple[np.ndarray, np.ndarray] | None = None
     motion: str = "rotary"
     undecided: int = 0
+    stick_slip: Any = None
 
     def __bool__(self) -> bool:
         return self.outcome == "rests"
@@ -133,6 +136,7 @@ class LimitCycles(Result):
             "diverges": self.diverges,
             "loop": self.loop,
             "undecided": self.undecided,
+            "stick_slip": self.stick_slip and self.stick_slip.summary(),
             "critical": {k: list(v) for k, v in self.critical.items()},
             "messages": list(self.messages),
         }
@@ -171,4 +175,6 @@ class LimitCycles(Result):
             yield Row("hunting", said)
         if self.proof:
             yield Row("proof", self.proof)
+        if self.stick_slip:
+            yield from self.stick_slip._rows()
         yield from noticed(self.messages, "messages")

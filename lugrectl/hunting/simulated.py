@@ -67,7 +67,7 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing, limit: float | None)
         start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
         shaken = np.random.default_rng(0).uniform(-SHAKEN, SHAKEN, length) * sensing.resolution
         inputs = {"r": 0.0, "n_theta": shaken}
-        return _motion(_quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
+        return _motion(quietly(simulate_sampled, body, drive, t, inputs, x, drive_x0=start))
 
     return run
 
@@ -116,7 +116,7 @@ def continuous_run(model: Model, loop: Loop, seconds: float, limit: float | None
 
     def run(e: float, times: int) -> Motion:
         start = [*at_breakaway(loop, parts[0], e), _integral(loop, e)]
-        return _motion(_quietly(simulate, system, _times(times, seconds), {"r": 0.0}, start))
+        return _motion(quietly(simulate, system, _times(times, seconds), {"r": 0.0}, start))
 
     return run
 
@@ -131,7 +131,7 @@ def loop_run(system: Any, seconds: float) -> Run:
         )
 
     def run(step: float, times: int) -> Motion:
-        return _motion(_quietly(simulate, system, _times(times, seconds), {"r": step}), step)
+        return _motion(quietly(simulate, system, _times(times, seconds), {"r": step}), step)
 
     return run
 
@@ -140,7 +140,7 @@ def _times(times: int, seconds: float) -> np.ndarray:
     return np.linspace(0.0, times * seconds, min(POINTS * times, MOST))
 
 
-def _quietly(simulated: Any, *given: Any, **more: Any) -> Any:
+def quietly(simulated: Any, *given: Any, **more: Any) -> Any:
     """A response without its warnings: a drive that chatters at rest is what is looked for."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -3,10 +3,11 @@
 A slip in the direction of -e has the state (x, a, y): the error, the speed a = -w >= 0, and the
 excess y = -u - Fs of the torque without damping over breakaway,
 
-    dx/dt = -a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x - a.
+    dx/dt = v - a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x + v - a,
 
-It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; x is monotone, so that the largest
-error stands at an end. The excess is a state because it keeps its digits where e is small.
+with the speed v of the reference. It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; at
+v = 0 x is monotone, so that the largest error stands at an end. The excess is a state because it
+keeps its digits where e is small.
 Dormand and Prince, order 5 with an error of order 4; each lane has its own step.
 """
 
@@ -21,8 +22,11 @@ from .lanes import Lanes
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
 STEPS = 4000  # of one slip; a longer one creeps
+MOVING, ROUGH = 1000, 1e-5  # STEPS and RTOL under a moving reference: some 40 periods of sliding
 LOOK = 40  # steps, after which it is looked for creeping
 NEARLY = 0.02  # relative difference of a creeping speed from rho x
+AROUND = 0.8  # of the speed v: how far from steady sliding a slip may stay about it
+ASIDE = np.linspace(-1.0, 1.0, 7)  # parts of that distance at which it must be damped
 SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
 FIRST = 1e-3  # the first step
 A = np.array(
@@ -39,7 +43,8 @@ ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 5
 
 
 class End(NamedTuple):
-    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero."""
+    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero, or where
+    it follows a moving reference, and ends no more."""
 
     x: np.ndarray
     y: np.ndarray
@@ -50,18 +55,21 @@ class End(NamedTuple):
 def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     """From a = 0 to the next a = 0 of each lane."""
     state, h, t = _begun(x, y)
-    small = SMALL * np.minimum(1.0, np.abs(x))
+    small = SMALL * np.minimum(1.0, np.abs(x)) if lanes.drift is None else 0.0 * x
+    settles, steps, rtol = _creeps, STEPS, RTOL
+    if lanes.drift is not None:
+        settles, steps, rtol = _follows, MOVING, ROUGH
     rests, active = np.zeros(len(x), bool), np.arange(len(x))
     last = np.full(len(x), FIRST)  # the step in which a lane stops
     own, now, step, slope = lanes, state.copy(), h.copy(), _rates(lanes, state)
-    for k in range(1, STEPS + 1):
+    for k in range(1, steps + 1):
         new, slopes = _stepped(own, now, step, slope)
-        worst = _worst(now, new, step, slopes)
+        worst = _worst(now, new, step, slopes) * (RTOL / rtol)
         good = worst <= 1.0
         stops = good & (new[1] <= 0.0)
         crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
         if k % LOOK == 0:
-            crept |= good & ~stops & _creeps(own, new, slopes[-1])
+            crept |= good & ~stops & settles(own, new, slopes[-1])
         goes = good & ~stops & ~crept
         t[active[goes]] += step[goes]
         last[active[stops]], state[:, active[stops]] = step[stops], now[:, stops]
@@ -85,7 +93,8 @@ def _begun(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
     x, a, y = state
-    return np.array([-a, y - lanes.delta * a + lanes.drop(a), lanes.rho * x - a])
+    ahead = -a if lanes.drift is None else lanes.drift - a
+    return np.array([ahead, y - lanes.delta * a + lanes.drop(a), lanes.rho * x + ahead])
 
 
 def _stepped(
@@ -119,6 +128,21 @@ def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
         return follows
     damped = SLOWER * lanes.delta * a - np.array([lanes.drop(s * a) for s in SLOWER[:, 0]])
     return follows & np.all(damped[:-1] > damped[1:], axis=0) & (damped[-1] > 0.0)
+
+
+def _follows(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Whether a slip stays about steady sliding, without a stop.
+
+    (a - v)^2 + (y - y0)^2 falls while the slope of the friction and delta together damp, by more
+    than the integral drives; its root, with the part of x, is what a may still differ from v by.
+    """
+    v = np.asarray(lanes.drift)
+    x, a, y = state
+    far = np.hypot(a - v, y - lanes.delta * v + lanes.drop(v)) + 2.0 * lanes.rho * np.abs(x)
+    damped = [
+        lanes.delta + lanes.steepness(np.maximum(v + far * s, FLOOR * np.abs(v))) for s in ASIDE
+    ]
+    return (far < AROUND * v) & (np.min(damped, axis=0) > 2.0 * lanes.rho)
 
 
 def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

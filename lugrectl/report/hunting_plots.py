@@ -42,6 +42,23 @@ def growth(found: Any, ax: Axes) -> Axes:
 
 
 @drawn
+def sliding(found: Any, ax: Axes) -> Axes:
+    """How fast a deviation from steady sliding grows over the speed, and both speeds."""
+    if found.growth is None:
+        empty(ax, found._title())
+    else:
+        ax.semilogx(*found.growth, color=LINE, label="growth of a small deviation")
+    ax.axhline(0.0, color="0.4", lw=0.8)
+    marks = (("sliding is unstable below", found.speed_start, UNSTABLE),)
+    for name, speed, colour in (*marks, ("no stick-slip above", found.speed_end, STABLE)):
+        if speed and np.isfinite(speed):
+            ax.axvline(speed, color=colour, ls="--", label=name)
+    ax.set(xlabel=f"speed v [{found.unit}]", ylabel="growth [1/s]")
+    headed(ax, found._title()[:1].upper() + found._title()[1:])
+    return ax
+
+
+@drawn
 def regions(found: Any, ax: Axes) -> Axes:
     """The regions over two gains, with the user's gains."""
     from matplotlib.colors import ListedColormap

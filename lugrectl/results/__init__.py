@@ -13,7 +13,7 @@ from ..estimates.covariance import Joint, Residuals
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
 from ..estimates.fitted import Parameter, ParameterTable
 from ..estimates.members import Members
-from ..hunting import HuntingMap, LimitCycles
+from ..hunting import HuntingMap, LimitCycles, StickSlip
 from ..linear.band import BandwidthVerdict
 from ..linear.designs import DesignChecks
 from ..linear.l2 import L2Verdict
@@ -34,5 +34,6 @@ __all__ = [
     "HuntingMap", "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles", "Members",
     "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
     "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
-    "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "Sweep", "Table", "Traces", "Tuning",
+    "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "StickSlip", "Sweep", "Table",
+    "Traces", "Tuning",
 ]  # fmt: skip

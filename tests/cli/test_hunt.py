@@ -1,44 +1,86 @@
-"""``lugrectl hunt`` over a model: three outcomes and their exit codes."""
+"""``lugrectl hunt``: exit codes, the JSON document and the picture."""
 
 import json
 
 import pytest
 
+import lugrectl as lg
 from lugrectl.cli import main
 
-MODEL = """
-[plant]
-J = 1.0
-[friction]
-model = "stribeck"
-Fc = 1.0
-Fs = {Fs}
-Fv = 0.4
-vs = 1e-3
-"""
+GAINS = "--kp 3 --ki 4 --kd 6"
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = {"J": 1.0, "Fc": 1.0, "Fv": 0.4}
+    lg.write_model(lg.Model.of(friction="stribeck", Fs=1.5, vs=1e-3, **own), "sticks.toml")
+    lg.write_model(lg.Model.of(friction="coulomb", **own), "smooth.toml")
+
+
+def run(capsys, line):
+    code = main(f"hunt {line}".split())
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_a_loop_that_hunts_exits_1(files, capsys):
+    code, out, _ = run(capsys, f"--model sticks.toml {GAINS}")
+    assert code == 1 and out.startswith("the loop hunts\n")
+    assert "+-0.06692 rad, period 23.73 s, stable, 2 stops" in out
+
+
+def test_a_proof_of_absence_exits_0(files, capsys):
+    code, out, _ = run(capsys, f"--model smooth.toml {GAINS} --json")
+    said = json.loads(out)
+    assert code == 0 and said["hunts"] is False and "Bisoffi" in said["proof"]
+
+
+def test_the_document_has_what_is_promised(files, capsys):
+    line = f"--model sticks.toml {GAINS} --json --plot hunt.png"
+    code, out, err = run(capsys, line)
+    said = json.loads(out)
+    assert code == 1 and said["schema"] == 1 and said["hunts"] is True and said["proof"] is None
+    (cycle,) = said["cycles"]
+    assert {"amplitude", "period", "stable", "stops"} <= {*cycle} and cycle["stops"] == 2
+    assert said["loop"]["ki"] == 4.0 and said["messages"] == []
+    assert "picture: hunt.png" in err
+
+
+def test_a_range_that_is_none_exits_2(files, capsys):
+    code, _, err = run(capsys, f"--model sticks.toml {GAINS} --vary ki=1")
+    assert code == 2 and "ki=1:50" in err
+
+
+def test_the_speeds_of_a_moving_loop_are_answered_with_exit_0(files, capsys):
+    code, out, _ = run(capsys, "--model sticks.toml --kp 3 --ki 4 --kd 6 --speed --json")
+    said = json.loads(out)
+    assert code == 0 and said["hunts"] is True and said["critical"] == {}
+    assert 0.0 < said["stick_slip"]["speed_start"] and said["stick_slip"]["speed_end"] is not None
+    code, out, _ = run(capsys, f"--model smooth.toml {GAINS} --json")
+    assert json.loads(out)["stick_slip"] is None
+
+
+def test_the_speeds_of_a_sampled_loop_are_not_answered(files, capsys):
+    code, _, err = run(capsys, f"--model sticks.toml {GAINS} --speed --rate 100")
+    assert code == 3 and "continuous time" in err
 
 
 @pytest.mark.parametrize(
-    ("Fs", "more", "code", "outcome"),
+    ("line", "code", "outcome"),
     [
-        (1.0, (), 0, "rests"),
-        (1.5, (), 1, "hunts"),
-        (1.5, ("--rate", "200", "--time-limit", "1e-6"), 3, "undecided"),
+        ("--model smooth.toml", 0, "rests"),
+        ("--model sticks.toml", 1, "hunts"),
+        ("--model sticks.toml --rate 200 --time-limit 1e-6", 3, "undecided"),
     ],
 )
-def test_each_outcome_has_its_exit_code(tmp_path, capsys, Fs, more, code, outcome):
-    path = tmp_path / "drive.toml"
-    path.write_text(MODEL.format(Fs=Fs))
-    line = ["hunt", "--model", str(path), "--kp", "3", "--ki", "4", "--kd", "6", *more, "--json"]
-    assert main(line) == code
-    said = json.loads(capsys.readouterr().out)
-    assert said["outcome"] == outcome and said["schema"] == 1
+def test_each_outcome_has_its_exit_code(files, capsys, line, code, outcome):
+    done, out, _ = run(capsys, f"{line} {GAINS} --json")
+    said = json.loads(out)
+    assert done == code and said["outcome"] == outcome
     assert said["hunts"] is {"rests": False, "hunts": True, "undecided": None}[outcome]
-    assert bool(said["cycles"]) == (outcome == "hunts")
 
 
-def test_a_limit_of_no_torque_is_refused(tmp_path, capsys):
-    path = tmp_path / "drive.toml"
-    path.write_text(MODEL.format(Fs=1.5))
-    assert main(["hunt", "--model", str(path), "--limit", "0"]) == 2
-    assert "--limit" in capsys.readouterr().err
+def test_a_limit_of_no_torque_is_refused(files, capsys):
+    code, _, err = run(capsys, f"--model sticks.toml {GAINS} --limit 0")
+    assert code == 2 and "--limit" in err

@@ -1,0 +1,258 @@
+"""``lugrectl.stick_slip_speed``: below which speeds a moving position loop sticks and slips."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..blocks.model import Model, as_model
+from ..core.display import Row, noticed, number
+from ..core.progress import Wanted, reporter, shows_progress
+from ..core.result import Result, picked
+from ..core.views import view
+from . import ramp_bristles, ramp_map
+from .critical import changes, ranges
+from .curve import curve_of
+from .hunt import GAINS, PAPER, pid_gains
+from .lanes import Loop
+from .ramp_bristles import ramp_run
+from .steady_sliding import Sliding
+
+LOWEST, RATIO = 1e-5, 1.35  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
+CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
+
+
+@dataclass(frozen=True, repr=False)
+class StickSlip(Result):
+    """Below which speeds a position loop that follows r = v t sticks and slips.
+
+    Attributes
+    ----------
+    speed_start : float
+        rad/s (m/s on a linear drive): below it steady sliding is unstable; 0: at no speed.
+    speed_end : float
+        Above it no stick-slip persists, whatever started it; 0: at no speed it persists. Both are
+        infinite where fast motion does not decay.
+    loop : dict
+        Gains, J and law.
+    critical : dict
+        With ``vary``: by gain the values at which ``speed_end`` becomes 0.
+    messages : tuple of str
+        What the answer does not cover, and what happens between the two speeds.
+    growth : tuple of two arrays
+        Speeds, and how fast a small deviation from steady sliding grows there, 1/s.
+    motion : "rotary" or "linear"
+        Of the drive.
+
+    Examples
+    --------
+    >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=0.1, Fv=0.4)
+    >>> lg.stick_slip_speed(drive, kp=3.0, kd=0.1).speed_end
+    0.369...
+    """
+
+    speed_start: float
+    speed_end: float
+    loop: dict[str, Any]
+    critical: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    messages: tuple[str, ...] = ()
+    growth: tuple[np.ndarray, np.ndarray] | None = None
+    motion: str = "rotary"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as ``stick_slip`` of ``lugrectl hunt --speed --json``."""
+        return picked(self, "speed_start speed_end critical loop messages")
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the growth of a small deviation over the speed, with both speeds; the Axes."""
+        return view("hunting_plots.sliding")(self, ax)
+
+    @property
+    def unit(self) -> str:
+        """Of the speeds."""
+        return "rad/s" if self.motion == "rotary" else "m/s"
+
+    def _title(self) -> str:
+        if not np.isfinite(self.speed_end):
+            return "the loop is unstable at each speed"
+        if not self.speed_end:
+            return "moving, the loop does not stick and slip"
+        return f"moving, the loop sticks and slips up to {number(self.speed_end)} {self.unit}"
+
+    def _rows(self) -> Iterable[Row]:
+        yield Row("speed_start", self.speed_start, self.unit, "below it sliding is unstable")
+        yield Row("speed_end", self.speed_end, self.unit, "above it no stick-slip persists")
+        for name, values in self.critical.items():
+            said = ", ".join(f"{v:.4g}" for v in values)
+            said = f"begins or ends at {name} {said}" if values else f"is the same at each {name}"
+            yield Row("stick-slip", said)
+        yield from noticed(self.messages, "messages")
+
+
+@shows_progress
+def stick_slip_speed(
+    model: Any,
+    *,
+    kp: float | None = None,
+    ki: float | None = None,
+    kd: float | None = None,
+    kv: float | None = None,
+    vary: Mapping[str, tuple[float, float]] | None = None,
+    progress: Wanted = None,
+) -> StickSlip:
+    """The speeds below which a position loop that follows a ramp sticks and slips.
+
+    J dw/dt = u - F, u = -(kp e + ki int e + kd w), e = theta - r, r = v t.
+
+    Parameters
+    ----------
+    model : Model, Parameters or path
+        The drive, all values known.
+    kp, ki, kd, kv : float, optional
+        As for :func:`limit_cycles`. kd acts on w, not on w - v: the constant kd v is taken by the
+        integral, without one by a constant error, so that both speeds are the same either way.
+    vary : dict, optional
+        ``{"kd": (0.1, 10)}``: also the values of a gain at which ``speed_end`` becomes 0.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
+
+    Returns
+    -------
+    StickSlip
+        ``.speed_start``, ``.speed_end``, ``.critical``, ``.messages``, ``.plot()``.
+
+    Raises
+    ------
+    InputError
+        For a value of the model that is not known, or a gain out of its range.
+    Refused
+        For a friction law that has states and is no law of w with bristles.
+
+    Notes
+    -----
+    ``speed_start`` is the highest speed at which an eigenvalue of the loop about w = v has a
+    positive real part, with bristles in their steady deflection. Without bristles that is Routh's
+    (kd + dF/dw) kp > ki J.
+
+    ``speed_end``: in a stick the error falls at v and u changes by kp v - ki e, so that breakaway
+    at |u| = Fs has one free number, the error. The map from breakaway to breakaway is iterated
+    from 16 errors at speeds from 1e-5 Fs/sqrt(kp J) to the highest at which a drive can stop; the
+    highest at which it goes on is followed upwards. Friction with states is simulated from 8
+    errors instead; what repeatedly falls below a tenth of v sticks. Steady sliding and stick-slip
+    exist both between the two speeds where ``speed_end`` is the higher one; where it is the lower
+    one, the loop swings about v without sticking. Absence is searched, not proven. A slip of more
+    than some 40 periods counts as sliding: damping ratios below 1e-3 are not resolved. Effects
+    are left out, and the loop is continuous.
+
+    Dependence of the two speeds on damping: Armstrong-Helouvry, Stick Slip and Control in
+    Low-Speed Motion, IEEE Trans. Automatic Control 38(10), 1993; Thomsen and Fidlin, Analytical
+    Approximations for Stick-Slip Vibration Amplitudes, Int. J. Non-Linear Mechanics 38(3), 2003.
+
+    Examples
+    --------
+    >>> drive = lg.Model.of(friction="stribeck", J=1.0, Fc=1.0, Fs=1.5, vs=0.1, Fv=0.4)
+    >>> found = lg.stick_slip_speed(drive, kp=3.0, kd=0.1)
+    >>> round(found.speed_start, 3), round(found.speed_end, 2)
+    (0.191, 0.37)
+    """
+    known, gains = as_model(model), pid_gains(kp, ki, kd, kv)
+    ends = None if vary is None else ranges(vary, "vary")
+    own = {k: v for k, v in {"kp": kp, "ki": ki, "kd": kd, "kv": kv}.items() if v is not None}
+    bare, report, asked = replace(known, effects=()), reporter(progress), [0]
+    found = _found(bare, gains)
+    said = [f"left out: {', '.join(p.key for p in known.effects)}"] * bool(known.effects)
+
+    def sticks(**changed: float) -> bool:
+        asked[0] += 1
+        report(1.0 - 0.9 ** asked[0], "gains tried")
+        every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
+        search = _Search(bare, pid_gains(**every))
+        return not search.loop.is_stable() or next(search.persisting(), None) is not None
+
+    critical = {} if ends is None else changes(sticks, ends)
+    return replace(found, critical=critical, messages=(*said, *found.messages))
+
+
+def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
+    search = _Search(model, gains)
+    loop, law = search.loop, model.friction.block.name
+    about = {**gains, "J": loop.J, "law": law, "model": model.name}
+    if not loop.is_stable():
+        said = "fast motion does not decay: (kd + Fv) kp > ki J does not hold"
+        return StickSlip(np.inf, np.inf, about, messages=(said,), motion=model.motion)
+    start, end = search.sliding.first_speed(*search.growth), search.last_speed()
+    said = tuple(_said(start, end, *search.growth))
+    return StickSlip(start, end, about, {}, said, search.growth, model.motion)
+
+
+def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterator[str]:
+    """What holds between the two speeds, and below the first."""
+    low, high = sorted([start, end])
+    between = f"between {number(low)} and {number(high)}" if low else f"below {number(high)}"
+    if end > start:
+        yield f"{between} a disturbance decides whether it slides or sticks and slips"
+    elif start > end:
+        yield f"{between} it swings about v without sticking"
+    if start and growth[-1] <= 0.0:
+        rest = v[np.flatnonzero(growth > 0.0)[-1] + 1]
+        yield f"below about {number(rest, 2)} sliding is stable again, against small disturbances"
+    yield "speed_end is searched, not proven"
+
+
+class _Search:
+    """A loop that is stable, and how stick-slip is found and followed in it."""
+
+    def __init__(self, model: Model, gains: Mapping[str, float]) -> None:
+        self.model, self.loop = model, Loop(curve_of(model), float(model.J or 0.0), **gains)
+        self.sliding = Sliding(model, self.loop)
+        self.run = ramp_run(model, self.loop) if model.friction.block.states else None
+
+    @cached_property
+    def bounds(self) -> tuple[float, float]:
+        """The highest speed at which the drive can stop, rad/s, and the largest error, units."""
+        speed, error = self.loop.largest
+        return speed * self.loop.unit * self.loop.wn, error
+
+    @cached_property
+    def growth(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.sliding.profile()
+
+    def followed(self, v: np.ndarray, x: Any) -> list[Any]:
+        """The state of the stick-slip that persists at each speed from a state x; None: none."""
+        if self.run:
+            return ramp_bristles.followed(self.run, v, x)
+        return ramp_map.followed(self.loop, v, x)
+
+    def persisting(self) -> Iterator[tuple[float, Any]]:
+        """Speeds at which stick-slip persists and its state, from the highest on."""
+        if self.loop.curve.Fs <= 0.0:
+            return
+        (top, error), (v, growth) = self.bounds, self.growth
+        low = LOWEST * self.loop.unit * self.loop.wn
+        grid = np.geomspace(low, top, int(np.log(top / low) / np.log(RATIO)))
+        grid = np.sort(np.r_[grid, np.clip(v[np.argmax(growth)], low, top)])
+        if self.run:
+            found = ramp_bristles.candidates(self.model, self.loop, self.run, grid, error)
+        else:
+            found = ramp_map.candidates(self.loop, grid, error)
+        for speed, x in found:
+            kept = self.followed(np.array([speed]), x)[0]
+            if kept is not None:
+                yield speed, kept
+
+    def last_speed(self) -> float:
+        """The highest speed at which stick-slip persists, rad/s; 0: at none."""
+        v, x = next(self.persisting(), (0.0, None))
+        step = np.log(RATIO) / PARTS
+        while v and step > CLOSE / PARTS:
+            tried = v * np.exp(step * np.arange(1, PARTS + 1))
+            made = self.followed(tried, x)
+            kept = [k for k, one in enumerate(made) if one is not None]
+            if kept:
+                v, x = float(tried[kept[-1]]), made[kept[-1]]
+            step = step if kept and kept[-1] == PARTS - 1 else step / PARTS
+        return v
