@@ -131,7 +131,7 @@ def assure(
     Standstill is a condition: after a sine that stops, and after a step of a tenth of it, a drive
     hunts that still swings by more than ``still`` from 40 kp/ki on, and rests where its torque is
     constant, or moves to and fro within that swing. A torque that moves one way will break away:
-    where 640 kp/ki, or 200 000 samples, do not show how that ends the drive is undecided. Without
+    where 320 kp/ki, or 100 000 samples, do not show how that ends the drive is undecided. Without
     counts, hunting by sampling alone is not seen below ``still``. A choice holds if those that hunt
     or are undecided are so few, on each half of the members, that the interval of Clopper and
     Pearson ends at ``hunts``: of n drives on which none hunts it ends near 3.7/n, so that it takes

@@ -25,8 +25,8 @@ from .standstill import UNDECIDED, Rest, at_rest
 
 PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
 FASTEST = 1.5  # of the largest speed of the reference
-WAITS = (40, 160, 640)  # kp/ki of the controller: a run at rest, longer where it is undecided
-SHORTEST, LONGEST = 1_000, 200_000  # samples of it
+WAITS = (40, 320)  # kp/ki of the controller: a run at rest, longer where it is undecided
+SHORTEST, LONGEST = 1_000, 100_000  # samples of it
 NOISE = 1e-6  # of a motion that has decayed
 STEP, SMALL = 0.1, 1e-3  # of the amplitude of the sine: a step, and a swing that is none
 
