@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import count as numbers
 from typing import Any
@@ -12,6 +12,7 @@ from scipy import stats
 
 from ..core.display import Row, Shown
 from .drive import between
+from .standstill import HUNTS, UNDECIDED
 
 SURE = 0.95  # of a bound, and of the interval of a probability
 
@@ -56,6 +57,12 @@ class Outcomes(Chance):
     that hunts, ``.rests`` and ``.unsure`` are the others."""
 
     undecided: int = 0
+
+    @classmethod
+    def of(cls, fates: Sequence[float] | np.ndarray) -> Outcomes:
+        """From the fate of each member."""
+        hunting, open_ = (int(np.sum(np.equal(fates, one))) for one in (HUNTS, UNDECIDED))
+        return cls(hunting, len(fates), open_)
 
     @property
     def unsure(self) -> float:

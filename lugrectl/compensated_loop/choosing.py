@@ -13,7 +13,7 @@ from ..core.progress import Progress, reporter
 from .assured import Tried
 from .chance import Outcomes, hunting_at_most
 from .member_runs import Choice, Setting, Waiting, Work
-from .standstill import HUNTS, RESTS, UNDECIDED
+from .standstill import HUNTS, RESTS
 
 Run = Callable[..., np.ndarray]  # of a task on pairs of members and seeds, with progress
 Pairs = Sequence[tuple[Model, int]]
@@ -63,8 +63,7 @@ class Standstill:
 
     def outcomes(self, choice: Choice | None) -> Outcomes:
         """The shares of all members."""
-        fates = self.rows(choice)[:, 0]
-        return Outcomes(int(np.sum(fates == HUNTS)), len(fates), int(np.sum(fates == UNDECIDED)))
+        return Outcomes.of(self.rows(choice)[:, 0])
 
     def share(self, choice: Choice) -> float | None:
         """The share that hunts of those that were looked at."""

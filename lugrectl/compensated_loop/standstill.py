@@ -11,7 +11,7 @@ RESTS, UNDECIDED, HUNTS = 0.0, 1.0, 2.0
 CONSTANT = 1e-6  # of its range, by which the torque of a drive at rest still moves
 SHRINKS = 0.9  # of its size a third before: a swing that does not persist
 SETTLES = 0.5  # the same of a torque that approaches its end: what is left is less than this moved
-BLOCKS = 8  # means of the torque, which a drive that is about to break away moves one way
+BLOCKS = 8  # means of the torque
 
 
 class Rest(NamedTuple):
@@ -39,8 +39,15 @@ def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last
         return Rest(RESTS, size)
     if min(size, was) > still and (last or size >= SHRINKS * was):
         return Rest(HUNTS, size)
-    means = [float(np.mean(part)) for part in np.array_split(u[-2 * third :], BLOCKS)]
-    one_way = len(set(np.sign(np.diff(means)))) == 1
-    if max(size, was) <= still and (not one_way or moved <= SETTLES * np.ptp(u[before])):
+    stays = not _one_way(u[-2 * third :]) or moved <= SETTLES * np.ptp(u[before])
+    if max(size, was) <= still and stays:
         return Rest(RESTS, size)
     return Rest(UNDECIDED, max(size, was))
+
+
+def _one_way(u: np.ndarray) -> bool:
+    """Whether means of the torque move along a line by more than they lie about it."""
+    means = np.array([np.mean(part) for part in np.array_split(u, BLOCKS)])
+    place = np.arange(BLOCKS)
+    line = np.polyval(np.polyfit(place, means, 1), place)
+    return bool(abs(line[-1] - line[0]) > 2.0 * np.max(np.abs(means - line)))

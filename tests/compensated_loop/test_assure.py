@@ -40,7 +40,7 @@ def fit():
 
 @pytest.fixture(scope="module")
 def found(fit):
-    return lg.assure(fit, 0.8, loop="velocity", seed=3)
+    return lg.assure(fit, 0.8, loop="velocity", seed=3, hunts=0.2)
 
 
 def test_it_helps_and_says_on_how_many_drives(found):
@@ -61,13 +61,13 @@ def test_its_figures_are_those_of_members_that_no_choice_has_seen(found):
 
 def test_the_report_holds_all_that_is_needed(fit, found, tmp_path):
     fit.save(tmp_path)
-    again = lg.assure(tmp_path / "report.json", 0.8, loop="velocity", seed=3)
+    again = lg.assure(tmp_path / "report.json", 0.8, loop="velocity", seed=3, hunts=0.2)
     assert again.to_dict() == found.to_dict()
 
 
 def test_an_executor_gives_the_same(fit, found):
     with ThreadPoolExecutor(2) as pool:
-        again = lg.assure(fit, 0.8, loop="velocity", seed=3, executor=pool)
+        again = lg.assure(fit, 0.8, loop="velocity", seed=3, hunts=0.2, executor=pool)
     assert np.array_equal(again.errors["assured"], found.errors["assured"])
 
 
