@@ -99,7 +99,8 @@ def assure(
         Amplitude in rad/s and frequency in Hz of the reference, a sine; default: 0.8 of the
         record's speed, 1 Hz.
     members : int, optional
-        Number of drives; default: as few as give a bound with one drive beyond it.
+        Number of drives; default: as few as give a bound with one drive beyond it, and let one
+        hunt; 110 for 0.95 and 0.05.
     seed : int
         Of the drives and of the noise.
     executor, jobs : Executor, int
@@ -131,12 +132,12 @@ def assure(
     Standstill is a condition: after a sine that stops, and after a step of a tenth of it, a drive
     hunts that still swings by more than ``still`` from 40 kp/ki on, and rests where its torque is
     constant, or moves to and fro within that swing. A torque that moves one way will break away:
-    where 320 kp/ki, or 100 000 samples, do not show how that ends the drive is undecided. Without
-    counts, hunting by sampling alone is not seen below ``still``. A choice holds if those that hunt
-    or are undecided are so few, on each half of the members, that the interval of Clopper and
-    Pearson ends at ``hunts``: of n drives on which none hunts it ends near 3.7/n, so that it takes
-    72 for 0.05; fewer show less, none of them may hunt, and ``messages`` say so. Where no choice
-    holds, those do that swing farther than without compensation on as few drives.
+    where 320 kp/ki, or 100 000 samples, do not show how that ends the drive is undecided. A choice
+    holds if those that hunt or are undecided are so few, on each half of the members, that the
+    interval of Clopper and Pearson ends at ``hunts``. 0 of n ends near 3.7/n: 0.05 takes 72 drives
+    of which none hunts, or 110 of which one does. Fewer show less: then none of them may, and
+    ``messages`` say so. Where no choice holds, those do that swing farther than without
+    compensation on as few drives.
 
     c and the observer are chosen on members of their own. The figures come from as many others,
     on which a choice was only asked whether it rests, so that they are binomial: with N drives of
@@ -144,8 +145,7 @@ def assure(
     95 %, where P(Bin(N, 1 - confidence) <= k) <= 0.05; 93 drives and k = 1 for 0.95. That is the
     argument of Calafiore and Campi, The Scenario Approach to Robust Control Design, IEEE Trans.
     Automatic Control 51(5), 2006, for one bound. It is about drives like those that the covariance
-    draws:
-    what no model of the result has is not in it.
+    draws: what no model of the result has is not in it.
 
     Examples
     --------
@@ -177,7 +177,7 @@ def assure(
         raise InputError(f"the reference takes {setting.samples(PERIODS)} samples, outside "
                          f"{FEWEST} to {MOST}: give another frequency.")  # fmt: skip
     hunts, seed = share(hunts, "hunts"), whole(seed, "seed")
-    least = max(enough(confidence), enough_at_rest(hunts))
+    least = max(enough(confidence), enough_at_rest(hunts, spare=1))
     count = least if members is None else whole(members, "members", least=2)
     still = setting.usual_still() if still is None else positive(still, "still", "rad")
     named = _observers(setting, observers, gains)

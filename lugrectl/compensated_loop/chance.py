@@ -103,9 +103,10 @@ def enough(confidence: float, spare: int = 1) -> int:
     return next(n for n in numbers(spare + 1) if spared(n, confidence) >= spare)
 
 
-def enough_at_rest(part: float) -> int:
-    """The fewest members that can show that at most this part of all drives hunts."""
-    return next(n for n in numbers(1) if hunting_at_most(n, part) >= 0)
+def enough_at_rest(part: float, spare: int = 0) -> int:
+    """The fewest members that show that at most this part of all drives hunts, though so many of
+    them do."""
+    return next(n for n in numbers(1) if hunting_at_most(n, part) >= spare)
 
 
 def bound(values: np.ndarray, confidence: float) -> float:

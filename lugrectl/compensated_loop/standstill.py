@@ -12,6 +12,10 @@ CONSTANT = 1e-6  # of its range, by which the torque of a drive at rest still mo
 SHRINKS = 0.9  # of its size a third before: a swing that does not persist
 SETTLES = 0.5  # the same of a torque that approaches its end: what is left is less than this moved
 BLOCKS = 8  # means of the torque
+LINE = 4.0  # times their distance from it; eight random means reach that once in 600 times
+SLOW = (
+    1e-3  # of the range of the torque: what moves by less takes a thousand such runs to break away
+)
 
 
 class Rest(NamedTuple):
@@ -39,15 +43,17 @@ def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last
         return Rest(RESTS, size)
     if min(size, was) > still and (last or size >= SHRINKS * was):
         return Rest(HUNTS, size)
-    stays = not _one_way(u[-2 * third :]) or moved <= SETTLES * np.ptp(u[before])
+    stays = not _one_way(u[-2 * third :], range_u) or moved <= SETTLES * np.ptp(u[before])
     if max(size, was) <= still and stays:
         return Rest(RESTS, size)
     return Rest(UNDECIDED, max(size, was))
 
 
-def _one_way(u: np.ndarray) -> bool:
-    """Whether means of the torque move along a line by more than they lie about it."""
+def _one_way(u: np.ndarray, range_u: float) -> bool:
+    """Whether means of the torque move along a line, by far more than they lie about it, and so
+    fast that a thousand such runs would cross its range."""
     means = np.array([np.mean(part) for part in np.array_split(u, BLOCKS)])
     place = np.arange(BLOCKS)
     line = np.polyval(np.polyfit(place, means, 1), place)
-    return bool(abs(line[-1] - line[0]) > 2.0 * np.max(np.abs(means - line)))
+    moved = abs(line[-1] - line[0])
+    return bool(moved > max(LINE * np.max(np.abs(means - line)), SLOW * range_u))
