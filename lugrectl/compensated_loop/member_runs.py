@@ -27,7 +27,7 @@ PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of th
 FASTEST = 1.5  # of the largest speed of the reference
 WAITS = (40, 320)  # kp/ki of the controller: a run at rest, longer where it is undecided
 SHORTEST, LONGEST = 1_000, 100_000  # samples of it
-NOISE = 1e-6  # of a motion that has decayed
+NOISE, GREW = 1e-6, 100.0  # of a motion at its start: it has decayed, or it grows
 STEP, SMALL = 0.1, 1e-3  # of the amplitude of the sine: a step, and a swing that is none
 
 
@@ -194,14 +194,17 @@ def grows(setting: Setting) -> bool:
     exact = replace(
         setting, task=replace(setting.task, model=free), sensing=setting.sensing.quiet()
     )
-    length = setting.waits()[-1]
-    try:
-        done = Loop(exact, None)._run(free, exact.stepped(length), exact.sensing, 0.0, 0)
-    except Diverged:
-        return True
-    y = done[controllers.MEASURED[setting.task.kind]][-length:]
-    before, now = (float(np.ptp(part)) for part in np.array_split(y, 3)[1:])
-    return now > before > NOISE * float(np.ptp(y))
+    loop, first, before, now = Loop(exact, None), 0.0, 0.0, 0.0
+    for length in exact.waits():
+        try:
+            done = loop._run(free, exact.stepped(length), exact.sensing, 0.0, 0)
+        except Diverged:
+            return True
+        y = done[controllers.MEASURED[setting.task.kind]][-length:]
+        first, before, now = (float(np.ptp(part)) for part in np.array_split(y, 3))
+        if now > GREW * first or max(before, now) <= NOISE * first:
+            break
+    return now > before and now > NOISE * first
 
 
 @dataclass(frozen=True)
