@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ class Choice:
     scale: float = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setting:
     """What is equal for all members: controller and believed model, sensor, noise of the torque in
     N m, and the reference, a sine of speed ``speed`` (rad/s) at ``frequency`` (Hz), from rest."""
@@ -97,7 +98,7 @@ class Loop:
     def __init__(self, setting: Setting, choice: Choice | None) -> None:
         task, sensing = setting.task, setting.sensing
         self.setting, self.late = setting, sensing.delay > 0.0
-        self.own = {} if choice is None else {"compensation.scale": choice.scale}
+        self.compensates = choice is not None
         watcher, gains = (None, {}) if choice is None else (choice.observer, choice.gains)
         blocks = control(task, None if choice is None else task.model, watcher, gains)
         if self.late:
@@ -109,33 +110,28 @@ class Loop:
         ]
         self.bodies: dict[Any, tuple[Any, set[str]]] = {}
 
-    def scaled(self, scale: float) -> Loop:
-        """The same loop with another share of the estimate; the simulation is not built again."""
-        self.own = {"compensation.scale": scale}
-        return self
-
-    def error(self, model: Model, seed: int) -> float:
+    def error(self, model: Model, seed: int, scale: float) -> float:
         """The RMS tracking error on a drive; infinite where the loop diverges."""
         made = self.setting
         rows, first = made.rows(made.samples(PERIODS)), made.samples(SETTLED)
         try:
-            done = self._run(model, rows, made.sensing, made.torque, seed)
+            done = self.run(model, rows, made.sensing, scale, made.torque, seed)
         except Diverged:
             return math.inf
         y = done[controllers.MEASURED[made.task.kind]]
         return rms((y - rows["r"])[first:])
 
-    def rest(self, model: Model, still: float) -> Rest:
+    def rest(self, model: Model, scale: float, still: float) -> Rest:
         """What becomes of it after a stop and after a step, the worse of the two; without noise,
         so that the torque of a drive at rest stays as it is."""
-        return max(self._rest(model, start, still) for start in ("stop", "step"))
+        return max(self._rest(model, scale, start, still) for start in ("stop", "step"))
 
-    def _rest(self, model: Model, start: str, still: float) -> Rest:
+    def _rest(self, model: Model, scale: float, start: str, still: float) -> Rest:
         made, seen = self.setting, Rest(UNDECIDED, math.inf)
         for length in (lengths := made.waits()):
             rows = made.stopped(length) if start == "stop" else made.stepped(length)
             try:
-                done = self._run(model, rows, made.sensing.still(), 0.0, 0)
+                done = self.run(model, rows, made.sensing.still(), scale)
             except Diverged:
                 return Rest.diverged()
             theta, u = done["theta"][-length:], done["u_fb"]
@@ -145,13 +141,14 @@ class Loop:
                 break
         return seen
 
-    def _run(
+    def run(
         self,
         model: Model,
         rows: Mapping[str, np.ndarray],
         sensing: Sensing,
-        torque: float,
-        seed: int,
+        scale: float = 1.0,
+        torque: float = 0.0,
+        seed: int = 0,
     ) -> dict[str, np.ndarray]:
         """The signals of a drive by name."""
         body, names = self._body(model)
@@ -167,7 +164,7 @@ class Loop:
                 self.blocks,
                 t,
                 {k: x for k, x in given.items() if k in read},
-                params=values | self.own,
+                params=values | ({"compensation.scale": scale} if self.compensates else {}),
                 rtol=COARSE,
             )
         return dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
@@ -197,7 +194,7 @@ def grows(setting: Setting) -> bool:
     loop, first, before, now = Loop(exact, None), 0.0, 0.0, 0.0
     for length in exact.waits():
         try:
-            done = loop._run(free, exact.stepped(length), exact.sensing, 0.0, 0)
+            done = loop.run(free, exact.stepped(length), exact.sensing)
         except Diverged:
             return True
         y = done[controllers.MEASURED[setting.task.kind]][-length:]
@@ -216,12 +213,10 @@ class Work:
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
         """RMS errors (members, choices)."""
-        columns, loops = [], dict[Any, Loop]()
+        columns = []
         for choice in self.choices:
-            name = None if choice is None else choice.observer
-            loop = loops[name] = loops.get(name) or Loop(self.setting, choice)
-            loop = loop if choice is None else loop.scaled(choice.scale)
-            columns.append([loop.error(model, seed) for model, seed in members])
+            loop, scale = _loop_of(self.setting, choice)
+            columns.append([loop.error(model, seed, scale) for model, seed in members])
         return np.array(columns).T
 
 
@@ -235,5 +230,17 @@ class Waiting:
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
         """A :class:`Rest` of each (members, 2)."""
-        loop = Loop(self.setting, self.choice)
-        return np.array([loop.rest(model, self.still) for model, _ in members])
+        loop, scale = _loop_of(self.setting, self.choice)
+        return np.array([loop.rest(model, scale, self.still) for model, _ in members])
+
+
+def _loop_of(setting: Setting, choice: Choice | None) -> tuple[Loop, float]:
+    """The loop of a choice, which is built once for all shares, and the share."""
+    if choice is None:
+        return _built(setting, None, ()), 0.0
+    return _built(setting, choice.observer, tuple(choice.gains.items())), choice.scale
+
+
+@lru_cache(maxsize=8)
+def _built(setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]) -> Loop:
+    return Loop(setting, None if observer is None else Choice(observer, dict(gains)))
