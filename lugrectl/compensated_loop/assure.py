@@ -25,7 +25,7 @@ from ..simulation.encoder import Sensing
 from .assured import Assurance
 from .believed import believed
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest
-from .choosing import Standstill, Tries, chosen
+from .choosing import BESIDE, Standstill, Tries, chosen
 from .gains import controller
 from .loop import Task
 from .member_runs import PERIODS, Choice, Setting, Work, grows
@@ -134,10 +134,10 @@ def assure(
     constant, or moves to and fro within that swing. A torque that moves one way will break away:
     where 320 kp/ki, or 100 000 samples, do not show how that ends the drive is undecided. A choice
     holds if those that hunt or are undecided are so few, on each half of the members, that the
-    interval of Clopper and Pearson ends at ``hunts``. 0 of n ends near 3.7/n: 0.05 takes 72 drives
-    of which none hunts, or 110 of which one does. Fewer show less: then none of them may, and
-    ``messages`` say so. Where no choice holds, those do that swing farther than without
-    compensation on as few drives.
+    interval of Clopper and Pearson ends at ``hunts``; where none holds, if those that hunt are so
+    few; where none does, those that swing farther than without compensation. 0 of n ends near
+    3.7/n: 0.05 takes 72 drives of which none hunts, or 110 of which one does. Fewer show less: then
+    none of them may. ``messages`` say which of this was needed.
 
     c and the observer are chosen on members of their own. The figures come from as many others,
     on which a choice was only asked whether it rests, so that they are binomial: with N drives of
@@ -193,15 +193,15 @@ def assure(
     if better := tries.better():
         tries.near(better[0], part_of(report, 0.2, 0.25))
     halves = [Standstill(run, own, setting, still, hunts) for own in (pairs[:count], pairs[count:])]
-    best, beside = chosen(tries, halves, part_of(report, 0.25, 0.9))
+    best, rule = chosen(tries, halves, part_of(report, 0.25, 0.9))
     compared = Work(setting, [None] if best is None else [None, best])
     errors = run(compared, part_of(report, 0.9, 1.0), pairs[count:])
-    said = _said(count, hunts, tries, best, beside)
+    said = _said(count, hunts, tries, halves[1].outcomes(best).unsure, best, rule)
     return _answer(setting, best, tries, halves, errors, beliefs, said)
 
 
 def _said(
-    count: int, hunts: float, tries: Tries, best: Choice | None, beside: bool
+    count: int, hunts: float, tries: Tries, unsure: float, best: Choice | None, rule: str
 ) -> tuple[str, ...]:
     """What the choice does not show."""
     part, made = f"{100.0 * hunts:g} % of the drives", []
@@ -212,9 +212,13 @@ def _said(
     if best is None and tries.better():
         made.append(f"compensations that track better swing at rest on more than {part}, and "
                     "farther than without compensation.")  # fmt: skip
-    elif best is not None and beside:
-        made.append(f"no compensation rests on all but {part}; this one swings no farther than "
-                    "without compensation.")  # fmt: skip
+    elif best is not None and rule == BESIDE:
+        made.append(f"every compensation hunts on more than {part}; this one swings no farther "
+                    "than without compensation.")  # fmt: skip
+    if unsure:
+        seconds = tries.setting.waits()[-1] * tries.setting.sensing.dt
+        made.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
+                    f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
     return tuple(made)
 
 

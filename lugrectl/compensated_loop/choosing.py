@@ -18,6 +18,7 @@ from .standstill import HUNTS, RESTS
 Run = Callable[..., np.ndarray]  # of a task on pairs of members and seeds, with progress
 Pairs = Sequence[tuple[Model, int]]
 NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
+RESTING, UNSURE, BESIDE = RULES = ("rests", "does not hunt", "swings no farther than without")
 FIRST, MORE = 4, 5  # drives that are looked at first, and how many times as many then
 
 
@@ -48,16 +49,15 @@ class Standstill:
             rows = self.seen[key] = np.vstack([rows, self.run(work, reporter(False), more)])
         return rows
 
-    def holds(self, choice: Choice, beside: bool) -> bool:
-        """Whether few enough members hunt, or stay undecided; with ``beside``, few enough that
-        would swing less without compensation."""
-        none = self.rows(None)[:, 1] if beside else None
+    def holds(self, choice: Choice, rule: str) -> bool:
+        """Whether few enough members fail by one of the RULES."""
+        none = self.rows(None)[:, 1] if rule == BESIDE else np.zeros(0)
 
         def fails(rows: np.ndarray) -> np.ndarray:
-            moves = rows[:, 0] != RESTS
-            if none is None:
-                return moves
-            return moves & (rows[:, 1] > np.maximum(none[: len(rows)], self.still))
+            fate, swing = rows.T
+            if rule == BESIDE:
+                return (fate != RESTS) & (swing > np.maximum(none[: len(rows)], self.still))
+            return fate == HUNTS if rule == UNSURE else fate != RESTS
 
         return bool(fails(self.rows(choice, fails)).sum() <= self.most)
 
@@ -116,19 +116,19 @@ class Tries:
 
 def chosen(
     tries: Tries, halves: Sequence[Standstill], report: Progress
-) -> tuple[Choice | None, bool]:
-    """The best choice that comes to rest on both halves, and whether it only does so no worse than
-    the loop without compensation."""
+) -> tuple[Choice | None, str]:
+    """The best choice that holds on both halves by the first of the RULES by which one does."""
 
-    def resting(beside: bool) -> Choice | None:
+    def holding(rule: str) -> Choice | None:
         for i, choice in enumerate(every := tries.better()):
-            report(0.5 * (beside + i / len(every)), "waiting for drives to rest")
-            if all(half.holds(choice, beside) for half in halves):
+            part = (RULES.index(rule) + i / len(every)) / len(RULES)
+            report(part, "waiting for drives to rest")
+            if all(half.holds(choice, rule) for half in halves):
                 return choice
         return None
 
-    for beside in (False, True):
-        if found := resting(beside):
+    for rule in RULES:
+        if found := holding(rule):
             tries.near(found, report)
-            return resting(beside), beside
-    return None, True
+            return holding(rule), rule
+    return None, BESIDE
