@@ -129,6 +129,6 @@ def chosen(
 
     for rule in RULES:
         if found := holding(rule):
-            tries.near(found, report)
+            tries.near(found, reporter(False))
             return holding(rule), rule
     return None, BESIDE

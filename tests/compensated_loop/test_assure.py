@@ -104,6 +104,8 @@ def test_it_refuses_what_the_log_does_not_determine():
         ({"observers": "natural"}, "must know sigma0"),
         ({"frequency": 900.0}, "another frequency"),
         ({"dead_time": -1.0}, "negative"),
+        ({"hunts": 1.5}, "hunts is 1.5"),
+        ({"still": -1.0}, "still"),
     ],
 )
 def test_a_wrong_argument_has_one_sentence(fit, wrong, said):
