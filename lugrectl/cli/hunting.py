@@ -10,26 +10,30 @@ from ..core.errors import InputError
 from .output import print_out
 from .plotting import drawn, format_of
 
+EXIT = {"rests": 0, "hunts": 1, "undecided": 3}
+
 
 def hunt(a: Namespace) -> int:
-    """0 where there is no limit cycle, 1 where there is one or the loop diverges."""
+    """0 where every start comes to rest, 1 where one does not, 3 where it is undecided."""
     kind = None if a.plot is None else format_of(a.plot, "--plot")
     gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
-    sampled = {"rate": a.rate, "dead_time": a.dead_time, "counts": a.counts}
+    given = {k: getattr(a, k) for k in ("rate", "dead_time", "counts", "limit", "time_limit")}
     vary = dict(map(_range, a.vary)) if a.vary else None
-    found = _over(a, gains | sampled, vary) if a.report else _of_model(a, gains | sampled, vary)
+    found = _over(a, gains | given, vary) if a.report else _of_model(a, gains | given, vary)
     said = drawn(found, a.plot, kind, "--plot") if kind else ""
     print_out(found.to_json() if a.json else repr(found))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
-    return 0 if found else 1
+    return int(not found) if a.report else EXIT[found.outcome]
 
 
 def _of_model(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
     from ..blocks.model import read_model
     from ..hunting import limit_cycles
+    from .progress import Bar
 
-    return limit_cycles(read_model(a.model), **loop, vary=vary)
+    with Bar(sys.stderr) as bar:
+        return limit_cycles(read_model(a.model), **loop, vary=vary, progress=bar)
 
 
 def _over(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:

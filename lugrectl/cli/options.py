@@ -318,6 +318,9 @@ def _hunting(command: argparse.ArgumentParser) -> None:
     late = "with --rate: from measurement to torque"
     add("--dead-time", type=_finite, default=0.0, metavar="S", help=late)
     add("--counts", type=_count, metavar="N", help="with --rate: counts of the encoder in a turn")
+    add("--limit", type=_positive, metavar="X", help="largest torque of the controller in N m")
+    budget = "seconds after which a search by simulation leaves undecided what it does not know"
+    add("--time-limit", type=_positive, metavar="S", help=budget)
     ends = "also find the values of a gain between which the loop hunts"
     add("--vary", action="append", metavar="ki=1:50", help=ends)
     add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")

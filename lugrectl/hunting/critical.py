@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,17 +16,30 @@ CLOSE = 1e-3  # relative width of the bracket of a critical value
 GAINS = ("kp", "ki", "kd", "kv")
 
 
+Hunts = Callable[..., bool | None]
+
+
 def changes(
-    hunts: Callable[..., bool], vary: Mapping[str, tuple[float, float]]
-) -> dict[str, tuple[float, ...]]:
-    """By gain where ``hunts(ki=...)`` changes: scanned in even ratios, then bisected."""
+    hunts: Hunts, vary: Mapping[str, tuple[float, float]]
+) -> dict[str, tuple[float | tuple[float, float], ...]]:
+    """By gain where ``hunts(ki=...)`` changes: scanned in even ratios, then bisected; two ends
+    where it is None, undecided, between them."""
     found = {}
     for name, (low, high) in vary.items():
-        values = np.geomspace(low, high, SCANNED)
-        known = [hunts(**{name: float(v)}) for v in values]
-        pairs = zip(values, values[1:], known, known[1:], strict=False)
-        found[name] = tuple(_bisected(hunts, name, a, b, ka) for a, b, ka, kb in pairs if ka != kb)
+        values = [float(v) for v in np.geomspace(low, high, SCANNED)]
+        at = cache(lambda v, name=name: hunts(**{name: v}))
+        sure = [v for v in values if at(v) is not None]
+        pairs = zip(sure, sure[1:], strict=False)
+        found[name] = tuple(_change(at, a, b) for a, b in pairs if at(a) != at(b))
     return found
+
+
+def _change(at: Callable[[float], bool | None], a: float, b: float) -> Any:
+    """Where the answer at a ends, and that at b begins if it is later."""
+    a, middle = _edge(lambda v: at(v) == at(a), a, b)
+    if at(middle) == at(b):
+        return float(np.sqrt(a * middle))
+    return a, _edge(lambda v: at(v) == at(b), b, middle)[0]
 
 
 def ranges(given: Any, what: str, names: tuple[str, ...] = GAINS) -> dict[str, tuple[float, float]]:
@@ -48,8 +62,9 @@ def ranges(given: Any, what: str, names: tuple[str, ...] = GAINS) -> dict[str, t
     return made
 
 
-def _bisected(hunts: Callable[..., bool], name: str, a: float, b: float, at_a: bool) -> float:
-    while b / a - 1.0 > CLOSE:
+def _edge(holds: Callable[[float], bool], a: float, b: float) -> tuple[float, float]:
+    """The last value from a towards b at which it holds, and the next at which it does not."""
+    while abs(np.log(b / a)) > CLOSE:
         middle = float(np.sqrt(a * b))
-        a, b = (middle, b) if hunts(**{name: middle}) == at_a else (a, middle)
-    return float(np.sqrt(a * b))
+        a, b = (middle, b) if holds(middle) else (a, middle)
+    return a, b

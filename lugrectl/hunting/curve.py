@@ -41,6 +41,11 @@ class Curve:
         F = self.torque(PROBED[-2:])
         return float((F[1] - F[0]) / (PROBED[-1] - PROBED[-2]))
 
+    @cached_property
+    def most(self) -> float:
+        """The largest |F - Fv w|, N m."""
+        return max(self.Fs, float(np.abs(self.torque(PROBED) - self.viscous * PROBED).max()))
+
     def is_straight(self) -> bool:
         """Whether the law is Coulomb and viscous friction alone."""
         F = self.torque(PROBED)

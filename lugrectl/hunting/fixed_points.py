@@ -11,7 +11,7 @@ import numpy as np
 from .lanes import Lanes
 from .stick_map import NEVER, STICKS, excess, excess_on, turns
 
-LOW, HIGH = 1e-3, 30.0  # units: the grid; above it motion is linear, with little friction
+LOW, HIGH = 1e-3, 30.0  # units: the grid, and beyond as far as friction can keep up an error
 POINTS = 140  # of the grid
 NEAR = 1.5  # |D| of an extremum between grid points that may reach zero
 PARTS = 16  # into which a bracket is cut at a time
@@ -46,10 +46,10 @@ class Found(NamedTuple):
     D: np.ndarray
 
 
-def fixed_points(lanes: Lanes) -> Found:
-    """All sign changes of D on the grid; ``lanes`` has one lane of the loop."""
-    grid = np.geomspace(LOW, HIGH, POINTS)
-    D = excess_on(_many(lanes, POINTS), grid)[0]
+def fixed_points(lanes: Lanes, high: float = HIGH) -> Found:
+    """All sign changes of D on a grid up to ``high``; ``lanes`` has one lane of the loop."""
+    grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
+    D = excess_on(_many(lanes, len(grid)), grid)[0]
     lanes = replace(lanes, calm=calm(grid, D))
     x, D = _with_extrema(lanes, grid, D)
     roots, jumps = _roots(lanes, x, D, 1)

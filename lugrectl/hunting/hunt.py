@@ -1,14 +1,16 @@
-"""``lugrectl.limit_cycles``: whether a position loop hunts."""
+"""``lugrectl.limit_cycles``: whether a position loop hunts, rests, or stays undecided."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..blocks.model import Model, as_model
 from ..core.errors import InputError
+from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
 from .bristles import bristle_cycles, known
@@ -17,25 +19,20 @@ from .curve import curve_of
 from .lanes import Loop
 from .result import LimitCycles
 from .rigid import Answer, rigid_cycles
-from .simulated import (
-    ERRORS,
-    LENGTHS,
-    STEPS,
-    continuous_run,
-    loop_run,
-    sampled_run,
-    sampled_starts,
-)
-from .waiting import GROWS, HUNTS, OPEN, Run, Seen, cycles_of, watched
+from .search import Search
+from .simulated import STEPS, continuous_run, errors, loop_run, sampled_run, sampled_starts
 
 GAINS = ("kp", "ki", "kd")
 PAPER = {"kp": 15.0, "ki": 1.55, "kd": 0.0}  # the source paper's position loop
 HORIZON = 15.0  # s, of the first run of a loop of blocks
-LONGER = (1, 4, 16)  # how many times that, where a run is open
+LONGER = (1, 4, 16, 64)  # how many times its first length a run may take
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
 PERIODS = 12.0  # of a cycle that is checked with bristles
+FROM = "from errors at breakaway of {} to {} rad"
+STEPPED = "from steps of r of {} to {} rad"
 
 
+@shows_progress
 def limit_cycles(
     loop: Any,
     *,
@@ -46,7 +43,10 @@ def limit_cycles(
     rate: float | None = None,
     dead_time: float = 0.0,
     counts: int | None = None,
+    limit: float | None = None,
     vary: Mapping[str, tuple[float, float]] | None = None,
+    time_limit: float | None = None,
+    progress: Wanted = None,
 ) -> LimitCycles:
     """The friction limit cycles of a position loop at rest, or their absence.
 
@@ -72,15 +72,23 @@ def limit_cycles(
         Between measurement and torque in s, with ``rate``.
     counts : int, optional
         Of the encoder in a turn (in a metre), with ``rate``; none: exact.
+    limit : float, optional
+        Largest torque of the controller, N m; the integral is held back as in :func:`pid`.
     vary : dict, optional
         ``{"ki": (1, 50)}``: also the values of a gain at which hunting begins or ends.
+    time_limit : float, optional
+        Seconds after which a search by simulation leaves undecided what it does not know; none:
+        until its budget of simulated time is used.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
 
     Returns
     -------
     LimitCycles
-        Truthy if there is no cycle. ``.cycles``, each with ``.amplitude`` (half the peak to peak of
-        theta, rad), ``.period`` (s), ``.stable``, ``.multipliers``, ``.stops``; ``.basin``,
-        ``.proof``, ``.critical``, ``.messages``, ``.plot()``.
+        Truthy if every start comes to rest; ``.outcome``: "hunts", "rests" or "undecided".
+        ``.cycles``, each with ``.amplitude`` (half the peak to peak of theta, rad), ``.period``
+        (s), ``.stable``, ``.multipliers``, ``.stops``; ``.basin``, ``.proof``, ``.critical``,
+        ``.messages``, ``.plot()``.
 
     Raises
     ------
@@ -92,20 +100,25 @@ def limit_cycles(
     In a stick the error is constant and u changes by -ki e, so that breakaway is towards zero at
     |u| = Fs: the state there is e alone. Let T(e) be the error of the first stick on the other
     side. T(e) = e is a symmetric cycle, T(T(e)) = e one with unequal halves; its slope is the
-    multiplier of half a turn. D(e) = log(T(e)/e) is followed from 1/1000 to 30 times Fs/kp, its
-    extrema and sign changes are located, so that unstable cycles are found too; the smallest
-    error at which it becomes positive is the border of the basin of rest. That is every cycle
+    multiplier of half a turn. D(e) = log(T(e)/e) is followed from 1/1000 of Fs/kp to the largest
+    error that friction can keep up (at least 30 Fs/kp): |F - Fv w| is bounded, and so is e, by
+    that bound times the L1 norm of the linear loop from torque to error. Its extrema and sign
+    changes are located, so that unstable cycles are found too. T is then iterated: a loop whose
+    only cycles are unstable, and from which every motion comes to rest, rests. That is every cycle
     that sticks, of a drive without states but theta and w, in continuous time. Those that never
-    stick are found by Newton from motions that never stick and from the border of such motions;
-    beyond 30 times Fs/kp nothing is searched.
+    stick are found by Newton from motions that never stick and from the border of such motions.
 
     Absence is proven for Coulomb and viscous friction if (kd + Fv) kp > ki J (Bisoffi, Da Lio,
     Teel and Zaccarian, Global Asymptotic Stability of a PID Control System With Coulomb Friction,
-    IEEE Trans. Automatic Control 63(8), 2018). Friction with bristles, effects, sampling and
-    loops of blocks are simulated from several starts: what persists is a cycle, and nothing is
-    proven. With bristles, Newton on the state at e = 0 then gives multipliers, and unstable cycles
-    where it reaches them from those of the sliding curve. Counts are shaken by a hundredth, so
-    that a swing that locks to a place within one is no hunting.
+    IEEE Trans. Automatic Control 63(8), 2018). Friction with bristles, effects, sampling, a limit
+    and loops of blocks are simulated from many starts, each for longer and longer until it rests,
+    repeats or grows: what persists is a cycle, and nothing is proven. A swing rests, too, once it
+    is below a tenth of the smallest start, or at the end of the budget where it still shrinks and
+    is below starts that rest. The border is bisected to 5 %. With bristles, Newton on the state
+    at e = 0 then gives multipliers, and unstable cycles where it reaches them from those of the
+    sliding curve. Counts are shaken by a hundredth, so that a swing that locks to a place within
+    one is no hunting; a swing that scatters may come to rest by chance, and is seen for 300 half
+    turns or the whole budget.
 
     Hunting by Stribeck friction: Olsson and Astrom, Friction Generated Limit Cycles, IEEE Trans.
     Control Systems Technology 9(4), 2001; Hensen, van de Molengraft and Steinbuch, Friction
@@ -127,26 +140,29 @@ def limit_cycles(
     >>> bool(found), found.proof[:28]
     (True, 'Coulomb and viscous friction')
     """
+    end = None if time_limit is None else positive(time_limit, "time_limit", "seconds")
+    work = {"seconds": end, "report": reporter(progress)}
     if hasattr(loop, "input_labels"):
-        given = (kp, ki, kd, kv, rate, counts, vary)
+        given = (kp, ki, kd, kv, rate, counts, limit, vary)
         if dead_time or any(v is not None for v in given):
-            raise InputError("a loop of blocks has its own gains, rate and dead time: give none.")
-        return _of_loop(loop)
+            raise InputError(
+                "a loop of blocks has its own gains, rate, dead time and limit: give none."
+            )
+        return _of_loop(loop, work)
     model, gains = as_model(loop), pid_gains(kp, ki, kd, kv)
+    most = None if limit is None else positive(limit, "limit", "N m")
     sensing = _sensing(rate, dead_time, counts, model.motion)
     ends = None if vary is None else ranges(vary, "vary")
-    found = searched(model, gains, sensing)
+    found = searched(model, gains, sensing, most, work)
     if ends is None:
         return found
     own = {k: v for k, v in {"kp": kp, "ki": ki, "kd": kd, "kv": kv}.items() if v is not None}
 
-    def hunts(**changed: float) -> bool:
+    def hunts(**changed: float) -> bool | None:
         every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
-        made = searched(model, pid_gains(**every), sensing)
-        return made.diverges or any(c.stable for c in made.cycles)
+        return searched(model, pid_gains(**every), sensing, most, work).hunts
 
-    object.__setattr__(found, "critical", changes(hunts, ends))
-    return found
+    return replace(found, critical=changes(hunts, ends))
 
 
 def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
@@ -187,30 +203,41 @@ def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | N
     return Sensing(1.0 / positive(rate, "rate", "Hz"), resolution=step, delay=late)
 
 
-def searched(model: Model, gains: Mapping[str, float], sensing: Sensing | None) -> LimitCycles:
+def searched(
+    model: Model,
+    gains: Mapping[str, float],
+    sensing: Sensing | None,
+    limit: float | None,
+    work: Mapping[str, Any],
+) -> LimitCycles:
     """What is known of the cycles of a loop."""
     loop = Loop(curve_of(model), float(model.J or 0.0), **gains)
     law, effects = model.friction.block, [p.key for p in model.effects]
     rigid = None if loop.curve.Fs <= 0.0 else rigid_cycles(loop)
     if sensing is not None:
-        near = [c.amplitude for c in rigid.cycles] if rigid else []
-        starts = np.r_[sampled_starts(loop, sensing), near]
-        answer = _watched(sampled_run(model, loop, sensing), starts, LENGTHS)
-    elif rigid is None or law.states or effects:
-        answer = _with_all(model, loop, rigid)
+        starts = sampled_starts(loop, sensing, [c.amplitude for c in rigid.cycles] if rigid else [])
+        run = sampled_run(model, loop, sensing, limit)
+        answer = Search(run, starts, LONGER, **work).answer(_where(model))
+    elif rigid is None or law.states or effects or limit is not None:
+        answer = _with_all(model, loop, rigid, limit, work)
     else:
         answer = rigid
+    said = {} if limit is None else {"limit": limit}
     return LimitCycles(
         tuple(answer.cycles),
         answer.basin,
         answer.proof,
         answer.diverges,
-        {**gains, "J": loop.J, "law": law.name, "model": model.name, **_said(sensing)},
+        {**gains, "J": loop.J, "law": law.name, "model": model.name, **said, **_said(sensing)},
         tuple(answer.messages),
         curve=answer.curve,
         motion=model.motion,
         undecided=answer.undecided,
     )
+
+
+def _where(model: Model) -> str:
+    return FROM if model.motion == "rotary" else FROM.replace("rad", "m")
 
 
 def _said(sensing: Sensing | None) -> dict[str, float]:
@@ -223,46 +250,35 @@ def _said(sensing: Sensing | None) -> dict[str, float]:
     }
 
 
-def _with_all(model: Model, loop: Loop, rigid: Answer | None) -> Answer:
-    """Bristles and effects in the loop, from the cycles of its sliding curve and other errors."""
+def _with_all(
+    model: Model, loop: Loop, rigid: Answer | None, limit: float | None, work: Mapping[str, Any]
+) -> Answer:
+    """The loop with bristles, effects and limit, from cycles of its sliding curve and others."""
     cycles = rigid.cycles if rigid else []
     seconds = max([PERIODS * c.period for c in cycles], default=0.0)
     seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
-    starts = np.r_[[c.amplitude for c in cycles], ERRORS[::3] * (loop.unit or 1.0)]
-    made = _watched(continuous_run(model, loop, seconds), starts, LONGER[:2])
-    if loop.ki and known(model):
+    starts = np.r_[[c.amplitude for c in cycles], errors(loop)]
+    run = continuous_run(model, loop, seconds, limit)
+    made = Search(run, starts, LONGER, **work).answer(_where(model))
+    if loop.ki and known(model) and limit is None:
         made = made._replace(cycles=bristle_cycles(model, loop, cycles, made.cycles))
-    if rigid and rigid.diverges:
+    if rigid and rigid.diverges and limit is None:
         return made._replace(diverges=True, messages=[*made.messages, *rigid.messages])
     if not any(c.stable for c in cycles) or any(c.stable for c in made.cycles):
         return made
     size = max(c.amplitude for c in cycles if c.stable)
-    said = f"by its sliding curve alone, without bristles, the loop would hunt: +-{size:.3g}"
+    said = f"with the sliding curve alone, without bristles, the loop would hunt: +-{size:.3g}"
     return made._replace(messages=[*made.messages, said])
 
 
-def _of_loop(system: Any) -> LimitCycles:
-    answer = _watched(loop_run(system, HORIZON), STEPS, LONGER)
-    name = {"name": getattr(system, "name", "")}
+def _of_loop(system: Any, work: Mapping[str, Any]) -> LimitCycles:
+    answer = Search(loop_run(system, HORIZON), STEPS, LONGER, **work).answer(STEPPED)
     return LimitCycles(
-        tuple(answer.cycles), None, None, answer.diverges, name, tuple(answer.messages)
+        tuple(answer.cycles),
+        answer.basin,
+        None,
+        answer.diverges,
+        {"name": getattr(system, "name", "")},
+        tuple(answer.messages),
+        undecided=answer.undecided,
     )
-
-
-def _watched(run: Run, starts: Any, lengths: tuple[int, ...]) -> Answer:
-    """What persists from some starts."""
-    starts = [float(s) for s in starts]
-    seen: list[Seen] = watched(run, starts, lengths)
-    said = [f"searched by simulation from {len(starts)} starts, not proven"]
-    left, hunting = (sum(s.fate == fate for s in seen) for fate in (OPEN, HUNTS))
-    if 0 < hunting < len(starts):
-        said.append(f"{hunting} of {len(starts)} starts led to hunting")
-    if left:
-        said.append(f"{left} of {len(starts)} starts neither came to rest nor repeated")
-    basin = min(
-        (x for x, s in zip(starts, seen, strict=True) if s.fate in (HUNTS, GROWS)), default=None
-    )
-    grows = sum(s.fate == GROWS for s in seen)
-    if grows:
-        said.append(f"from {grows} of {len(starts)} starts the loop grows without bound")
-    return Answer(cycles_of(seen), basin, None, bool(grows), said, None, left)

@@ -9,17 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import expm
 
 from .curve import Curve
+
+STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
 
 
 @dataclass(frozen=True)
 class Lanes:
     """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
 
-    A stick at an error of at most ``calm`` (units) is known to come to rest.
+    A stick at an error of at most ``calm`` (units) is known to come to rest; a swing beyond
+    ``large`` grows without bound.
     """
 
     delta: np.ndarray
@@ -27,10 +32,11 @@ class Lanes:
     speed: np.ndarray
     fall: Callable[[np.ndarray], np.ndarray]
     calm: float = 0.0
+    large: float = 300.0
 
     def __getitem__(self, which: np.ndarray) -> Lanes:
         own = (self.delta[which], self.rho[which], self.speed[which])
-        return Lanes(*own, self.fall, self.calm)
+        return Lanes(*own, self.fall, self.calm, self.large)
 
     def __len__(self) -> int:
         return len(self.delta)
@@ -67,6 +73,27 @@ class Loop:
     def is_stable(self) -> bool:
         """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""
         return (self.kd + self.curve.viscous) * self.kp > self.ki * self.J
+
+    @cached_property
+    def reach(self) -> float:
+        """The largest error that friction can keep up, in units; inf where fast motion grows.
+
+        |F - Fv w| is bounded, so that |e| is at most that bound times the L1 norm from torque to
+        error of the linear loop. The norm is a sum over steps that double as motion gets slower.
+        """
+        if not self.is_stable():
+            return np.inf
+        delta = (self.kd + self.curve.viscous) / np.sqrt(self.kp * self.J)
+        rho = self.ki / (self.kp * self.wn)
+        M = expm(STEP * np.array([[0.0, 1.0, 0.0], [-1.0, -delta, 1.0], [-rho, 0.0, 0.0]]))
+        x, step, total, last = np.array([0.0, 1.0, 0.0]), STEP, 0.0, np.inf
+        while last > ENOUGH * total:
+            last = 0.0
+            for _ in range(PER_OCTAVE):
+                x = M @ x
+                last += step * abs(x[0])
+            total, M, step = total + last, M @ M, 2.0 * step
+        return float(total) * self.curve.most / self.curve.Fs
 
 
 def together(loops: list[Loop], count: int) -> Lanes:

@@ -1,5 +1,5 @@
 """``lugrectl.hunting_map``: over two gains, or a gain and how wrongly friction is believed, where a
-loop is quiet, can be started, or hunts."""
+loop is quiet, can be started, hunts, or stays undecided."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from .curve import compensated, curve_of
 from .fixed_points import HIGH, LOW
 from .hunt import pid_gains
 from .lanes import Loop, together
-from .rigid import proven
-from .stick_map import excess_on
+from .rigid import kept, proven
+from .stick_map import NEVER, excess_on
 
 ERRORS = np.geomspace(LOW, HIGH, 72)  # units, at which T is compared with e
-QUIET, STARTED, HUNTING = 0, 1, 2
-REGIONS = ("quiet", "quiet, but can be started", "hunting")
+QUIET, STARTED, HUNTING, UNDECIDED = 0, 1, 2, 3
+REGIONS = ("quiet", "quiet, but can be started", "hunting", "undecided")
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,7 +40,7 @@ class HuntingMap(Result):
         Their values.
     region : (N, M) array of int
         0 quiet, 1 quiet but can be started by a large error, 2 hunting from the smallest error on
-        or unstable; a row for each value of the first gain.
+        or unstable, 3 undecided; a row for each value of the first gain.
     proven : (N, M) array of bool
         Where quiet is proven; elsewhere it is searched.
     gains : dict
@@ -56,6 +56,7 @@ class HuntingMap(Result):
       quiet                       100 %
       quiet, but can be started   0 %
       hunting                     0 %
+      undecided                   0 %
     """
 
     names: tuple[str, str]
@@ -91,7 +92,7 @@ class HuntingMap(Result):
         return (float(values[low]), float(values[high])) if low <= high else None
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw the three regions with the user's gains; returns the Axes."""
+        """Draw the regions with the user's gains; returns the Axes."""
         return view("hunting_plots.regions")(self, ax)
 
     def _title(self) -> str:
@@ -153,7 +154,9 @@ def hunting_map(
     -----
     At each point D(e) = log(T(e)/e) of :func:`limit_cycles` on 72 errors from 1/1000 to 30 times
     Fs/kp: quiet where D < 0 at all, hunting where D > 0 at the smallest, else the loop comes to
-    rest from small errors and keeps on hunting once a large one started it. Quiet is proven for
+    rest from small errors and keeps on hunting once a large one started it. Undecided where a
+    maximum of D between two errors may reach 0, and where D > 0 somewhere, but T, iterated, keeps
+    no error: :func:`limit_cycles` answers there. Quiet is proven for
     Coulomb and viscous friction without compensation, and searched elsewhere.
 
     Examples
@@ -230,5 +233,15 @@ def _regions(loops: list[Loop]) -> list[int]:
 
 def _region(D: np.ndarray) -> int:
     if not np.any(D > 0.0):
-        return QUIET
+        return UNDECIDED if _touches(D) else QUIET
+    if not np.any(D >= NEVER) and not len(kept(ERRORS, D)):
+        return UNDECIDED
     return HUNTING if D[0] > 0.0 else STARTED
+
+
+def _touches(D: np.ndarray) -> bool:
+    """Whether a parabola through three points reaches 0 between them."""
+    a, b, c = D[:-2], D[1:-1], D[2:]
+    bend, slope = 2.0 * b - a - c, 0.5 * (c - a)
+    top = (b >= a) & (b >= c) & (bend > 0.0) & (np.minimum(a, c) > -NEVER)
+    return bool(np.any(b[top] + 0.5 * slope[top] ** 2 / bend[top] > 0.0))

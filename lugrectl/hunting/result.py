@@ -12,6 +12,9 @@ from ..core.display import Row, Shown, noticed, number
 from ..core.result import Result
 from ..core.views import view
 
+BORDER = "the smallest start that does not come to rest"
+FIRST = "the smallest start that was searched does not come to rest"
+
 
 @dataclass(frozen=True, repr=False)
 class Cycle(Shown):
@@ -21,6 +24,8 @@ class Cycle(Shown):
     of the cycle: a small distance from it grows by them; stable where all are below 1 in size. They
     are empty where a cycle was found by waiting. ``stops`` in a period; None: not counted.
     ``scatter``, of the size of half turns about the amplitude: counts make hunting irregular.
+    ``amplitude`` is of the side that is controlled; where a gap or a spring is between motor and
+    load, ``amplitude_motor`` and ``amplitude_load`` stand beside it.
     """
 
     amplitude: float
@@ -29,26 +34,39 @@ class Cycle(Shown):
     multipliers: tuple[float, ...] = ()
     stops: int | None = None
     scatter: float = 0.0
+    amplitude_motor: float | None = None
+    amplitude_load: float | None = None
     _units = {"amplitude": "rad", "period": "s", "scatter": "rad"}
+
+    @property
+    def sides(self) -> dict[str, float]:
+        """Amplitudes of motor and load, where they differ."""
+        both = {k: getattr(self, f"amplitude_{k}") for k in ("motor", "load")}
+        return {k: v for k, v in both.items() if v is not None}
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
         own = {k: getattr(self, k) for k in ("amplitude", "period", "stable", "stops", "scatter")}
-        return {**own, "multipliers": list(self.multipliers)}
+        sides = {f"amplitude_{k}": v for k, v in self.sides.items()}
+        return {**own, "multipliers": list(self.multipliers), **sides}
 
 
 @dataclass(frozen=True, repr=False)
 class LimitCycles(Result):
-    """The limit cycles of a position loop; truthy if there is none and the loop is stable.
+    """The limit cycles of a position loop; truthy if every start comes to rest.
 
     Attributes
     ----------
+    outcome : "hunts", "rests" or "undecided"
+        hunts: a start keeps on swinging, or grows without bound. rests: every start comes to rest,
+        maybe past an unstable cycle. undecided: none is known to swing, and some neither came to
+        rest nor repeated within the budget.
     cycles : tuple of Cycle
         By amplitude; ``amplitude`` in rad (m on a linear drive), ``period`` in s, ``stable``,
         ``multipliers``, ``stops``.
     basin : float or None
-        The error at breakaway, rad, from which on the loop no longer comes to rest; 0: from the
-        smallest that was searched; None: it comes to rest from all.
+        The smallest start that does not come to rest: the error at breakaway in rad, or the step of
+        r of a loop of blocks; 0: from the smallest that was searched; None: none is known.
     proof : str or None
         Why there can be no cycle; None where absence is searched, not proven.
     diverges : bool
@@ -58,8 +76,8 @@ class LimitCycles(Result):
     messages : tuple of str
         What the answer does not cover.
     critical : dict
-        With ``vary``: by gain the values at which hunting (stable cycles, or growth without
-        bound) begins or ends.
+        With ``vary``: by gain the values at which hunting begins or ends; two ends (low, high)
+        where it is undecided between them.
     curve : tuple of two arrays, or None
         Errors at breakaway in rad and log(T(e)/e), how much they grow to the next stick on the
         other side; 50 and -50 stand for growth without a stick and for rest.
@@ -74,7 +92,7 @@ class LimitCycles(Result):
     >>> lg.limit_cycles(drive, kp=3.0, ki=4.0, kd=6.0)
     the loop hunts
       cycle  +-0.06692 rad, period 23.73 s, stable, 2 stops
-      basin  0 rad error at breakaway beyond which it does not rest
+      border  the smallest start that was searched does not come to rest
     """
 
     cycles: tuple[Cycle, ...]
@@ -83,23 +101,31 @@ class LimitCycles(Result):
     diverges: bool
     loop: dict[str, Any]
     messages: tuple[str, ...] = ()
-    critical: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    critical: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
     curve: tuple[np.ndarray, np.ndarray] | None = None
     motion: str = "rotary"
     undecided: int = 0
 
     def __bool__(self) -> bool:
-        return not (self.cycles or self.diverges)
+        return self.outcome == "rests"
 
     @property
-    def hunts(self) -> bool:
-        """Whether there is a limit cycle, stable or not, or the loop diverges."""
-        return not self
+    def outcome(self) -> str:
+        """hunts, rests or undecided."""
+        if self.diverges or any(c.stable for c in self.cycles):
+            return "hunts"
+        return "undecided" if self.undecided else "rests"
+
+    @property
+    def hunts(self) -> bool | None:
+        """Whether some start keeps on swinging or grows; None: undecided."""
+        return None if self.outcome == "undecided" else not self
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl hunt --json`` prints it."""
         return {
             "schema": 1,
+            "outcome": self.outcome,
             "hunts": self.hunts,
             "cycles": [c.summary() for c in self.cycles],
             "basin": self.basin,
@@ -116,12 +142,13 @@ class LimitCycles(Result):
         return view("hunting_plots.growth")(self, ax)
 
     def _title(self) -> str:
-        if self.diverges and not self.cycles:
-            return "the loop diverges"
-        if any(c.stable for c in self.cycles):
-            return "the loop hunts"
+        if self.outcome == "undecided":
+            return "undecided: some starts neither came to rest nor repeated"
+        if self.outcome == "hunts":
+            grows = not any(c.stable for c in self.cycles)
+            return "the loop diverges" if grows else "the loop hunts"
         if self.cycles:
-            return "the loop can be made to swing, by an unstable cycle"
+            return "every start comes to rest, past an unstable cycle"
         return f"no limit cycle: {'proven' if self.proof else 'none found'}"
 
     def _rows(self) -> Iterable[Row]:
@@ -130,12 +157,17 @@ class LimitCycles(Result):
             kind = "stable" if c.stable else "unstable"
             stops = "" if c.stops is None else f", {c.stops} stops"
             said = f"+-{number(c.amplitude)} {unit}, period {number(c.period)} s, {kind}{stops}"
-            yield Row("cycle", said)
+            sides = ", ".join(f"{k} +-{number(v)} {unit}" for k, v in c.sides.items())
+            yield Row("cycle", said + (f" ({sides})" if sides else ""))
         if self.basin is not None:
-            yield Row("basin", self.basin, unit, "error at breakaway beyond which it does not rest")
+            said = f"{number(self.basin)} {unit}: {BORDER}" if self.basin else FIRST
+            yield Row("border", said)
         for name, values in self.critical.items():
-            said = ", ".join(f"{v:.4g}" for v in values)
-            said = f"begins or ends at {name} {said}" if values else f"is the same at each {name}"
+            ends = ", ".join(
+                f"{v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v)
+                for v in values
+            )
+            said = f"begins or ends at {name} {ends}" if values else f"is the same at each {name}"
             yield Row("hunting", said)
         if self.proof:
             yield Row("proof", self.proof)

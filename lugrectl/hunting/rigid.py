@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from .curve import PROBED
-from .fixed_points import LOW, Fixed, double_points, fixed_points
-from .lanes import Loop
+from .fixed_points import HIGH, LOW, Fixed, double_points, fixed_points
+from .lanes import Lanes, Loop
 from .result import Cycle
 from .stick_map import STICKS, half_turn
 from .swings import swinging
@@ -24,6 +25,7 @@ NO_INTEGRAL = (
 ROUNDS, AGAIN = 300, 30  # of T, interpolated and itself: what has not come to rest persists
 NEAR = 10.0  # |D| of a half turn that neither rests nor grows
 STARTS = 3  # from which T itself is iterated
+BEYOND = 10.0  # times the largest start: a swing that grows without bound
 
 
 class Answer(NamedTuple):
@@ -48,20 +50,24 @@ def proven(loop: Loop) -> str | None:
 
 
 def rigid_cycles(loop: Loop) -> Answer:
-    """The cycles of the loop, or the proof that there is none."""
+    """The cycles of the loop, or the proof that there is none: from a thousandth of the error at
+    which kp alone breaks away up to the largest that friction can keep up.
+    """
     proof = proven(loop)
     if proof:
         return Answer([], None, proof, False, [], None)
-    lanes, said = loop.lanes(1), []
-    one = fixed_points(lanes)
+    diverges, said = not loop.is_stable(), []
+    high = HIGH if diverges else max(HIGH, loop.reach)
+    lanes = replace(loop.lanes(1), large=BEYOND * high)
+    one = fixed_points(lanes, high)
     cycles = [_cycle(f, loop) for f in [*one.fixed, *double_points(lanes, one)]]
     cycles += [_swing(s, loop) for s in swinging(lanes, one.x, one.D, one.jumps)]
-    diverges = not loop.is_stable()
     if not any(c.stable for c in cycles) and np.any(one.D > 0.0) and not diverges:
-        cycles += _persisting(loop, one.x, one.D)
+        cycles += _persisting(loop, lanes, one.x, one.D)
     if diverges:
         said.append("large motions grow without bound: kd kp > ki J does not hold")
-    basin = _border(one.x, one.D, [f.x for f in one.fixed], one.jumps)
+    hunts = diverges or any(c.stable for c in cycles)
+    basin = _border(one.x, one.D, [f.x for f in one.fixed], one.jumps) if hunts else None
     cycles.sort(key=lambda c: c.amplitude)
     x = one.x * loop.unit
     return Answer(cycles, basin and basin * loop.unit, None, diverges, said, (x, one.D))
@@ -89,21 +95,25 @@ def _border(x: np.ndarray, D: np.ndarray, roots: list[float], jumps: list[float]
     return next((float(r) for r in [*roots, *jumps] if low <= r <= high), float(high))
 
 
-def _persisting(loop: Loop, x: np.ndarray, D: np.ndarray) -> list[Cycle]:
-    """Hunting that repeats after more than two half turns, or never: what iterating T keeps.
-
-    T is iterated as it is interpolated on the grid, and then itself from where that stays.
-    """
+def kept(x: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """The errors that iterating T keeps, as it is interpolated on the grid of D."""
     place, at = np.log(x), np.log(x)
     for _ in range(ROUNDS):
         growth = np.interp(at, place, D)
         at = (at + growth)[(np.abs(growth) < NEAR) & (at + growth > np.log(LOW))]
-    at = np.exp(np.quantile(at, np.linspace(0.0, 1.0, STARTS))) if len(at) else at
-    made = half_turn(loop.lanes(len(at)), at)
+    return np.exp(at)
+
+
+def _persisting(loop: Loop, lanes: Lanes, x: np.ndarray, D: np.ndarray) -> list[Cycle]:
+    """Hunting that repeats after more than two half turns, or never: T iterated from what its
+    interpolation keeps."""
+    at = kept(x, D)
+    at = np.quantile(at, np.linspace(0.0, 1.0, STARTS)) if len(at) else at
+    made = half_turn(lanes[np.zeros(len(at), int)], at)
     for _ in range(AGAIN):
         stays = (made.fate == STICKS) & (made.x > LOW)
         if not stays.any():
             return []
-        made = half_turn(loop.lanes(int(stays.sum())), made.x[stays])
+        made = half_turn(lanes[np.zeros(int(stays.sum()), int)], made.x[stays])
     size = float(np.maximum(made.high, made.low).max())
     return [Cycle(size * loop.unit, float(2.0 * made.t.mean()) / loop.wn, True)]

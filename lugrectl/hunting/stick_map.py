@@ -15,12 +15,11 @@ import numpy as np
 from .lanes import Lanes
 from .slip import slip
 
-STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, beyond LARGE, never a stick
+STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, too large, never a stick
 REVERSALS = 300  # without a stick, after which a loop swings
 RISES = 4  # reversals at a larger and larger error and torque, after which it goes on so
 ALIKE = 1e-4  # relative change from reversal to reversal of a swing that repeats
 STOPS = 60  # on one side, after which a loop creeps: it comes to rest
-LARGE = 300.0  # units, ten times the largest start: a swing beyond it grows without bound
 NEVER = 50.0  # the excess of what rests (negative) or never sticks
 
 
@@ -67,7 +66,7 @@ def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
         sticks = ~end.rests & (end.y >= -2.0)
         wait = np.where(end.x > 0.0, -end.y, 2.0 + end.y) / (own.rho * np.abs(end.x) + 1e-300)
         made.t[active] += np.where(sticks, wait, 0.0)
-        grows = np.abs(end.x) > LARGE
+        grows = np.abs(end.x) > lanes.large
         made.fate[active[end.rests]], made.fate[active[grows]] = RESTS, GROWS
         ahead, over = -end.x, -2.0 - end.y
         repeats = (np.abs(ahead - at) < ALIKE * at) & (np.abs(over - excess) < ALIKE * at)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .lanes import Lanes
 from .slip import slip
-from .stick_map import LARGE, NEVER
+from .stick_map import NEVER
 
 SWINGS = 100  # that are followed, at most
 STARTS = 4  # of the errors from which no stick followed
@@ -41,7 +41,7 @@ def _half(lanes: Lanes, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The next state at w = 0 of each (2, n), signs changed, and the time; nan where it sticks."""
     end = slip(lanes[np.zeros(state.shape[1], int)], *state)
     new = np.array([-end.x, -2.0 - end.y])
-    lost = end.rests | (new[0] <= 0.0) | (new[1] <= 0.0) | (new[0] > LARGE)
+    lost = end.rests | (new[0] <= 0.0) | (new[1] <= 0.0) | (new[0] > lanes.large)
     return np.where(lost, np.nan, new), end.t
 
 

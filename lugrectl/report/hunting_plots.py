@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 LINE, STABLE, UNSTABLE = "#2c5f8a", "#c0392b", "#5b6675"
-REGION_COLOURS = ("#cfe8d5", "#f7e3b0", "#f0b8ae")
-NAMES = ("quiet", "can be started", "hunting")
+REGION_COLOURS = ("#cfe8d5", "#f7e3b0", "#f0b8ae", "#d5d5dd")
+NAMES = ("quiet", "can be started", "hunting", "undecided")
 AXES = {"friction": "friction, times what is believed"}
 MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
@@ -43,13 +43,13 @@ def growth(found: Any, ax: Axes) -> Axes:
 
 @drawn
 def regions(found: Any, ax: Axes) -> Axes:
-    """The three regions over two gains, with the user's gains."""
+    """The regions over two gains, with the user's gains."""
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
     (one, two), (first, second) = found.names, found.values
     colours = ListedColormap(REGION_COLOURS)
-    ax.pcolormesh(first, second, found.region.T, cmap=colours, vmin=0, vmax=2, shading="nearest")
+    ax.pcolormesh(first, second, found.region.T, cmap=colours, vmin=0, vmax=3, shading="nearest")
     both = zip(REGION_COLOURS, NAMES, strict=True)
     marks = [Patch(facecolor=c, edgecolor="0.5", label=n) for c, n in both]
     if one in found.gains and two in found.gains:

@@ -3,11 +3,13 @@
 import re
 from pathlib import Path
 
+import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.hunting.critical import changes
 from lugrectl.hunting.curve import curve_of
 from lugrectl.hunting.lanes import Loop
 from lugrectl.hunting.stick_map import excess
@@ -93,6 +95,89 @@ def test_an_unstable_cycle_is_the_border_between_rest_and_hunting():
     assert found.basin == pytest.approx(small.amplitude)
     fates, sizes, _ = loop.from_breakaway([0.97 * found.basin, 1.03 * found.basin])
     assert [*fates] == [RESTS, HUNTS] and sizes[1] == pytest.approx(large.amplitude, rel=0.01)
+
+
+def test_a_loop_whose_only_cycle_is_unstable_comes_to_rest():
+    """Two half turns grow apart by -2 about the cycle, and end at rest from all of 14 starts that
+    were simulated elsewhere."""
+    law = {"J": 0.008875, "Fc": 1.0515, "Fs": 1.49975, "Fv": 0.0707, "vs": 0.00667}
+    model = lg.Model.of(friction="lugre", sigma0=1145.0, sigma1=2.7075, **law)
+    found = lg.limit_cycles(model, kp=13.75, ki=47.45, kd=0.6255)
+    (cycle,) = found.cycles
+    assert found.outcome == "rests" and found and found.basin is None and not cycle.stable
+    assert "every start comes to rest, past an unstable cycle" in repr(found)
+
+
+def test_what_the_time_does_not_decide_is_undecided():
+    found = lg.limit_cycles(drive(), **PID, rate=200.0, time_limit=1e-6)
+    assert found.outcome == "undecided" and not found and found.hunts is None
+    assert found.summary()["hunts"] is None and found.undecided > 5
+    assert "stayed undecided" in found.messages[0] and repr(found).startswith("undecided")
+
+
+LATE = {"J": 1e-3, "Fc": 4e-4, "Fv": 0.0}  # Coulomb friction and a dead time: it rests or swings
+
+
+def test_a_dead_time_and_a_limit_swing_from_a_border_on():
+    """A dead time feeds in more than friction takes out, the limit bounds the swing. Simulated
+    elsewhere 0.036 rad comes to rest, 0.038 rad ends in +-4.695 rad."""
+    model = lg.Model.of(friction="coulomb", **LATE)
+    late = {"rate": 100.0, "dead_time": 0.08, "limit": 0.004}
+    found = lg.limit_cycles(model, kp=0.033, kd=2e-4, **late)
+    (cycle,) = found.cycles
+    assert found.outcome == "hunts" and not found.diverges
+    assert cycle.amplitude == pytest.approx(4.695, rel=1e-3)
+    assert 0.035 < found.basin < 0.0395
+
+
+@pytest.mark.slow
+def test_a_loop_of_blocks_with_a_dead_time_swings_from_a_border_on():
+    """Simulated elsewhere a step of 0.035 rad comes to rest, one of 0.04 rad ends in 4.119 rad."""
+    model = lg.Model.of(friction="coulomb", **LATE)
+    found = lg.limit_cycles(
+        lg.cascade_loop(model, kv=165.0, kp=2e-4, ki=0.0, limit=0.004, delay=0.08)
+    )
+    (cycle,) = found.cycles
+    assert cycle.amplitude == pytest.approx(4.119, rel=1e-3) and 0.035 < found.basin < 0.042
+
+
+def test_a_torque_limit_voids_the_proof():
+    smooth = drive("coulomb", Fs=None, vs=None)
+    assert lg.limit_cycles(smooth, **PID).proof
+    limited = lg.limit_cycles(smooth, **PID, limit=3.0)
+    assert limited.proof is None and limited.outcome == "rests" and limited.loop["limit"] == 3.0
+
+
+def test_motor_and_load_have_their_own_amplitude():
+    """Simulated elsewhere in steps of 10 us: the load swings +-16.7 mrad, the motor +-6.8."""
+    gap = {"load_inertia": 0.006, "gap": 0.02, "stiffness": 200.0, "damping": 0.05}
+    model = lg.Model.of(
+        friction="coulomb", J=0.002, Fc=0.02, Fv=0.001, effects=[{"name": "backlash", **gap}]
+    )
+    loop = lg.cascade_loop(model, kv=15.0, kp=0.15, ki=1.5, feedback="load")
+    (cycle,) = lg.limit_cycles(loop).cycles
+    assert cycle.amplitude == cycle.amplitude_load == pytest.approx(16.7e-3, rel=0.01)
+    assert cycle.amplitude_motor == pytest.approx(6.8e-3, rel=0.01)
+    assert cycle.summary()["amplitude_load"] == cycle.amplitude_load
+
+
+def test_where_hunting_is_undecided_a_critical_gain_has_two_ends():
+    def hunts(ki):
+        return None if 3.0 < ki < 4.0 else ki > 3.5
+
+    (ends,) = changes(hunts, {"ki": (1.0, 10.0)})["ki"]
+    assert ends == pytest.approx((3.0, 4.0), rel=2e-3)
+    (one,) = changes(lambda ki: ki > 3.5, {"ki": (1.0, 10.0)})["ki"]
+    assert one == pytest.approx(3.5, rel=2e-3)
+
+
+@pytest.mark.parametrize(("kp", "ki"), [(3.0, 3.9), (100.0, 90.0), (3.0, 0.04)])
+def test_the_largest_error_is_the_l1_norm_from_torque_to_error(kp, ki):
+    model, kd = drive(vs=0.1), 1.0
+    loop, t = Loop(curve_of(model), 1.0, kp, ki, kd), np.linspace(0.0, 400.0, 400_001)
+    G = ct.tf([1.0, 0.0], [1.0, kd + 0.4, kp, ki])
+    norm = np.trapezoid(np.abs(ct.impulse_response(G, t).outputs), t)
+    assert loop.reach == pytest.approx(kp * norm, rel=0.03)
 
 
 def test_without_stiction_absence_is_proven_and_the_map_agrees():
