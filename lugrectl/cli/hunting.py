@@ -24,7 +24,7 @@ def hunt(a: Namespace) -> int:
     print_out(found.to_json() if a.json else repr(found))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
-    return int(not found) if a.report else EXIT[found.outcome]
+    return EXIT[found.outcome]
 
 
 def _of_model(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:

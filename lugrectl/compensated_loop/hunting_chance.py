@@ -24,6 +24,8 @@ from .believed import believed
 from .chance import Outcomes
 from .standstill import HUNTS, RESTS, UNDECIDED
 
+FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}
+
 
 @dataclass(frozen=True, repr=False)
 class HuntingChance(Result):
@@ -169,5 +171,4 @@ def _largest(loop: Mapping[str, Any], model: Model) -> tuple[float, float, float
     found = limit_cycles(model, **loop)
     last = found.cycles[-1] if found.cycles else None
     amplitude, period = (np.nan, np.nan) if last is None else (last.amplitude, last.period)
-    rests = UNDECIDED if found.undecided else RESTS
-    return HUNTS if found.hunts else rests, amplitude, period
+    return FATES[found.outcome], amplitude, period
