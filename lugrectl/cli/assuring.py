@@ -16,7 +16,7 @@ def assure(a: Namespace) -> int:
 
     kind = None if a.plot is None else format_of(a.plot, "--plot")
     names = ("loop", "kp", "ki", "kd", "bandwidth", "rate", "dead_time", "counts", "speed",
-             "frequency", "members", "seed", "jobs")  # fmt: skip
+             "frequency", "members", "seed", "jobs", "hunts", "still")  # fmt: skip
     options = {k: getattr(a, k) for k in names}
     with Bar(sys.stderr) as bar:
         found = work(a.report, a.confidence, observers=a.observer, progress=bar, **options)

@@ -30,9 +30,7 @@ def hunt(a: Namespace) -> int:
     print_out(found.to_json() if a.json else repr(found))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
-    if moving is not None:
-        return int(not isfinite(moving.speed_end))
-    return int(not found) if a.report else EXIT[found.outcome]
+    return int(not isfinite(moving.speed_end)) if moving else EXIT[found.outcome]
 
 
 def _moving(a: Namespace, gains: dict[str, Any], vary: Any) -> Any:

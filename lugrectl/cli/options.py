@@ -338,6 +338,10 @@ def _assuring(command: argparse.ArgumentParser) -> None:
         metavar="P",
         help="share of the drives for which the bound of the error holds (default: 0.95)",
     )
+    ends = "share of the drives that may hunt at rest (default: 0.05)"
+    add("--hunts", type=_share, default=0.05, metavar="P", help=ends)
+    ends = "swing that is no hunting, peak to peak in rad (default: two counts)"
+    add("--still", type=_positive, metavar="X", help=ends)
     add(
         "--loop",
         choices=("position", "velocity"),

@@ -8,22 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from ..core.display import Row, number
+from ..core.display import Row, noticed, number
 from ..core.result import Result, plain
 from ..core.views import view
-from .chance import Chance
+from .chance import Chance, Outcomes
 
 
 @dataclass(frozen=True)
 class Tried:
     """A compensation that was tried on the first members: the error that a share 1 - confidence of
-    them exceeds, the median, and the share of them that it makes worse."""
+    them exceeds, the median, the share of them that it makes worse, and the share that hunts of
+    those that were looked at, None where a better choice stood before it."""
 
     observer: str
     scale: float
     upper: float
     median: float
     worse: float
+    hunts: float | None = None
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -48,9 +50,15 @@ class Assurance(Result):
         where too few members were drawn, or some diverge.
     none, none_band : float, (float, float)
         Median and interval without compensation.
-    hunts, worse : Chance
-        That the loop with the compensation does not come to rest after the motion, and that its
-        error is larger than without: ``.value``, ``.ci95``, ``.count``, ``.members``.
+    hunts, none_hunts : Outcomes
+        That a drive swings at rest by more than ``still``, with the compensation and without:
+        ``.value``, ``.ci95``, ``.count``, ``.members``, and the shares ``.rests`` and ``.unsure``.
+    swing, none_swing : float
+        What the swing at rest is below, peak to peak in rad, as ``bound`` for the error.
+    still : float
+        The swing that is no hunting, peak to peak in rad.
+    worse : Chance
+        That the error is larger than without compensation.
     unit : str
         Of the errors.
     tried : tuple of Tried
@@ -61,6 +69,8 @@ class Assurance(Result):
         Rate, dead time, sensor and reference, SI.
     models : tuple of (str, float)
         What the members are drawn from, with the weights.
+    messages : tuple of str
+        What the choice does not show.
 
     Examples
     --------
@@ -84,13 +94,18 @@ class Assurance(Result):
     bound: float
     none: float
     none_band: tuple[float, float]
-    hunts: Chance
+    hunts: Outcomes
+    none_hunts: Outcomes
+    swing: float
+    none_swing: float
+    still: float
     worse: Chance
     unit: str
     tried: tuple[Tried, ...]
     errors: Mapping[str, np.ndarray]
     drive: Mapping[str, Any]
     models: tuple[tuple[str, float], ...]
+    messages: tuple[str, ...] = ()
 
     @property
     def members(self) -> int:
@@ -100,9 +115,10 @@ class Assurance(Result):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl assure --json`` prints it."""
         keys = ("kind", "scale", "observer", "gains", "controller", "confidence", "error", "band",
-                "bound", "none", "none_band", "unit", "drive", "members")  # fmt: skip
+                "bound", "none", "none_band", "unit", "drive", "members", "swing", "none_swing",
+                "still", "messages")  # fmt: skip
         made: dict[str, Any] = {"schema": 1, **{k: getattr(self, k) for k in keys}}
-        made |= {"hunts": self.hunts.summary(), "worse": self.worse.summary()}
+        made |= {k: getattr(self, k).summary() for k in ("hunts", "none_hunts", "worse")}
         made["models"] = [{"model": name, "weight": w} for name, w in self.models]
         return plain(made | {"tried": [vars(one) for one in self.tried]})
 
@@ -126,9 +142,14 @@ class Assurance(Result):
         yield Row("error below", self.bound, self.unit, share)
         yield Row("worse than without", self.worse.words())
         yield Row("hunts at rest", self.hunts.words())
+        yield Row("without", self.none_hunts.words())
+        angle = self.unit.removesuffix("/s")
+        swings = f"{number(self.none_swing)} {angle} without; more than {number(self.still)} hunts"
+        yield Row("swing at rest below", self.swing, angle, f"{share}; {swings}")
         gains = {**self.controller, **{f"observer {k}": v for k, v in self.gains.items()}}
         for name, value in gains.items():
             yield Row(name, value)
         d, speed = self.drive, f"{self.unit.removesuffix('/s')}/s"
         said = f"{number(d['speed'])} {speed} at {d['frequency']:g} Hz"
         yield Row("reference", said, "", f"sampled at {d['rate']:g} Hz")
+        yield from noticed(self.messages, "messages")

@@ -21,17 +21,20 @@ from ..estimates.members import Members
 from ..hunting import limit_cycles
 from ..parallel.jobs import JobError, run_jobs
 from .believed import believed
-from .chance import Chance
+from .chance import Outcomes
+from .standstill import HUNTS, RESTS, UNDECIDED
+
+FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}
 
 
 @dataclass(frozen=True, repr=False)
 class HuntingChance(Result):
-    """The answer of :func:`lugrectl.hunting_chance`; truthy if no member hunts.
+    """The answer of :func:`lugrectl.hunting_chance`; truthy if every member rests.
 
     Attributes
     ----------
-    chance : Chance
-        ``.value``, ``.ci95``, ``.count``, ``.members``.
+    chance : Outcomes
+        ``.value``, ``.ci95``, ``.count``, ``.members``, and the shares ``.rests`` and ``.unsure``.
     amplitudes, periods : tuple of float
         Of the largest cycle of each member that hunts, rad and s; nan where the loop diverges.
     unit : str
@@ -49,19 +52,29 @@ class HuntingChance(Result):
     0 % (95 % from 0 to 31 %, 10 members)
     """
 
-    chance: Chance
+    chance: Outcomes
     amplitudes: tuple[float, ...]
     periods: tuple[float, ...]
     unit: str
     loop: Mapping[str, Any]
 
     def __bool__(self) -> bool:
-        return not self.chance.count
+        return not (self.chance.count or self.chance.undecided)
+
+    @property
+    def outcome(self) -> str:
+        """ "hunts" where a member does, else "undecided" where one is, else "rests"."""
+        return "hunts" if self.chance.count else "rests" if self else "undecided"
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl hunt --json`` prints it for a report."""
         rows = {"amplitudes": list(self.amplitudes), "periods": list(self.periods)}
-        made = {"schema": 1, "hunts": not self, "chance": self.chance.summary(), **rows}
+        made = {
+            "schema": 1,
+            "hunts": self.chance.count > 0,
+            "chance": self.chance.summary(),
+            **rows,
+        }
         return plain(made | {"loop": dict(self.loop)})
 
     def plot(self, ax: Any = None) -> Any:
@@ -119,8 +132,9 @@ def hunting_chance(
 
     Notes
     -----
-    k of N members have a cycle, or diverge. The interval of the probability is that of Clopper and
-    Pearson, The Use of Confidence or Fiducial Limits Illustrated in the Case of the Binomial,
+    k of N members have a cycle, or diverge; an undecided member neither hunts nor rests. The
+    interval of the probability is that of Clopper and Pearson, The Use of Confidence or Fiducial
+    Limits Illustrated in the Case of the Binomial,
     Biometrika 26(4), 1934. Each member is searched as :func:`limit_cycles` says, with its limits.
 
     Examples
@@ -135,15 +149,16 @@ def hunting_chance(
     """
     beliefs, _ = believed(p)
     drawn, report = Members(beliefs, whole(members, "members", least=1), seed), reporter(progress)
-    work, rows = partial(_largest, loop), dict[int, tuple[bool, float, float]]()
+    work, rows = partial(_largest, loop), dict[int, tuple[float, float, float]]()
     for i, one in run_jobs(work, list(drawn), executor=executor, jobs=jobs):
         if isinstance(one, JobError):
             raise (InputError if one.exit_code == 2 else Refused)(one.sentence)
         rows[i] = one
         report(len(rows) / len(drawn), f"{len(rows)} of {len(drawn)} drives")
-    found = [rows[i] for i in range(len(drawn)) if rows[i][0]]
+    fates = [rows[i][0] for i in range(len(drawn))]
+    found = [rows[i] for i in range(len(drawn)) if rows[i][0] == HUNTS]
     return HuntingChance(
-        Chance(len(found), len(drawn)),
+        Outcomes.of(fates),
         tuple(a for _, a, _ in found),
         tuple(T for _, _, T in found),
         "rad" if beliefs[0].model.motion == "rotary" else "m",
@@ -151,9 +166,9 @@ def hunting_chance(
     )
 
 
-def _largest(loop: Mapping[str, Any], model: Model) -> tuple[bool, float, float]:
-    """Whether a drive hunts, with amplitude and period of its largest cycle."""
+def _largest(loop: Mapping[str, Any], model: Model) -> tuple[float, float, float]:
+    """The fate of a drive, with amplitude and period of its largest cycle."""
     found = limit_cycles(model, **loop)
     last = found.cycles[-1] if found.cycles else None
     amplitude, period = (np.nan, np.nan) if last is None else (last.amplitude, last.period)
-    return not found, amplitude, period
+    return FATES[found.outcome], amplitude, period

@@ -1,4 +1,4 @@
-"""A sampled loop on drives that are not exactly its model: the error of each, and what stays."""
+"""A sampled loop on drives that are not exactly its model: the error of each, and its rest."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -16,16 +17,19 @@ from ..blocks.model import Model
 from ..blocks.plant import plant, sensor
 from ..core.errors import Diverged
 from ..core.numeric import rms
-from ..hunting.waiting import STILL
 from ..simulation.encoder import Sensing, encoder
 from ..simulation.sampled_response import COARSE, simulate_sampled
 from ..simulation.stepped_block import at_samples
 from .drive import body_of, usual_points
 from .loop import Task, control
+from .standstill import UNDECIDED, Rest, at_rest
 
 PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
 FASTEST = 1.5  # of the largest speed of the reference
-LENGTHS = (4_000, 20_000, 80_000)  # samples at rest, more where the torque still moves
+WAITS = (40, 320)  # kp/ki of the controller: a run at rest, longer where it is undecided
+SHORTEST, LONGEST = 1_000, 100_000  # samples of it
+NOISE, GREW = 1e-6, 100.0  # of a motion at its start: it has decayed, or it grows
+STEP, SMALL = 0.1, 1e-3  # of the amplitude of the sine: a step, and a swing that is none
 
 
 @dataclass(frozen=True)
@@ -37,7 +41,7 @@ class Choice:
     scale: float = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Setting:
     """What is equal for all members: controller and believed model, sensor, noise of the torque in
     N m, and the reference, a sine of speed ``speed`` (rad/s) at ``frequency`` (Hz), from rest."""
@@ -57,6 +61,33 @@ class Setting:
             return {"r": w, "dr": a}
         return {"r": self.speed / turn * (1.0 - np.cos(x)), "dr": w, "ddr": a}
 
+    def usual_still(self) -> float:
+        """The swing at rest that is no hunting: two counts, or a little of the reference."""
+        return 2.0 * self.sensing.resolution or SMALL * self.speed / (2.0 * np.pi * self.frequency)
+
+    def stopped(self, length: int) -> dict[str, np.ndarray]:
+        """A period of the sine, then so many samples at its start."""
+        first = self.samples(1.0)
+        return {k: np.r_[x, np.zeros(length)] for k, x in self.rows(first).items()}
+
+    def stepped(self, length: int) -> dict[str, np.ndarray]:
+        """The same after a step: of the position, or of the speed to 0."""
+        first, turn = self.samples(1.0), 2.0 * np.pi * self.frequency
+        made = {k: np.zeros(first + length) for k in self.rows(1)}
+        if self.task.kind == "velocity":
+            made["r"][:first] = STEP * self.speed
+        else:
+            made["r"][1:] = STEP * self.speed / turn
+        return made
+
+    def waits(self) -> list[int]:
+        """Samples of the runs at rest."""
+        kp, ki = (self.task.controller[k] for k in ("kp", "ki"))
+        unit = kp / ki if ki > 0.0 < kp else 0.25 / self.frequency
+        most = min(LONGEST, math.ceil(WAITS[-1] * unit / self.sensing.dt))
+        every = [max(SHORTEST, math.ceil(k * unit / self.sensing.dt)) for k in WAITS]
+        return sorted({min(n, most) for n in every})
+
     def samples(self, periods: float) -> int:
         return round(periods / self.frequency / self.sensing.dt) + 1
 
@@ -67,6 +98,7 @@ class Loop:
     def __init__(self, setting: Setting, choice: Choice | None) -> None:
         task, sensing = setting.task, setting.sensing
         self.setting, self.late = setting, sensing.delay > 0.0
+        self.compensates = choice is not None
         watcher, gains = (None, {}) if choice is None else (choice.observer, choice.gains)
         blocks = control(task, None if choice is None else task.model, watcher, gains)
         if self.late:
@@ -76,49 +108,47 @@ class Loop:
             encoder(sensing, ("theta_s", "w_s")),
             *(at_samples(block, sensing.dt, points) for block in blocks),
         ]
-        self.own = {} if choice is None else {"compensation.scale": choice.scale}
         self.bodies: dict[Any, tuple[Any, set[str]]] = {}
 
-    def scaled(self, scale: float) -> Loop:
-        """The same loop with another share of the estimate; the simulation is not built again."""
-        self.own = {"compensation.scale": scale}
-        return self
-
-    def error(self, model: Model, seed: int) -> float:
+    def error(self, model: Model, seed: int, scale: float) -> float:
         """The RMS tracking error on a drive; infinite where the loop diverges."""
         made = self.setting
         rows, first = made.rows(made.samples(PERIODS)), made.samples(SETTLED)
         try:
-            done = self._run(model, rows, made.sensing, made.torque, seed)
+            done = self.run(model, rows, made.sensing, scale, made.torque, seed)
         except Diverged:
             return math.inf
         y = done[controllers.MEASURED[made.task.kind]]
         return rms((y - rows["r"])[first:])
 
-    def hunts(self, model: Model) -> bool:
-        """Whether it still moves, by more than a step of the encoder, long after a period of the
-        reference; without noise, so that the torque of a drive at rest stays as it is."""
-        made, first = self.setting, self.setting.samples(1.0)
-        for length in LENGTHS:
-            held = {k: x[0] if k == "r" else 0.0 for k, x in made.rows(first).items()}
-            rows = {k: np.r_[x, np.full(length, held[k])] for k, x in made.rows(first).items()}
-            try:
-                done = self._run(model, rows, made.sensing.still(), 0.0, 0)
-            except Diverged:
-                return True
-            theta, u = done["theta"], done["u_fb"]
-            last = slice(-length // 3, None)
-            if np.ptp(u[last]) <= STILL * np.ptp(u):
-                return False
-        return bool(np.ptp(theta[last]) > max(made.sensing.resolution, STILL * np.ptp(theta)))
+    def rest(self, model: Model, scale: float, still: float) -> Rest:
+        """What becomes of it after a stop and after a step, the worse of the two; without noise,
+        so that the torque of a drive at rest stays as it is."""
+        return max(self._rest(model, scale, start, still) for start in ("stop", "step"))
 
-    def _run(
+    def _rest(self, model: Model, scale: float, start: str, still: float) -> Rest:
+        made, seen = self.setting, Rest(UNDECIDED, math.inf)
+        for length in (lengths := made.waits()):
+            rows = made.stopped(length) if start == "stop" else made.stepped(length)
+            try:
+                done = self.run(model, rows, made.sensing.still(), scale)
+            except Diverged:
+                return Rest.diverged()
+            theta, u = done["theta"][-length:], done["u_fb"]
+            last = length == lengths[-1]
+            seen = at_rest(theta, u[-length:], float(np.ptp(u)), still, last)
+            if seen.fate != UNDECIDED:
+                break
+        return seen
+
+    def run(
         self,
         model: Model,
         rows: Mapping[str, np.ndarray],
         sensing: Sensing,
-        torque: float,
-        seed: int,
+        scale: float = 1.0,
+        torque: float = 0.0,
+        seed: int = 0,
     ) -> dict[str, np.ndarray]:
         """The signals of a drive by name."""
         body, names = self._body(model)
@@ -134,7 +164,7 @@ class Loop:
                 self.blocks,
                 t,
                 {k: x for k, x in given.items() if k in read},
-                params=values | self.own,
+                params=values | ({"compensation.scale": scale} if self.compensates else {}),
                 rtol=COARSE,
             )
         return dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
@@ -153,23 +183,64 @@ def _keyed(model: Model) -> dict[str, float]:
     return {f"{block}.{k}": v for block in ("plant", "sensor") for k, v in model.known().items()}
 
 
+def grows(setting: Setting) -> bool:
+    """Whether the loop without compensation and dry friction is unstable, by its own motion after a
+    step: exponentials that grow are the largest at the end, and larger than before."""
+    known = setting.task.model.known()
+    free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
+    exact = replace(
+        setting, task=replace(setting.task, model=free), sensing=setting.sensing.quiet()
+    )
+    loop, first, before, now = Loop(exact, None), 0.0, 0.0, 0.0
+    for length in exact.waits():
+        try:
+            done = loop.run(free, exact.stepped(length), exact.sensing)
+        except Diverged:
+            return True
+        y = done[controllers.MEASURED[setting.task.kind]][-length:]
+        first, before, now = (float(np.ptp(part)) for part in np.array_split(y, 3))
+        if now > GREW * first or max(before, now) <= NOISE * first:
+            break
+    return now > before and now > NOISE * first
+
+
 @dataclass(frozen=True)
 class Work:
     """The errors of members with several compensations: a function that can be sent."""
 
     setting: Setting
     choices: Sequence[Choice | None]
-    rests: bool = False
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """RMS errors (members, choices); with ``rests`` a last column, whether the last hunts."""
-        columns, loops = [], dict[Any, Loop]()
+        """RMS errors (members, choices)."""
+        columns = []
         for choice in self.choices:
-            name = None if choice is None else choice.observer
-            loop = loops[name] = loops.get(name) or Loop(self.setting, choice)
-            loop = loop if choice is None else loop.scaled(choice.scale)
-            columns.append([loop.error(model, seed) for model, seed in members])
-            last = loop
-        if self.rests:
-            columns.append([float(last.hunts(model)) for model, _ in members])
+            loop, scale = _loop_of(self.setting, choice)
+            columns.append([loop.error(model, seed, scale) for model, seed in members])
         return np.array(columns).T
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """What becomes of members at rest with a compensation: a function that can be sent."""
+
+    setting: Setting
+    choice: Choice | None
+    still: float
+
+    def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
+        """A :class:`Rest` of each (members, 2)."""
+        loop, scale = _loop_of(self.setting, self.choice)
+        return np.array([loop.rest(model, scale, self.still) for model, _ in members])
+
+
+def _loop_of(setting: Setting, choice: Choice | None) -> tuple[Loop, float]:
+    """The loop of a choice, which is built once for all shares, and the share."""
+    if choice is None:
+        return _built(setting, None, ()), 0.0
+    return _built(setting, choice.observer, tuple(choice.gains.items())), choice.scale
+
+
+@lru_cache(maxsize=8)
+def _built(setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]) -> Loop:
+    return Loop(setting, None if observer is None else Choice(observer, dict(gains)))
