@@ -148,8 +148,8 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
         return UNIT[self.motion]
 
     def plot(self) -> Sequence[Any]:
-        """Draw magnitude, phase and coherence, with the band; uncertain points are faint.
-        Returns the Axes."""
+        """Draw magnitude, phase and coherence, with the band; uncertain points are faint. With
+        ``gains`` also Nyquist's curve and a step. Returns the Axes."""
         return view("bode_plot.bode")(self)
 
     def summary(self) -> dict[str, Any]:

@@ -7,21 +7,17 @@ from argparse import Namespace
 from typing import Any
 
 from ..core.errors import InputError
-from .output import print_out
-from .plotting import drawn, format_of
+from .plotting import answered, format_of
 
 
 def hunt(a: Namespace) -> int:
     """0 where there is no limit cycle, 1 where there is one or the loop diverges."""
-    kind = None if a.plot is None else format_of(a.plot, "--plot")
+    kind = format_of(a.plot)
     gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
     sampled = {"rate": a.rate, "dead_time": a.dead_time, "counts": a.counts}
     vary = dict(map(_range, a.vary)) if a.vary else None
     found = _over(a, gains | sampled, vary) if a.report else _of_model(a, gains | sampled, vary)
-    said = drawn(found, a.plot, kind, "--plot") if kind else ""
-    print_out(found.to_json() if a.json else repr(found))
-    if said:
-        print(f"lugrectl: {said}", file=sys.stderr)
+    answered(found, a, kind, found.to_json() if a.json else repr(found))
     return 0 if found else 1
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .canvas import headed, on_pyplot
+from .tuning_plot import panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,7 +18,8 @@ CERTAIN = 0.95  # the least coherence that is drawn as certain
 
 
 def bode(found: Any) -> Sequence[Axes]:
-    """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full."""
+    """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full.
+    With gains also their loop and its step."""
     from matplotlib.ticker import LogLocator
 
     f = found.frequency / (2.0 * np.pi)
@@ -61,8 +63,10 @@ def bode(found: Any) -> Sequence[Axes]:
         ax.axhline(CERTAIN, color=MARK, ls="--", lw=0.9)
         ax.set(xlabel="f [Hz]", ylabel="coherence", ylim=(0.0, 1.02))
 
-    axes = on_pyplot([magnitude, phase, coherence])
-    for ax in axes:
+    own = [magnitude, phase, coherence]
+    more = panels(found.gains) if found.gains else []
+    axes = on_pyplot(own + more, columns=2 if more else 1)
+    for ax in axes[: len(own)]:
         ax.set_xlim(f[0], f[-1])
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")

@@ -38,11 +38,13 @@ def quick():
 
 def judged(drive, found):
     """Whether the true drive is stable, its Ms, and the bandwidth over the best possible."""
-    gains = pid(found)
+    gains, kv = pid(found), (found.cascade or {}).get("kv", 0.0)
     best = loops.optimum(drive, found.structure, 1.6)
-    assert found.bandwidth == pytest.approx(loops.bandwidth(gains, drive.inertia), rel=0.03)
+    own = loops.width(drive, found.structure, gains, kv, found.notch)
+    assert found.bandwidth == pytest.approx(own, rel=0.05)
     peak = loops.sensitivity(drive, gains, found.notch)
-    return loops.stable(drive, gains, found.notch), peak, found.bandwidth / best
+    share = loops.bandwidth(gains, drive.inertia) / best
+    return loops.stable(drive, gains, found.notch), peak, share
 
 
 @pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
@@ -58,11 +60,12 @@ def test_a_notch_where_it_pays(quick):
         plain, found = (lg.tune(known, notch=on) for on in (False, True))
         stable, peak, share = judged(drive, found)
         assert stable and peak < 1.65
-        ratio = found.bandwidth / plain.bandwidth
+        speeds = (loops.bandwidth(pid(x), drive.inertia) for x in (found, plain))
+        ratio = next(speeds) / next(speeds)
         assert (ratio > 1.1) == (found.notch is not None)
         if found.notch:
             paid += 1
-            assert f"{100 * (ratio - 1):.0f} % more" in found.messages[0]
+            assert f"{100 * (ratio - 1):.0f} % faster" in found.messages[0]
     assert paid
 
 
@@ -139,6 +142,27 @@ def test_no_gains_of_a_log_that_friction_governs(quick):
         lg.tune(replace(quick[0][1], correction=3.0))
 
 
+@pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
+def test_gains_of_the_bandwidth_that_is_asked_for(structure):
+    most = lg.tune(RIGID, structure, dead_time=1e-3, rate=1000.0)
+    half = lg.tune(RIGID, structure, rate=1000.0, dead_time=1e-3, bandwidth=most.bandwidth / 2)
+    assert half.bandwidth == pytest.approx(most.bandwidth / 2, rel=1e-3)
+    assert half.worst < most.worst and half.crossover < most.crossover
+    with pytest.raises(lg.Refused, match=r"out of reach: at Ms 1.6 this axis allows at most"):
+        lg.tune(RIGID, structure, dead_time=1e-3, rate=1000.0, bandwidth=2 * most.bandwidth)
+
+
+def test_the_bandwidth_of_a_slow_axis_with_dead_time_is_minus_3_db():
+    """Not the crossing of an asymptote of |L|, five times as high, that is never reached."""
+    g = lg.tune(ct.tf([1], [0.01, 0.1]), "PI", rate=1000, dead_time=10.0)
+    w = np.geomspace(1e-3, 10, 40000)
+    L = (g.kp + g.ki / (1j * w)) / (0.01j * w + 0.1) * np.exp(-10.0005j * w)
+    true = w[np.flatnonzero(np.abs(L / (1 + L)) < 10 ** (-3 / 20))[0]]
+    assert g.bandwidth == pytest.approx(true, rel=0.01)
+    shown = [f"{x / (2 * np.pi):.3g} Hz" for x in (g.bandwidth, g.crossover)]
+    assert all(x in repr(g).splitlines()[0] for x in shown)
+
+
 @pytest.mark.parametrize(
     ("axis", "options", "said"),
     [
@@ -188,6 +212,12 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert made["frequency"] and made["gains"]["kp"] > 0 and made["gains"]["Ms"] < 1.61
     assert main(["bode", "--model", "my.toml", "--tune", "PI", "--dead-time", "1e-3"]) == 0
     assert "PI gains: bandwidth" in capsys.readouterr().out
+    of_model = ["bode", "--model", "my.toml", "--tune", "PI", "--rate", "1000"]
+    assert main([*of_model, "--bandwidth", "5", "--json"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["bandwidth"] == pytest.approx(10 * np.pi, rel=1e-3)
+    assert main([*of_model, "--bandwidth", "4000"]) == 3
+    assert "at most" in capsys.readouterr().err
     with_no = ["bode", "run.csv", "--model", "my.toml", "--tune", "P-PI", "--ms", "1.0001"]
     assert main([*with_no, "--json"]) == 3
     said = capsys.readouterr()
