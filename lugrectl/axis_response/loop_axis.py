@@ -1,8 +1,8 @@
 """What a controller meets: position over torque, with hold, dead time, and how well it is known.
 
 Each point is a disc of the complex plane. Where the response is certain it is the 95 % disc; where
-it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1); beyond
-the last frequency it is centred at 0, of any phase.
+it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or all
+that friction changed where it governs; beyond the last frequency it is centred at 0, of any phase.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
 TOP = "Beyond {:.4g} Hz nothing is known: |P| may be any phase of what falls as 1/f from {:.3g} {}."
 OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
-    "it agrees, else P may be wrong by all that it does not explain."
+    "it agrees, else P may be wrong by all that it does not explain, or that friction changed."
 )
-GOVERNED = "friction governs this log, and the response does not hold: no gains follow from it."
+GOVERNED = "friction governs this log at all frequencies that it shows: no gains follow from it."
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +85,11 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
 
 
 def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axis:
-    if not found.trusted:
+    if not found.certain.any():
         raise Refused(GOVERNED, " ".join(found.messages[:1]))
-    P, error = _discs(found)
+    P, error, miss = _discs(found)
     own, body = _step(found.frd.dt), found.mechanics
-    made = _measured(found.frequency, P, error, own, late, dt, body, found.motion)
+    made = _measured(found.frequency, P, error, own, late, dt, body, miss, found.motion)
     if found.certain.all():
         return made
     f = found.frequency[~found.certain] / (2.0 * np.pi)
@@ -97,21 +97,24 @@ def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axi
     return replace(made, said=(said, *made.said))
 
 
-def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray]:
-    """The response, and how far off it may be as a share of it.
+def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray, float]:
+    """The response, how far off it may be as a share of it, and what the mechanics misses.
 
     Where it is not certain, the fitted mechanics takes its place if it lies within that: with its
     interval, and what it misses where the response is certain.
     """
     P, sure, body = np.asarray(found.frd.frdata)[0, 0], found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
+    changed = np.abs(np.asarray(found.raw.frdata)[0, 0] / P - 1.0)
+    open_ = np.where(found.governed, np.maximum(open_, changed), open_)
     error = np.where(sure, found.high / found.magnitude - 1.0, open_)
     if body is None:
-        return P, error
-    fitted, narrow = body.response(found.frequency), body.radius(found.frequency)
-    narrow = narrow + np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95)
+        return P, error, 0.0
+    fitted = body.response(found.frequency)
+    miss = float(np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95))
+    narrow = body.radius(found.frequency) + miss
     better = (np.abs(fitted - P) <= error * np.abs(P)) & (narrow < error)
-    return np.where(better, fitted, P), np.where(better, narrow, error)
+    return np.where(better, fitted, P), np.where(better, narrow, error), miss
 
 
 def _step(dt: Any) -> float | None:
@@ -127,11 +130,13 @@ def _measured(
     late: float,
     dt: float | None,
     body: Mechanics | None = None,
+    miss: float = 0.0,
     motion: str = "rotary",
 ) -> Axis:
     """A measured speed over torque with its relative error, made finer and continued.
 
-    Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave.
+    Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave,
+    or is the fitted mechanics where that leaves less open.
     """
     J, corner = _inertia(w, P)
     x, fine = np.arange(len(w)), np.linspace(0, len(w) - 1, FINER * (len(w) - 1) + 1)
@@ -155,10 +160,18 @@ def _measured(
     if body is not None:  # a resonance that comes after the last frequency
         far = np.geomspace(w[-1], high[-1], DENSE)
         most = max(most, float(np.max(far * np.abs(body.response(far)) * (1.0 + body.radius(far)))))
+    far, open_ = np.zeros(BEYOND, complex), most / high**2
+    if body is not None:
+        turn = _hold(high, dt) / _hold(high, own) * np.exp(-1j * high * late) / (1j * high)
+        fitted = body.response(high)
+        less = np.abs(fitted) * (body.radius(high) + miss) + body.unseen(high)
+        inside = (np.abs(fitted) + less) * np.abs(turn) <= open_
+        far = np.where(inside, fitted * turn, far)
+        open_ = np.where(inside, less * np.abs(turn), open_)
     return Axis(
         np.r_[w, high],
-        np.r_[G, np.zeros(BEYOND)],
-        np.r_[np.abs(G) * error, most / high**2],
+        np.r_[G, far],
+        np.r_[np.abs(G) * error, open_],
         np.arange(len(w) + BEYOND) < len(w),
         J,
         corner,

@@ -34,7 +34,11 @@ QUIETER = (
     "To keep the loop from hunting, the integral action is {:.2g} of what Ms allows: the bandwidth "
     "is {:.3g} Hz in place of {:.3g} Hz."
 )
-PLAIN = "Any integral action hunts: it is left out, and a load moves the axis by {:.3g} {} a {}."
+PLAIN = (
+    "Any integral action hunts, or may: it is left out, and a load moves the axis by {:.3g} {} a "
+    "{}."
+)
+UNDECIDED = "Whether these gains hunt is not decided: they stay."
 UNSEEN = "Limit cycles were not searched: {}"
 MORE = "The search for limit cycles is without {}."
 
@@ -78,7 +82,8 @@ def tune(
     model : Model, Parameters, dict or path, optional
         With friction, for the check of limit cycles; default: ``axis`` where it is a model.
     hunting : bool
-        Whether gains may hunt. False: the integral action is reduced until they do not.
+        Whether gains may hunt. False: the integral action is reduced until they do not; where
+        it is not decided whether they do, they stay, and a message says so.
     notch : bool
         Whether a notch at a resonance is taken where it makes the integral action, (ki/J)^(1/3),
         of a PI (ki/J)^(1/2), 10 % faster; with ``bandwidth`` where that is out of reach without.
@@ -153,10 +158,11 @@ def tune(
     cycles = None
     try:
         cycles = _cycles(search, shape)
-        if not may_hunt and cycles is not None and not cycles:
+        if not may_hunt and _outcome(cycles) == "hunts":
             hunts = search.bandwidth(shape)
             search, shape, cycles = _quiet(search, shape)
             said.append(_quieter(search, shape, hunts))
+        said += [UNDECIDED] if not may_hunt and _outcome(cycles) == "undecided" else []
     except InputError as no:
         if not may_hunt:
             raise
@@ -193,10 +199,15 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     if axis.dt is None or not given["ki"]:
         return limit_cycles(model, **given)
     found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
-    if found and found.undecided:
+    if _outcome(found) == "undecided" or (found and found.undecided):
         exact = limit_cycles(model, **given)
         return found if exact else exact
     return found
+
+
+def _outcome(found: LimitCycles | None) -> str:
+    """ "hunts", "rests" or "undecided"; without dry friction a loop rests."""
+    return str(getattr(found, "outcome", "rests" if found is None or found else "hunts"))
 
 
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:

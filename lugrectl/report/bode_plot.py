@@ -50,7 +50,9 @@ def bode(found: Any) -> Sequence[Axes]:
                 va="bottom" if first else "top",
             )
         ax.set(ylabel=f"|P| [dB of {unit}]")
-        headed(ax, "" if found.trusted else "Friction governs this log below 10 Hz")
+        bad = f[found.governed]
+        said = f"Friction governs {bad[0]:.3g} to {bad[-1]:.3g} Hz" if len(bad) else ""
+        headed(ax, said)
 
     def phase(ax: Axes) -> None:
         ax.semilogx(f, np.degrees(found.raw_phase), color=RAW, lw=0.9)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import control as ct
 import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.axis_response import tuning
 from lugrectl.cli import main
 
 from . import drives, loops
@@ -138,8 +140,32 @@ def test_where_nothing_is_certain_no_gain_reaches(quick):
 
 
 def test_no_gains_of_a_log_that_friction_governs(quick):
+    known = quick[0][1]
     with pytest.raises(lg.Refused, match="friction governs"):
-        lg.tune(replace(quick[0][1], correction=3.0))
+        lg.tune(replace(known, governed=np.ones(len(known.frequency), bool)))
+
+
+def test_gains_where_friction_governs_the_low_end_only(quick):
+    """It is left out there, and the fitted mechanics stands in."""
+    drive, known = quick[0]
+    part = replace(known, governed=known.frequency < 2 * np.pi * 8)
+    assert not part.certain[0] and known.certain[0]
+    stable, peak, share = judged(drive, lg.tune(part, notch=False))
+    assert stable and peak < 1.76 and share > 0.7
+
+
+@pytest.mark.parametrize("outcome", ["rests", "hunts", "undecided"])
+def test_gains_stay_where_hunting_is_not_decided(outcome, monkeypatch):
+    """Only what hunts is made quieter."""
+    cycles = lg.limit_cycles(HUNTS, kp=1.0, kd=0.2)
+    first = SimpleNamespace(outcome=outcome, undecided=0, summary=cycles.summary)
+    found = iter([first])
+    monkeypatch.setattr(tuning, "limit_cycles", lambda *_, **__: next(found, cycles))
+    plain = lg.tune(HUNTS, dead_time=1e-3)
+    found = iter([first])
+    quiet = lg.tune(HUNTS, dead_time=1e-3, hunting=False)
+    assert (quiet.ki == plain.ki) == (outcome != "hunts")
+    assert any("not decided" in m for m in quiet.messages) == (outcome == "undecided")
 
 
 @pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
