@@ -153,21 +153,16 @@ def _measured(
     dt = own if dt is None else dt
     end = np.inf if dt is None else np.pi / dt
     w, P, error = (part[w < end] for part in (w, P, error))
-    last = w > 0.5 * w[-1]
-    most = float(np.max((w * np.abs(P) * (1.0 + error))[last]))
     G = P / (1j * w) * _hold(w, dt) / _hold(w, own) * np.exp(-1j * w * late)
     high = np.geomspace(w[-1], min(0.999 * end, ABOVE * w[-1]), BEYOND + 1)[1:]
-    if body is not None:  # a resonance that comes after the last frequency
-        far = np.geomspace(w[-1], high[-1], DENSE)
-        most = max(most, float(np.max(far * np.abs(body.response(far)) * (1.0 + body.radius(far)))))
+    most = _largest(w, np.abs(P) * (1.0 + error), body, miss, high[-1])
     far, open_ = np.zeros(BEYOND, complex), most / high**2
     if body is not None:
-        turn = _hold(high, dt) / _hold(high, own) * np.exp(-1j * high * late) / (1j * high)
-        fitted = body.response(high)
-        less = np.abs(fitted) * (body.radius(high) + miss) + body.unseen(high)
-        inside = (np.abs(fitted) + less) * np.abs(turn) <= open_
-        far = np.where(inside, fitted * turn, far)
-        open_ = np.where(inside, less * np.abs(turn), open_)
+        turn = _hold(high, dt) * np.exp(-1j * high * late) * 1j * high
+        fitted, more = _sampled(body, high, own, dt), body.unseen(high) / high**2
+        less = np.abs(turn) * (np.abs(fitted) * (body.radius(high) + miss) + more)
+        inside = np.abs(fitted * turn) + less <= open_
+        far, open_ = np.where(inside, fitted * turn, far), np.where(inside, less, open_)
     return Axis(
         np.r_[w, high],
         np.r_[G, far],
@@ -181,6 +176,29 @@ def _measured(
         (TOP.format(w[-1] / 2 / np.pi, most / w[-1], UNIT[motion]),),
         motion,
     )
+
+
+def _largest(
+    w: np.ndarray, size: np.ndarray, body: Mechanics | None, miss: float, end: float
+) -> float:
+    """w|P| from which it falls beyond the last frequency: of the last octave, or, where the
+    mechanics explains the end of the response, at its end and of resonances that it has beyond."""
+    octave = float(np.max((w * size)[w > 0.5 * w[-1]]))
+    if body is None:
+        return octave
+    far = np.geomspace(w[-1], end, DENSE)
+    off = np.minimum(body.radius(far) + miss, 1.0)
+    beyond = float(np.max(far * np.abs(body.response(far)) * (1.0 + off)))
+    return max(beyond, w[-1] * float(size[-1]) if off[0] < 1.0 else octave)
+
+
+def _sampled(body: Mechanics, w: np.ndarray, own: float | None, dt: float | None) -> np.ndarray:
+    """Speed over torque of the fitted mechanics over s^2, with the first alias of sampling."""
+
+    def plain(w: np.ndarray) -> np.ndarray:
+        return -body.response(w) / _hold(w, own) / w**2
+
+    return plain(w) if dt is None else plain(w) + np.conj(plain(2.0 * np.pi / dt - w))
 
 
 def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:

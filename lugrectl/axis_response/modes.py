@@ -7,7 +7,8 @@ The last factor is the hold. At the motor every antiresonance wa comes before it
 Least squares of the complex logarithm, with a loss that an outlier hardly moves; the number of
 pairs by BIC, counted in independent points. Errors are of two kinds. Noise: its part of the
 intervals is the jackknife, neighbouring points left out together, as they share data (Efron 1982,
-ch. 3). What is left of friction: a share k of all that friction changed, in one unknown phase; k is
+ch. 3), with Student's t of as many degrees of freedom as points speak (Satterthwaite). What is left
+of friction: a share k of all that friction changed, in one unknown phase; k is
 the share of that which the points show in the errors of the fit. It adds k |change| to the errors
 of the points, and to the covariance k^2/2 times the squares of what the change in phase, and a
 quarter turn from it, does to the parameters.
@@ -21,6 +22,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import t as t_distribution
 
 from ..core.numeric import Z95
 from .local_response import Response, Shape
@@ -58,11 +60,18 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The fitted parameters ``x`` with their covariance ``V``, and the points they fit."""
+    """The fitted parameters ``x`` (m,), and the points they fit."""
 
     x: np.ndarray
-    V: np.ndarray
     fit: _Fit
+
+    @cached_property
+    def _errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """What noise (k, m) and what is left of friction (2, m) do to the parameters: the sums of
+        the squares are variances."""
+        e, G, weight = self.fit.linear(self.x)
+        left = [_step(one, G, weight) for one in self.fit.phases()]
+        return _jackknife(e, G, weight), np.sqrt(0.5) * self.fit.share * np.array(left)
 
     @property
     def top(self) -> float:
@@ -76,7 +85,10 @@ class Mechanics:
 
     def _value(self, log: float, rate: np.ndarray) -> tuple[float, tuple[float, float]]:
         """A value from its logarithm, with the rates of that by the parameters."""
-        width = Z95 * float(np.sqrt(rate @ self.V @ rate))
+        noise, left = (np.square(part @ rate) for part in self._errors)
+        free = max(noise.sum() ** 2 / max(np.square(noise).sum(), 1e-300), 1.0)
+        t = float(t_distribution.ppf(0.975, free))
+        width = float(np.sqrt(t**2 * noise.sum() + Z95**2 * left.sum()))
         return float(np.exp(log)), (float(np.exp(log - width)), float(np.exp(log + width)))
 
     @property
@@ -102,9 +114,8 @@ class Mechanics:
 
     def radius(self, w: np.ndarray) -> np.ndarray:
         """Of the 95 % disc of the response, as a share of it."""
-        rates = _log_response(self.x, w, self.fit.dt)[1]
-        variance = np.einsum("ij,jk,ik->i", rates, self.V, rates.conj()).real
-        return np.sqrt(-np.log(0.05) * variance)
+        made = np.concatenate(self._errors) @ _log_response(self.x, w, self.fit.dt)[1].T
+        return np.sqrt(-np.log(0.05) * np.sum(np.abs(made) ** 2, axis=0))
 
     def unseen(self, w: np.ndarray) -> np.ndarray:
         """The most that a resonance beyond the last frequency may add to the response (n,): r/(2 z
@@ -118,15 +129,18 @@ class Mechanics:
 
     @cached_property
     def _residues(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies a beyond the last one, and for each the largest residue r (95 %) of r s/(s^2
-        + a^2), added to the response, whatever the parameters become with it."""
+        """Frequencies a beyond the last one, and for each the largest residue r (95 %) of
+        r s/(s^2 + 2 z a s + a^2), added to the response, whatever the parameters become with it:
+        half of the points, as windows overlap by half, with their deviations."""
         fit, s, made = self.fit, 1j * self.fit.w, []
-        e, G = fit.error(self.x), fit.rates(self.x)
-        beyond = self.top * np.geomspace(1.001, FAR, PLACES)
+        e, G, weight = fit.linear(self.x)
+        spread = np.sqrt(2.0 * max(float(np.mean(weight * e**2)), 1.0))
+        beyond = self.top * np.geomspace(1.0, FAR, PLACES)
         for a in beyond.tolist():
-            one = fit.stacked(s / (s**2 + a**2) / self.response(fit.w))
-            step, V = fit.solution(e, np.c_[G, one])
-            made.append(max(step[-1], 0.0) + Z95 * np.sqrt(V[-1, -1]))
+            one = fit.stacked(s / (s**2 + 2.0 * LIGHTEST * a * s + a**2) / self.response(fit.w))
+            own = one + G @ _step(one, G, weight)
+            seen = float(weight @ own**2)
+            made.append(max(-float(weight * own @ e), 0.0) / seen + Z95 * spread / np.sqrt(seen))
         return beyond, np.array(made)
 
     def modes(self) -> tuple[Mode, ...]:
@@ -221,8 +235,7 @@ class _Fit:
 
     def with_friction(self, x: np.ndarray) -> _Fit:
         """The same with what is left of friction as a part of the deviations."""
-        e, G = self.error(x), self.rates(x)
-        weight = _weight(e)
+        e, G, weight = self.linear(x)
         hidden = [one + G @ _step(one, G, weight) for one in self.phases()]
         seen = 0.5 * sum(float(weight @ one**2) for one in hidden)
         share = min(np.sqrt(float(weight @ e**2) / seen), 1.0) if seen > 0.0 else 0.0
@@ -233,14 +246,10 @@ class _Fit:
         """What friction changed, and the same turned by a quarter, as errors (2n,)."""
         return [self.stacked(self.change), self.stacked(1j * self.change)]
 
-    def solution(self, e: np.ndarray, G: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The step of least squares from errors (2n,) and their rates (2n, m); its covariance."""
-        weight = _weight(e)
-        V = _jackknife(e, G, weight)
-        for one in self.phases():
-            step = self.share * _step(one, G, weight)
-            V += 0.5 * np.outer(step, step)
-        return _step(e, G, weight), V
+    def linear(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Errors (2n,), their rates (2n, m), and the weights of the robust loss (2n,)."""
+        e = self.error(x)
+        return e, self.rates(x), 1.0 / np.sqrt(1.0 + e**2)
 
     def starts(self, x: np.ndarray) -> list[list[float]]:
         """The best fit with one pair more, at each of the deepest dips that it leaves."""
@@ -275,18 +284,12 @@ def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None
         if _bic(best, len(w)) < score:
             chosen, score = best, _bic(best, len(w))
     fit = fit.with_friction(chosen[1])
-    x = fit.solved(chosen[1].tolist())[1]
-    return Mechanics(x, fit.solution(fit.error(x), fit.rates(x))[1], fit)
+    return Mechanics(fit.solved(chosen[1].tolist())[1], fit)
 
 
 def _bic(found: tuple[float, np.ndarray], points: int) -> float:
     """Half-overlapping windows: of n points n/2 are independent, each with two errors."""
     return points * np.log(found[0] / points) + len(found[1]) * np.log(points)
-
-
-def _weight(e: np.ndarray) -> np.ndarray:
-    """Of the robust loss."""
-    return 1.0 / np.sqrt(1.0 + e**2)
 
 
 def _step(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
@@ -295,7 +298,8 @@ def _step(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _jackknife(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The covariance (m, m) from the steps that leaving out neighbouring points makes."""
+    """The steps (k, m) that leaving out neighbouring points makes; their squares add up to the
+    variances."""
     size = np.linalg.norm(G, axis=0) + 1e-300
     G, n = (G / size).reshape(2, -1, len(size)), len(e) // 2
     GW, e = G * weight.reshape(2, n, 1), e.reshape(2, n)
@@ -304,5 +308,4 @@ def _jackknife(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
         left = whole - np.einsum("inp,inq->pq", GW[:, part], G[:, part])
         score = np.einsum("inp,in->p", GW[:, part], e[:, part])
         steps.append(np.linalg.pinv(left, rcond=1e-10) @ score / size)
-    made = np.array(steps)
-    return (len(made) - 1) / len(made) * made.T @ made
+    return np.sqrt(1.0 - 1.0 / len(steps)) * np.array(steps)
