@@ -1,8 +1,8 @@
 """What a controller meets: position over torque, with hold, dead time, and how well it is known.
 
 Each point is a disc of the complex plane. Where the response is certain it is the 95 % disc; where
-it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or all
-that friction changed where it governs; beyond the last frequency it is centred at 0, of any phase.
+it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or,
+where friction governs, what may be left of it; beyond the last frequency it is centred at 0, of any phase.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from .result import UNIT, FrequencyResponse
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
 LEAST_COHERENCE = 0.05  # one of 20 equations in a window: what chance alone explains
+WHOLE = np.sqrt(-np.log(0.05))  # deviations to the radius of a 95 % disc
 LOW = 4.0  # times the lowest frequency: where the axis is a free inertia
 DENSE, SIDES = 150, np.linspace(-10.0, 10.0, 61)  # points in a decade; half-widths about a mode
 ZERO = 1e-9  # of the fastest pole: a pole or zero that is slower is an integrator
@@ -35,7 +36,7 @@ PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
 TOP = "Beyond {:.4g} Hz nothing is known: |P| may be any phase of what falls as 1/f from {:.3g} {}."
 OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
-    "it agrees, else P may be wrong by all that it does not explain, or that friction changed."
+    "it agrees, else P may be wrong by all that it does not explain, or that is left of friction."
 )
 GOVERNED = "friction governs this log at all frequencies that it shows: no gains follow from it."
 
@@ -105,8 +106,9 @@ def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray, float]:
     """
     P, sure, body = np.asarray(found.frd.frdata)[0, 0], found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
-    changed = np.abs(np.asarray(found.raw.frdata)[0, 0] / P - 1.0)
-    open_ = np.where(found.governed, np.maximum(open_, changed), open_)
+    left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
+    left = left * np.abs(np.asarray(found.raw.frdata)[0, 0] / P - 1.0)
+    open_ = np.where(found.governed, np.maximum(open_, left), open_)
     error = np.where(sure, found.high / found.magnitude - 1.0, open_)
     if body is None:
         return P, error, 0.0
