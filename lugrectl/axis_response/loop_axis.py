@@ -1,8 +1,10 @@
 """What a controller meets: position over torque, with hold, dead time, and how well it is known.
 
 Each point is a disc of the complex plane. Where the response is certain it is the 95 % disc; where
-it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or,
-where friction governs, what may be left of it; beyond the last frequency it is centred at 0, of any phase.
+it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or what
+may be left of friction where that governs. Beyond the last frequency the disc is centred at the
+fitted mechanics, and its radius is that of the fit and of the largest resonance that the response
+leaves possible there; where that is no smaller, it is centred at 0, of any phase.
 """
 
 from __future__ import annotations
@@ -33,7 +35,10 @@ DENSE, SIDES = 150, np.linspace(-10.0, 10.0, 61)  # points in a decade; half-wid
 ZERO = 1e-9  # of the fastest pole: a pole or zero that is slower is an integrator
 LIGHT = 0.5  # damping ratio below which a mode has points of its own
 PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
-TOP = "Beyond {:.4g} Hz nothing is known: |P| may be any phase of what falls as 1/f from {:.3g} {}."
+TOP = (
+    "Beyond {:.4g} Hz the fitted mechanics counts where the response rules out a resonance; else |P| "
+    "may be any phase of what falls as 1/f from {:.3g} {}."
+)
 OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
     "it agrees, else P may be wrong by all that it does not explain, or that is left of friction."

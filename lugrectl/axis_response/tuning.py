@@ -103,17 +103,19 @@ def tune(
     InputError
         When an argument cannot be meant, or a value of the model is not known.
     Refused
-        When friction governs the log of a response, no gains keep the margin, or none of those
+        When friction governs all of a response, no gains keep the margin, or none of those
         that do has the ``bandwidth``.
 
     Notes
     -----
     Where the response is not certain, the fitted mechanics stands in for it with its interval if
     it agrees with it; else P may be wrong by |P| sqrt(1/coherence - 1), all that it does not
-    explain. Below the lowest frequency the axis is a free inertia. Beyond the last one P is any
-    phase of a magnitude that falls as 1/w from its largest value in the last octave, or from the
-    peak that the fitted mechanics has there: a resonance of which the log shows nothing is not
-    covered. A response sampled at another rate is turned into that of
+    explain, or by what may be left of friction where that governs. Below the lowest frequency the
+    axis is a free inertia. Beyond the last one P is the fitted mechanics, with its interval and
+    with the largest resonance (1 % damping) that the response leaves possible; where that says
+    less, P is any phase of a magnitude that falls as 1/w from where the mechanics ends, from a peak
+    that it has beyond, or, where it is not sure there, from the largest value of the last octave.
+    A response sampled at another rate is turned into that of
     ``rate`` by the ratio of the holds. The torque limit is not in it. The zeros of a P-PI are real,
     those of a PID have a damping of 0.7 or more.
 
