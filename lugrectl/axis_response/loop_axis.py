@@ -36,8 +36,8 @@ ZERO = 1e-9  # of the fastest pole: a pole or zero that is slower is an integrat
 LIGHT = 0.5  # damping ratio below which a mode has points of its own
 PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
 TOP = (
-    "Beyond {:.4g} Hz the fitted mechanics counts where the response rules out a resonance; else |P| "
-    "may be any phase of what falls as 1/f from {:.3g} {}."
+    "Beyond {:.4g} Hz the fitted mechanics counts where the response rules out a resonance; else "
+    "|P| may be any phase of what falls as 1/f from {:.3g} {}."
 )
 OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
