@@ -110,6 +110,7 @@ def _gains(structure, J, c, mean, zeta, dt):
 def width(drive, structure, gains, kv, notched=None):
     """-3 dB of theta/r, of a PI w/r, of the true drive; rad/s. ``gains`` are those of the PID."""
     w, dt, (kp, ki, kd) = frequencies(drive), 1 / drive.rate, gains
+    w = w[w > 0]
     z = np.exp(1j * w * dt)
     L = drive.response(w) / (1j * w) * controller(gains, z, dt) * notch(notched, z, dt)
     whole, slope = dt / 2 * (z + 1) / (z - 1), (1 - 1 / z) / dt
