@@ -14,6 +14,7 @@ from .load_side import load_motion
 from .local_response import Response, Shape, centres, local_response, windows_at
 from .modes import Mechanics, fit_mechanics
 from .rests import filled
+from .result import LARGE
 from .runs import Run
 from .windows import Window
 
@@ -21,6 +22,7 @@ HIGHEST = 0.4  # of half the sampling rate
 FRICTION = 40.0  # Hz up to which friction is fitted: above, it has little power
 LOWEST = 30  # periods in the longest run
 ROUNDS = 2  # with the mechanics that the round before showed
+OCTAVE = 0.35  # of log frequency to either side: over it what friction does is a median
 SURE = 0.01  # by which the mean log residual must fall for friction, and once more for the load's
 ON_LOAD = 0.25  # of the friction: with so much on the load its motion is first computed
 
@@ -34,6 +36,20 @@ class Estimate:
     response: Response
     friction: Friction | None
     mechanics: Mechanics | None
+
+    @property
+    def governed(self) -> np.ndarray:
+        """Where friction governs the response (n,)."""
+        return _change(self.raw, self.response) >= LARGE
+
+
+def _change(raw: Response, taken: Response) -> np.ndarray:
+    """By how many dB friction changes the response (n,), the median over an octave."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        dB = np.abs(20.0 * np.log10(np.abs(raw.P / taken.P)))
+    x = np.log(taken.w)
+    ends = (np.searchsorted(x, x - OCTAVE), np.searchsorted(x, x + OCTAVE, "right"))
+    return np.array([np.nanmedian(dB[a:b]) for a, b in zip(*ends, strict=True)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +96,11 @@ class _Stage:
         return local_response(self.runs, self.windows, V, shapes, self.shape(self.w))
 
     def knowing(self, found: Response) -> _Stage:
-        """The same with the mechanics that a response shows."""
-        return replace(self, mechanics=fit_mechanics(found, self.runs[0].dt))
+        """The same with the mechanics that a response shows where friction does not govern it."""
+        raw = self.response()
+        governed = _change(raw, found) >= LARGE
+        shown = replace(found, coherence=np.where(governed, 0.0, found.coherence))
+        return replace(self, mechanics=fit_mechanics(shown, raw, self.runs[0].dt))
 
     def problem(self) -> Problem:
         high = 2.0 * np.pi * min(FRICTION, 0.5 * HIGHEST / self.runs[0].dt)

@@ -1,8 +1,10 @@
 """What a controller meets: position over torque, with hold, dead time, and how well it is known.
 
 Each point is a disc of the complex plane. Where the response is certain it is the 95 % disc; where
-it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1); beyond
-the last frequency it is centred at 0, of any phase.
+it is not, its radius is all that the response does not explain, |P| sqrt(1/coherence - 1), or what
+may be left of friction where that governs. Beyond the last frequency the disc is centred at the
+fitted mechanics, and its radius is that of the fit and of the largest resonance that the response
+leaves possible there; where that is no smaller, it is centred at 0, of any phase.
 """
 
 from __future__ import annotations
@@ -27,17 +29,21 @@ from .result import UNIT, FrequencyResponse
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
 LEAST_COHERENCE = 0.05  # one of 20 equations in a window: what chance alone explains
+WHOLE = np.sqrt(-np.log(0.05))  # deviations to the radius of a 95 % disc
 LOW = 4.0  # times the lowest frequency: where the axis is a free inertia
 DENSE, SIDES = 150, np.linspace(-10.0, 10.0, 61)  # points in a decade; half-widths about a mode
 ZERO = 1e-9  # of the fastest pole: a pole or zero that is slower is an integrator
 LIGHT = 0.5  # damping ratio below which a mode has points of its own
 PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
-TOP = "Beyond {:.4g} Hz nothing is known: |P| may be any phase of what falls as 1/f from {:.3g} {}."
+TOP = (
+    "Beyond {:.4g} Hz the fitted mechanics counts where the response rules out a resonance; else "
+    "|P| may be any phase of what falls as 1/f from {:.3g} {}."
+)
 OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
-    "it agrees, else P may be wrong by all that it does not explain."
+    "it agrees, else P may be wrong by all that it does not explain, or that is left of friction."
 )
-GOVERNED = "friction governs this log, and the response does not hold: no gains follow from it."
+GOVERNED = "friction governs this log at all frequencies that it shows: no gains follow from it."
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +91,11 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
 
 
 def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axis:
-    if not found.trusted:
+    if not found.certain.any():
         raise Refused(GOVERNED, " ".join(found.messages[:1]))
-    P, error = _discs(found)
+    P, error, miss = _discs(found)
     own, body = _step(found.frd.dt), found.mechanics
-    made = _measured(found.frequency, P, error, own, late, dt, body, found.motion)
+    made = _measured(found.frequency, P, error, own, late, dt, body, miss, found.motion)
     if found.certain.all():
         return made
     f = found.frequency[~found.certain] / (2.0 * np.pi)
@@ -97,21 +103,25 @@ def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axi
     return replace(made, said=(said, *made.said))
 
 
-def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray]:
-    """The response, and how far off it may be as a share of it.
+def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray, float]:
+    """The response, how far off it may be as a share of it, and what the mechanics misses.
 
     Where it is not certain, the fitted mechanics takes its place if it lies within that: with its
     interval, and what it misses where the response is certain.
     """
     P, sure, body = np.asarray(found.frd.frdata)[0, 0], found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
+    left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
+    left = left * np.abs(np.asarray(found.raw.frdata)[0, 0] / P - 1.0)
+    open_ = np.where(found.governed, np.maximum(open_, left), open_)
     error = np.where(sure, found.high / found.magnitude - 1.0, open_)
     if body is None:
-        return P, error
-    fitted, narrow = body.response(found.frequency), body.radius(found.frequency)
-    narrow = narrow + np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95)
+        return P, error, 0.0
+    fitted = body.response(found.frequency)
+    miss = float(np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95))
+    narrow = body.radius(found.frequency) + miss
     better = (np.abs(fitted - P) <= error * np.abs(P)) & (narrow < error)
-    return np.where(better, fitted, P), np.where(better, narrow, error)
+    return np.where(better, fitted, P), np.where(better, narrow, error), miss
 
 
 def _step(dt: Any) -> float | None:
@@ -127,11 +137,13 @@ def _measured(
     late: float,
     dt: float | None,
     body: Mechanics | None = None,
+    miss: float = 0.0,
     motion: str = "rotary",
 ) -> Axis:
     """A measured speed over torque with its relative error, made finer and continued.
 
-    Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave.
+    Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave,
+    or is the fitted mechanics where that leaves less open.
     """
     J, corner = _inertia(w, P)
     x, fine = np.arange(len(w)), np.linspace(0, len(w) - 1, FINER * (len(w) - 1) + 1)
@@ -148,17 +160,20 @@ def _measured(
     dt = own if dt is None else dt
     end = np.inf if dt is None else np.pi / dt
     w, P, error = (part[w < end] for part in (w, P, error))
-    last = w > 0.5 * w[-1]
-    most = float(np.max((w * np.abs(P) * (1.0 + error))[last]))
     G = P / (1j * w) * _hold(w, dt) / _hold(w, own) * np.exp(-1j * w * late)
     high = np.geomspace(w[-1], min(0.999 * end, ABOVE * w[-1]), BEYOND + 1)[1:]
-    if body is not None:  # a resonance that comes after the last frequency
-        far = np.geomspace(w[-1], high[-1], DENSE)
-        most = max(most, float(np.max(far * np.abs(body.response(far)) * (1.0 + body.radius(far)))))
+    most = _largest(w, np.abs(P) * (1.0 + error), body, miss, high[-1])
+    far, open_ = np.zeros(BEYOND, complex), most / high**2
+    if body is not None:
+        turn = _hold(high, dt) * np.exp(-1j * high * late) * 1j * high
+        fitted, more = _sampled(body, high, own, dt), body.unseen(high) / high**2
+        less = np.abs(turn) * (np.abs(fitted) * (body.radius(high) + miss) + more)
+        inside = np.abs(fitted * turn) + less <= open_
+        far, open_ = np.where(inside, fitted * turn, far), np.where(inside, less, open_)
     return Axis(
         np.r_[w, high],
-        np.r_[G, np.zeros(BEYOND)],
-        np.r_[np.abs(G) * error, most / high**2],
+        np.r_[G, far],
+        np.r_[np.abs(G) * error, open_],
         np.arange(len(w) + BEYOND) < len(w),
         J,
         corner,
@@ -168,6 +183,29 @@ def _measured(
         (TOP.format(w[-1] / 2 / np.pi, most / w[-1], UNIT[motion]),),
         motion,
     )
+
+
+def _largest(
+    w: np.ndarray, size: np.ndarray, body: Mechanics | None, miss: float, end: float
+) -> float:
+    """w|P| from which it falls beyond the last frequency: of the last octave, or, where the
+    mechanics explains the end of the response, at its end and of resonances that it has beyond."""
+    octave = float(np.max((w * size)[w > 0.5 * w[-1]]))
+    if body is None:
+        return octave
+    far = np.geomspace(w[-1], end, DENSE)
+    off = np.minimum(body.radius(far) + miss, 1.0)
+    beyond = float(np.max(far * np.abs(body.response(far)) * (1.0 + off)))
+    return max(beyond, w[-1] * float(size[-1]) if off[0] < 1.0 else octave)
+
+
+def _sampled(body: Mechanics, w: np.ndarray, own: float | None, dt: float | None) -> np.ndarray:
+    """Speed over torque of the fitted mechanics over s^2, with the first alias of sampling."""
+
+    def plain(w: np.ndarray) -> np.ndarray:
+        return -body.response(w) / _hold(w, own) / w**2
+
+    return plain(w) if dt is None else plain(w) + np.conj(plain(2.0 * np.pi / dt - w))
 
 
 def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:

@@ -19,6 +19,7 @@ import control as ct
 import numpy as np
 
 from ..hunting.hunt import cascade_as_pid
+from ..linear import bandwidth_check
 from .loop_axis import Axis
 
 STRUCTURES = ("P-PI", "PID", "PI")
@@ -27,7 +28,7 @@ LEAST_ZETA = {"P-PI": 1.0, "PID": 0.7, "PI": 1.0}  # a P-PI has real zeros
 STEPS, HALVINGS = 40, 12  # of c from the lowest to the highest, and then
 ROUNDS, SPREAD = 4, 1.6  # of finer shapes about the best, at first by such factors
 NOTCHES = [(d, depth) for d in (0.3, 0.8) for depth in (0.1, 0.3)]  # damping, depth
-PAYS = 1.1  # times the bandwidth
+PAYS = 1.1  # times as fast
 
 
 class Notch(NamedTuple):
@@ -89,13 +90,15 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """An axis and what is asked of its loop; ``share`` is that of the shape's integral action."""
+    """An axis and what is asked of its loop; ``share`` is that of the shape's integral action,
+    ``asked`` a bandwidth in rad/s in place of the highest."""
 
     axis: Axis
     structure: str
     Ms: float
     notch: Notch | None = None
     share: float = 1.0
+    asked: float | None = None
 
     def gains(self, shape: Shape) -> Gains:
         """Those of one shape, or of many."""
@@ -127,18 +130,36 @@ class Search:
         """C (m, n) at the frequencies of the axis."""
         return np.column_stack(np.broadcast_arrays(*map(np.atleast_1d, g))) @ np.array(self._parts)
 
+    def bandwidth(self, shape: Shape) -> float:
+        """Where the answer to the reference first falls below -3 dB, rad/s; inf: beyond the axis
+        that is known."""
+        g, w, dt = self.gains(shape), self.axis.w[self.axis.known], self.axis.dt
+        kv = self.cascade(shape).kv if self.structure == "P-PI" else 0.0
+        L, part = self.loop(g), of_reference(self.structure, g, kv, w, dt)
+        return float(bandwidth_check(ct.frd(L / (1.0 + L) * part, w)).bandwidth)
+
+    def loop(self, g: Gains) -> np.ndarray:
+        """L where the axis is known."""
+        return (self.axis.G * self.controller(g)[0])[self.axis.known]
+
     def distance(self, g: Gains) -> np.ndarray:
         """The least |1 + L| of all members of the band (m,)."""
         C = self.controller(g)
         return np.min(np.abs(1.0 + self.axis.G * C) - np.abs(C) * self.axis.radius, axis=1)
 
+    @property
+    def lowest(self) -> float:
+        """Where c begins: below the corner of viscous friction a position loop is of another
+        kind."""
+        first = 10.0 * float(self.axis.w[self.axis.known][0])
+        return first if self.structure == "PI" else max(first, self.axis.corner)
+
     def highest(self, mean: np.ndarray, zeta: np.ndarray) -> np.ndarray:
         """The c (m,) at which the distance is first kept no more; 0 where it never is, nan where
-        nothing ends it. Below the corner of viscous friction a position loop is of another kind."""
-        w = self.axis.w[self.axis.known]
-        first = 10.0 * w[0] if self.structure == "PI" else max(10.0 * w[0], self.axis.corner)
+        nothing ends it."""
+        last = self.axis.w[self.axis.known][-1]
         low, high = np.zeros(len(mean)), np.full(len(mean), np.nan)
-        for c in np.geomspace(first, w[-1], STEPS):
+        for c in np.geomspace(self.lowest, last, STEPS):
             rising = np.isnan(high)
             kept = rising & self._keeps(Shape(c, mean, zeta))
             high[rising & ~kept & (low > 0.0)], low[kept] = c, c
@@ -180,6 +201,18 @@ class Search:
         c = self.highest(np.array([shape.mean]), np.array([shape.zeta]))[0]
         return shape._replace(c=c)
 
+    def placed(self, shape: Shape) -> Shape:
+        """The shape at its highest c, or below it at the bandwidth that is asked."""
+        found = self.at(shape)
+        if self.asked is None or not found.c or self.bandwidth(found) <= self.asked:
+            return found
+        low, high = self.lowest, found.c
+        for _ in range(2 * HALVINGS):
+            c = float(np.sqrt(low * high))
+            above = self.bandwidth(shape._replace(c=c)) > self.asked
+            low, high = (low, c) if above else (c, high)
+        return shape._replace(c=low)
+
     def action(self, shape: Shape) -> float:
         """ki, or kp of a speed loop's PID: infinite where nothing ends it."""
         made = self.gains(shape)
@@ -187,8 +220,8 @@ class Search:
         return np.inf if np.isnan(size) else float(size)
 
     def with_notch(self, plain: Shape) -> tuple[Search, Shape, float]:
-        """The search and shape with the notch that pays most, and its bandwidth over that without;
-        the same where none pays."""
+        """The search and shape with the notch that pays most, and how much faster the integral
+        action is with it; the same where none pays."""
         order = 2.0 if self.structure == "PI" else 3.0
         best = (self, plain, 1.0)
         for one in self._notches():
@@ -208,3 +241,17 @@ class Search:
 def parts_of(z: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Integral by trapezoids, and difference."""
     return dt / 2 * (z + 1) / (z - 1), (1 - 1 / z) / dt
+
+
+def of_reference(
+    structure: str, g: Gains, kv: float, w: np.ndarray, dt: float | None
+) -> np.ndarray:
+    """The part of the controller that acts on the reference: not its derivative."""
+    if structure == "PI":
+        return np.ones(len(w))
+    s = 1j * w
+    integral, speed = (1.0 / s, s) if dt is None else parts_of(np.exp(s * dt), dt)
+    if structure == "P-PI":
+        return kv / (kv + speed)
+    on_error = g.kp + g.ki * integral
+    return on_error / (on_error + g.kd * speed)

@@ -5,28 +5,36 @@
 
 The last factor is the hold. At the motor every antiresonance wa comes before its resonance wr.
 Least squares of the complex logarithm, with a loss that an outlier hardly moves; the number of
-pairs by BIC, counted in independent points. Intervals by the sandwich with the correlation of
-neighbouring points (Newey and West 1987).
+pairs by BIC, counted in independent points. Errors are of two kinds. Noise: its part of the
+intervals is the jackknife, neighbouring points left out together, as they share data (Efron 1982,
+ch. 3), with Student's t of as many degrees of freedom as points speak (Satterthwaite). What is left
+of friction: a share k of all that friction changed, in one unknown phase; k is
+the share of that which the points show in the errors of the fit. It adds k |change| to the errors
+of the points, and to the covariance k^2/2 times the squares of what the change in phase, and a
+quarter turn from it, does to the parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.stats import t as t_distribution
 
 from ..core.numeric import Z95
 from .local_response import Response, Shape
 
 PAIRS = 3
 LEAST_DEVIATION = 0.01  # of P, of a point: what the model of the mechanics leaves out
-NEIGHBOURS = 3  # points whose errors are correlated, for the intervals
+NEIGHBOURS = 4  # points that share data: windows overlap by half
 FIXED = 4  # parameters besides those of the pairs: log J, log B, delay, log lag
-WIDER = 3.2  # of intervals, measured on drawn drives: what friction leaves is no noise
 SEEN = 0.5  # coherence below which a point says nothing of the mechanics
 FEWEST = 12  # points
+FAR, PLACES = 30.0, 60  # how far beyond the last frequency a resonance is looked for, how often
+LIGHTEST = 0.01  # damping ratio of a resonance that the log does not show
 EDGE = 0.95  # of the highest frequency: beyond it a pair stands for something else
 
 
@@ -52,12 +60,23 @@ class Mode:
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The fitted parameters ``x`` with their covariance ``V``, for a step dt."""
+    """The fitted parameters ``x`` (m,), and the points they fit."""
 
     x: np.ndarray
-    V: np.ndarray
-    dt: float
-    top: float
+    fit: _Fit
+
+    @cached_property
+    def _errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """What noise (k, m) and what is left of friction (2, m) do to the parameters: the sums of
+        the squares are variances."""
+        e, G, weight = self.fit.linear(self.x)
+        left = [_step(one, G, weight) for one in self.fit.phases()]
+        return _jackknife(e, G, weight), np.sqrt(0.5) * self.fit.share * np.array(left)
+
+    @property
+    def top(self) -> float:
+        """The last frequency."""
+        return float(self.fit.w[-1])
 
     @property
     def inertia(self) -> tuple[float, tuple[float, float]]:
@@ -66,7 +85,10 @@ class Mechanics:
 
     def _value(self, log: float, rate: np.ndarray) -> tuple[float, tuple[float, float]]:
         """A value from its logarithm, with the rates of that by the parameters."""
-        width = Z95 * float(np.sqrt(rate @ self.V @ rate))
+        noise, left = (np.square(part @ rate) for part in self._errors)
+        free = max(noise.sum() ** 2 / max(np.square(noise).sum(), 1e-300), 1.0)
+        t = float(t_distribution.ppf(0.975, free))
+        width = float(np.sqrt(t**2 * noise.sum() + Z95**2 * left.sum()))
         return float(np.exp(log)), (float(np.exp(log - width)), float(np.exp(log + width)))
 
     @property
@@ -88,13 +110,38 @@ class Mechanics:
         return Shape(num, den)
 
     def response(self, w: np.ndarray) -> np.ndarray:
-        return np.exp(_log_response(self.x, w, self.dt)[0])
+        return np.exp(_log_response(self.x, w, self.fit.dt)[0])
 
     def radius(self, w: np.ndarray) -> np.ndarray:
         """Of the 95 % disc of the response, as a share of it."""
-        rates = _log_response(self.x, w, self.dt)[1]
-        variance = np.einsum("ij,jk,ik->i", rates, self.V, rates.conj()).real
-        return np.sqrt(-np.log(0.05) * variance)
+        made = np.concatenate(self._errors) @ _log_response(self.x, w, self.fit.dt)[1].T
+        return np.sqrt(-np.log(0.05) * np.sum(np.abs(made) ** 2, axis=0))
+
+    def unseen(self, w: np.ndarray) -> np.ndarray:
+        """The most that a resonance beyond the last frequency may add to the response (n,): r/(2 z
+        w) of one at w, r w/|a^2 - w^2| of one at another frequency a, where r is the largest that
+        the points leave possible there."""
+        a, most = self._residues
+        own = np.interp(w, a, most) / (2.0 * LIGHTEST * w)
+        w = w[:, None]
+        off = np.maximum(np.abs(a**2 - w**2), 2.0 * LIGHTEST * a * w)
+        return np.maximum(own, np.max(most * w / off, axis=1))
+
+    @cached_property
+    def _residues(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies a beyond the last one, and for each the largest residue r (95 %) of
+        r s/(s^2 + 2 z a s + a^2), added to the response, whatever the parameters become with it:
+        half of the points, as windows overlap by half, with their deviations."""
+        fit, s, made = self.fit, 1j * self.fit.w, []
+        e, G, weight = fit.linear(self.x)
+        spread = np.sqrt(2.0 * max(float(np.mean(weight * e**2)), 1.0))
+        beyond = self.top * np.geomspace(1.0, FAR, PLACES)
+        for a in beyond.tolist():
+            one = fit.stacked(s / (s**2 + 2.0 * LIGHTEST * a * s + a**2) / self.response(fit.w))
+            own = one + G @ _step(one, G, weight)
+            seen = float(weight @ own**2)
+            made.append(max(-float(weight * own @ e), 0.0) / seen + Z95 * spread / np.sqrt(seen))
+        return beyond, np.array(made)
 
     def modes(self) -> tuple[Mode, ...]:
         """Every antiresonance and resonance within the measured frequencies, with intervals."""
@@ -147,18 +194,24 @@ def _log_response(x: np.ndarray, w: np.ndarray, dt: float) -> tuple[np.ndarray, 
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """The points to fit, and how."""
+    """The points to fit, and how; ``change`` (n,) is what friction changed log P by, and ``share``
+    how much of that may be left."""
 
     w: np.ndarray
     log_P: np.ndarray
     deviation: np.ndarray
+    change: np.ndarray
     dt: float
     J: float
+    share: float = 0.0
+
+    def stacked(self, z: np.ndarray) -> np.ndarray:
+        """Errors of log P (n,), over their deviations, as real numbers (2n,)."""
+        return np.concatenate([np.real(z), np.imag(z)]) / np.tile(self.deviation, 2)
 
     def error(self, x: np.ndarray) -> np.ndarray:
         e = _log_response(x, self.w, self.dt)[0] - self.log_P
-        turned = np.mod(np.imag(e) + np.pi, 2.0 * np.pi) - np.pi
-        return np.concatenate([np.real(e), turned]) / np.tile(self.deviation, 2)
+        return self.stacked(np.real(e) + 1j * (np.mod(np.imag(e) + np.pi, 2.0 * np.pi) - np.pi))
 
     def rates(self, x: np.ndarray) -> np.ndarray:
         g = _log_response(x, self.w, self.dt)[1] / self.deviation[:, None]
@@ -180,6 +233,24 @@ class _Fit:
         found = least_squares(self.error, x, max_nfev=60, x_scale="jac", **options)
         return float(found.cost), found.x
 
+    def with_friction(self, x: np.ndarray) -> _Fit:
+        """The same with what is left of friction as a part of the deviations."""
+        e, G, weight = self.linear(x)
+        hidden = [one + G @ _step(one, G, weight) for one in self.phases()]
+        seen = 0.5 * sum(float(weight @ one**2) for one in hidden)
+        share = min(np.sqrt(float(weight @ e**2) / seen), 1.0) if seen > 0.0 else 0.0
+        deviation = np.hypot(self.deviation, share * np.abs(self.change))
+        return replace(self, deviation=deviation, share=share)
+
+    def phases(self) -> list[np.ndarray]:
+        """What friction changed, and the same turned by a quarter, as errors (2n,)."""
+        return [self.stacked(self.change), self.stacked(1j * self.change)]
+
+    def linear(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Errors (2n,), their rates (2n, m), and the weights of the robust loss (2n,)."""
+        e = self.error(x)
+        return e, self.rates(x), 1.0 / np.sqrt(1.0 + e**2)
+
     def starts(self, x: np.ndarray) -> list[list[float]]:
         """The best fit with one pair more, at each of the deepest dips that it leaves."""
         left = np.real(self.log_P - _log_response(x, self.w, self.dt)[0])
@@ -192,8 +263,9 @@ class _Fit:
         ]
 
 
-def fit_mechanics(found: Response, dt: float) -> Mechanics | None:
-    """The model with the number of pairs that BIC prefers; None where too little is seen."""
+def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None:
+    """The model with the number of pairs that BIC prefers; None where too little is seen. ``raw``
+    is the response with friction."""
     at = (found.coherence >= SEEN) & np.isfinite(found.P) & (found.P != 0)
     if at.sum() < FEWEST:
         return None
@@ -201,7 +273,7 @@ def fit_mechanics(found: Response, dt: float) -> Mechanics | None:
     deviation = np.maximum(found.sd[at] / np.abs(P), LEAST_DEVIATION)
     low = w <= max(4.0 * w[0], w[min(5, len(w) - 1)])
     J = float(np.median(1.0 / (w[low] * np.abs(P[low]))))
-    fit = _Fit(w, np.log(P), deviation, dt, J)
+    fit = _Fit(w, np.log(P), deviation, np.log(raw.P[at] / P), dt, J)
     best = fit.solved([np.log(J), np.log(0.1 * J * w[0]), dt, np.log(0.2 * dt)])
     chosen, score = best, _bic(best, len(w))
     for _ in range(PAIRS):
@@ -211,8 +283,8 @@ def fit_mechanics(found: Response, dt: float) -> Mechanics | None:
         best = min((fit.solved(start) for start in starts), key=lambda one: one[0])
         if _bic(best, len(w)) < score:
             chosen, score = best, _bic(best, len(w))
-    x = chosen[1]
-    return Mechanics(x, _covariance(fit, x), dt, float(w[-1]))
+    fit = fit.with_friction(chosen[1])
+    return Mechanics(fit.solved(chosen[1].tolist())[1], fit)
 
 
 def _bic(found: tuple[float, np.ndarray], points: int) -> float:
@@ -220,15 +292,20 @@ def _bic(found: tuple[float, np.ndarray], points: int) -> float:
     return points * np.log(found[0] / points) + len(found[1]) * np.log(points)
 
 
-def _covariance(fit: _Fit, x: np.ndarray) -> np.ndarray:
-    """The sandwich of the robust loss, with the correlation of neighbouring points."""
-    e, G = fit.error(x), fit.rates(x)
-    weight = 1.0 / np.sqrt(1.0 + e**2)
-    bread = np.linalg.pinv((G * weight[:, None]).T @ G)
-    each = (G * (weight * e)[:, None]).reshape(2, len(fit.w), -1).sum(axis=0)
-    meat = each.T @ each
-    for lag in range(1, NEIGHBOURS + 1):
-        one = each[lag:].T @ each[:-lag]
-        meat += (1.0 - lag / (NEIGHBOURS + 1)) * (one + one.T)
-    spare = WIDER**2 * len(fit.w) / max(len(fit.w) - len(x), 1)
-    return bread @ meat @ bread * spare
+def _step(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    GW = (G * weight[:, None]).T
+    return -np.linalg.pinv(GW @ G) @ GW @ e
+
+
+def _jackknife(e: np.ndarray, G: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The steps (k, m) that leaving out neighbouring points makes; their squares add up to the
+    variances."""
+    size = np.linalg.norm(G, axis=0) + 1e-300
+    G, n = (G / size).reshape(2, -1, len(size)), len(e) // 2
+    GW, e = G * weight.reshape(2, n, 1), e.reshape(2, n)
+    whole, steps = np.einsum("inp,inq->pq", GW, G), []
+    for part in np.array_split(np.arange(n), max(n // NEIGHBOURS, 2)):
+        left = whole - np.einsum("inp,inq->pq", GW[:, part], G[:, part])
+        score = np.einsum("inp,in->p", GW[:, part], e[:, part])
+        steps.append(np.linalg.pinv(left, rcond=1e-10) @ score / size)
+    return np.sqrt(1.0 - 1.0 / len(steps)) * np.array(steps)

@@ -18,7 +18,7 @@ from .effects import known_effects
 from .estimate import HIGHEST, LOWEST, Estimate, estimate
 from .local_response import Response
 from .modes import FEWEST, Mode
-from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
+from .result import BAD, CERTAIN, FEW, GOOD, RECORD, THIN, FrequencyResponse, unwrapped
 from .runs import Run, runs_of
 
 SLOW = 10.0  # Hz below which friction is looked for
@@ -81,7 +81,8 @@ def frequency_response(
     Viscous friction is linear and stays in P, and so do dead time, current lag and the hold of the
     torque. The motion must be that of the motor: behind an elastic coupling a resonance comes
     without its antiresonance. Coherence does not show friction where the excitation is periodic;
-    ``correction`` does, and above 2 dB no band holds.
+    ``correction`` does, and where it is above 2 dB no band holds: these points are ``governed``,
+    and the fitted mechanics, its modes and the gains of :func:`tune` follow from the others.
 
     References
     ----------
@@ -143,20 +144,21 @@ def _refuse_uncertain(r: Response) -> None:
 def _verdict(found: Estimate, dry: bool) -> list[str]:
     """What friction does to the response, how much of it is certain, and what to record."""
     correction, below = _correction(found)
-    sure = found.response.coherence >= CERTAIN
-    bad, few = correction >= LARGE, sure.mean() < FEW
+    sure, bad = _certain(found), found.governed
+    f, few = found.response.w[bad] / (2.0 * np.pi), sure.mean() < FEW
     taken = found.friction is not None and found.friction.levels
-    made = [(BAD if bad else GOOD).format(below, correction)] if taken else []
+    made = [GOOD.format(below, correction)] if taken and not len(f) else []
+    made += [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
     made += [] if taken or not dry else [ONE_WAY if found.friction is None else NONE]
     made += [THIN.format(sure.sum(), len(sure))] if few else []
-    return [*made, *([RECORD] if bad or few else [])]
+    return [*made, *([RECORD] if len(f) or few else [])]
 
 
 def _result(
     found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
 ) -> FrequencyResponse:
     r, dt = found.response, runs[0].dt
-    sure, size = r.coherence >= CERTAIN, np.abs(r.P)
+    sure, size = _certain(found), np.abs(r.P)
     mechanics = found.mechanics if sure.sum() >= FEWEST else None
     modes = () if mechanics is None else mechanics.modes()
     inertia = None if mechanics is None else mechanics.inertia
@@ -164,12 +166,13 @@ def _result(
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
-        unwrapped=unwrapped(r.w, r.P, sure),
+        unwrapped=unwrapped(r.w, r.P, r.coherence >= CERTAIN),
         low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,
         correction=_correction(found)[0],
-        modes=tuple(mode for mode in modes if _seen(mode, r)),
+        governed=found.governed,
+        modes=tuple(mode for mode in modes if _seen(mode, r.w, sure)),
         inertia=inertia[0] if inertia and known else None,
         inertia_ci95=inertia[1] if inertia and known else None,
         friction={} if found.friction is None else found.friction.levels,
@@ -178,6 +181,10 @@ def _result(
         messages=tuple(dict.fromkeys(said)),
         mechanics=mechanics,
     )
+
+
+def _certain(found: Estimate) -> np.ndarray:
+    return (found.response.coherence >= CERTAIN) & ~found.governed
 
 
 def _correction(found: Estimate) -> tuple[float, float]:
@@ -189,11 +196,11 @@ def _correction(found: Estimate) -> tuple[float, float]:
     return float(np.median(np.abs(change))), top / (2.0 * np.pi)
 
 
-def _seen(mode: Mode, r: Response) -> bool:
+def _seen(mode: Mode, w: np.ndarray, sure: np.ndarray) -> bool:
     """Whether its frequency is known, and some points about it are certain: in an antiresonance,
     where the axis hardly moves, few are."""
-    near = np.abs(np.log(r.w / mode.frequency)) < NEAR
-    return _narrow(mode.ci95) and bool(np.mean(r.coherence[near] >= CERTAIN) >= TENTH)
+    near = np.abs(np.log(w / mode.frequency)) < NEAR
+    return _narrow(mode.ci95) and bool(np.mean(sure[near]) >= TENTH)
 
 
 def _narrow(ci95: tuple[float, float]) -> bool:

@@ -16,19 +16,21 @@ from ..core.result import Result
 from ..core.views import view
 from .modes import Mechanics, Mode
 
+LARGE = 2.0  # dB by which friction changes a response that it governs: no band holds there
 CERTAIN = 0.95  # coherence below which nothing is certain
-LARGE = 2.0  # dB of correction above which friction governs a log: no band holds there
 GOOD = "Friction changes the response below {:.3g} Hz by {:.1f} dB: the band holds."
 BAD = (
-    "Friction changes the response below {:.3g} Hz by {:.1f} dB, above 2 dB: it governs this log, "
-    "and the band does not hold there."
+    "Friction governs {} of {} points, {:.3g} to {:.3g} Hz: it changes the response by 2 dB or "
+    "more there, and no band holds."
 )
 RECORD = (
     "Record 30 s of quick moves that mostly reverse, with a multisine on the speed reference whose "
     "torque is about twice the friction, and log the reference."
 )
 THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little."
-UNSURE = "{} of {} points of the response are not certain (coherence below 0.95)."
+UNSURE = (
+    "{} of {} points of the response are not certain (coherence below 0.95, or friction governs)."
+)
 FEW = 0.5  # of the points: with fewer certain ones that is said
 UNIT = {"rotary": "(rad/s)/(N m)", "linear": "(m/s)/N"}  # of a response
 
@@ -52,13 +54,15 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     frequency, magnitude, phase : ndarray
         In rad/s, as above, and rad (``unwrapped`` along what is certain).
     low, high : ndarray
-        The 95 % band of the magnitude; NaN where the coherence is below 0.95.
+        The 95 % band of the magnitude; NaN where nothing is certain.
     coherence : ndarray
         The share of the speed's power about each frequency that the response explains.
     correction : float
         By how many dB friction changes the response below 10 Hz, the median.
+    governed : ndarray
+        Whether friction changes the response about each frequency by 2 dB or more.
     trusted : bool
-        Whether that is below 2 dB, and any point certain.
+        Whether ``correction`` is below 2 dB, and any point certain.
     modes : tuple of Mode
         Antiresonances and resonances, ``frequency`` in rad/s, ``damping`` as a ratio, with 95 %
         intervals ``ci95`` and ``damping_ci95``.
@@ -85,6 +89,7 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     high: np.ndarray
     coherence: np.ndarray
     correction: float
+    governed: np.ndarray
     modes: tuple[Mode, ...] = ()
     inertia: float | None = None
     inertia_ci95: tuple[float, float] | None = None
@@ -134,8 +139,8 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
 
     @property
     def certain(self) -> np.ndarray:
-        """Where the coherence is at least 0.95."""
-        return self.coherence >= CERTAIN
+        """Where the coherence is at least 0.95, and friction does not govern."""
+        return (self.coherence >= CERTAIN) & ~self.governed
 
     @property
     def raw_phase(self) -> np.ndarray:
@@ -148,8 +153,8 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
         return UNIT[self.motion]
 
     def plot(self) -> Sequence[Any]:
-        """Draw magnitude, phase and coherence, with the band; uncertain points are faint.
-        Returns the Axes."""
+        """Draw magnitude, phase and coherence, with the band; uncertain points are faint. With
+        ``gains`` also Nyquist's curve and a step. Returns the Axes."""
         return view("bode_plot.bode")(self)
 
     def summary(self) -> dict[str, Any]:
@@ -165,6 +170,7 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
             "coherence": self.coherence,
             "raw": {"magnitude": np.abs(raw), "phase": self.raw_phase},
             "correction": self.correction,
+            "governed": self.governed,
             "trusted": self.trusted,
             "modes": [mode.summary() for mode in self.modes],
             "inertia": self.inertia,

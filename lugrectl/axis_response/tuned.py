@@ -18,9 +18,9 @@ from ..core.views import view
 from ..hunting import LimitCycles
 from ..linear.stability import StabilityVerdict
 from ..observer_comparison import Recommendation, recommend_observer
-from .loop_shapes import Notch, parts_of
+from .loop_shapes import Gains, Notch, of_reference
 
-SETTLED = 40.0  # times 1/bandwidth: the length of a step
+SETTLED = 40.0  # times 1/pace: the length of a step
 LONGEST = 2**18  # samples of it
 SMOOTH = 20.0  # samples in 1/crossover, of a continuous step
 MARGINS = (
@@ -53,7 +53,9 @@ class Tuning(Result):
     worst : float
         The largest Ms of any axis in the band.
     bandwidth, crossover : float
-        Where the lowest asymptote of |L| is 1, and the highest frequency with |L| = 1; rad/s.
+        Where the answer to the reference (position over its reference; of a PI the speed) first
+        falls below -3 dB, with hold, dead time and notch; and the highest frequency with |L| = 1.
+        rad/s; a bandwidth of inf lies beyond the frequencies of ``loop``.
     controller : control.TransferFunction
         From the error (of the position; of a PI of the speed) to -u, with the notch.
     loop : control.FrequencyResponseData
@@ -95,30 +97,29 @@ class Tuning(Result):
         c = self.cascade or {"kp": self.kp, "ki": self.ki}
         return c["kp"] / c["ki"] if self.structure != "PID" and c["ki"] else None
 
+    @property
+    def _pace(self) -> float:
+        """Where the lowest asymptote of |L| is 1, rad/s: how fast the slowest part settles."""
+        order = 2 if self.structure == "PI" else 3
+        gains = self.ki, self.kp, self.kd
+        return next(
+            (g / self.inertia) ** (1.0 / (order - k)) for k, g in enumerate(gains) if g > 0.0
+        )
+
     def step(self) -> tuple[np.ndarray, np.ndarray]:
         """t in s, and the position (of a PI the speed) after a step of 1 of its reference."""
         w, L = np.asarray(self.loop.omega), np.asarray(self.loop.frdata)[0, 0]
         dt = 1.0 / self.rate if self.rate else 1.0 / (SMOOTH * self.crossover)
-        n = min(2 ** int(np.ceil(np.log2(SETTLED / self.bandwidth / dt))), LONGEST)
+        n = min(2 ** int(np.ceil(np.log2(SETTLED / self._pace / dt))), LONGEST)
         at = 2.0 * np.pi * np.arange(n // 2 + 1) / (n * dt)
         size = np.interp(at, w, np.log(np.abs(L)), right=-np.inf)
         turned = np.interp(at, w, np.unwrap(np.angle(L)))
         T = np.exp(size + 1j * turned)
         T = T / (1.0 + T)
-        T[1:] *= self._of_reference(at[1:], dt)
+        gains, kv = Gains(self.kp, self.ki, self.kd), (self.cascade or {}).get("kv", 0.0)
+        T[1:] *= of_reference(self.structure, gains, kv, at[1:], dt if self.rate else None)
         T[0] = 1.0
         return dt * np.arange(n // 2), np.cumsum(np.fft.irfft(T, n))[: n // 2]
-
-    def _of_reference(self, w: np.ndarray, dt: float) -> np.ndarray:
-        """The controller's part that acts on the reference: not its derivative."""
-        if self.structure == "PI":
-            return np.ones(len(w))
-        z = np.exp(1j * w * dt)
-        integral, speed = parts_of(z, dt) if self.rate else (1.0 / (1j * w), 1j * w)
-        if self.cascade:
-            return self.cascade["kv"] / (self.cascade["kv"] + speed)
-        on_error = self.kp + self.ki * integral
-        return on_error / (on_error + self.kd * speed)
 
     def observer(self, **known: Any) -> Recommendation:
         """What friction observer adds most to this loop: :func:`recommend_observer` at its rate,
@@ -153,8 +154,13 @@ class Tuning(Result):
         }
 
     def _title(self) -> str:
-        f = self.bandwidth / (2.0 * np.pi)
-        return f"{self.structure} gains: bandwidth {f:.3g} Hz, Ms {self.margins.Ms:.2f}"
+        last, f = (x / (2.0 * np.pi) for x in (self.loop.omega[-1], self.crossover))
+        width = self.bandwidth / (2.0 * np.pi)
+        said = f"{width:.3g} Hz" if np.isfinite(width) else f"above {last:.3g} Hz"
+        return (
+            f"{self.structure} gains: bandwidth {said} (-3 dB), crossover {f:.3g} Hz, "
+            f"Ms {self.margins.Ms:.2f}"
+        )
 
     def _rows(self) -> Iterable[Row]:
         turn, force = ("rad", "N m") if self.motion == "rotary" else ("m", "N")

@@ -24,13 +24,21 @@ NONE = (
     "no gains keep the distance 1/Ms to -1: the axis is not known well enough, or Ms is too near 1."
 )
 ENDLESS = "nothing limits the gains of this axis: give rate or dead_time."
-PAID = "The notch gives {:.0f} % more bandwidth."
-UNPAID = "No notch gives 10 % more bandwidth."
+SHORT = (
+    "the bandwidth asked for, {:.3g} Hz, is out of reach: at Ms {:g} this axis allows at {} "
+    "{:.3g} Hz."
+)
+PAID = "The notch allows integral action that is {:.0f} % faster."
+UNPAID = "No notch allows integral action that is 10 % faster."
 QUIETER = (
     "To keep the loop from hunting, the integral action is {:.2g} of what Ms allows: the bandwidth "
     "is {:.3g} Hz in place of {:.3g} Hz."
 )
-PLAIN = "Any integral action hunts: it is left out, and a load moves the axis by {:.3g} {} a {}."
+PLAIN = (
+    "Any integral action hunts, or may: it is left out, and a load moves the axis by {:.3g} {} a "
+    "{}."
+)
+UNDECIDED = "Whether these gains hunt is not decided: they stay."
 UNSEEN = "Limit cycles were not searched: {}"
 MORE = "The search for limit cycles is without {}."
 
@@ -46,8 +54,9 @@ def tune(
     model: Any = None,
     hunting: bool = True,
     notch: bool = True,
+    bandwidth: float | None = None,
 ) -> Tuning:
-    """The gains with the most bandwidth under a modulus margin, for every axis in the band.
+    """The gains with the most integral action under a modulus margin, for every axis in the band.
 
         u = -(kp e + ki int e + kd w),  |1 + L(jw)| >= 1/Ms
 
@@ -73,9 +82,14 @@ def tune(
     model : Model, Parameters, dict or path, optional
         With friction, for the check of limit cycles; default: ``axis`` where it is a model.
     hunting : bool
-        Whether gains may hunt. False: the integral action is reduced until they do not.
+        Whether gains may hunt. False: the integral action is reduced until they do not; where
+        it is not decided whether they do, they stay, and a message says so.
     notch : bool
-        Whether a notch at a resonance is taken where it gives 10 % more bandwidth.
+        Whether a notch at a resonance is taken where it makes the integral action, (ki/J)^(1/3),
+        of a PI (ki/J)^(1/2), 10 % faster; with ``bandwidth`` where that is out of reach without.
+    bandwidth : float, optional
+        In rad/s, as ``bandwidth`` of the result: gains with this one in place of the highest, and
+        with margins that are no smaller.
 
     Returns
     -------
@@ -89,21 +103,25 @@ def tune(
     InputError
         When an argument cannot be meant, or a value of the model is not known.
     Refused
-        When friction governs the log of a response, or no gains keep the margin.
+        When friction governs all of a response, no gains keep the margin, or none of those
+        that do has the ``bandwidth``.
 
     Notes
     -----
     Where the response is not certain, the fitted mechanics stands in for it with its interval if
     it agrees with it; else P may be wrong by |P| sqrt(1/coherence - 1), all that it does not
-    explain. Below the lowest frequency the axis is a free inertia. Beyond the last one P is any
-    phase of a magnitude that falls as 1/w from its largest value in the last octave, or from the
-    peak that the fitted mechanics has there: a resonance of which the log shows nothing is not
-    covered. A response sampled at another rate is turned into that of
+    explain, or by what may be left of friction where that governs. Below the lowest frequency the
+    axis is a free inertia. Beyond the last one P is the fitted mechanics, with its interval and
+    with the largest resonance (1 % damping) that the response leaves possible; where that says
+    less, P is any phase of a magnitude that falls as 1/w from where the mechanics ends, from a peak
+    that it has beyond, or, where it is not sure there, from the largest value of the last octave.
+    A response sampled at another rate is turned into that of
     ``rate`` by the ratio of the holds. The torque limit is not in it. The zeros of a P-PI are real,
     those of a PID have a damping of 0.7 or more.
 
-    ``bandwidth`` is where the lowest asymptote of |L| is 1: (ki/J)^(1/3), of a speed loop
-    (ki/J)^(1/2), without integral action (kp/J)^(1/2).
+    ``bandwidth`` is -3 dB of the answer to the reference: theta/r (of a PI w/r) of the closed loop
+    with hold, dead time and notch, and nothing in front of it; in :func:`assure` and
+    :func:`compensate` the argument of that name is the speed of the poles.
 
     References
     ----------
@@ -126,22 +144,27 @@ def tune(
     made = axis_of(axis, dead_time, rate)
     made = made if model is None else replace(made, model=as_model(model))
     search = Search(made, structure, float(Ms))
+    asked = None if bandwidth is None else positive(bandwidth, "bandwidth", "rad/s")
     shape, said = search.best(), []
     if np.isnan(shape.c):
         raise Refused(ENDLESS, "")
     if not shape.c:
         raise Refused(NONE, "")
     may_hunt = flag(hunting, "hunting")
-    if flag(notch, "notch") and made.peaks:
+    enough = asked is not None and search.bandwidth(shape) >= asked
+    if flag(notch, "notch") and made.peaks and not enough:
         search, shape, ratio = search.with_notch(shape)
         said.append(UNPAID if search.notch is None else PAID.format(100.0 * (ratio - 1.0)))
+    if asked is not None:
+        search, shape = _asked(search, shape, asked)
     cycles = None
     try:
         cycles = _cycles(search, shape)
-        if not may_hunt and cycles is not None and not cycles:
-            hunts = _bandwidth(search.gains(shape), made.J)
+        if not may_hunt and _outcome(cycles) == "hunts":
+            hunts = search.bandwidth(shape)
             search, shape, cycles = _quiet(search, shape)
             said.append(_quieter(search, shape, hunts))
+        said += [UNDECIDED] if not may_hunt and _outcome(cycles) == "undecided" else []
     except InputError as no:
         if not may_hunt:
             raise
@@ -152,9 +175,21 @@ def tune(
     return _result(search, shape, cycles, (*said, *made.said))
 
 
+def _asked(search: Search, shape: Shape, asked: float) -> tuple[Search, Shape]:
+    """The same at a bandwidth in rad/s; Refused where it is out of reach."""
+    low, high = (search.bandwidth(shape._replace(c=c)) for c in (search.lowest, shape.c))
+    high = min(high, float(search.axis.w[search.axis.known][-1]))
+    for bound, what in ((low, "least"), (high, "most")):
+        if (asked < bound) == (what == "least") and asked != bound:
+            hertz = (x / (2.0 * np.pi) for x in (asked, bound))
+            raise Refused(SHORT.format(next(hertz), search.Ms, what, next(hertz)), "")
+    search = replace(search, asked=asked)
+    return search, search.placed(shape)
+
+
 def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     """The limit cycles with these gains; None without dry friction, InputError where it is not
-    known. Where a sampled loop is still open after the search, those in continuous time count."""
+    known. Where a sampled loop stays undecided, hunting in continuous time counts."""
     axis = search.axis
     if axis.model is None:
         raise InputError("whether a loop hunts is a matter of its friction: give model=.")
@@ -166,10 +201,15 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     if axis.dt is None or not given["ki"]:
         return limit_cycles(model, **given)
     found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
-    if found and found.undecided:
+    if found.outcome == "undecided":
         exact = limit_cycles(model, **given)
-        return found if exact else exact
+        return exact if exact.hunts else found
     return found
+
+
+def _outcome(found: LimitCycles | None) -> str:
+    """Without dry friction a loop rests."""
+    return "rests" if found is None else found.outcome
 
 
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:
@@ -177,7 +217,8 @@ def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | N
 
     def tried(share: float) -> tuple[Search, Shape, LimitCycles | None]:
         made = replace(search, share=share)
-        return made, made.at(shape), _cycles(made, made.at(shape))
+        now = made.placed(shape)
+        return made, now, _cycles(made, now)
 
     high, best = 1.0, tried(FEWER)
     while not best[2]:
@@ -195,21 +236,18 @@ def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | N
 
 
 def _quieter(search: Search, shape: Shape, before: float) -> str:
-    g, J = search.gains(shape), search.axis.J
     if search.share:
-        hertz = (x / (2.0 * np.pi) for x in (_bandwidth(g, J), before))
+        hertz = (x / (2.0 * np.pi) for x in (search.bandwidth(shape), before))
         return QUIETER.format(search.share, *hertz)
     turn, force = ("rad", "N m") if search.axis.motion == "rotary" else ("m", "N")
-    return PLAIN.format(1.0 / float(g.kp), turn, force)
+    return PLAIN.format(1.0 / float(search.gains(shape).kp), turn, force)
 
 
 def _result(
     search: Search, shape: Shape, cycles: LimitCycles | None, said: tuple[str, ...]
 ) -> Tuning:
     axis, g = search.axis, Gains(*map(float, search.gains(shape)))
-    known = axis.known
-    L = (axis.G * search.controller(g)[0])[known]
-    loop = ct.FrequencyResponseData(L, axis.w[known], axis.dt or 0)
+    loop = ct.FrequencyResponseData(search.loop(g), axis.w[axis.known], axis.dt or 0)
     margins = stability_check(loop)
     if not margins:
         raise Refused(f"no gains are certain to be stable: {margins.reason}.", "")
@@ -224,7 +262,7 @@ def _result(
         notch=search.notch,
         margins=margins,
         worst=float(1.0 / search.distance(g)[0]),
-        bandwidth=_bandwidth(g, axis.J),
+        bandwidth=search.bandwidth(shape),
         crossover=max(margins.crossovers, default=float("nan")),
         controller=own.system(axis.dt, search.notch),
         loop=loop,
@@ -236,11 +274,3 @@ def _result(
         motion=axis.motion,
         model=axis.model,
     )
-
-
-def _bandwidth(g: Gains, J: float) -> float:
-    """Where the lowest asymptote of |L| is 1, rad/s."""
-    for k, gain in enumerate((g.ki, g.kp)):
-        if gain > 0.0:
-            return float((gain / J) ** (1.0 / (3 - k)))
-    return float(g.kd / J)

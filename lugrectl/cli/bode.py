@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 from argparse import Namespace
 
 from ..core.errors import Refused
 from ..core.provenance import stamp
 from .inputs import declared, files, reading
 from .output import print_out
-from .plotting import drawn, format_of
+from .plotting import answered, format_of
 from .response_plan import planned
 
 
@@ -25,7 +24,7 @@ def bode(a: Namespace) -> int:
     from ..record import read_log
     from .tuning import check_options, of_model, said_of, with_gains
 
-    kind = None if a.out is None else format_of(a.out)
+    kind = format_of(a.plot)
     check_options(a)
     model = declared(a)
     if not a.records:
@@ -39,10 +38,7 @@ def bode(a: Namespace) -> int:
             print_out(_refused(no))
         raise
     found, no = with_gains(found, a, model)
-    said = drawn(found, a.out, kind) if kind else ""
-    print_out(found.to_json() if a.json else said_of(found))
-    if said:
-        print(f"lugrectl: {said}", file=sys.stderr)
+    answered(found, a, kind, found.to_json() if a.json else said_of(found))
     if no:
         raise no
     return 0

@@ -30,6 +30,8 @@ def diagnose(a: Namespace) -> int:
 
         if a.compensate is not None:
             raise InputError("--compensate is for one drive: it cannot be combined with --each.")
+        if a.plot is not None:
+            raise InputError("--plot is for one drive: with --each give --out for all reports.")
         if a.law == AUTO:
             raise InputError("--law auto is for one drive: with --each give the law by name.")
         return each(a)
@@ -104,7 +106,9 @@ def reproduce(a: Namespace) -> int:
 def _main_job(work: Any, a: Namespace) -> int:
     from ..blocks.extending import files_loaded
     from ..report import check_folder, text, write
+    from .plotting import answered, format_of
 
+    kind = format_of(a.plot)
     model = fixed(declared(a), a)
     a.records = files(a.records)
     if a.out is not None:
@@ -114,7 +118,7 @@ def _main_job(work: Any, a: Namespace) -> int:
     result = stamp(_answered(work, a, model), a.typed, sources)
     refused = getattr(result, "verdict", None) == "refused"
     written = write(result, a.out) if a.out is not None else []
-    print_out(result.to_json() if a.json else text(result))
+    answered(result, a, None if refused else kind, result.to_json() if a.json else text(result))
     if written:
         where = f"report: {written[0]} (and {', '.join(p.name for p in written[1:])})"
         print(where, file=sys.stderr if a.json else sys.stdout)

@@ -9,8 +9,7 @@ from math import isfinite
 from typing import Any
 
 from ..core.errors import InputError, Refused
-from .output import print_out
-from .plotting import drawn, format_of
+from .plotting import answered, format_of
 
 EXIT = {"rests": 0, "hunts": 1, "undecided": 3}
 
@@ -18,7 +17,7 @@ EXIT = {"rests": 0, "hunts": 1, "undecided": 3}
 def hunt(a: Namespace) -> int:
     """0 where every start comes to rest, 1 where one does not, 3 where it is undecided; with
     ``--speed`` 0 where both speeds are known."""
-    kind = None if a.plot is None else format_of(a.plot, "--plot")
+    kind = format_of(a.plot)
     gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
     given = {k: getattr(a, k) for k in ("rate", "dead_time", "counts", "limit", "time_limit")}
     vary = dict(map(_range, a.vary)) if a.vary else None
@@ -26,10 +25,7 @@ def hunt(a: Namespace) -> int:
     vary = None if moving else vary
     found = _over(a, gains | given, vary) if a.report else _of_model(a, gains | given, vary)
     found = replace(found, stick_slip=moving) if moving else found
-    said = drawn(moving or found, a.plot, kind, "--plot") if kind else ""
-    print_out(found.to_json() if a.json else repr(found))
-    if said:
-        print(f"lugrectl: {said}", file=sys.stderr)
+    answered(moving or found, a, kind, found.to_json() if a.json else repr(found))
     return int(not isfinite(moving.speed_end)) if moving else EXIT[found.outcome]
 
 

@@ -16,7 +16,7 @@ from ..core.errors import InputError
 from .given import facts as transfer_facts
 from .given import transfer, written
 from .output import print_out
-from .plotting import drawn, format_of
+from .plotting import answered, format_of
 
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
@@ -35,7 +35,7 @@ def check(a: Namespace) -> int:
     from .. import linear
 
     loop = a.loop or ("position" if a.property == "spr" else "velocity")
-    kind = None if a.plot is None else format_of(a.plot, "--plot")
+    kind = format_of(a.plot)
     T = transfer(a)
     if T is not None and a.property == "passivity":
         raise InputError("--num: passivity is about the friction of a model; give it --model.")
@@ -63,10 +63,8 @@ def check(a: Namespace) -> int:
     _unused(a)
     facts = {"schema": 1, "check": a.property, **about, "model": name, "gains": gains}
     facts |= verdict.summary()
-    said = drawn(verdict, a.plot, kind, "--plot") if kind else ""
-    print_out(_document(facts) if a.json else _check_text(facts, verdict._units))
-    if said:
-        print(f"lugrectl: {said}", file=sys.stderr)
+    text = _document(facts) if a.json else _check_text(facts, verdict._units)
+    answered(verdict, a, kind, text)
     return 0 if verdict else 1
 
 

@@ -13,6 +13,8 @@ from ..core.provenance import version
 from . import assuring, bode, commands, given, hunting, lookups, plotting
 from .overview import overview
 
+UNBUILT = ("compare", "plan", "export")  # commands that are announced
+
 
 def parser() -> argparse.ArgumentParser:
     """The parser of all commands; ``run`` of its result is the command's function."""
@@ -51,7 +53,7 @@ def _on_records(made: Any) -> None:
     drawing.add_argument(
         "--model", metavar="MODEL.toml", help="the declared model, if there is one"
     )
-    drawing.add_argument("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
+    _picture(drawing, "--out")
     _axis(_command(made, "bode", bode.bode, "frequency response of the axis, friction taken out"))
 
 
@@ -110,16 +112,18 @@ def _axis(command: argparse.ArgumentParser) -> None:
     _logs(command, "*")
     add = command.add_argument
     add("--model", required=True, metavar="MODEL.toml", help="the declared model")
-    add("--out", metavar="FILE", help="picture to write: .png, .svg, .pdf or .jpg")
+    _picture(command, "--out")
     gains = command.add_argument_group(
         "gains",
         "Without a record they are those of the model, whose values must be known. The controller "
         "runs at the rate of the record; without one at --rate, else in continuous time.",
     )
-    what = "also the gains with the most bandwidth for every axis in the band"
+    what = "also the gains with the most integral action for every axis in the band"
     gains.add_argument("--tune", choices=("P-PI", "PID", "PI"), help=what)
     what = "with --tune: largest peak of the sensitivity (default: 1.6)"
     gains.add_argument("--ms", type=_positive, metavar="X", help=what)
+    what = "with --tune: gains with this bandwidth (-3 dB) in place of the highest"
+    gains.add_argument("--bandwidth", type=_positive, metavar="HZ", help=what)
     what = "with --tune: dead time in the loop that the record does not show"
     gains.add_argument("--dead-time", type=_finite, metavar="S", help=what)
     what = "with --tune: as little integral action as keeps the loop from hunting"
@@ -157,6 +161,13 @@ def _results(command: argparse.ArgumentParser, out: str | None = None) -> None:
         help="write report.html, report.json and model.toml there"
         + (f" (default: {out})" if out else ""),
     )
+    _picture(command)
+
+
+def _picture(command: argparse.ArgumentParser, *also: str) -> None:
+    """The picture of the answer; ``also`` are older names of the option."""
+    what = "draw the answer: .png, .svg, .pdf or .jpg"
+    command.add_argument("--plot", *also, dest="plot", metavar="FILE", help=what)
 
 
 def _logs(command: argparse.ArgumentParser, many: str = "+") -> None:
@@ -287,7 +298,7 @@ def _checks(command: argparse.ArgumentParser) -> None:
     )
     add("--den", metavar="1,2,0.5", help="denominator of T")
     add("--dt", type=_positive, metavar="S", help="T(z) with this sample time (default: T(s))")
-    add("--plot", metavar="FILE", help="draw the verdict: .png, .svg, .pdf or .jpg")
+    _picture(command)
     add(
         "--half-power",
         action="store_true",
@@ -325,7 +336,7 @@ def _hunting(command: argparse.ArgumentParser) -> None:
     add("--speed", action="store_true", help=what)
     ends = "also find the values of a gain between which the loop hunts (--speed: sticks and slips)"
     add("--vary", action="append", metavar="ki=1:50", help=ends)
-    add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
+    _picture(command)
 
 
 def _assuring(command: argparse.ArgumentParser) -> None:
@@ -351,7 +362,8 @@ def _assuring(command: argparse.ArgumentParser) -> None:
     for gain in ("kp", "ki", "kd"):
         more = " (default: all poles at -bandwidth)" if gain == "kp" else ""
         add(f"--{gain}", type=_finite, metavar="X", help=f"gain of the controller{more}")
-    add("--bandwidth", type=_positive, metavar="X", help="in 1/s, without gains (20 at most)")
+    speed = "speed of all poles in 1/s, without gains (default: 20, or less at a low rate)"
+    add("--bandwidth", type=_positive, metavar="X", help=speed)
     add("--observer", action="append", metavar="NAME", help="one to try; may be given again")
     add("--rate", type=_positive, metavar="HZ", help="of the controller (default: as recorded)")
     add("--dead-time", type=_finite, metavar="S", help="from measurement to torque (default: 0)")
@@ -361,7 +373,7 @@ def _assuring(command: argparse.ArgumentParser) -> None:
     add("--members", type=_count, metavar="N", help="drives (default: as few as give a bound)")
     add("--seed", type=_seed, default=0, metavar="N", help="seed of random numbers (default: 0)")
     add("--jobs", type=_count, default=1, metavar="N", help="processes (default: 1)")
-    add("--plot", metavar="FILE", help="draw the answer: .png, .svg, .pdf or .jpg")
+    _picture(command)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -381,6 +393,9 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Leave with code 2 after one sentence; no usage in front of it."""
+        if "invalid choice" in message and (new := {*UNBUILT} & {*self._given[:1]}):
+            said = f"{new.pop()} is not built yet; {self.prog} --help shows what there is.\n"
+            self.exit(2, f"{self.prog}: error: {said}")
         typed, near = next(filter(None, map(self._meant, self._given)), ("", ""))
         hint = f" (did you mean {near}?)" if near else ""
         if "--model" in message and not hint:

@@ -7,8 +7,8 @@ import textwrap
 from typing import Any
 
 _GROUPS = {
-    "On records": ("demo", "diagnose", "identify", "plot", "bode", "compare", "plan"),
-    "On models": ("model", "check", "hunt", "assure", "export"),
+    "On records": ("demo", "diagnose", "identify", "plot", "bode"),
+    "On models": ("model", "check", "hunt", "assure"),
     "To look up": ("effects", "schema", "reproduce"),
 }
 _REST = "More"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "svg", "pdf", "jpg")
 NO_SCREEN = (
-    "there is no screen to draw on: only the numbers follow; give --out plot.png to get the "
+    "there is no screen to draw on: only the numbers follow; give --plot plot.png to get the "
     "picture as a file"
 )
 
@@ -32,17 +32,25 @@ def plot(a: Namespace) -> int:
     from ..diagnosis.asked import plain_answer
     from ..report import plain_text
 
-    kind = None if a.out is None else format_of(a.out)
+    kind = format_of(a.plot)
     logs, model = _read(a)  # first: an input that cannot be read has one sentence
     blind = kind is None and not has_screen()
     if blind:
         print(f"lugrectl: {NO_SCREEN}.", file=sys.stderr, flush=True)
     balance = plain_answer(logs, model)
-    said = "" if blind else drawn(balance, a.out, kind)
+    said = "" if blind else drawn(balance, a.plot, kind)
     print_out(balance.to_json() if a.json else plain_text(balance))
     if said:
         print(f"lugrectl: {said}", file=sys.stderr)
     return 0
+
+
+def answered(found: Any, a: Namespace, kind: str | None, text: str) -> None:
+    """Draw a result where --plot asks for it, print its text, then say where the picture is."""
+    said = drawn(found, a.plot, kind) if kind else ""
+    print_out(text)
+    if said:
+        print(f"lugrectl: {said}", file=sys.stderr)
 
 
 def _read(a: Namespace) -> tuple[list[Log], Model]:
@@ -56,13 +64,15 @@ def _read(a: Namespace) -> tuple[list[Log], Model]:
     return logs, model or changed({}, {"motion": logs[0].motion}, "model")
 
 
-def format_of(out: str, option: str = "--out") -> str:
-    """The kind of picture that a name asks for; InputError where there is none."""
+def format_of(out: str | None) -> str | None:
+    """The kind of picture that a name asks for, None without one; InputError for another kind."""
+    if out is None:
+        return None
     kind = Path(out).suffix.lower().lstrip(".")
     if kind not in FORMATS:
-        raise InputError(f"{option} {out}: the picture must be a file .{', .'.join(FORMATS)}.")
+        raise InputError(f"--plot {out}: the picture must be a file .{', .'.join(FORMATS)}.")
     if not Path(out).absolute().parent.is_dir():
-        raise InputError(f"{option} {out}: there is no folder {Path(out).parent}.")
+        raise InputError(f"--plot {out}: there is no folder {Path(out).parent}.")
     return kind
 
 
@@ -83,7 +93,7 @@ def has_screen() -> bool:
     )
 
 
-def drawn(result: Any, out: str | None, kind: str | None, option: str = "--out") -> str:
+def drawn(result: Any, out: str | None, kind: str | None) -> str:
     """Draw a result into a file, or without one on the screen; returns what there is to say."""
     import matplotlib
     import numpy as np
@@ -99,7 +109,7 @@ def drawn(result: Any, out: str | None, kind: str | None, option: str = "--out")
     made = io.BytesIO()
     figure.savefig(made, format=kind, dpi=130)
     plt.close(figure)
-    write(Path(out), made.getvalue(), option)
+    write(Path(out), made.getvalue(), "--plot")
     return f"picture: {out}"
 
 

@@ -21,8 +21,8 @@ def planned(a: Namespace) -> int:
             "--plan needs the rate and the limits of the drive in place of a record, such as "
             "--plan excitation.csv --rate 1000 --limits w=60,u=3."
         )
-    if a.tune or a.out:
-        raise InputError("--plan writes an excitation only: use --tune and --out with its log.")
+    if a.tune or a.plot:
+        raise InputError("--plan writes an excitation only: use --tune and --plot with its log.")
     made = response_plan(read_model(a.model), rate=a.rate, kp=a.kp, **limits)
     write(Path(a.plan), made.to_csv().encode(), "--plan")
     print_out(made.to_json() if a.json else repr(made))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import sys
+import math
 from argparse import Namespace
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, Refused
 from ..core.provenance import stamp
-from .output import print_out
-from .plotting import drawn
+from .plotting import answered
 
 if TYPE_CHECKING:
     from ..axis_response import FrequencyResponse
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 def check_options(a: Namespace) -> None:
     """Raise InputError for options of --tune without it, and where there is nothing to do."""
-    given = [k for k in ("ms", "dead_time", "no_hunting") if getattr(a, k)]
+    given = [k for k in ("ms", "bandwidth", "dead_time", "no_hunting") if getattr(a, k)]
     if given and not a.tune:
         raise InputError(f"--{given[0].replace('_', '-')} is for gains: use it with --tune.")
     if not a.records and not a.tune:
@@ -45,10 +44,7 @@ def said_of(found: FrequencyResponse) -> str:
 def of_model(a: Namespace, model: Model, kind: str | None) -> int:
     """Print the gains of a model, and draw them into a file."""
     found = stamp(_tuned(model, a, rate=a.rate), a.typed, [model])
-    said = drawn(found, a.out, kind) if kind else ""
-    print_out(found.to_json() if a.json else repr(found))
-    if said:
-        print(f"lugrectl: {said}", file=sys.stderr)
+    answered(found, a, kind, found.to_json() if a.json else repr(found))
     return 0
 
 
@@ -56,5 +52,6 @@ def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
     from ..axis_response import tune
 
     given = {"Ms": a.ms, "dead_time": a.dead_time}
+    given["bandwidth"] = a.bandwidth and 2.0 * math.pi * a.bandwidth
     known |= {k: v for k, v in given.items() if v is not None}
     return tune(axis, a.tune, hunting=not a.no_hunting, **known)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .canvas import headed, on_pyplot
+from .tuning_plot import panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -17,7 +18,8 @@ CERTAIN = 0.95  # the least coherence that is drawn as certain
 
 
 def bode(found: Any) -> Sequence[Axes]:
-    """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full."""
+    """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full.
+    With gains also their loop and its step."""
     from matplotlib.ticker import LogLocator
 
     f = found.frequency / (2.0 * np.pi)
@@ -48,7 +50,9 @@ def bode(found: Any) -> Sequence[Axes]:
                 va="bottom" if first else "top",
             )
         ax.set(ylabel=f"|P| [dB of {unit}]")
-        headed(ax, "" if found.trusted else "Friction governs this log below 10 Hz")
+        bad = f[found.governed]
+        said = f"Friction governs {bad[0]:.3g} to {bad[-1]:.3g} Hz" if len(bad) else ""
+        headed(ax, said)
 
     def phase(ax: Axes) -> None:
         ax.semilogx(f, np.degrees(found.raw_phase), color=RAW, lw=0.9)
@@ -61,8 +65,10 @@ def bode(found: Any) -> Sequence[Axes]:
         ax.axhline(CERTAIN, color=MARK, ls="--", lw=0.9)
         ax.set(xlabel="f [Hz]", ylabel="coherence", ylim=(0.0, 1.02))
 
-    axes = on_pyplot([magnitude, phase, coherence])
-    for ax in axes:
+    own = [magnitude, phase, coherence]
+    more = panels(found.gains) if found.gains else []
+    axes = on_pyplot(own + more, columns=2 if more else 1)
+    for ax in axes[: len(own)]:
         ax.set_xlim(f[0], f[-1])
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter("{x:g}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,7 +18,11 @@ WIDE = 3.0  # of the plane that is drawn
 
 def tuning(found: Any) -> Sequence[Axes]:
     """L(jw) about -1, and the answer to a step of the reference."""
-    return on_pyplot([lambda ax: _nyquist(found, ax), lambda ax: _step(found, ax)], columns=2)
+    return on_pyplot(panels(found), columns=2)
+
+
+def panels(found: Any) -> list[Callable[[Axes], None]]:
+    return [lambda ax: _nyquist(found, ax), lambda ax: _step(found, ax)]
 
 
 def _nyquist(found: Any, ax: Axes) -> None:
@@ -32,7 +36,9 @@ def _nyquist(found: Any, ax: Axes) -> None:
     ax.plot([-1.0], [0.0], "+", color=MARK)
     ax.set(xlim=(-WIDE, WIDE / 3), ylim=(-WIDE / 1.5, WIDE / 1.5), xlabel="Re L", ylabel="Im L")
     ax.set_aspect("equal")
-    headed(ax, found._title())
+    gains = found.cascade or {k: getattr(found, k) for k in ("kp", "ki", "kd")}
+    said = ", ".join(f"{k} {v:.4g}" for k, v in gains.items() if v)
+    headed(ax, f"{found._title()}\n{said}")
 
 
 def _step(found: Any, ax: Axes) -> None:

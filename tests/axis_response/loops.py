@@ -107,7 +107,21 @@ def _gains(structure, J, c, mean, zeta, dt):
     return kp * kv + ki, ki * kv, kp - ki * dt / 2
 
 
+def width(drive, structure, gains, kv, notched=None):
+    """-3 dB of theta/r, of a PI w/r, of the true drive; rad/s. ``gains`` are those of the PID."""
+    w, dt, (kp, ki, kd) = frequencies(drive), 1 / drive.rate, gains
+    w = w[w > 0]
+    z = np.exp(1j * w * dt)
+    L = drive.response(w) / (1j * w) * controller(gains, z, dt) * notch(notched, z, dt)
+    whole, slope = dt / 2 * (z + 1) / (z - 1), (1 - 1 / z) / dt
+    on_r = {"PI": 1.0, "P-PI": kv / (kv + slope)}.get(structure)
+    if on_r is None:
+        on_r = (kp + ki * whole) / (kp + ki * whole + kd * slope)
+    return w[np.flatnonzero(np.abs(L / (1 + L) * on_r) < 10 ** (-3 / 20))[0]]
+
+
 def bandwidth(gains, J):
+    """The asymptote that the search makes as high as it can."""
     kp, ki, _ = gains
     return (ki / J) ** (1 / 3) if ki else (kp / J) ** 0.5
 

@@ -227,6 +227,19 @@ def test_the_command_prints_and_draws(folder, capsys):
     assert made["provenance"]["files"][0]["name"] == "run.csv" and made["coherence"]
 
 
+def test_the_picture_of_gains_shows_their_loop(folder, capsys):
+    command = ["bode", "run.csv", "--model", "my.toml"]
+    assert main([*command, "--out", "plain.png"]) == 0
+    assert main([*command, "--tune", "PI", "--plot", "tuned.png"]) == 0
+    assert "picture: tuned.png" in capsys.readouterr().err
+    assert (folder / "plain.png").read_bytes() != (folder / "tuned.png").read_bytes()
+    found = lg.frequency_response(folder / "run.csv", folder / "my.toml")
+    axes = replace(found, gains=lg.tune(found, "PI")).plot()
+    assert [ax.get_xlabel() for ax in axes][-2:] == ["Re L", "t [s]"] and len(axes) == 5
+    assert f"kp {lg.tune(found, 'PI').kp:.4g}" in axes[3].get_title(loc="left")
+    plt.close(axes[0].figure)
+
+
 def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
     assert main(["bode", "short.csv", "--model", "my.toml", "--json"]) == 3
     said = capsys.readouterr()

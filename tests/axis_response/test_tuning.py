@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import control as ct
 import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.axis_response import tuning
 from lugrectl.cli import main
 
 from . import drives, loops
@@ -38,11 +40,13 @@ def quick():
 
 def judged(drive, found):
     """Whether the true drive is stable, its Ms, and the bandwidth over the best possible."""
-    gains = pid(found)
+    gains, kv = pid(found), (found.cascade or {}).get("kv", 0.0)
     best = loops.optimum(drive, found.structure, 1.6)
-    assert found.bandwidth == pytest.approx(loops.bandwidth(gains, drive.inertia), rel=0.03)
+    own = loops.width(drive, found.structure, gains, kv, found.notch)
+    assert found.bandwidth == pytest.approx(own, rel=0.05)
     peak = loops.sensitivity(drive, gains, found.notch)
-    return loops.stable(drive, gains, found.notch), peak, found.bandwidth / best
+    share = loops.bandwidth(gains, drive.inertia) / best
+    return loops.stable(drive, gains, found.notch), peak, share
 
 
 @pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
@@ -58,11 +62,12 @@ def test_a_notch_where_it_pays(quick):
         plain, found = (lg.tune(known, notch=on) for on in (False, True))
         stable, peak, share = judged(drive, found)
         assert stable and peak < 1.65
-        ratio = found.bandwidth / plain.bandwidth
+        speeds = (loops.bandwidth(pid(x), drive.inertia) for x in (found, plain))
+        ratio = next(speeds) / next(speeds)
         assert (ratio > 1.1) == (found.notch is not None)
         if found.notch:
             paid += 1
-            assert f"{100 * (ratio - 1):.0f} % more" in found.messages[0]
+            assert f"{100 * (ratio - 1):.0f} % faster" in found.messages[0]
     assert paid
 
 
@@ -135,8 +140,53 @@ def test_where_nothing_is_certain_no_gain_reaches(quick):
 
 
 def test_no_gains_of_a_log_that_friction_governs(quick):
+    known = quick[0][1]
     with pytest.raises(lg.Refused, match="friction governs"):
-        lg.tune(replace(quick[0][1], correction=3.0))
+        lg.tune(replace(known, governed=np.ones(len(known.frequency), bool)))
+
+
+def test_gains_where_friction_governs_the_low_end_only(quick):
+    """It is left out there, and the fitted mechanics stands in."""
+    drive, known = quick[0]
+    part = replace(known, governed=known.frequency < 2 * np.pi * 8)
+    assert not part.certain[0] and known.certain[0]
+    stable, peak, share = judged(drive, lg.tune(part, notch=False))
+    assert stable and peak < 1.76 and share > 0.7
+
+
+@pytest.mark.parametrize("outcome", ["rests", "hunts", "undecided"])
+def test_gains_stay_where_hunting_is_not_decided(outcome, monkeypatch):
+    """Only what hunts is made quieter."""
+    cycles = lg.limit_cycles(HUNTS, kp=1.0, kd=0.2)
+    first = SimpleNamespace(outcome=outcome, undecided=0, summary=cycles.summary)
+    found = iter([first])
+    monkeypatch.setattr(tuning, "limit_cycles", lambda *_, **__: next(found, cycles))
+    plain = lg.tune(HUNTS, dead_time=1e-3)
+    found = iter([first])
+    quiet = lg.tune(HUNTS, dead_time=1e-3, hunting=False)
+    assert (quiet.ki == plain.ki) == (outcome != "hunts")
+    assert any("not decided" in m for m in quiet.messages) == (outcome == "undecided")
+
+
+@pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
+def test_gains_of_the_bandwidth_that_is_asked_for(structure):
+    most = lg.tune(RIGID, structure, dead_time=1e-3, rate=1000.0)
+    half = lg.tune(RIGID, structure, rate=1000.0, dead_time=1e-3, bandwidth=most.bandwidth / 2)
+    assert half.bandwidth == pytest.approx(most.bandwidth / 2, rel=1e-3)
+    assert half.worst < most.worst and half.crossover < most.crossover
+    with pytest.raises(lg.Refused, match=r"out of reach: at Ms 1.6 this axis allows at most"):
+        lg.tune(RIGID, structure, dead_time=1e-3, rate=1000.0, bandwidth=2 * most.bandwidth)
+
+
+def test_the_bandwidth_of_a_slow_axis_with_dead_time_is_minus_3_db():
+    """Not the crossing of an asymptote of |L|, five times as high, that is never reached."""
+    g = lg.tune(ct.tf([1], [0.01, 0.1]), "PI", rate=1000, dead_time=10.0)
+    w = np.geomspace(1e-3, 10, 40000)
+    L = (g.kp + g.ki / (1j * w)) / (0.01j * w + 0.1) * np.exp(-10.0005j * w)
+    true = w[np.flatnonzero(np.abs(L / (1 + L)) < 10 ** (-3 / 20))[0]]
+    assert g.bandwidth == pytest.approx(true, rel=0.01)
+    shown = [f"{x / (2 * np.pi):.3g} Hz" for x in (g.bandwidth, g.crossover)]
+    assert all(x in repr(g).splitlines()[0] for x in shown)
 
 
 @pytest.mark.parametrize(
@@ -188,6 +238,12 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert made["frequency"] and made["gains"]["kp"] > 0 and made["gains"]["Ms"] < 1.61
     assert main(["bode", "--model", "my.toml", "--tune", "PI", "--dead-time", "1e-3"]) == 0
     assert "PI gains: bandwidth" in capsys.readouterr().out
+    of_model = ["bode", "--model", "my.toml", "--tune", "PI", "--rate", "1000"]
+    assert main([*of_model, "--bandwidth", "5", "--json"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["bandwidth"] == pytest.approx(10 * np.pi, rel=1e-3)
+    assert main([*of_model, "--bandwidth", "4000"]) == 3
+    assert "at most" in capsys.readouterr().err
     with_no = ["bode", "run.csv", "--model", "my.toml", "--tune", "P-PI", "--ms", "1.0001"]
     assert main([*with_no, "--json"]) == 3
     said = capsys.readouterr()

@@ -10,7 +10,9 @@ from lugrectl.cli import main
 
 def test_demo_names_the_effect_and_reaches_the_noise(tmp_path, capsys):
     out = tmp_path / "out"
-    assert main(["demo", "--json", "--out", str(out)]) == 0
+    picture = tmp_path / "demo.png"
+    assert main(["demo", "--json", "--out", str(out), "--plot", str(picture)]) == 0
+    assert picture.stat().st_size > 10_000
     answer = json.loads(capsys.readouterr().out)
     assert answer["verdict"] == "found"
     error = answer["error"]

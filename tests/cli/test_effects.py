@@ -104,6 +104,13 @@ def test_the_help_has_one_line_for_each_command(capsys):
     assert run(capsys, "effects --help")[1].count("cogging") == 1
 
 
+@pytest.mark.parametrize("name", ["compare", "plan", "export"])
+def test_a_command_that_is_not_built_says_so(capsys, name):
+    code, out, err = run(capsys, f"{name} run.csv")
+    assert (code, out) == (2, "") and f"error: {name} is not built yet" in err
+    assert f"  {name} " not in run(capsys, "--help")[1]
+
+
 def test_an_error_in_one_s_own_block_names_file_and_line(tmp_path, capsys):
     own, log, model = (tmp_path / name for name in ("own.py", "run.csv", "m.toml"))
     own.write_text(
