@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Any
 
 import control as ct
+import numpy as np
 
 from ..core.errors import InputError
 from ..core.views import view
@@ -18,8 +19,9 @@ from .delayed_checks import unstable
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
 from .floating import Model, level_crossings
 from .floating_sampled import SampledModel
+from .hinf import UNKNOWN
 from .measured import crossings, is_measured
-from .sampled import Sampled, is_sampled, sample_time
+from .sampled import Sampled, is_sampled
 from .transfer import number, read_transfer
 from .verdict import Verdict, show_poles
 
@@ -146,7 +148,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
 def _verdict(
     width: float,
     found: tuple[float, ...],
-    stable: bool,
+    stable: bool | None,
     poles: tuple[complex, ...],
     reason: str,
     sampled: bool,
@@ -155,27 +157,30 @@ def _verdict(
         reason = reason.replace("|T(jw)|", "|T(exp(jw dt))|")
     if not stable:
         shown = f"z = {show_poles(poles)}" if sampled else f"poles {show_poles(poles)} 1/s"
-        reason = f"T is not stable ({shown}): {reason}"
-    return BandwidthVerdict(width, width / (2 * math.pi), found, stable, poles, reason)
+        said = UNKNOWN if stable is None else "T is not stable"
+        reason = f"{said} ({shown}): {reason}"
+    return BandwidthVerdict(width, width / (2 * math.pi), found, bool(stable), poles, reason)
 
 
 def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | None:
-    """The verdict on a state-space model of many states; None where exact arithmetic decides."""
+    """The verdict on a state-space model of many states; None of few."""
     sampled = is_sampled(T)
-    model = SampledModel.of(T) if sampled else Model.of(T)
-    if len(model.A) <= EXACT or not model.decided:
+    if T.nstates <= EXACT:
         return None
+    model, hidden = (SampledModel if sampled else Model).of(T).seen()
     dc, slack = model.at(0.0)
-    if abs(dc) <= slack:
-        return None
-    edges = level_crossings(model, float(c))
-    if sampled:
-        edges = tuple(e.moved(lambda v: 2 * math.atan(v) / sample_time(T)) for e in edges)
-    found = tuple(e.first for e in edges)
-    width = found[0] if found else math.inf
-    poles, reason = tuple(map(complex, model.poles)), _falls(width, level, abs(dc))
+    edges, width = (), math.nan
+    if slack < abs(dc):
+        edges = level_crossings(model, float(c))
+        width = edges[0].first if edges else math.inf
+        reason = _falls(width, level, abs(dc))
+    else:
+        integrates = np.abs(model.marks).min() <= model.uncertain
+        reason = _no_dc("infinite" if integrates else "zero", " within rounding")
     if edges and not edges[0].sharp:
         reason += f", or up to {edges[0].high:.6g} rad/s: rounding decides"
+    reason += f"; {hidden}" if hidden else ""
+    poles, found = tuple(map(complex, model.poles)), tuple(e.first for e in edges)
     return _verdict(width, found, model.stable, poles, reason, sampled)
 
 
@@ -266,10 +271,10 @@ def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
     return _falls(width, level, abs(float(Fraction(num[0]) / den[0])))
 
 
-def _no_dc(value: str) -> str:
+def _no_dc(value: str, sure: str = "") -> str:
     """Why there is no bandwidth: one clause, with what to check instead of an integrator."""
     open_loop = "; of an open loop check T/(1 + T)" if value == "infinite" else ""
-    return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from{open_loop}"
+    return f"T(0) is {value}{sure}, so there is no DC gain to measure a bandwidth from{open_loop}"
 
 
 def _falls(width: float, level: str | float, dc: float) -> str:

@@ -22,7 +22,7 @@ from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
 from .exact import hurwitz
-from .floating import EPS, level_zeros
+from .pencil import EPS, level_zeros
 from .sampled import inside, is_sampled, mapped_states, on_circle, sample_time
 from .transfer import state_space_polynomials
 from .verdict import show_poles
@@ -31,6 +31,7 @@ RISE = 1e-11  # of the largest value: the next level is higher by this
 LEVELS = 60
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
 UNSEEN = 1e-9  # of its inputs and outputs: a mode of less does not show
+UNKNOWN = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
 
 
