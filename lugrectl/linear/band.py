@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
 from fractions import Fraction
@@ -26,6 +27,7 @@ from .transfer import number, read_transfer
 from .verdict import Verdict, show_poles
 
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
+HERTZ = re.compile(r" \([^()]* Hz\)")
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
 
 
@@ -41,10 +43,10 @@ class NoBandwidthWarning(UserWarning):
 class BandwidthVerdict(Verdict):
     """Truthy iff T is stable and its bandwidth is a finite number.
 
-    ``bandwidth`` in rad/s and ``hertz``: the first fall of |T(jw)| through the level; nan
-    without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all crossings
-    in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in z, the
-    largest first), empty with dead times, where there are infinitely many.
+    ``bandwidth`` in rad/s and ``hertz`` (nan where T.dt is True): the first fall of |T(jw)| through
+    the level; nan without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all
+    crossings in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in
+    z, the largest first), empty with dead times, where there are infinitely many.
     """
 
     bandwidth: float
@@ -62,6 +64,11 @@ class BandwidthVerdict(Verdict):
 
     def __bool__(self) -> bool:
         return self.stable and math.isfinite(self.bandwidth)
+
+    def _per_sample(self) -> None:
+        super()._per_sample()
+        object.__setattr__(self, "hertz", math.nan)
+        object.__setattr__(self, "reason", HERTZ.sub("", self.reason))
 
     def plot(self, ax: Any = None) -> Any:
         """Draw |T(jw)| with the bandwidth, and the phase; returns the Axes.

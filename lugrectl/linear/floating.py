@@ -16,9 +16,8 @@ from typing import Any, Self
 import numpy as np
 from scipy.linalg import matrix_balance, schur, solve_triangular
 
-from ..core.errors import InputError
 from .hinf import StateResponse
-from .pencil import EPS, level_zeros, zeros_of
+from .pencil import EPS, level_zeros, require_sizes, zeros_of
 from .sampled import is_sampled, sample_time
 from .sure_signs import Edge, Function, SureSigns
 from .transfer import require_continuous_siso
@@ -54,14 +53,18 @@ class Model:
     def balanced(cls, T: Any) -> Self:
         """In units of the states that make rows and columns of A alike: powers of two, exactly."""
         A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
-        if not all(np.isfinite(M).all() for M in (A, B, C, D)):
-            raise InputError("an entry of the state-space matrices is not a finite number.")
         dt = sample_time(T) if is_sampled(T) else None
-        if not len(A):
+        if not (len(A) and all(np.isfinite(M).all() for M in (A, B, C, D))):
+            require_sizes(A, B, C, D)
             return cls(A, B, C, float(D[0, 0]), dt)
         found: Any = matrix_balance(A, permute=False, separate=True)
         A, (units, _) = found
-        return cls(A, B / units[:, None], C * units, float(D[0, 0]), dt)
+        B, C = B / units[:, None], C * units
+        if (b := float(np.abs(B).max())) and (c := float(np.abs(C).max())):
+            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+            B, C = B * gain, C / gain
+        require_sizes(A, B, C, D)
+        return cls(A, B, C, float(D[0, 0]), dt)
 
     @property
     def response(self) -> StateResponse:

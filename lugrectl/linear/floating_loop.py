@@ -63,7 +63,7 @@ class FloatingLoop:
     def cause(self) -> str:
         """Why the closed loop is not stable; "" where it is."""
         closed = self.sensitivity
-        right = closed.beyond(closed.poles) > -closed.rounding
+        right = closed.beyond(closed.poles) >= -closed.rounding
         if not right.any():
             return ""
         upper = [p for p in map(complex, closed.poles[right]) if p.imag >= 0]
@@ -116,8 +116,10 @@ class FloatingLoop:
         return Margin(1.0 / most if most else math.inf, w)
 
     def known(self, factors: list[float]) -> float:
-        """The factor on L up to which ``factors`` are all that move it to -1."""
-        return math.inf
+        """The factor on L up to which ``factors`` are all that move it to -1: a beginning or an end
+        of L that is 0 within rounding may be reached beyond it."""
+        ends = [slack for value, slack in map(self.L.at, (0.0, math.inf)) if abs(value) <= slack]
+        return min((1.0 / float(slack) for slack in ends if slack), default=math.inf)
 
     def unstable_poles(self, gain: float) -> float:
         """Poles of the loop with L times ``gain`` that are not stable."""

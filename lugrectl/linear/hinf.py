@@ -20,9 +20,8 @@ import numpy as np
 from scipy.linalg import schur, solve_sylvester, solve_triangular
 from scipy.optimize import minimize_scalar
 
-from ..core.errors import InputError
 from .exact import hurwitz
-from .pencil import EPS, level_zeros
+from .pencil import EPS, level_zeros, require_sizes
 from .sampled import inside, is_sampled, mapped_states, on_circle, sample_time
 from .transfer import state_space_polynomials
 from .verdict import show_poles
@@ -49,8 +48,7 @@ class StateResponse:
     def of(cls, T: Any) -> StateResponse:
         """Raises InputError for values that are not finite."""
         A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
-        if not all(np.isfinite(M).all() for M in (A, B, C, D)):
-            raise InputError("an entry of the state-space matrices is not a finite number.")
+        require_sizes(A, B, C, D)
         return cls(A, B, C, D, sample_time(T) if is_sampled(T) else None)
 
     @property

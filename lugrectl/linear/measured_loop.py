@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..core.errors import InputError
-from ..core.validation import shown
 from .margins import Margin
 from .measured import response, span
 
@@ -33,13 +31,9 @@ class MeasuredLoop:
     open_poles: int
 
     @classmethod
-    def of(cls, L: Any, open_poles: Any) -> MeasuredLoop:
-        """Raises InputError for a response that is not finite, or no number of poles."""
-        if isinstance(open_poles, bool) or not isinstance(open_poles, (int, np.integer)):
-            raise InputError(f"open_poles = {shown(open_poles)} must be a whole number.")
-        if open_poles < 0:
-            raise InputError(f"open_poles = {open_poles} must be 0 or more.")
-        return cls(*response(L, "L"), int(open_poles))
+    def of(cls, L: Any, open_poles: int) -> MeasuredLoop:
+        """Raises InputError for a response that is not finite."""
+        return cls(*response(L, "L"), open_poles)
 
     @property
     def said(self) -> str:

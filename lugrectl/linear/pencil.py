@@ -9,7 +9,22 @@ from typing import Any
 import numpy as np
 from scipy.linalg import eig
 
+from ..core.errors import InputError
+
 EPS = 8 * np.finfo(float).eps  # of the norm of A: rounding that turning the coordinates leaves
+LARGEST = 1e140  # its square, and that of its inverse, are floats
+
+
+def require_sizes(*matrices: np.ndarray) -> None:
+    """InputError for matrices that floating point cannot multiply."""
+    sizes = [float(np.abs(M).max(initial=0.0)) for M in matrices]
+    if not all(map(math.isfinite, sizes)):
+        raise InputError("an entry of the state-space matrices is not a finite number.")
+    if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
+        raise InputError(
+            f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for floating "
+            "point: give time, input or output in another unit."
+        )
 
 
 def level_zeros(

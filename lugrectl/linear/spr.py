@@ -10,6 +10,7 @@ from typing import Any
 
 import control as ct
 
+from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
 from .delayed_checks import realness as delayed_realness
@@ -170,10 +171,14 @@ def spr_check(T: Any) -> SprVerdict:
 
 def _floating(T: Any) -> SprVerdict | None:
     """The verdict on a state-space model of many states, or one that is PR within rounding."""
-    whole = (SampledModel if is_sampled(T) else Model).of(T)
-    model, hidden = whole.seen()
+    try:
+        model, hidden = (SampledModel if is_sampled(T) else Model).of(T).seen()
+    except InputError:  # of any size in exact arithmetic
+        if T.nstates > EXACT:
+            raise
+        return None
     found = realness_of(model)
-    if len(whole.A) <= EXACT and not found.rounded:
+    if T.nstates <= EXACT and not found.rounded:
         return None
     reason = f"{found.kind}: {found.reason} (decided in floating point)"
     reason += f"; {hidden}." if hidden else "."

@@ -115,7 +115,7 @@ def edge(function: Function, a: float, b: float) -> Edge:
 def beside(function: Function, at: float, end: float) -> float:
     """The nearest point on the way from an edge to ``end`` that has, surely, the sign there."""
     sign = math.copysign(1.0, function(end)[0])
-    step = NEAREST * abs(at)
+    step = NEAREST * (abs(at) or abs(end))
     while step < abs(end - at):
         x = at + math.copysign(step, end - at)
         value, slack = function(x)
