@@ -70,8 +70,10 @@ class MeasuredLoop:
         return [self._at(k, x) for k, x in _through(self._lines[0], 0.0)]
 
     def real_crossings(self) -> list[tuple[float, float]]:
-        """Where L is real and negative, and L there."""
-        return [(w, L.real) for w, L, _ in self._half_turns()]
+        """Where L is real and negative, and L there; below the band as it is continued."""
+        found = [(w, L.real) for w, L, _ in self._half_turns()]
+        late, rise = self._before()
+        return found if rise or late.real >= 1 else [(0.0, late.real - 1), *found]
 
     def _half_turns(self) -> list[tuple[float, complex, int]]:
         """Where the phase goes through an odd multiple of 180 deg, and whether it rises (1)."""

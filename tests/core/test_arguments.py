@@ -167,7 +167,7 @@ WRONG = [
     (lambda: lg.spr_check("x"), "T is 'x'"),
     (lambda: lg.spr_check(([1, 1j], [1, 1])), "a coefficient of the numerator is 1j"),
     (lambda: lg.bandwidth(([1], [1, 1j])), "a coefficient of the denominator is 1j"),
-    (lambda: lg.l2_check(([10**400], [1, 1])), "a coefficient of the numerator is a whole"),
+    (lambda: lg.l2_check(([10**400], [1, 1])), "a coefficient of the numerator is 1000"),
     (lambda: lg.stability_check(LAG, np.eye(2)), "open_poles must be a whole number"),
     (lambda: lg.stability_check(LAG, True), "open_poles must be a whole number"),
     (lambda: lg.spr_repair("x"), "T is 'x'"),
