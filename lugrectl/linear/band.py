@@ -18,7 +18,7 @@ from .delayed import DelayedTransfer
 from .delayed_checks import crossings as delayed_crossings
 from .delayed_checks import unstable
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
-from .floating import Model, level_crossings
+from .floating import Model, level_signs
 from .floating_sampled import SampledModel
 from .hinf import UNKNOWN
 from .measured import crossings, is_measured
@@ -178,14 +178,16 @@ def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | Non
     dc, slack = model.at(0.0)
     edges, width = (), math.nan
     if slack < abs(dc):
-        edges = level_crossings(model, float(c))
-        width = edges[0].first if edges else math.inf
+        signs = level_signs(model, float(c))
+        edges, touches = signs.edges, signs.touches
+        first = min([*edges[:1], *touches[:1]], key=lambda e: e.low, default=None)
+        width = first.first if first else math.inf
         reason = _falls(width, level, abs(dc))
+        if first and (first in touches or not first.sharp):
+            reason += f", or up to {first.high:.6g} rad/s: rounding decides"
     else:
         integrates = np.abs(model.marks).min() <= model.uncertain
         reason = _no_dc("infinite" if integrates else "zero", " within rounding")
-    if edges and not edges[0].sharp:
-        reason += f", or up to {edges[0].high:.6g} rad/s: rounding decides"
     reason += f"; {hidden}" if hidden else ""
     poles, found = tuple(map(complex, model.poles)), tuple(e.first for e in edges)
     return _verdict(width, found, model.stable, poles, reason, sampled)

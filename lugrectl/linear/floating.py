@@ -244,7 +244,9 @@ def realness(model: Model) -> Realness:
     touch = next((zone for zone in signs.touches if zone.low > 0), None)
     below, why = _first_below(model, signs, touch)
     if (over := model.beyond > model.uncertain).any():
-        return Realness("not PR", f"T has poles {model.border} ({model.shown(over)})", below)
+        poles = f"T has poles {model.border} ({model.shown(over)})"
+        blur = f"{model.name} is 0 within rounding at {touch} rad/s" if touch else ""
+        return Realness("not PR", "; ".join(filter(None, [poles, why or blur])), below)
     if why:
         return Realness("not PR", why, below)
     if model.beyond.max() > -model.uncertain:
@@ -301,7 +303,7 @@ def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
     return low
 
 
-def level_crossings(model: Model, power: float) -> tuple[Edge, ...]:
+def level_signs(model: Model, power: float) -> SureSigns:
     """Where |T(jw)|^2 changes its side of ``power`` |T(0)|^2, in rad/s, ascending."""
     dc, rounding = model.at(0.0)
     square = power * abs(dc) ** 2
@@ -312,4 +314,4 @@ def level_crossings(model: Model, power: float) -> tuple[Edge, ...]:
         return size - 1.0, 2 * size * (slack / max(abs(t), slack) + rounding / abs(dc)) + EPS
 
     signs = model.signs(above, model.places(model.level_zeros(square)))
-    return signs.moved(model.frequency).edges
+    return signs.moved(model.frequency)

@@ -94,7 +94,7 @@ class MeasuredLoop:
         size, turned = self._lines
         x = np.linspace(0.0, 1.0, NEAR + 1)
         a, b = (line[:-1, None] + x * np.diff(line)[:, None] for line in (size, turned))
-        every, found = away(np.exp(a + 1j * b)), list[Margin]()
+        every, found = away(np.exp(a + 1j * b)), [Margin(float(away(0.0)), math.inf)]
         for flat in np.argsort(every, axis=None)[: AMONG * NEAR]:
             k, i = divmod(int(flat), NEAR + 1)
             ends = (max(x[i] - 1 / NEAR, 0.0), min(x[i] + 1 / NEAR, 1.0))
