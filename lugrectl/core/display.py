@@ -152,7 +152,7 @@ class Shown:
         return type(self).__name__
 
     def _rows(self) -> Iterable[Row]:
-        units = type(self)._units
+        units = self._units
         return [
             Row(f.name, getattr(self, f.name), units.get(f.name, ""))
             for f in fields(self)  # type: ignore[arg-type]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
 import control as ct
+import numpy as np
 
 from ..core.errors import InputError
 from ..core.views import view
@@ -16,14 +18,16 @@ from .delayed import DelayedTransfer
 from .delayed_checks import crossings as delayed_crossings
 from .delayed_checks import unstable
 from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
-from .floating import Model, level_crossings
+from .floating import Model, level_signs
 from .floating_sampled import SampledModel
+from .hinf import UNKNOWN
 from .measured import crossings, is_measured
-from .sampled import Sampled, is_sampled, sample_time
+from .sampled import Sampled, is_sampled
 from .transfer import number, read_transfer
 from .verdict import Verdict, show_poles
 
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
+HERTZ = re.compile(r" \([^()]* Hz\)")
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
 
 
@@ -39,10 +43,10 @@ class NoBandwidthWarning(UserWarning):
 class BandwidthVerdict(Verdict):
     """Truthy iff T is stable and its bandwidth is a finite number.
 
-    ``bandwidth`` in rad/s and ``hertz``: the first fall of |T(jw)| through the level; nan
-    without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all crossings
-    in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in z, the
-    largest first), empty with dead times, where there are infinitely many.
+    ``bandwidth`` in rad/s and ``hertz`` (nan where T.dt is True): the first fall of |T(jw)| through
+    the level; nan without a DC gain (T(0) zero or infinite), inf if never below. ``crossings``: all
+    crossings in rad/s, falling and rising in turn. ``poles`` in 1/s, rightmost first (sampled: in
+    z, the largest first), empty with dead times, where there are infinitely many.
     """
 
     bandwidth: float
@@ -60,6 +64,11 @@ class BandwidthVerdict(Verdict):
 
     def __bool__(self) -> bool:
         return self.stable and math.isfinite(self.bandwidth)
+
+    def _per_sample(self) -> None:
+        super()._per_sample()
+        object.__setattr__(self, "hertz", math.nan)
+        object.__setattr__(self, "reason", HERTZ.sub("", self.reason))
 
     def plot(self, ax: Any = None) -> Any:
         """Draw |T(jw)| with the bandwidth, and the phase; returns the Axes.
@@ -146,7 +155,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
 def _verdict(
     width: float,
     found: tuple[float, ...],
-    stable: bool,
+    stable: bool | None,
     poles: tuple[complex, ...],
     reason: str,
     sampled: bool,
@@ -155,27 +164,32 @@ def _verdict(
         reason = reason.replace("|T(jw)|", "|T(exp(jw dt))|")
     if not stable:
         shown = f"z = {show_poles(poles)}" if sampled else f"poles {show_poles(poles)} 1/s"
-        reason = f"T is not stable ({shown}): {reason}"
-    return BandwidthVerdict(width, width / (2 * math.pi), found, stable, poles, reason)
+        said = UNKNOWN if stable is None else "T is not stable"
+        reason = f"{said} ({shown}): {reason}"
+    return BandwidthVerdict(width, width / (2 * math.pi), found, bool(stable), poles, reason)
 
 
 def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | None:
-    """The verdict on a state-space model of many states; None where exact arithmetic decides."""
+    """The verdict on a state-space model of many states; None of few."""
     sampled = is_sampled(T)
-    model = SampledModel.of(T) if sampled else Model.of(T)
-    if len(model.A) <= EXACT or not model.decided:
+    if T.nstates <= EXACT:
         return None
+    model, hidden = (SampledModel if sampled else Model).of(T).seen()
     dc, slack = model.at(0.0)
-    if abs(dc) <= slack:
-        return None
-    edges = level_crossings(model, float(c))
-    if sampled:
-        edges = tuple(e.moved(lambda v: 2 * math.atan(v) / sample_time(T)) for e in edges)
-    found = tuple(e.first for e in edges)
-    width = found[0] if found else math.inf
-    poles, reason = tuple(map(complex, model.poles)), _falls(width, level, abs(dc))
-    if edges and not edges[0].sharp:
-        reason += f", or up to {edges[0].high:.6g} rad/s: rounding decides"
+    edges, width = (), math.nan
+    if slack < abs(dc):
+        signs = level_signs(model, float(c))
+        edges, touches = signs.edges, signs.touches
+        first = min([*edges[:1], *touches[:1]], key=lambda e: e.low, default=None)
+        width = first.first if first else math.inf
+        reason = _falls(width, level, abs(dc))
+        if first and (first in touches or not first.sharp):
+            reason += f", or up to {first.high:.6g} rad/s: rounding decides"
+    else:
+        integrates = np.abs(model.marks).min() <= model.uncertain
+        reason = _no_dc("infinite" if integrates else "zero", " within rounding")
+    reason += f"; {hidden}" if hidden else ""
+    poles, found = tuple(map(complex, model.poles)), tuple(e.first for e in edges)
     return _verdict(width, found, model.stable, poles, reason, sampled)
 
 
@@ -266,10 +280,10 @@ def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
     return _falls(width, level, abs(float(Fraction(num[0]) / den[0])))
 
 
-def _no_dc(value: str) -> str:
+def _no_dc(value: str, sure: str = "") -> str:
     """Why there is no bandwidth: one clause, with what to check instead of an integrator."""
     open_loop = "; of an open loop check T/(1 + T)" if value == "infinite" else ""
-    return f"T(0) is {value}, so there is no DC gain to measure a bandwidth from{open_loop}"
+    return f"T(0) is {value}{sure}, so there is no DC gain to measure a bandwidth from{open_loop}"
 
 
 def _falls(width: float, level: str | float, dc: float) -> str:

@@ -74,11 +74,22 @@ def primitive(a: Poly) -> tuple[int, ...]:
     return tuple(c // divisor for c in whole)
 
 
+def remainder(a: tuple[int, ...], b: tuple[int, ...]) -> Poly:
+    """A positive multiple of the remainder of a / b, in whole numbers."""
+    rest, lead = list(a), abs(b[-1])
+    for k in range(len(a) - len(b), -1, -1):
+        q = rest.pop() * (1 if b[-1] > 0 else -1)
+        rest = [lead * c for c in rest]
+        for i, y in enumerate(b[:-1]):
+            rest[k + i] -= q * y
+    return poly(rest)
+
+
 def gcd(a: Poly, b: Poly) -> Poly:
     """Greatest common divisor, with positive leading coefficient."""
     a, b = primitive(a), primitive(b)
     while b:
-        a, b = b, primitive(divide(a, b)[1])
+        a, b = b, primitive(remainder(a, b))
     return scale(a, -1) if a and a[-1] < 0 else a
 
 
@@ -131,7 +142,7 @@ def sturm(a: Poly) -> list[tuple[int, ...]]:
     """Sturm chain of a square-free a."""
     chain = [primitive(a), primitive(derivative(a))]
     while chain[-1]:
-        chain.append(primitive(scale(divide(chain[-2], chain[-1])[1], -1)))
+        chain.append(primitive(scale(remainder(chain[-2], chain[-1]), -1)))
     return chain[:-1]
 
 
@@ -208,19 +219,15 @@ def positive(a: Poly) -> bool:
 
 def hurwitz(a: Poly) -> bool:
     """Whether every root has a negative real part (Routh); true for a constant, not for zero."""
-    p = list(a[::-1])
+    p = primitive(a[::-1])
     while len(p) > 1:
         if p[0] * p[1] <= 0:
             return False
-        ratio = Fraction(p[0]) / p[1]
-        p = [
-            p[1],
-            *(
-                c - ratio * p[i + 1] if i % 2 == 0 and i + 1 < len(p) else c
-                for i, c in enumerate(p)
-                if i > 1
-            ),
-        ]
+        size, ratio = abs(p[1]), abs(p[0])
+        row = [size * c - ratio * d for c, d in zip_longest(p[2::2], p[3::2], fillvalue=0)]
+        common = math.gcd(*row) or 1
+        rows = zip_longest(p[1::2], [c // common for c in row])
+        p = tuple(c for pair in rows for c in pair if c is not None)
     return bool(p)
 
 

@@ -8,34 +8,41 @@ grow with the third power of the order; exact arithmetic takes minutes at 30 sta
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from scipy.linalg import eig, matrix_balance, schur, solve_triangular
+from scipy.linalg import matrix_balance, schur, solve_triangular
 
-from ..core.errors import InputError
+from .hinf import StateResponse
+from .pencil import EPS, level_zeros, require_sizes, zeros_of
+from .sampled import is_sampled, sample_time
 from .sure_signs import Edge, Function, SureSigns
 from .transfer import require_continuous_siso
 from .verdict import show_poles
 
-EPS = 8 * np.finfo(float).eps  # of the norm of A: rounding that turning the coordinates leaves
 HALVINGS = 40
+AT_BORDER = "within rounding on the border of stability"
 SINGLE = 1e-9  # relative distance of two candidates that count as one
 
 
 @dataclass(frozen=True)
 class Model:
-    """C (sI - A)^-1 B + D with one input and one output; ``shift``: T(s - shift) instead."""
+    """C (sI - A)^-1 B + D with one input and one output; ``shift``: T(s - shift) instead.
+
+    Of T(z) ``dt`` is given: :class:`floating_sampled.SampledModel`.
+    """
 
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
     D: float
+    dt: float | None = None
     shift: float = 0.0
+    border = "right of the imaginary axis"
+    name = "Re T(jw)"
 
     @classmethod
     def of(cls, T: Any) -> Model:
@@ -46,13 +53,32 @@ class Model:
     def balanced(cls, T: Any) -> Self:
         """In units of the states that make rows and columns of A alike: powers of two, exactly."""
         A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
-        if not all(np.isfinite(M).all() for M in (A, B, C, D)):
-            raise InputError("an entry of the state-space matrices is not a finite number.")
-        if not len(A):
-            return cls(A, B, C, float(D[0, 0]))
+        dt = sample_time(T) if is_sampled(T) else None
+        if not (len(A) and all(np.isfinite(M).all() for M in (A, B, C, D))):
+            require_sizes(A, B, C, D)
+            return cls(A, B, C, float(D[0, 0]), dt)
         found: Any = matrix_balance(A, permute=False, separate=True)
         A, (units, _) = found
-        return cls(A, B / units[:, None], C * units, float(D[0, 0]))
+        B, C = B / units[:, None], C * units
+        if (b := float(np.abs(B).max())) and (c := float(np.abs(C).max())):
+            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+            B, C = B * gain, C / gain
+        require_sizes(A, B, C, D)
+        return cls(A, B, C, float(D[0, 0]), dt)
+
+    @property
+    def response(self) -> StateResponse:
+        return StateResponse(self.A, self.B, self.C, np.atleast_2d(self.D), self.dt)
+
+    def seen(self) -> tuple[Self, str]:
+        """The same without modes that are not stable and do not show, and a remark on them."""
+        whole = self.response
+        if whole.stable:
+            return self, ""
+        part, unseen = whole.split()
+        if not len(unseen):
+            return self, ""
+        return replace(self, A=part.A, B=part.B, C=part.C), whole.says_hidden(unseen)
 
     @cached_property
     def norm(self) -> float:
@@ -77,13 +103,22 @@ class Model:
         return 1e3 * EPS * self.norm
 
     @property
-    def stable(self) -> bool:
-        return bool(self.poles[0].real < 0)
+    def beyond(self) -> np.ndarray:
+        """How far right of the axis the poles are."""
+        return np.real(self.poles)
 
     @property
-    def decided(self) -> bool:
-        """Whether no pole is so near to the axis that rounding decides on its side."""
-        return bool(np.abs(np.real(self.poles)).min() > self.uncertain)
+    def stable(self) -> bool | None:
+        """Whether every pole is left of the axis; None where rounding hides it."""
+        return self.response.stable or self.response.settled()
+
+    def frequency(self, v: float) -> float:
+        """In rad/s."""
+        return v
+
+    def shown(self, over: np.ndarray) -> str:
+        """Those poles in words."""
+        return f"{show_poles([*map(complex, self.poles[over])])} 1/s"
 
     def at(self, w: float) -> tuple[complex, float]:
         """T(jw), and what rounding of the matrices may change of it."""
@@ -159,33 +194,32 @@ class Model:
 
     def is_real(self) -> bool:
         """Whether Re T is nowhere negative beyond rounding, where its sign may change."""
+        end, least = self.at_infinity()
         values = map(self.at, self.places(self.realness_zeros()))
-        return all(t.real >= -slack for t, slack in values)
+        return end >= -least and all(t.real >= -slack for t, slack in values)
 
+    def at_infinity(self) -> tuple[float, float]:
+        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change."""
+        if self.D:
+            return self.D, 0.0
+        A = self.A + self.shift * np.eye(len(self.A))
+        sizes = np.linalg.norm(self.C) * np.linalg.norm(self.B) * self.norm
+        return -float(np.real(self.C @ A @ self.B)[0, 0]), EPS * float(sizes)
 
-def level_zeros(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, square: float
-) -> np.ndarray:
-    """The zeros of T(-s)^T T(s) - ``square`` I (Boyd, Balakrishnan and Kabamba 1989)."""
-    return zeros_of(
-        np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
-        np.vstack([B, -C.conj().T @ D]),
-        np.hstack([D.conj().T @ C, B.conj().T]),
-        D.conj().T @ D - square * np.eye(B.shape[1]),
-    )
+    def limit(self, end: float) -> str:
+        """What Re T tends to, in words."""
+        power = self.name if self.D else f"w^2 {self.name}"
+        return f"{power} tends to {end:.6g} as w grows"
 
+    def why_spr(self, real: np.ndarray, v: np.ndarray, limit: str) -> str:
+        return (
+            f"poles left of the axis (the rightmost at Re s = {self.poles[0].real:.6g} 1/s), "
+            f"{self.name} > 0 at every w and {limit}"
+        )
 
-def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
-    """The finite zeros of a system with as many inputs as outputs."""
-    scale = math.sqrt(max(np.linalg.norm(B), 1e-300) / max(np.linalg.norm(C), 1e-300))
-    left = np.block([[A, B / scale], [C * scale, np.atleast_2d(D)]])
-    right = np.diag([*np.ones(len(A)), *np.zeros(len(C))])
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
-    alpha, beta = pairs
-    with np.errstate(all="ignore"):
-        return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
+    def margin(self) -> float:
+        """The largest eps with T(s - eps) positive real."""
+        return last_that_holds(lambda eps: self.shifted(eps).is_real(), -self.beyond.max())
 
 
 @dataclass(frozen=True)
@@ -200,76 +234,62 @@ class Realness:
 
 
 def realness(model: Model) -> Realness:
-    """The kind of a model; "" where a pole is on the axis or cancels right of it."""
-    if not len(model.A):
-        return Realness("", "no poles")
-    first = model.poles[0].real
-    if first > -model.uncertain:
-        if first <= model.uncertain or not is_seen(model):
-            return Realness("", "a pole on the axis, or one that cancels")
-        shown = show_poles([p for p in map(complex, model.poles) if p.real > model.uncertain])
-        return Realness("not PR", f"T has poles right of the imaginary axis ({shown} 1/s)", 0.0)
-    w = model.places(model.realness_zeros())
-    values = np.array([model.real_part(x) for x in w])
-    real, slack = values.T
-    end, least = _at_infinity(model)
-    if (real < -slack).any() or end < -least:
-        return _not_real(model, w, values, min(end + least, 0.0))
-    limit = ("Re T(jw)" if model.D else "w^2 Re T(jw)") + f" tends to {end:.6g} as w grows"
-    near = np.flatnonzero(real <= slack)
-    if len(near):
-        k = near[0]
-        reason = f"Re T(jw) >= 0, but it is 0 at w = {w[k]:.6g} rad/s within rounding"
-        return Realness("PR", reason, math.inf if w[k] == 0 else float(w[k]), rounded=True)
-    if end <= least:
-        return Realness("WSPR", f"Re T(jw) > 0 at every finite w, but {limit} within rounding")
-    reason = (
-        f"poles left of the axis (the rightmost at Re s = {model.poles[0].real:.6g} 1/s), "
-        f"Re T(jw) > 0 at every w and {limit}"
-    )
-    return Realness("SPR", reason, math.inf, _margin(model))
-
-
-def is_seen(model: Model, size: Any = np.real) -> bool:
-    """Whether the rightmost pole (the one of the largest ``size``) has a residue that is not 0."""
-    found: Any = eig(model.A, left=True)
-    poles, left, right = found
-    k = int(np.argmax(size(poles)))
-    to, of = left[:, k].conj(), right[:, k]
-    residue = (model.C[0] @ of) * (to @ model.B[:, 0]) / (to @ of)
-    sizes = np.linalg.norm(model.C) * np.linalg.norm(model.B)
-    return bool(abs(residue) > 1e-9 * sizes)
-
-
-def _at_infinity(model: Model) -> tuple[float, float]:
-    """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change of it."""
-    if model.D:
-        return model.D, 0.0
-    A = model.A + model.shift * np.eye(len(model.A))
-    sizes = np.linalg.norm(model.C) * np.linalg.norm(model.B) * model.norm
-    return float(-(model.C @ A @ model.B)[0, 0]), EPS * float(sizes)
-
-
-def _not_real(model: Model, w: np.ndarray, values: np.ndarray, end: float) -> Realness:
-    """The first band with Re T(jw) < 0; ``end`` < 0: so it is as w grows without end."""
-    signs = model.signs(model.real_part, w, values)
-    if end < 0:
+    """The kind of a model whose modes that are not stable all show."""
+    v = model.places(model.realness_zeros())
+    values = np.array([model.real_part(x) for x in v])
+    end, least = model.at_infinity()
+    signs = model.signs(model.real_part, v, values).moved(model.frequency)
+    if end < -least:
         signs = signs.below_beyond()
+    touch = next((zone for zone in signs.touches if zone.low > 0), None)
+    below, why = _first_below(model, signs, touch)
+    if (over := model.beyond > model.uncertain).any():
+        poles = f"T has poles {model.border} ({model.shown(over)})"
+        blur = f"{model.name} is 0 within rounding at {touch} rad/s" if touch else ""
+        return Realness("not PR", "; ".join(filter(None, [poles, why or blur])), below)
+    if why:
+        return Realness("not PR", why, below)
+    if model.beyond.max() > -model.uncertain:
+        return _on_the_border(model)
+    if signs.touches:
+        w = signs.touches[0].at if touch is None else touch.at
+        reason = f"{model.name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
+        return Realness("PR", reason, touch.first if touch else math.inf, rounded=True)
+    limit = model.limit(end)
+    if limit and end <= least:
+        return Realness("WSPR", f"{model.name} > 0 at every finite w, but {limit} within rounding")
+    return Realness("SPR", model.why_spr(values[:, 0], v, limit), math.inf, model.margin())
+
+
+def _on_the_border(model: Model) -> Realness:
+    """The kind of a model with poles that are, within rounding, neither stable nor unstable."""
+    at = model.shown(model.beyond > -model.uncertain)
+    own = 1.0 + model.D
+    closed = replace(model, A=model.A - model.B @ model.C / own) if own > 0 else None
+    if closed is None or (closed.beyond > closed.uncertain).any():  # n + d is not Hurwitz
+        why = f"a pole is repeated or its residue is not positive where T has one, at {at}"
+        return Realness("not PR", f"{why}, {AT_BORDER}")
+    return Realness("PR", f"{model.name} >= 0, with poles, {AT_BORDER}: {at}")
+
+
+def _first_below(model: Model, signs: SureSigns, touch: Edge | None) -> tuple[float, str]:
+    """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if there is one.
+
+    ``touch``: where Re T is first 0 within rounding, w = 0 apart.
+    """
+    if signs.above.all():
+        return touch.first if touch else math.inf, ""
     low, high, later = signs.first_band()
-    to = f"{low} < w < {high} rad/s" if high else f"w > {low} rad/s"
-    more = f" and at {later} higher places" if later else ""
-    return Realness("not PR", f"Re T(jw) < 0 for {to}{more}", low.first)
-
-
-def _margin(model: Model) -> float:
-    """The largest eps with T(s - eps) positive real."""
-
-    def holds(eps: float) -> bool:
-        moved = model.shifted(eps)
-        end, least = _at_infinity(moved)
-        return end >= -least and moved.is_real()
-
-    return last_that_holds(holds, -float(model.poles[0].real))
+    said = f"{model.name} < 0 for w > {low} rad/s"
+    last = model.frequency(math.inf)
+    if high is not None or math.isfinite(last):
+        more = f" and at {later} higher places" if later else ""
+        said = f"{model.name} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
+    if signs.touches and not signs.touches[0].low:
+        said += f"; below {signs.touches[0].high:.6g} rad/s rounding decides on its sign"
+    if touch is None or touch.low > low.first:
+        return low.first, said
+    return touch.first, f"{said}; before it, it is 0 within rounding at {touch} rad/s"
 
 
 def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
@@ -283,8 +303,8 @@ def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
     return low
 
 
-def level_crossings(model: Model, power: float) -> tuple[Edge, ...]:
-    """Where |T(jw)|^2 changes its side of ``power`` |T(0)|^2, w in rad/s, ascending."""
+def level_signs(model: Model, power: float) -> SureSigns:
+    """Where |T(jw)|^2 changes its side of ``power`` |T(0)|^2, in rad/s, ascending."""
     dc, rounding = model.at(0.0)
     square = power * abs(dc) ** 2
 
@@ -293,4 +313,5 @@ def level_crossings(model: Model, power: float) -> tuple[Edge, ...]:
         size = abs(t) ** 2 / square
         return size - 1.0, 2 * size * (slack / max(abs(t), slack) + rounding / abs(dc)) + EPS
 
-    return model.signs(above, model.places(model.level_zeros(square))).edges
+    signs = model.signs(above, model.places(model.level_zeros(square)))
+    return signs.moved(model.frequency)

@@ -14,7 +14,7 @@ from .floating import Model
 from .floating_sampled import SampledModel
 from .hinf import StateResponse
 from .margins import Margin
-from .sampled import is_sampled, sample_time
+from .sampled import is_sampled
 from .transfer import require_siso
 from .verdict import show_poles
 
@@ -24,23 +24,25 @@ class FloatingLoop:
     """L = C (sI - A)^-1 B + D, or L(z) where ``dt`` is given."""
 
     L: Model
-    dt: float | None = None
 
     @classmethod
     def of(cls, L: Any) -> FloatingLoop:
         """Raises InputError where the closed loop has no solution."""
         require_siso(L, "L")
-        sampled = is_sampled(L)
-        model = (SampledModel if sampled else Model).balanced(L)
+        model = (SampledModel if is_sampled(L) else Model).balanced(L)
         if model.D == -1:
             raise InputError(
                 "L(s) is -1 as s grows, so that the closed loop L/(1 + L) is improper."
             )
-        return cls(model, sample_time(L) if sampled else None)
+        return cls(model)
+
+    @property
+    def dt(self) -> float | None:
+        return self.L.dt
 
     def frequency(self, v: float) -> float:
         """w in rad/s of the place jv."""
-        return v if self.dt is None else 2.0 * math.atan(v) / self.dt
+        return self.L.frequency(v)
 
     @cached_property
     def sensitivity(self) -> StateResponse:
@@ -61,7 +63,7 @@ class FloatingLoop:
     def cause(self) -> str:
         """Why the closed loop is not stable; "" where it is."""
         closed = self.sensitivity
-        right = closed.beyond(closed.poles) > -closed.rounding
+        right = closed.beyond(closed.poles) >= -closed.rounding
         if not right.any():
             return ""
         upper = [p for p in map(complex, closed.poles[right]) if p.imag >= 0]
@@ -114,10 +116,12 @@ class FloatingLoop:
         return Margin(1.0 / most if most else math.inf, w)
 
     def known(self, factors: list[float]) -> float:
-        """The factor on L up to which ``factors`` are all that move it to -1."""
-        return math.inf
+        """The factor on L up to which ``factors`` are all that move it to -1: a beginning or an end
+        of L that is 0 within rounding may be reached beyond it."""
+        ends = [slack for value, slack in map(self.L.at, (0.0, math.inf)) if abs(value) <= slack]
+        return min((1.0 / float(slack) for slack in ends if slack), default=math.inf)
 
     def unstable_poles(self, gain: float) -> float:
         """Poles of the loop with L times ``gain`` that are not stable."""
         M = replace(self.L, C=gain * self.L.C, D=gain * self.L.D)
-        return FloatingLoop(M, self.dt).counts[2] if M.D != -1 else math.nan
+        return FloatingLoop(M).counts[2] if M.D != -1 else math.nan

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from .floating import EPS as ROUNDING
-from .floating import Model, Realness, is_seen, last_that_holds
-from .sampled import mapped_states, on_circle, sample_time
+from .floating import Model, last_that_holds
+from .pencil import EPS as ROUNDING
+from .sampled import mapped_states, on_circle
 from .sure_signs import Function, SureSigns
 from .transfer import require_siso
 from .verdict import show_poles
@@ -22,6 +22,9 @@ from .verdict import show_poles
 
 class SampledModel(Model):
     """C (zI - A)^-1 B + D; ``shift``: T(exp(-shift) z) instead. Frequencies are tan(w dt/2)."""
+
+    border = "outside the unit circle"
+    name = "Re T(exp(jw dt))"
 
     @classmethod
     def of(cls, T: Any) -> SampledModel:
@@ -31,11 +34,6 @@ class SampledModel(Model):
     def point(self, w: float) -> complex:
         return math.exp(-self.shift) * on_circle(w)
 
-    @property
-    def largest(self) -> float:
-        """The largest |z| of a pole."""
-        return float(np.abs(self.poles).max())
-
     @cached_property
     def poles(self) -> np.ndarray:
         """In z, the largest first."""
@@ -43,12 +41,17 @@ class SampledModel(Model):
         return poles[np.lexsort((poles.imag, -np.abs(poles)))]
 
     @property
-    def stable(self) -> bool:
-        return self.largest < 1
+    def beyond(self) -> np.ndarray:
+        """How far outside the unit circle the poles are."""
+        return np.abs(self.poles) - 1
 
-    @property
-    def decided(self) -> bool:
-        return bool(np.abs(np.abs(self.poles) - 1).min() > self.uncertain)
+    def frequency(self, v: float) -> float:
+        """In rad/s."""
+        assert self.dt is not None
+        return 2 * math.atan(v) / self.dt
+
+    def shown(self, over: np.ndarray) -> str:
+        return f"z = {show_poles([*map(complex, self.poles[over])])}"
 
     @property
     def uncertain(self) -> float:
@@ -81,46 +84,24 @@ class SampledModel(Model):
     def places(self, zeros: np.ndarray) -> np.ndarray:
         return np.append(super().places(zeros), math.inf)
 
+    def at_infinity(self) -> tuple[float, float]:
+        """The circle is closed: half the rate is a point like all others."""
+        return math.inf, 0.0
 
-def realness(T: Any) -> Realness:
-    """The kind of a sampled T; "" where a pole is on the circle or cancels outside it."""
-    model, dt = SampledModel.of(T), sample_time(T)
-    if not len(model.A):
-        return Realness("", "no poles")
-    if model.largest > 1 - model.uncertain:
-        if model.largest <= 1 + model.uncertain or not is_seen(model, np.abs):
-            return Realness("", "a pole on the circle, or one that cancels")
-        shown = show_poles([p for p in map(complex, model.poles) if abs(p) > 1])
-        return Realness("not PR", f"T has poles outside the unit circle (z = {shown})", 0.0)
-    v = model.places(model.realness_zeros())
-    w = 2 * np.arctan(v) / dt
-    values = np.array([model.real_part(x) for x in v])
-    real, slack = values.T
-    if (real < -slack).any():
-        return _not_real(model, v, values, dt)
-    k = int(np.argmin(real - slack))
-    if real[k] <= slack[k]:
-        reason = f"Re T(exp(jw dt)) >= 0, but it is 0 at w = {w[k]:.6g} rad/s within rounding"
-        return Realness("PR", reason, float(w[k]) or math.inf, rounded=True)
-    k = int(np.argmin(real))
-    reason = (
-        f"poles inside the unit circle (the largest |z| = {model.largest:.6g}) and "
-        f"Re T(exp(jw dt)) > 0 at every w, about {real[k]:.6g} at w = {w[k]:.6g} rad/s"
-    )
-    return Realness("SPR", reason, math.inf, _margin(model) / dt)
+    def limit(self, end: float) -> str:
+        return ""
 
+    def why_spr(self, real: np.ndarray, v: np.ndarray, limit: str) -> str:
+        k = int(np.argmin(real))
+        return (
+            f"poles inside the unit circle (the largest |z| = {self.beyond[0] + 1:.6g}) and "
+            f"{self.name} > 0 at every w, about {real[k]:.6g} at w = {self.frequency(v[k]):.6g} "
+            "rad/s"
+        )
 
-def _not_real(model: SampledModel, v: np.ndarray, values: np.ndarray, dt: float) -> Realness:
-    """The first band with Re T < 0."""
-    signs = model.signs(model.real_part, v, values)
-    low, high, later = signs.moved(lambda x: 2 * math.atan(x) / dt).first_band()
-    more = " and at higher places" if later else ""
-    end = high or f"{math.pi / dt:.6g}"
-    reason = f"Re T(exp(jw dt)) < 0 for {low} < w < {end} rad/s{more}"
-    return Realness("not PR", reason, low.first)
-
-
-def _margin(model: SampledModel) -> float:
-    """The largest eps dt with T(exp(-eps dt) z) positive real."""
-    high = -math.log(model.largest) if model.largest else 700.0
-    return last_that_holds(lambda eps: model.shifted(eps).is_real(), high)
+    def margin(self) -> float:
+        """The largest eps with T(exp(-eps dt) z) positive real."""
+        assert self.dt is not None
+        largest = self.beyond[0] + 1
+        high = -math.log(largest) if largest else 700.0
+        return last_that_holds(lambda eps: self.shifted(eps).is_real(), high) / self.dt

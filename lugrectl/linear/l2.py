@@ -17,14 +17,13 @@ from .delayed import DelayedTransfer
 from .delayed_checks import largest as delayed_largest
 from .delayed_checks import unstable
 from .exact import axis_roots, hurwitz
-from .hinf import StateResponse
+from .hinf import UNKNOWN, StateResponse
 from .measured import is_measured, response, span
 from .peaks import largest
 from .sampled import Sampled, is_sampled
 from .transfer import Transfer, number, parameter, read_transfer, to_float
 from .verdict import Verdict
 
-UNKNOWN = "whether the system is stable is within rounding"
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 
 

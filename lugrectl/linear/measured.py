@@ -35,6 +35,8 @@ def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
     if not (np.isfinite(w).all() and np.isfinite(values).all() and (w >= 0).all()):
         raise InputError(f"{name}: the frequencies and values of the response must be finite.")
     order = np.argsort(w, kind="stable")
+    if not np.diff(w[order]).all():
+        raise InputError(f"{name} has two values at one frequency; give each frequency once.")
     return w[order], values[order]
 
 

@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from ..core.errors import InputError
-from ..core.validation import shown
 from .margins import Margin
 from .measured import response, span
 
@@ -33,13 +31,9 @@ class MeasuredLoop:
     open_poles: int
 
     @classmethod
-    def of(cls, L: Any, open_poles: Any) -> MeasuredLoop:
-        """Raises InputError for a response that is not finite, or no number of poles."""
-        if isinstance(open_poles, bool) or not isinstance(open_poles, (int, np.integer)):
-            raise InputError(f"open_poles = {shown(open_poles)} must be a whole number.")
-        if open_poles < 0:
-            raise InputError(f"open_poles = {open_poles} must be 0 or more.")
-        return cls(*response(L, "L"), int(open_poles))
+    def of(cls, L: Any, open_poles: int) -> MeasuredLoop:
+        """Raises InputError for a response that is not finite."""
+        return cls(*response(L, "L"), open_poles)
 
     @property
     def said(self) -> str:
@@ -76,8 +70,10 @@ class MeasuredLoop:
         return [self._at(k, x) for k, x in _through(self._lines[0], 0.0)]
 
     def real_crossings(self) -> list[tuple[float, float]]:
-        """Where L is real and negative, and L there."""
-        return [(w, L.real) for w, L, _ in self._half_turns()]
+        """Where L is real and negative, and L there; below the band as it is continued."""
+        found = [(w, L.real) for w, L, _ in self._half_turns()]
+        late, rise = self._before()
+        return found if rise or late.real >= 1 else [(0.0, late.real - 1), *found]
 
     def _half_turns(self) -> list[tuple[float, complex, int]]:
         """Where the phase goes through an odd multiple of 180 deg, and whether it rises (1)."""
@@ -98,7 +94,7 @@ class MeasuredLoop:
         size, turned = self._lines
         x = np.linspace(0.0, 1.0, NEAR + 1)
         a, b = (line[:-1, None] + x * np.diff(line)[:, None] for line in (size, turned))
-        every, found = away(np.exp(a + 1j * b)), list[Margin]()
+        every, found = away(np.exp(a + 1j * b)), [Margin(float(away(0.0)), math.inf)]
         for flat in np.argsort(every, axis=None)[: AMONG * NEAR]:
             k, i = divmod(int(flat), NEAR + 1)
             ends = (max(x[i] - 1 / NEAR, 0.0), min(x[i] + 1 / NEAR, 1.0))

@@ -35,6 +35,8 @@ from .realness import band_edge, positive_real
 from .transfer import TINY, coefficients, lowest_terms, require_siso, roots
 from .verdict import show_poles
 
+AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
+
 
 def is_sampled(T: Any) -> bool:
     """Whether T is a linear system of python-control with a sample time."""
@@ -65,6 +67,8 @@ def mapped_states(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The model in v of C (zI - A)^-1 B + D, with the same values at z = (1 + v)/(1 - v)."""
     eye = np.eye(len(A))
+    if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
+        A = A * (1 - AT_HALF)
     inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
     return (
         inverse @ (A - eye),

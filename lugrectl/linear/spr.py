@@ -10,8 +10,8 @@ from typing import Any
 
 import control as ct
 
+from ..core.errors import InputError
 from ..core.views import view
-from . import floating_sampled
 from .delayed import DelayedTransfer
 from .delayed_checks import realness as delayed_realness
 from .exact import (
@@ -23,8 +23,9 @@ from .exact import (
     positive_roots,
     real_product,
 )
-from .floating import Model, Realness
+from .floating import Model
 from .floating import realness as realness_of
+from .floating_sampled import SampledModel
 from .loops import LoopT
 from .measured import is_measured, realness
 from .realness import band_edge, classify, margin
@@ -151,16 +152,14 @@ def spr_check(T: Any) -> SprVerdict:
         kind, eps, edge, reason = delayed_realness(T)
         reason += f"; {T.hidden}" if T.hidden else ""
         return SprVerdict(kind, eps, edge, f"{kind}: {reason}.").of(T)
+    if isinstance(T, ct.StateSpace) and T.nstates and (found := _floating(T)) is not None:
+        return found.of(T)
     if is_sampled(T):
-        return _sampled(T).of(T)
-    model = Model.of(T) if isinstance(T, ct.StateSpace) else None
-    if model is not None and len(model.A) > EXACT and (found := realness_of(model)).kind:
-        return _floating(found).of(T)
+        kind, eps, edge, reason = of_sampled(Sampled.of(T))
+        return SprVerdict(kind, eps, edge, f"{kind}: {reason}.").of(T)
     transfer = read_transfer(T)
     num, den, _ = transfer
     kind, edge = classify(num, den), band_edge(num, den)
-    if model is not None and kind != "PR" and (found := realness_of(model)).rounded:
-        return _floating(found).of(T)
     eps = margin(num, den) if kind == "SPR" else 0.0
     repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
     reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
@@ -170,20 +169,19 @@ def spr_check(T: Any) -> SprVerdict:
     return verdict.of(T)
 
 
-def _sampled(T: Any) -> SprVerdict:
-    """The verdict on T(z)."""
-    states = isinstance(T, ct.StateSpace)
-    if states and T.nstates > EXACT and (found := floating_sampled.realness(T)).kind:
-        return _floating(found)
-    kind, eps, edge, reason = of_sampled(Sampled.of(T))
-    if states and kind != "PR" and (found := floating_sampled.realness(T)).rounded:
-        return _floating(found)
-    return SprVerdict(kind, eps, edge, f"{kind}: {reason}.")
-
-
-def _floating(found: Realness) -> SprVerdict:
-    """The verdict on a state-space model in floating point."""
-    reason = f"{found.kind}: {found.reason} (decided in floating point)."
+def _floating(T: Any) -> SprVerdict | None:
+    """The verdict on a state-space model of many states, or one that is PR within rounding."""
+    try:
+        model, hidden = (SampledModel if is_sampled(T) else Model).of(T).seen()
+    except InputError:  # of any size in exact arithmetic
+        if T.nstates > EXACT:
+            raise
+        return None
+    found = realness_of(model)
+    if T.nstates <= EXACT and not found.rounded:
+        return None
+    reason = f"{found.kind}: {found.reason} (decided in floating point)"
+    reason += f"; {hidden}." if hidden else "."
     return SprVerdict(found.kind, found.margin, found.edge, reason)
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import control as ct
 
 from ..core.errors import InputError
+from ..core.validation import whole
 from ..core.views import view
 from .axis import zeros
 from .delayed import DelayedTransfer
@@ -21,6 +22,7 @@ from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest, st
 from .measured import is_measured
 from .measured_loop import LIKE_1, MeasuredLoop
 from .quasi import Quasi
+from .rounded import cleared
 from .sampled import Sampled, inside, is_sampled
 from .verdict import Verdict
 
@@ -28,7 +30,7 @@ AXIS = "This is the response of an axis, and no loop: give its product with the 
 CLOSED = "; L is 1 at w = 0, as a closed loop with integral action is: the open loop is asked for"
 SAME = 1e-9  # of L at w = 0: closer to 1 is 1
 Intervals = tuple[tuple[float, float], ...]
-EXACT = 8  # states up to which a loop in state space is decided in exact arithmetic
+EXACT = 6  # states up to which a loop in state space is decided in exact arithmetic
 BEYOND = (
     "; from {:.6g} rad/s on nothing is measured: there the gain margin is at least {:.4g} if |L| "
     "stays below its last value"
@@ -137,6 +139,9 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     The crossovers do not depend on a dead time in series: of L = G(s) exp(-s h) they are isolated
     exactly, and the delay margin falls by as much as h grows. A loop with |L| >= 1 as w grows
     stands no further dead time at all: infinitely many poles are then right of the axis.
+    Of a transfer function with the rounding of a conversion from state space (a pole at 4e-16 in
+    place of 0, a numerator of full degree with a leading 4e-16) this is taken out, and said.
+
     A factor that cancels from L and is not stable makes the loop not stable, and the reason says
     so.
 
@@ -144,7 +149,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     is True). The delay margin is that of whole samples: L(z) z^-k is stable for all k below
     delay_margin/dt. A dead time of a part of a sample changes L(z) itself.
 
-    A loop of more than 8 states, given in state space, is decided by eigenvalues in floating point,
+    A loop of more than 6 states, given in state space, is decided by eigenvalues in floating point,
     and the reason says so: a pole within rounding of the border counts as not stable; of |L| = 1
     and Im L = 0 only changes of sign are found, no touching.
 
@@ -175,6 +180,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     >>> round(1e3 * lg.stability_check(loop).delay_margin, 2)
     2.16
     """
+    open_poles = whole(open_poles, "open_poles")
     if is_measured(L):
         if getattr(L, "is_axis", False):
             warnings.warn(AXIS, AxisAsLoopWarning, stacklevel=2)
@@ -187,11 +193,13 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
         return _floating(FloatingLoop.of(L)).of(L)
     if is_sampled(L):
         return _sampled(Sampled.of(L, "L")).of(L)
-    made = DelayedTransfer.of(L, "L")
+    given, said = cleared(L)
+    made = DelayedTransfer.of(given, "L")
     closed = made.num + made.den
     _has_solution(closed)
     cause = f"it has {seen}" if (seen := unstable(closed)) else made.hidden
-    return _verdict(Loop(made), closed, cause).of(made)
+    found = _verdict(Loop(made), closed, cause)
+    return replace(found, reason=found.reason + said).of(made)
 
 
 def _has_solution(closed: Any) -> None:

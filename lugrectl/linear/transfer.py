@@ -61,6 +61,7 @@ def number(value: Any, what: str) -> Fraction:
     try:
         if isinstance(value, str):
             raise TypeError
+        float(value)  # beyond what a float holds it is none
         if isinstance(value, Rational):  # numpy integers keep a fixed width inside a Fraction
             return Fraction(int(value.numerator), int(value.denominator))
         return Fraction(value if isinstance(value, Decimal) else float(value))

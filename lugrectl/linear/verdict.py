@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any, Self
 
 from ..core.result import Result
 
+PER_SAMPLE = {"rad/s": "rad/sample", "1/s": "1/sample", "s": "samples"}
+SECONDS = re.compile(r"(?<=\d )(rad/s|1/s|s)\b|rad/s\b")
+NO_RATE = "; per sample, as T has no stated sample time: give its dt for rad/s and Hz"
+
 
 class Verdict(Result):
     """Base of the frozen verdict dataclasses; truthy when the property holds."""
 
+    reason: str
     _source: Any = None
 
     def summary(self) -> dict[str, Any]:
@@ -20,9 +26,22 @@ class Verdict(Result):
         return {"holds": bool(self), **values}
 
     def of(self, source: Any) -> Self:
-        """The verdict, which remembers what was checked, for :meth:`plot`."""
+        """The verdict, which remembers what was checked, for :meth:`plot`.
+
+        Without a stated sample time (dt is True) it is per sample.
+        """
         object.__setattr__(self, "_source", source)
+        if getattr(source, "dt", None) is True:
+            self._per_sample()
         return self
+
+    def _per_sample(self) -> None:
+        units = {
+            k: PER_SAMPLE[u] for k, u in self._units.items() if u in PER_SAMPLE and k != "gain"
+        }
+        reason = SECONDS.sub(lambda unit: PER_SAMPLE[unit[0]], self.reason)
+        object.__setattr__(self, "_units", units)
+        object.__setattr__(self, "reason", reason.rstrip(".") + NO_RATE)
 
     def __str__(self) -> str:
         rows = [f"  {row.name}: {row.text()}" for row in self._rows()]

@@ -72,8 +72,8 @@ class Sensors:
         alike = 0.0
         for at in self.samples.pieces:
             x, y = np.diff(self.w[at], 2)[1:-1], np.diff(self.theta[at], 3)
-            if len(y) > LEAST_NOISE and np.ptp(x) and np.ptp(y):
-                alike = max(alike, *(abs(np.corrcoef(x, y[k : k + len(x)])[0, 1]) for k in (0, 1)))
+            if len(y) > LEAST_NOISE:
+                alike = max(alike, *(_alike(x, y[k : k + len(x)]) for k in (0, 1)))
         return alike > ALIKE
 
     @property
@@ -140,8 +140,8 @@ class Sensors:
                 break
             shift = float(np.clip(self.lag, -0.05, VERY_LATE))
         X = np.column_stack(columns)
-        information = X.T @ (X * weights[:, None])
-        error = np.sqrt(2 * np.diag(np.linalg.pinv(information))) * scale
+        inverse = np.linalg.pinv(X * np.sqrt(weights)[:, None])
+        error = np.sqrt(2 * (inverse**2).sum(axis=1)) * scale
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
         self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > FAR_W:  # so late is no filter of one kind
@@ -173,6 +173,12 @@ class Sensors:
             misfit.append(float(np.mean(r**2)))
         best = int(np.argmin(misfit))
         return float(grid[best]) if grid[best] >= FAR_W and misfit[best] < 0.5 * misfit[0] else 0.0
+
+
+def _alike(x: np.ndarray, y: np.ndarray) -> float:
+    """The size of the correlation of two signals of any unit; 0 where one of them is constant."""
+    sizes = np.ptp(x), np.ptp(y)
+    return float(abs(np.corrcoef(x / sizes[0], y / sizes[1])[0, 1])) if all(sizes) else 0.0
 
 
 def moved(x: np.ndarray, steps: int) -> np.ndarray:

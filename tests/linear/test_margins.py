@@ -129,6 +129,16 @@ def test_the_poles_of_a_measured_unstable_plant_are_declared():
     assert lg.stability_check(F, open_poles=1).encirclements == 1
 
 
+def test_a_measured_loop_that_is_negative_at_low_frequency_has_its_factor_there():
+    """-0.5/(s + 1) is stable for factors below 2."""
+    F = ct.frd(ct.tf([-0.5], [1.0, 1.0]), np.geomspace(1e-4, 1e3, 500))
+    found = lg.stability_check(F)
+    assert found.gain_margin == pytest.approx(2.0) and found.gain_margin_frequency == 0.0
+    assert found.stable_gains == ((0.0, pytest.approx(2.0)),)
+    raised = lg.stability_check(4 * F)
+    assert not raised and raised.stable_gains == ((0.0, pytest.approx(0.5)),)
+
+
 def test_a_measured_loop_that_ends_above_1_is_not_decided():
     found = lg.stability_check(ct.frd(ct.tf([50.0], [1.0, 1.0]), [0.1, 1.0, 10.0]))
     assert not found and "not decided" in found.reason and math.isnan(found.modulus_margin)

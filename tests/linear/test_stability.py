@@ -117,7 +117,7 @@ def test_the_verdict_is_plain_data():
 def test_wrong_loops_are_named():
     with pytest.raises(InputError, match="is for a measured response"):
         lg.stability_check(ct.tf([1.0], [1.0, 0.5], 0.1), open_poles=1)
-    with pytest.raises(InputError, match="open_poles = 0.5"):
+    with pytest.raises(InputError, match="open_poles must be .* 0.5"):
         lg.stability_check(ct.frd(ct.tf([1.0], [1.0, 0.5]), [0.1, 1.0]), open_poles=0.5)
     with pytest.raises(InputError, match="no solution"):
         lg.stability_check(ct.tf([-1.0], [1.0]))
