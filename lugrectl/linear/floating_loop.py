@@ -112,7 +112,7 @@ class FloatingLoop:
     def disk(self, skew: int = 1) -> Margin:
         """1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L); skew 1: least |1 + L|."""
         S = self.sensitivity
-        most, w = replace(S, D=S.D + 0.5 * (skew - 1)).peak()
+        most, w = S.plus(0.5 * (skew - 1)).peak()
         return Margin(1.0 / most if most else math.inf, w)
 
     def known(self, factors: list[float]) -> float:

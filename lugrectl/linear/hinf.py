@@ -11,13 +11,13 @@ z = (1 + v)/(1 - v).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.linalg import schur, solve_sylvester, solve_triangular
+from scipy.linalg import get_lapack_funcs, schur, solve_sylvester
 from scipy.optimize import minimize_scalar
 
 from .exact import hurwitz
@@ -32,6 +32,8 @@ EXACT = 16  # states up to which stability is decided in exact arithmetic: some 
 UNSEEN = 1e-9  # of its inputs and outputs: a mode of less does not show
 UNKNOWN = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
+
+_solve: Any = get_lapack_funcs("trtrs", dtype=complex)  # of a triangle, without its checks
 
 
 @dataclass(frozen=True)
@@ -133,8 +135,18 @@ class StateResponse:
         if not len(self.A) or (math.isinf(w) and self.dt is None):
             return _norm(self.D)
         S, B, C = self._triangular
-        point = 1j * w if self.dt is None else on_circle(w)
-        return _norm(self.D + C @ solve_triangular(point * np.eye(len(S)) - S, B))
+        M = -S
+        np.fill_diagonal(M, M.diagonal() + (1j * w if self.dt is None else on_circle(w)))
+        right, singular = _solve(M, B)
+        if singular:
+            raise np.linalg.LinAlgError("singular matrix")
+        return _norm(self.D + C @ right)
+
+    def plus(self, D: float) -> StateResponse:
+        """The same with another direct term; what is known of A serves both."""
+        made = replace(self, D=self.D + D)
+        made.__dict__.update(poles=self.poles, _triangular=self._triangular)
+        return made
 
     @cached_property
     def _continuous(self) -> StateResponse:
