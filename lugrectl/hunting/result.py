@@ -12,6 +12,7 @@ from ..core.display import Row, Shown, noticed, number
 from ..core.result import Result
 from ..core.views import view
 
+SCATTERS = 0.02  # of the amplitude: a swing that does not repeat
 BORDER = "the smallest start that does not come to rest"
 FIRST = "the smallest start that was searched does not come to rest"
 
@@ -23,9 +24,9 @@ class Cycle(Shown):
     ``amplitude`` is half the peak to peak of theta, ``period`` in s. ``multipliers`` of one turn
     of the cycle: a small distance from it grows by them; stable where all are below 1 in size. They
     are empty where a cycle was found by waiting. ``stops`` in a period; None: not counted.
-    ``scatter``, of the size of half turns about the amplitude: counts make hunting irregular.
-    ``amplitude`` is of the side that is controlled; where a gap or a spring is between motor and
-    load, ``amplitude_motor`` and ``amplitude_load`` stand beside it.
+    ``scatter``, of the size of half turns about the amplitude, which is then their mean: counts and
+    gaps make hunting irregular. ``amplitude`` is of the side that is controlled; where a gap or a
+    spring is between motor and load, ``amplitude_motor`` and ``amplitude_load`` stand beside it.
     """
 
     amplitude: float
@@ -161,6 +162,8 @@ class LimitCycles(Result):
             kind = "stable" if c.stable else "unstable"
             stops = "" if c.stops is None else f", {c.stops} stops"
             said = f"+-{number(c.amplitude)} {unit}, period {number(c.period)} s, {kind}{stops}"
+            if c.scatter > SCATTERS * c.amplitude:
+                said += f", half turns scatter by {number(c.scatter)} {unit}"
             sides = ", ".join(f"{k} +-{number(v)} {unit}" for k, v in c.sides.items())
             yield Row("cycle", said + (f" ({sides})" if sides else ""))
         if self.basin is not None:

@@ -22,7 +22,7 @@ from .lanes import Loop
 from .ramp_bristles import ramp_run
 from .steady_sliding import Sliding
 
-LOWEST, RATIO = 1e-5, 1.35  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
+LOWEST, RATIO = 1e-5, 1.1  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
 CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
 
 

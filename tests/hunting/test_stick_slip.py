@@ -116,3 +116,10 @@ def test_the_picture_marks_both_speeds_and_effects_are_named():
     plt.close("all")
     with pytest.raises(lg.InputError, match="no gain 'Fc'"):
         lg.stick_slip_speed(model, **gains, vary={"Fc": (1.0, 2.0)})
+
+
+def test_a_narrow_band_of_speeds_that_stick_is_found():
+    """Simulated elsewhere in steps of 4e-6 s, it sticks at 0.095 rad/s up to kd 9.27."""
+    law = {"J": 0.6, "Fc": 0.65, "Fs": 2.85, "vs": 0.16, "Fv": 0.1}
+    found = lg.stick_slip_speed(lg.Model.of(friction="stribeck", **law), kp=95.0, kd=9.2)
+    assert 0.095 < found.speed_end < 0.12
