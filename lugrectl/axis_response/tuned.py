@@ -182,6 +182,9 @@ class Tuning(Result):
         for name, key, unit in MARGINS:
             at = getattr(self.margins, f"{key}_frequency") / (2.0 * np.pi)
             note = f"at {at:.3g} Hz" if np.isfinite(at) else ""
+            if key == "gain_margin":
+                low, high = self.margins.gain_range
+                note += f", stable from {low:.3g} to {high:.3g} times" if note else ""
             yield Row(name, number(getattr(self.margins, key), 3), unit, note)
         yield Row("worst Ms", number(self.worst, 3), "", "of every axis in the band")
         if self.limit_cycles is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
@@ -19,18 +19,19 @@ GAINS = ("kp", "ki", "kd", "kv")
 Hunts = Callable[..., bool | None]
 
 
-def changes(
-    hunts: Hunts, vary: Mapping[str, tuple[float, float]]
-) -> dict[str, tuple[float | tuple[float, float], ...]]:
-    """By gain where ``hunts(ki=...)`` changes: scanned in even ratios, then bisected; two ends
-    where it is None, undecided, between them."""
-    found = {}
+Changes = dict[str, tuple[tuple[Any, bool], ...]]
+
+
+def changes(hunts: Hunts, vary: Mapping[str, tuple[float, float]]) -> Changes:
+    """By gain where ``hunts(ki=...)`` changes, and whether it begins there as the gain rises:
+    scanned in even ratios, then bisected; two ends where it is None, undecided, between them."""
+    found: Changes = {}
     for name, (low, high) in vary.items():
         values = [float(v) for v in np.geomspace(low, high, SCANNED)]
         at = cache(lambda v, name=name: hunts(**{name: v}))
         sure = [v for v in values if at(v) is not None]
         pairs = zip(sure, sure[1:], strict=False)
-        found[name] = tuple(_change(at, a, b) for a, b in pairs if at(a) != at(b))
+        found[name] = tuple((_change(at, a, b), bool(at(b))) for a, b in pairs if at(a) != at(b))
     return found
 
 
@@ -60,6 +61,22 @@ def ranges(given: Any, what: str, names: tuple[str, ...] = GAINS) -> dict[str, t
             raise InputError(f"{what}: {name} goes from {low:g} to {high:g}; give them increasing.")
         made[name] = (low, high)
     return made
+
+
+def values_of(found: Changes) -> dict[str, tuple[Any, ...]]:
+    """The values alone."""
+    return {name: tuple(value for value, _ in every) for name, every in found.items()}
+
+
+def in_words(found: Changes, what: str) -> Iterator[str]:
+    """Where ``what`` begins and ends, a sentence for each gain."""
+    for name, every in found.items():
+        said = [
+            f"{'begins' if begins else 'ends'} "
+            + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
+            for v, begins in every
+        ]
+        yield f"as {name} rises, {what} {', '.join(said) or 'neither begins nor ends'}"
 
 
 def _edge(holds: Callable[[float], bool], a: float, b: float) -> tuple[float, float]:

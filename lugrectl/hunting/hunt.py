@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from time import monotonic
 from typing import Any
 
 import numpy as np
 
 from ..blocks.model import Model, as_model
+from ..core.display import number as shown
 from ..core.errors import InputError
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
 from .bristles import bristle_cycles, known
-from .critical import changes, ranges
+from .critical import changes, in_words, ranges, values_of
 from .curve import curve_of
 from .lanes import Loop
 from .result import LimitCycles
@@ -28,6 +30,7 @@ HORIZON = 15.0  # s, of the first run of a loop of blocks
 LONGER = (1, 4, 16, 64)  # how many times its first length a run may take
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
 PERIODS = 12.0  # of a cycle that is checked with bristles
+BELOW = "the limit is not above the torque {} at which friction breaks away: it never moves"
 FROM = "from errors at breakaway of {} to {} rad"
 STEPPED = "from steps of r of {} to {} rad"
 
@@ -141,7 +144,7 @@ def limit_cycles(
     (True, 'Coulomb and viscous friction')
     """
     end = None if time_limit is None else positive(time_limit, "time_limit", "seconds")
-    work = {"seconds": end, "report": reporter(progress)}
+    work = {"end": np.inf if end is None else monotonic() + end, "report": reporter(progress)}
     if hasattr(loop, "input_labels"):
         given = (kp, ki, kd, kv, rate, counts, limit, vary)
         if dead_time or any(v is not None for v in given):
@@ -162,7 +165,9 @@ def limit_cycles(
         every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
         return searched(model, pid_gains(**every), sensing, most, work).hunts
 
-    return replace(found, critical=changes(hunts, ends))
+    critical = changes(hunts, ends)
+    said = (*in_words(critical, "hunting"), *found.messages)
+    return replace(found, critical=values_of(critical), messages=said)
 
 
 def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
@@ -223,6 +228,8 @@ def searched(
     else:
         answer = rigid
     said = {} if limit is None else {"limit": limit}
+    if limit is not None and limit <= loop.curve.Fs:
+        answer = answer._replace(messages=[BELOW.format(shown(loop.curve.Fs)), *answer.messages])
     return LimitCycles(
         tuple(answer.cycles),
         answer.basin,

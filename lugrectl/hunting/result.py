@@ -169,13 +169,6 @@ class LimitCycles(Result):
         if self.basin is not None:
             said = f"{number(self.basin)} {unit}: {BORDER}" if self.basin else FIRST
             yield Row("border", said)
-        for name, values in self.critical.items():
-            ends = ", ".join(
-                f"{v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v)
-                for v in values
-            )
-            said = f"begins or ends at {name} {ends}" if values else f"is the same at each {name}"
-            yield Row("hunting", said)
         if self.proof:
             yield Row("proof", self.proof)
         if self.stick_slip:

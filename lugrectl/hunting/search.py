@@ -28,8 +28,8 @@ VERBS = {
 class Search:
     """Runs from several starts, each as long as it needs within a budget of simulated time.
 
-    ``lengths``: how many times its first length a run may take. After ``seconds`` (none: no end)
-    what is not known stays open. A motion that swings as large as one that is known to go on, or
+    ``lengths``: how many times its first length a run may take. What is not known at the time
+    ``end`` stays open. A motion that swings as large as one that is known to go on, or
     that such a one has passed, goes on like it; that a motion rests is seen of each by itself.
     """
 
@@ -38,12 +38,12 @@ class Search:
         run: Run,
         starts: Iterable[float],
         lengths: Sequence[int],
-        seconds: float | None = None,
+        end: float = np.inf,
         report: Callable[[float, str], None] = lambda share, what: None,
     ) -> None:
         self.run, self.starts = run, sorted(map(float, starts))
         self.lengths, self.report = lengths, report
-        self.end = np.inf if seconds is None else monotonic() + seconds
+        self.end = end
         self.small, self.large = SMALLER * self.starts[0], LARGER * self.starts[-1]
         self.passed: list[tuple[float, float]] = []
         self.sure: list[Seen] = []

@@ -15,7 +15,7 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, picked
 from ..core.views import view
 from . import ramp_bristles, ramp_map
-from .critical import changes, ranges
+from .critical import changes, in_words, ranges, values_of
 from .curve import curve_of
 from .hunt import GAINS, PAPER, pid_gains
 from .lanes import Loop
@@ -86,10 +86,6 @@ class StickSlip(Result):
     def _rows(self) -> Iterable[Row]:
         yield Row("speed_start", self.speed_start, self.unit, "below it sliding is unstable")
         yield Row("speed_end", self.speed_end, self.unit, "above it no stick-slip persists")
-        for name, values in self.critical.items():
-            said = ", ".join(f"{v:.4g}" for v in values)
-            said = f"begins or ends at {name} {said}" if values else f"is the same at each {name}"
-            yield Row("stick-slip", said)
         yield from noticed(self.messages, "messages")
 
 
@@ -174,7 +170,8 @@ def stick_slip_speed(
         return not search.loop.is_stable() or next(search.persisting(), None) is not None
 
     critical = {} if ends is None else changes(sticks, ends)
-    return replace(found, critical=critical, messages=(*said, *found.messages))
+    said = (*in_words(critical, "stick-slip"), *said, *found.messages)
+    return replace(found, critical=values_of(critical), messages=said)
 
 
 def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:

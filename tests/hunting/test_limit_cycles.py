@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.hunting.critical import changes
+from lugrectl.hunting.critical import changes, in_words
 from lugrectl.hunting.curve import curve_of
 from lugrectl.hunting.lanes import Loop
 from lugrectl.hunting.stick_map import excess
@@ -165,10 +165,12 @@ def test_where_hunting_is_undecided_a_critical_gain_has_two_ends():
     def hunts(ki):
         return None if 3.0 < ki < 4.0 else ki > 3.5
 
-    (ends,) = changes(hunts, {"ki": (1.0, 10.0)})["ki"]
-    assert ends == pytest.approx((3.0, 4.0), rel=2e-3)
-    (one,) = changes(lambda ki: ki > 3.5, {"ki": (1.0, 10.0)})["ki"]
-    assert one == pytest.approx(3.5, rel=2e-3)
+    ((ends, begins),) = changes(hunts, {"ki": (1.0, 10.0)})["ki"]
+    assert ends == pytest.approx((3.0, 4.0), rel=2e-3) and begins
+    found = changes(lambda ki: ki < 3.5, {"ki": (1.0, 10.0)})
+    ((one, begins),) = found["ki"]
+    assert one == pytest.approx(3.5, rel=2e-3) and not begins
+    assert [*in_words(found, "hunting")] == ["as ki rises, hunting ends at 3.5"]
 
 
 @pytest.mark.parametrize(("kp", "ki"), [(3.0, 3.9), (100.0, 90.0), (3.0, 0.04)])
