@@ -111,7 +111,7 @@ def write(r: Reproduction, folder: str | Path) -> list[Path]:
 
     Raises InputError when the folder cannot be written.
     """
-    folder = Path(folder)
     report.check_folder(folder)
+    folder = Path(folder)
     content = dict(zip(FILES, (html(r), r.to_json() + "\n"), strict=True))
     return write_all_or_say(content, folder, "page")

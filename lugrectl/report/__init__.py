@@ -10,6 +10,7 @@ from typing import Any
 
 from ..core.display import grid_text as _grid_text
 from ..core.errors import InputError
+from ..core.validation import shown
 from .atomic import nearest, write_all_or_say
 from .page import fragment, html
 from .section import Section
@@ -71,12 +72,15 @@ def write(d: Any, folder: str | Path) -> list[Path]:
     A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
     written.
     """
+    check_folder(folder)
     folder = Path(folder)
     return write_all_or_say(content(d, folder), folder, "report")
 
 
 def check_folder(folder: str | Path) -> None:
     """Raise InputError if a report cannot be written into the folder."""
+    if not isinstance(folder, (str, os.PathLike)):
+        raise InputError(f"the folder must be a path, not {shown(folder)}.")
     base = nearest(Path(folder).absolute())
     if not base.is_dir():
         raise InputError(f"{folder}: {base} is not a folder; choose another path.")

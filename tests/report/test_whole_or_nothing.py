@@ -214,3 +214,8 @@ def test_a_folder_that_only_reads_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(lg.InputError, match="no permission to write there"):
         check_folder(tmp_path)
+
+
+def test_a_folder_that_is_no_path_is_refused():
+    with pytest.raises(lg.InputError, match="the folder must be a path, not None"):
+        bare().save(None)
