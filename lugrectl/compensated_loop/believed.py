@@ -33,7 +33,7 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
             raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
         except ValueError as error:
             raise InputError(f"{p}: not a JSON document ({error}).") from None
-    if not isinstance(p, Mapping) or "members" not in p or p.get("schema") != 1:
+    if not isinstance(p, Mapping) or "members" not in p or p.get("schema", 1) != 1:
         raise InputError(
             f"{what} must be a result or the report.json of one, by this version of lugrectl."
         )
