@@ -89,7 +89,9 @@ class Mechanics:
         free = max(noise.sum() ** 2 / max(np.square(noise).sum(), 1e-300), 1.0)
         t = float(t_distribution.ppf(0.975, free))
         width = float(np.sqrt(t**2 * noise.sum() + Z95**2 * left.sum()))
-        return float(np.exp(log)), (float(np.exp(log - width)), float(np.exp(log + width)))
+        with np.errstate(over="ignore"):  # not known at all: up to inf
+            low, value, high = np.exp([log - width, log, log + width])
+        return float(value), (float(low), float(high))
 
     @property
     def pairs(self) -> np.ndarray:

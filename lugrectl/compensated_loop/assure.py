@@ -108,7 +108,8 @@ def assure(
     progress : callable, True, False or None
         ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
     hunts : float
-        Share of the drives that may hunt at rest: the upper end of its 95 % interval.
+        Share of the drives that may hunt at rest: the upper end of its 95 % interval. 1: whatever
+        it does at rest.
     still : float, optional
         The swing at rest that is no hunting, peak to peak in rad; default: two counts, or where
         the position has no counts a thousandth of the reference's amplitude.
@@ -176,7 +177,8 @@ def assure(
     if not FEWEST <= setting.samples(PERIODS) <= MOST:
         raise InputError(f"the reference takes {setting.samples(PERIODS)} samples, outside "
                          f"{FEWEST} to {MOST}: give another frequency.")  # fmt: skip
-    hunts, seed = share(hunts, "hunts"), whole(seed, "seed")
+    hunts = 1.0 if hunts == 1.0 else share(hunts, "hunts")
+    seed = whole(seed, "seed")
     least = max(enough(confidence), enough_at_rest(hunts, spare=1))
     count = least if members is None else whole(members, "members", least=2)
     still = setting.usual_still() if still is None else positive(still, "still", "rad")

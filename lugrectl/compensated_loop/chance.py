@@ -84,7 +84,9 @@ class Outcomes(Chance):
 
 def hunting_at_most(members: int, part: float) -> int:
     """How many of them may hunt so that the interval of the chance ends at ``part``; -1 where they
-    are too few. 0 of n ends near 3.7/n, so that it takes 72 drives for 0.05."""
+    are too few. 0 of n ends near 3.7/n, so that it takes 72 drives for 0.05; all for 1."""
+    if part == 1.0:
+        return members
     counts = np.arange(members)
     ends = stats.beta.ppf(0.5 * (1.0 + SURE), counts + 1, members - counts)
     return int(np.searchsorted(ends, part, "right")) - 1
