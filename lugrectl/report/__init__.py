@@ -72,17 +72,20 @@ def write(d: Any, folder: str | Path) -> list[Path]:
     A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
     written.
     """
-    check_folder(folder)
-    folder = Path(folder)
+    folder = _path(folder)
     return write_all_or_say(content(d, folder), folder, "report")
 
 
 def check_folder(folder: str | Path) -> None:
     """Raise InputError if a report cannot be written into the folder."""
-    if not isinstance(folder, (str, os.PathLike)):
-        raise InputError(f"the folder must be a path, not {shown(folder)}.")
-    base = nearest(Path(folder).absolute())
+    base = nearest(_path(folder).absolute())
     if not base.is_dir():
         raise InputError(f"{folder}: {base} is not a folder; choose another path.")
     if not os.access(base, os.W_OK | os.X_OK):
         raise InputError(f"{folder}: no permission to write there; choose another folder.")
+
+
+def _path(folder: Any) -> Path:
+    if not isinstance(folder, (str, os.PathLike)):
+        raise InputError(f"the folder must be a path, not {shown(folder)}.")
+    return Path(folder)
