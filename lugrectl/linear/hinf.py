@@ -29,7 +29,7 @@ from .verdict import show_poles
 RISE = 1e-11  # of the largest value: the next level is higher by this
 LEVELS = 60
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
-UNSEEN = 1e-9  # of its inputs and outputs: a mode of less does not show
+UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
 UNKNOWN = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
 
