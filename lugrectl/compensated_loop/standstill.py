@@ -13,9 +13,7 @@ SHRINKS = 0.9  # of its size a third before: a swing that does not persist
 SETTLES = 0.5  # the same of a torque that approaches its end: what is left is less than this moved
 BLOCKS = 8  # means of the torque
 LINE = 4.0  # times their distance from it; eight random means reach that once in 600 times
-SLOW = (
-    1e-3  # of the range of the torque: what moves by less takes a thousand such runs to break away
-)
+SLOW = 1e-3  # of the range of the torque: so slow it takes a thousand such runs to break away
 
 
 class Rest(NamedTuple):

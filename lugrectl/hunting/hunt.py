@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from time import monotonic
 from typing import Any
@@ -31,7 +31,7 @@ LONGER = (1, 4, 16, 64)  # how many times its first length a run may take
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
 PERIODS = 12.0  # of a cycle that is checked with bristles
 BELOW = "the limit is not above the torque {} at which friction breaks away: it never moves"
-FROM = "from errors at breakaway of {} to {} rad"
+FROM = "from errors at breakaway of {} to {}"
 STEPPED = "from steps of r of {} to {} rad"
 
 
@@ -152,22 +152,23 @@ def limit_cycles(
                 "a loop of blocks has its own gains, rate, dead time and limit: give none."
             )
         return _of_loop(loop, work)
-    model, gains = as_model(loop), pid_gains(kp, ki, kd, kv)
+    model, gains = as_model(loop), varied(kp, ki, kd, kv)
     most = None if limit is None else positive(limit, "limit", "N m")
     sensing = _sensing(rate, dead_time, counts, model.motion)
     ends = None if vary is None else ranges(vary, "vary")
-    found = searched(model, gains, sensing, most, work)
+    found = searched(model, gains(), sensing, most, work)
     if ends is None:
         return found
-    own = {k: v for k, v in {"kp": kp, "ki": ki, "kd": kd, "kv": kv}.items() if v is not None}
-
-    def hunts(**changed: float) -> bool | None:
-        every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
-        return searched(model, pid_gains(**every), sensing, most, work).hunts
-
-    critical = changes(hunts, ends)
+    critical = changes(lambda **x: searched(model, gains(**x), sensing, most, work).hunts, ends)
     said = (*in_words(critical, "hunting"), *found.messages)
     return replace(found, critical=values_of(critical), messages=said)
+
+
+def varied(kp: Any, ki: Any, kd: Any, kv: Any) -> Callable[..., dict[str, float]]:
+    """kp, ki and kd of the PID by gains that are changed: the paper's if none is given."""
+    own = {k: v for k, v in zip((*GAINS, "kv"), (kp, ki, kd, kv), strict=True) if v is not None}
+    none: dict[str, Any] = dict.fromkeys((*GAINS, "kv"))
+    return lambda **changed: pid_gains(**none | (own or PAPER) | changed)
 
 
 def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
@@ -230,21 +231,26 @@ def searched(
     said = {} if limit is None else {"limit": limit}
     if limit is not None and limit <= loop.curve.Fs:
         answer = answer._replace(messages=[BELOW.format(shown(loop.curve.Fs)), *answer.messages])
+    about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **said, **_said(sensing)}
+    return _result(answer, about, model.motion)
+
+
+def _result(answer: Answer, about: dict[str, Any], motion: str = "rotary") -> LimitCycles:
     return LimitCycles(
         tuple(answer.cycles),
         answer.basin,
         answer.proof,
         answer.diverges,
-        {**gains, "J": loop.J, "law": law.name, "model": model.name, **said, **_said(sensing)},
+        about,
         tuple(answer.messages),
         curve=answer.curve,
-        motion=model.motion,
+        motion=motion,
         undecided=answer.undecided,
     )
 
 
 def _where(model: Model) -> str:
-    return FROM if model.motion == "rotary" else FROM.replace("rad", "m")
+    return f"{FROM} {'rad' if model.motion == 'rotary' else 'm'}"
 
 
 def _said(sensing: Sensing | None) -> dict[str, float]:
@@ -280,12 +286,4 @@ def _with_all(
 
 def _of_loop(system: Any, work: Mapping[str, Any]) -> LimitCycles:
     answer = Search(loop_run(system, HORIZON), STEPS, LONGER, **work).answer(STEPPED)
-    return LimitCycles(
-        tuple(answer.cycles),
-        answer.basin,
-        None,
-        answer.diverges,
-        {"name": getattr(system, "name", "")},
-        tuple(answer.messages),
-        undecided=answer.undecided,
-    )
+    return _result(answer, {"name": getattr(system, "name", "")})

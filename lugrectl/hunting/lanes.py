@@ -83,6 +83,12 @@ class Loop:
         return (self.kd + self.curve.viscous) * self.kp > self.ki * self.J
 
     @property
+    def matrix(self) -> np.ndarray:
+        """The loop without friction: the rates of e, w and the integral's torque by these."""
+        gains = [-self.kp / self.J, -self.kd / self.J, 1.0 / self.J]
+        return np.array([[0.0, 1.0, 0.0], gains, [-self.ki, 0.0, 0.0]])
+
+    @property
     def reach(self) -> float:
         """The largest error that friction can keep up, in units; inf where fast motion grows."""
         return self.largest[1]
@@ -96,19 +102,19 @@ class Loop:
         """
         if not self.is_stable():
             return np.inf, np.inf
-        delta = (self.kd + self.curve.viscous) / np.sqrt(self.kp * self.J)
-        rho = self.ki / (self.kp * self.wn)
-        M = expm(STEP * np.array([[0.0, 1.0, 0.0], [-1.0, -delta, 1.0], [-rho, 0.0, 0.0]]))
-        x, step, total = np.array([0.0, 1.0, 0.0]), STEP, np.zeros(2)
-        last = total + 1.0
+        own = self.matrix
+        own[1, 1] -= self.curve.viscous / self.J
+        step = STEP / self.wn
+        M, x, total = expm(step * own), np.array([0.0, 1.0 / self.J, 0.0]), np.zeros(2)
+        last = total + np.inf
         while np.any(last > ENOUGH * total):
             last = np.zeros(2)
             for _ in range(PER_OCTAVE):
                 x = M @ x
                 last += step * np.abs(x[:2])
             total, M, step = total + last, M @ M, 2.0 * step
-        error, speed = total * self.curve.most / self.curve.Fs
-        return float(speed), float(error)
+        error, speed = total * self.curve.most / self.unit
+        return float(speed / self.wn), float(error)
 
 
 def together(loops: list[Loop], count: int) -> Lanes:

@@ -11,17 +11,15 @@ import numpy as np
 from ..blocks import controllers
 from ..blocks.model import Model
 from ..blocks.plant import plant
+from ..simulation.response import simulate
 from .lanes import Loop
 from .ramp_map import errors
-from .simulated import quietly, simulate
+from .simulated import quietly
 
 PERIODS, STICKS, WAITS = 20.0, 15.0, 3.0  # 2 pi/wn, Fs/(kp v) and kp/ki that a part of a run lasts
 PARTS, POINTS = 8, 3000  # parts of a run, at most, and points of a part
 STEADY = 0.99  # relative size of the error's swing in a part and the one before: it persists
-SLOW, FAST = (
-    0.1,
-    0.5,
-)  # of v: a drive that is slower sticks; one that never is as slow as this slides
+SLOW, FAST = 0.1, 0.5  # of v: a drive that is slower sticks; one that is always faster slides
 STARTS = 8  # errors at breakaway
 SHARE = 0.9  # of the torque at breakaway: a stick in which a run begins
 

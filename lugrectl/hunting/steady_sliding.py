@@ -58,8 +58,7 @@ class Sliding:
         ends = [[self.friction(x[0], x[1:]) for x in (at + d, at - d)] for d in np.diag(steps)]
         slope = np.array([(a - b) / (2.0 * d) for (a, b), d in zip(ends, steps, strict=True)]).T
         A = np.zeros((3 + len(z), 3 + len(z)))
-        A[0, 1], A[2, 0] = 1.0, -loop.ki
-        A[1, :3] = -loop.kp / loop.J, -loop.kd / loop.J, 1.0 / loop.J
+        A[:3, :3] = loop.matrix
         A[1, [1, *range(3, len(A))]] -= slope[0] / loop.J
         A[3:, [1, *range(3, len(A))]] = slope[1:]
         if not loop.ki:

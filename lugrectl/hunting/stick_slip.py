@@ -17,7 +17,7 @@ from ..core.views import view
 from . import ramp_bristles, ramp_map
 from .critical import changes, in_words, ranges, values_of
 from .curve import curve_of
-from .hunt import GAINS, PAPER, pid_gains
+from .hunt import varied
 from .lanes import Loop
 from .ramp_bristles import ramp_run
 from .steady_sliding import Sliding
@@ -155,18 +155,16 @@ def stick_slip_speed(
     >>> round(found.speed_start, 3), round(found.speed_end, 2)
     (0.191, 0.37)
     """
-    known, gains = as_model(model), pid_gains(kp, ki, kd, kv)
+    known, gains = as_model(model), varied(kp, ki, kd, kv)
     ends = None if vary is None else ranges(vary, "vary")
-    own = {k: v for k, v in {"kp": kp, "ki": ki, "kd": kd, "kv": kv}.items() if v is not None}
     bare, report, asked = replace(known, effects=()), reporter(progress), [0]
-    found = _found(bare, gains)
+    found = _found(bare, gains())
     said = [f"left out: {', '.join(p.key for p in known.effects)}"] * bool(known.effects)
 
     def sticks(**changed: float) -> bool:
         asked[0] += 1
         report(1.0 - 0.9 ** asked[0], "gains tried")
-        every = dict.fromkeys((*GAINS, "kv")) | (own or PAPER) | changed
-        search = _Search(bare, pid_gains(**every))
+        search = _Search(bare, gains(**changed))
         return not search.loop.is_stable() or next(search.persisting(), None) is not None
 
     critical = {} if ends is None else changes(sticks, ends)
