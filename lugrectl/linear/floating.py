@@ -66,7 +66,7 @@ class Model:
         require_sizes(A, B, C, D)
         return cls(A, B, C, float(D[0, 0]), dt)
 
-    @property
+    @cached_property
     def response(self) -> StateResponse:
         return StateResponse(self.A, self.B, self.C, np.atleast_2d(self.D), self.dt)
 
@@ -94,13 +94,13 @@ class Model:
     @cached_property
     def poles(self) -> np.ndarray:
         """In 1/s, rightmost first, without the shift."""
-        poles = np.linalg.eigvals(self.A)
+        poles = self.response.poles
         return poles[np.lexsort((poles.imag, -poles.real))]
 
     @property
     def uncertain(self) -> float:
         """A real part of a pole in 1/s below which rounding decides on its side."""
-        return 1e3 * EPS * self.norm
+        return self.response.rounding
 
     @property
     def beyond(self) -> np.ndarray:
