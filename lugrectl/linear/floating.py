@@ -94,7 +94,7 @@ class Model:
     @cached_property
     def poles(self) -> np.ndarray:
         """In 1/s, rightmost first, without the shift."""
-        poles = self.response.poles
+        poles: Any = self.response.poles
         return poles[np.lexsort((poles.imag, -poles.real))]
 
     @property

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from .floating import Model, last_that_holds
-from .pencil import EPS as ROUNDING
 from .sampled import mapped_states, on_circle
 from .sure_signs import Function, SureSigns
 from .transfer import require_siso
@@ -37,7 +36,7 @@ class SampledModel(Model):
     @cached_property
     def poles(self) -> np.ndarray:
         """In z, the largest first."""
-        poles = np.linalg.eigvals(self.A)
+        poles: Any = self.response.poles
         return poles[np.lexsort((poles.imag, -np.abs(poles)))]
 
     @property
@@ -52,11 +51,6 @@ class SampledModel(Model):
 
     def shown(self, over: np.ndarray) -> str:
         return f"z = {show_poles([*map(complex, self.poles[over])])}"
-
-    @property
-    def uncertain(self) -> float:
-        """A distance of a pole from the unit circle below which rounding decides on its side."""
-        return 1e3 * ROUNDING * max(self.norm, 1.0)
 
     @cached_property
     def marks(self) -> np.ndarray:
