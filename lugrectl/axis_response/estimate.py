@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,19 +38,19 @@ class Estimate:
     friction: Friction | None
     mechanics: Mechanics | None
 
-    @property
+    @cached_property
     def governed(self) -> np.ndarray:
         """Where friction governs the response (n,)."""
-        return _change(self.raw, self.response) >= LARGE
+        return _governed(self.raw, self.response)
 
 
-def _change(raw: Response, taken: Response) -> np.ndarray:
-    """By how many dB friction changes the response (n,), the median over an octave."""
+def _governed(raw: Response, taken: Response) -> np.ndarray:
+    """Where friction changes the response by too many dB (n,), by the median over an octave."""
     with np.errstate(divide="ignore", invalid="ignore"):
         dB = np.abs(20.0 * np.log10(np.abs(raw.P / taken.P)))
     x = np.log(taken.w)
     ends = (np.searchsorted(x, x - OCTAVE), np.searchsorted(x, x + OCTAVE, "right"))
-    return np.array([np.nanmedian(dB[a:b]) for a, b in zip(*ends, strict=True)])
+    return np.array([np.nanmedian(dB[a:b]) for a, b in zip(*ends, strict=True)]) >= LARGE
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +99,7 @@ class _Stage:
     def knowing(self, found: Response) -> _Stage:
         """The same with the mechanics that a response shows where friction does not govern it."""
         raw = self.response()
-        governed = _change(raw, found) >= LARGE
-        shown = replace(found, coherence=np.where(governed, 0.0, found.coherence))
+        shown = replace(found, coherence=np.where(_governed(raw, found), 0.0, found.coherence))
         return replace(self, mechanics=fit_mechanics(shown, raw, self.runs[0].dt))
 
     def problem(self) -> Problem:
