@@ -55,10 +55,9 @@ class Bristles:
         return len(self.law.states)
 
     def rates(self, t: float, state: np.ndarray) -> np.ndarray:
-        e, w, q = state[:3]
-        F, *dz = self.law(w, *state[3:], **self.values)
-        u = q - self.loop.kp * e - self.loop.kd * w
-        return np.array([w, (u - F) / self.loop.J, -self.loop.ki * e, *dz])
+        F, *dz = self.law(state[1], *state[3:], **self.values)
+        de, dw, dq = self.loop.matrix @ state[:3]
+        return np.array([de, dw - F / self.loop.J, dq, *dz])
 
     def crossing(self, state: np.ndarray) -> tuple[np.ndarray, float, float] | None:
         """From a state to the next e = 0: the state there, the time, the largest error."""

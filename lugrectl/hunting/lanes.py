@@ -82,7 +82,7 @@ class Loop:
         """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""
         return (self.kd + self.curve.viscous) * self.kp > self.ki * self.J
 
-    @property
+    @cached_property
     def matrix(self) -> np.ndarray:
         """The loop without friction: the rates of e, w and the integral's torque by these."""
         gains = [-self.kp / self.J, -self.kd / self.J, 1.0 / self.J]
@@ -102,7 +102,7 @@ class Loop:
         """
         if not self.is_stable():
             return np.inf, np.inf
-        own = self.matrix
+        own = self.matrix.copy()
         own[1, 1] -= self.curve.viscous / self.J
         step = STEP / self.wn
         M, x, total = expm(step * own), np.array([0.0, 1.0 / self.J, 0.0]), np.zeros(2)
