@@ -14,10 +14,9 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from scipy.linalg import matrix_balance, schur, solve_triangular
 
 from .hinf import StateResponse
-from .pencil import EPS, level_zeros, require_sizes, zeros_of
+from .pencil import EPS, balanced, level_zeros, solve_shifted, zeros_of
 from .sampled import is_sampled, sample_time
 from .sure_signs import Edge, Function, SureSigns
 from .transfer import require_continuous_siso
@@ -51,20 +50,9 @@ class Model:
 
     @classmethod
     def balanced(cls, T: Any) -> Self:
-        """In units of the states that make rows and columns of A alike: powers of two, exactly."""
-        A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
-        dt = sample_time(T) if is_sampled(T) else None
-        if not (len(A) and all(np.isfinite(M).all() for M in (A, B, C, D))):
-            require_sizes(A, B, C, D)
-            return cls(A, B, C, float(D[0, 0]), dt)
-        found: Any = matrix_balance(A, permute=False, separate=True)
-        A, (units, _) = found
-        B, C = B / units[:, None], C * units
-        if (b := float(np.abs(B).max())) and (c := float(np.abs(C).max())):
-            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
-            B, C = B * gain, C / gain
-        require_sizes(A, B, C, D)
-        return cls(A, B, C, float(D[0, 0]), dt)
+        """In the units of :func:`pencil.balanced`."""
+        A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
+        return cls(A, B, C, float(D[0, 0]), sample_time(T) if is_sampled(T) else None)
 
     @cached_property
     def response(self) -> StateResponse:
@@ -87,9 +75,8 @@ class Model:
     @cached_property
     def triangular(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A, B and C in the coordinates in which A is triangular."""
-        found: Any = schur(self.A, output="complex")
-        S, Q = found
-        return S, Q.conj().T @ self.B[:, 0], self.C[0] @ Q
+        S, b, c = self.response.triangular
+        return S, b[:, 0], c[0]
 
     @cached_property
     def poles(self) -> np.ndarray:
@@ -126,11 +113,9 @@ class Model:
         s = self.point(w)
         if math.isinf(abs(s)):
             return complex(self.D), 0.0
-        M = s * np.eye(len(S)) - S
-        if not np.diag(M).all():
+        right, left = solve_shifted(S, b, s), solve_shifted(S, c, s, transposed=True)
+        if right is None or left is None:
             return complex(math.nan), math.inf
-        right = solve_triangular(M, b)
-        left = solve_triangular(M, c, trans=1)
         reach = float(np.linalg.norm(left) * np.linalg.norm(right))
         size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(self.D)
         return complex(c @ right) + self.D, EPS * ((self.norm + abs(s)) * reach + size)

@@ -17,11 +17,11 @@ from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.linalg import get_lapack_funcs, schur, solve_sylvester
+from scipy.linalg import schur, solve_sylvester
 from scipy.optimize import minimize_scalar
 
 from .exact import hurwitz
-from .pencil import EPS, level_zeros, require_sizes
+from .pencil import EPS, balanced, level_zeros, solve_shifted
 from .sampled import inside, is_sampled, mapped_states, on_circle, sample_time
 from .transfer import state_space_polynomials
 from .verdict import show_poles
@@ -29,11 +29,11 @@ from .verdict import show_poles
 RISE = 1e-11  # of the largest value: the next level is higher by this
 LEVELS = 60
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
+OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
 UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
 UNKNOWN = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
-
-_solve: Any = get_lapack_funcs("trtrs", dtype=complex)  # of a triangle, without its checks
+BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,7 @@ class StateResponse:
     @classmethod
     def of(cls, T: Any) -> StateResponse:
         """Raises InputError for values that are not finite."""
-        A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
-        require_sizes(A, B, C, D)
+        A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
         return cls(A, B, C, D, sample_time(T) if is_sampled(T) else None)
 
     @property
@@ -98,7 +97,8 @@ class StateResponse:
         B1, B2 = B[:many] - X @ B[many:], B[many:]
         C1, C2 = C[:, :many], C[:, many:] + C[:, :many] @ X
         size = np.linalg.norm(B1) * np.linalg.norm(C1) + np.linalg.norm(B2) * np.linalg.norm(C2)
-        step = A2 / max(np.linalg.norm(A2), 1e-300)
+        step = A2 - np.diag(A2).mean() * np.eye(len(A2))  # beside 1, powers of A2 are all alike
+        step /= max(np.linalg.norm(step), 1e-300)
         seen = [C2 @ np.linalg.matrix_power(step, k) @ B2 for k in range(len(A2))]
         if not many or max(np.abs(m).max() for m in seen) > UNSEEN * size:
             return self, np.zeros(0)
@@ -120,32 +120,51 @@ class StateResponse:
         shown = show_poles([_upper(pole) for pole in poles])
         modes = f"s = {shown} 1/s" if self.dt is None else f"z = {shown}"
         return (
-            f"a mode of the system that is not stable ({modes}) does not show in T: the system "
-            "itself is not stable"
+            f"a mode of the system that is not stable ({modes}) does not show in T, within rounding: "
+            "the system itself is not stable"
         )
 
     @cached_property
-    def _triangular(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def triangular(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and C in the coordinates in which A is triangular."""
         found: Any = schur(self.A, output="complex")
         S, Q = found
         return S, Q.conj().T @ self.B, self.C @ Q
 
+    def _states(self, w: float) -> np.ndarray:
+        """C (sI - A)^-1 B at w, or at v = jw."""
+        if math.isinf(w) and self.dt is None:
+            return np.zeros(self.D.shape)
+        S, B, C = self.triangular
+        right = solve_shifted(S, B, 1j * w if self.dt is None else on_circle(w))
+        if right is None:
+            raise np.linalg.LinAlgError("singular matrix")
+        return C @ right
+
     def at(self, w: float) -> float:
         """The largest singular value of T at w, or of T(z) at v = jw."""
-        if not len(self.A) or (math.isinf(w) and self.dt is None):
-            return _norm(self.D)
-        S, B, C = self._triangular
-        M = -S
-        np.fill_diagonal(M, M.diagonal() + (1j * w if self.dt is None else on_circle(w)))
-        right, singular = _solve(M, B)
-        if singular:
-            raise np.linalg.LinAlgError("singular matrix")
-        return _norm(self.D + C @ right)
+        return _norm(self.D + self._states(w)) if len(self.A) else _norm(self.D)
+
+    @cached_property
+    def _sweep(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there.
+
+        A level far from the top has its zeros off the axis by more than such a width.
+        """
+        with np.errstate(all="ignore"):
+            rates = self.poles if self.dt is None else np.log(self.poles.astype(complex)) / self.dt
+        w, width = np.imag(rates), np.abs(np.real(rates))
+        sharp = (width > 0) & (width < 10 * w)
+        near = (w[sharp, None] + width[sharp, None] * BESIDE).ravel()
+        near = near if self.dt is None else np.tan(0.5 * self.dt * near)
+        places = np.unique([*_places(self._continuous.poles), *near[near > 0]])
+        return places, [self._states(x) for x in places]
 
     def plus(self, D: float) -> StateResponse:
         """The same with another direct term; what is known of A serves both."""
         made = replace(self, D=self.D + D)
-        made.__dict__.update(poles=self.poles, _triangular=self._triangular)
+        known = ("poles", "triangular", "_sweep")
+        made.__dict__.update({name: getattr(self, name) for name in known if len(self.A)})
         return made
 
     @cached_property
@@ -158,20 +177,25 @@ class StateResponse:
     def _level_zeros(self, level: float) -> np.ndarray:
         """The frequencies with a singular value equal to the level are among these."""
         of = self._continuous
-        return level_zeros(of.A, of.B, of.C, of.D, level**2)
+        zeros: Any = level_zeros(of.A, of.B, of.C, of.D, level**2)
+        return zeros[np.abs(zeros.real) <= OFF * np.abs(zeros)]
 
     def peak(self) -> tuple[float, float]:
         """The norm of a stable system and its frequency in rad/s; inf: approached as w grows."""
         best, w = self._best(np.array([0.0, math.inf]))
         if len(self.A):
-            found = self._best(_places(self._continuous.poles))
-            best, w = max((best, w), found, self._beside_poles())
+            places, states = self._sweep
+            k = int(np.argmax([_norm(self.D + x) for x in states]))
+            best, w = max(
+                (best, w), self._top(*places[[max(k - 1, 0), k, min(k + 1, len(places) - 1)]])
+            )
         for _ in range(LEVELS if len(self.A) and best > 0 else 0):
             found, at = self._best(_places(self._level_zeros(best * (1 + RISE))))
             if found <= best * (1 + RISE):
                 break
             best, w = found, at
-        best, w = self._polished(best, w)
+        if 0 < w < math.inf:
+            best, w = self._top(w, w * (1 - 1e-4), w * (1 + 1e-4))
         return best, w if self.dt is None else 2 * math.atan(w) / self.dt
 
     def _best(self, places: np.ndarray) -> tuple[float, float]:
@@ -179,43 +203,13 @@ class StateResponse:
         k = int(np.argmax(values))
         return values[k], float(places[k])
 
-    def _beside_poles(self) -> tuple[float, float]:
-        """The largest value within a few widths of each complex pole.
-
-        A level far from the top has its zeros off the axis by more than such a width.
-        """
-        with np.errstate(all="ignore"):
-            rates = self.poles if self.dt is None else np.log(self.poles.astype(complex)) / self.dt
-        best, place = -math.inf, 0.0
-        for w, width in zip(np.imag(rates), np.abs(np.real(rates)), strict=True):
-            if not 0.0 < width < 10.0 * w:
-                continue
-            found: Any = minimize_scalar(
-                lambda x, w=w, width=width: -self.at(self._place(w + x * width)),
-                bounds=(max(-2.0, -w / width), 2.0),
-                method="bounded",
-                options={"xatol": 1e-2},  # the levels climb the rest
-            )
-            if -found.fun > best:
-                best, place = -float(found.fun), self._place(w + found.x * width)
-        return best, place
-
-    def _place(self, w: float) -> float:
-        """Where :meth:`at` takes w rad/s."""
-        return w if self.dt is None else math.tan(0.5 * w * self.dt)
-
-    def _polished(self, best: float, w: float) -> tuple[float, float]:
-        """The top of the peak near w."""
-        if not 0 < w < math.inf:
-            return best, w
+    def _top(self, w: float, low: float, high: float) -> tuple[float, float]:
+        """The largest value at w, or at the top of a peak between two frequencies about it."""
+        sharp = {"xatol": 1e-12 * w}
         found: Any = minimize_scalar(
-            lambda x: -self.at(w * math.exp(x)),
-            bounds=(-1e-4, 1e-4),
-            method="bounded",
-            options={"xatol": 1e-12},
+            lambda x: -self.at(x), bounds=(low, high), method="bounded", options=sharp
         )
-        top = self.at(w * math.exp(found.x))
-        return (top, w * math.exp(found.x)) if top > best else (best, w)
+        return max((self.at(w), float(w)), (-float(found.fun), float(found.x)))
 
 
 def _norm(M: np.ndarray) -> float:

@@ -7,12 +7,14 @@ import warnings
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eig
+from scipy.linalg import eig, get_lapack_funcs, matrix_balance
 
 from ..core.errors import InputError
 
 EPS = 8 * np.finfo(float).eps  # of the norm of A: rounding that turning the coordinates leaves
 LARGEST = 1e140  # its square, and that of its inverse, are floats
+
+_trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
 
 
 def require_sizes(*matrices: np.ndarray) -> None:
@@ -25,6 +27,31 @@ def require_sizes(*matrices: np.ndarray) -> None:
             f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for floating "
             "point: give time, input or output in another unit."
         )
+
+
+def balanced(A: Any, B: Any, C: Any, D: Any) -> tuple[np.ndarray, ...]:
+    """In units of the states that make rows and columns of A alike: powers of two, exactly."""
+    if not (len(A) and all(np.isfinite(M).all() for M in (A, B, C, D))):
+        require_sizes(A, B, C, D)
+        return A, B, C, D
+    found: Any = matrix_balance(A, permute=False, separate=True)
+    A, (units, _) = found
+    B, C = B / units[:, None], C * units
+    if (b := float(np.abs(B).max(initial=0.0))) and (c := float(np.abs(C).max(initial=0.0))):
+        gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+        B, C = B * gain, C / gain
+    require_sizes(A, B, C, D)
+    return A, B, C, D
+
+
+def solve_shifted(
+    S: np.ndarray, b: np.ndarray, s: complex, transposed: bool = False
+) -> np.ndarray | None:
+    """(s I - S)^-1 b of an upper triangle S, or of its transpose; None where that is singular."""
+    M = -S
+    np.fill_diagonal(M, M.diagonal() + s)
+    found, singular = _trtrs(M, b, trans=int(transposed))
+    return None if singular else found
 
 
 def level_zeros(
