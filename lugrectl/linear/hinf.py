@@ -120,8 +120,8 @@ class StateResponse:
         shown = show_poles([_upper(pole) for pole in poles])
         modes = f"s = {shown} 1/s" if self.dt is None else f"z = {shown}"
         return (
-            f"a mode of the system that is not stable ({modes}) does not show in T, within rounding: "
-            "the system itself is not stable"
+            f"a mode of the system that is not stable ({modes}) does not show in T, within "
+            "rounding: the system itself is not stable"
         )
 
     @cached_property
