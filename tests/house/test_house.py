@@ -6,15 +6,14 @@ import ast
 import shutil
 import subprocess
 import sys
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 from lugrectl.core.views import view
 
-ROOT = Path(__file__).parents[2]
-PACKAGE = ROOT / "lugrectl"
+from .arrows import PACKAGE, ROOT, arrows, parsed, room
+
 FLOORS = {  # of each folder, from the ground up: a room imports from lower floors only
     ".": [
         {"core"},
@@ -31,39 +30,6 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
 SHOWING = {"report", "paper", "cli", "__main__", "demo"}  # rooms that draw and print
 ARROWS = 98  # between the rooms of the package, at most
 LINES = 70  # of a function without its docstring, at most
-
-
-@cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
-
-
-def room(path: Path) -> str:
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-
-
-def imported(path: Path) -> set[tuple[str, ...]]:
-    """The modules of the package that a file imports, at its top or within a function."""
-    found = set()
-    for node in ast.walk(parsed(path)):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            base = path.relative_to(PACKAGE).parts[: -node.level]
-            module = tuple(node.module.split(".")) if node.module else ()
-            names = [()] if module else [(alias.name,) for alias in node.names]
-            found |= {(*base, *module, *name) for name in names}
-    return found
-
-
-def arrows(folder: str) -> set[tuple[str, str]]:
-    """Which room of a folder imports which."""
-    inside = () if folder == "." else (folder,)
-    found = set()
-    for path in (PACKAGE / folder).rglob("*.py"):
-        own = path.relative_to(PACKAGE / folder).parts[0].removesuffix(".py")
-        for module in imported(path):
-            if module[: len(inside)] == inside and len(module) > len(inside):
-                found.add((own, module[len(inside)]))
-    return {(a, b) for a, b in found if a != b and "__init__" not in (a, b)}
 
 
 @pytest.mark.parametrize("folder", FLOORS)

@@ -1,0 +1,59 @@
+"""How large the house is: ``python -m tests.house.size`` prints lines, rooms, arrows, arguments."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import lugrectl as lg
+
+from .arrows import PACKAGE, ROOT, arrows, parsed, room
+
+MANY, LONG = 6, 40  # arguments of a function; lines of its body
+DATA = {".py", ".txt", ".json", ".toml", ".c", ".csv", ".md"}
+
+
+def lines(folder: Path, kinds: set[str]) -> int:
+    """All lines of the files of these kinds, blank ones too."""
+    paths = [p for p in folder.rglob("*") if p.suffix in kinds and p.is_file()]
+    return sum(len(p.read_text(errors="replace").splitlines()) for p in paths)
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Every function of the package, with the path and name to find it by."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(parsed(path)):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{path.relative_to(PACKAGE)}:{node.name}", node
+
+
+def arguments(node: ast.FunctionDef) -> int:
+    """How many arguments a function takes, itself apart."""
+    names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+    return len([n for n in names if n not in ("self", "cls")])
+
+
+def body(node: ast.FunctionDef) -> int:
+    """Lines of a function without its docstring."""
+    inner = node.body[1:] if ast.get_docstring(node) else node.body
+    return inner[-1].end_lineno - inner[0].lineno + 1 if inner else 0  # type: ignore[operator]
+
+
+def table() -> dict[str, int]:
+    """What is counted, and its figure."""
+    own = [node for _, node in functions() if node.name not in lg.__all__]
+    return {
+        "lines of the package": lines(PACKAGE, {".py"}),
+        "lines of the tests, data too": lines(ROOT / "tests", DATA),
+        "files of the package": len([*PACKAGE.rglob("*.py")]),
+        "rooms": len({room(p) for p in PACKAGE.rglob("*.py")} - {"__init__"}),
+        "arrows between rooms": len(arrows(".")),
+        f"inner functions with more than {MANY} arguments": sum(arguments(n) > MANY for n in own),
+        f"bodies over {LONG} lines": sum(body(n) > LONG for _, n in functions()),
+    }
+
+
+if __name__ == "__main__":
+    for name, figure in table().items():
+        print(f"{figure:>8,}  {name}")
