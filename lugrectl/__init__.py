@@ -15,18 +15,16 @@ _HOMES = {
     "blocks.block": "P",
     "blocks.declaration": "block",
     "blocks.extending": "load_blocks",
-    "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
-    "temperature_observer",
-    "blocks.comparison_observers": "adaptive_observer disturbance_observer extended_state_observer "
-    "friedland_park_observer general_coulomb_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
     "blocks.dead_time_control": "coulomb_compensation coulomb_predictor smith_velocity",
     "blocks.repetitive_control": "repetitive_control repetitive_memory",
     "blocks.drive": "current_lag dead_time limiter notch proportional",
     "blocks.factories": "effect friction",
-    "blocks.observers": "existing_observer natural_observer proposed_observer",
+    "blocks.observers": "adaptive_observer disturbance_observer existing_observer "
+    "extended_state_observer friction_state_observer friedland_park_observer "
+    "general_coulomb_observer lyapunov_observer natural_observer normal_force_observer "
+    "position_coulomb_observer position_lugre_observer proposed_observer temperature_observer",
     "blocks.plant": "plant sensor",
-    "blocks.position_observers": "position_coulomb_observer position_lugre_observer",
     "blocks.sliding_control": "adaptive_slotine_li backstepping_smc dual_observer_control "
     "sliding_error slotine_li",
     "blocks.table": "tabulated",
@@ -80,24 +78,11 @@ def __dir__() -> list[str]:
 if TYPE_CHECKING:
     from .axis_response import frequency_response, response_plan, tune  # noqa: F401
     from .blocks.block import P  # noqa: F401
-    from .blocks.bristle_observers import (  # noqa: F401
-        friction_state_observer,
-        lyapunov_observer,
-        normal_force_observer,
-        temperature_observer,
-    )
     from .blocks.catalogue import (  # noqa: F401
         controllers,
         effects,
         laws,
         observers,
-    )
-    from .blocks.comparison_observers import (  # noqa: F401
-        adaptive_observer,
-        disturbance_observer,
-        extended_state_observer,
-        friedland_park_observer,
-        general_coulomb_observer,
     )
     from .blocks.controllers import (  # noqa: F401
         compensation,
@@ -133,15 +118,22 @@ if TYPE_CHECKING:
         write_model,
     )
     from .blocks.observers import (  # noqa: F401
+        adaptive_observer,
+        disturbance_observer,
         existing_observer,
+        extended_state_observer,
+        friction_state_observer,
+        friedland_park_observer,
+        general_coulomb_observer,
+        lyapunov_observer,
         natural_observer,
-        proposed_observer,
-    )
-    from .blocks.plant import plant, sensor  # noqa: F401
-    from .blocks.position_observers import (  # noqa: F401
+        normal_force_observer,
         position_coulomb_observer,
         position_lugre_observer,
+        proposed_observer,
+        temperature_observer,
     )
+    from .blocks.plant import plant, sensor  # noqa: F401
     from .blocks.repetitive_control import (  # noqa: F401
         repetitive_control,
         repetitive_memory,

@@ -12,8 +12,7 @@ from .rst import escaped, filled, literal, prose, table, title, toctree
 TOPICS = {  # topic: the modules whose public names it holds
     "blocks": "blocks.block blocks.declaration blocks.extending blocks.plant blocks.drive "
     "blocks.table simulation.bristle_deflection",
-    "observers": "blocks.observers blocks.comparison_observers blocks.bristle_observers "
-    "blocks.position_observers observer_comparison",
+    "observers": "blocks.observers observer_comparison",
     "controllers": "blocks.controllers blocks.dead_time_control blocks.repetitive_control "
     "blocks.sliding_control",
     "laws": "",

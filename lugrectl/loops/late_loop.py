@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..blocks import controllers
-from ..blocks.comparison_observers import friedland_park_observer
 from ..blocks.dead_time_control import (
     MORGUL,
     RUDERMAN,
@@ -16,6 +15,7 @@ from ..blocks.dead_time_control import (
 from ..blocks.drive import dead_time
 from ..blocks.factories import friction
 from ..blocks.model import Model, Parameters, as_model
+from ..blocks.observers import friedland_park_observer
 from ..blocks.plant import plant
 from ..core.errors import InputError
 from ..core.validation import one_name, shown

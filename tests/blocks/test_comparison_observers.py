@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY
-from lugrectl.blocks.comparison_observers import (
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.blocks.observers import (
     adaptive_observer,
     disturbance_observer,
     extended_state_observer,
     friedland_park_observer,
+    observer,
 )
-from lugrectl.blocks.model import model_from_dict
-from lugrectl.blocks.observers import observer
 from lugrectl.loops.friction_loops import position_loop, velocity_loop
 from lugrectl.simulation.response import simulate
 
