@@ -85,16 +85,6 @@ def stribeck(w, Fc=FC, Fs=FS, Fv=FV, vs=VS, eps=EPS):
     return level(w, Fc, Fs, vs) * np.tanh(w / eps) + Fv * w
 
 
-def stribeck_of_power(w, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA, eps=EPS):
-    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
-
-    As :func:`stribeck`, which it equals at delta = 2. Armstrong-Helouvry, Dupont and Canudas de
-    Wit (Automatica 30(7), 1994, section 2) report delta from 0.5 to 1 for some pairs of
-    materials.
-    """
-    return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
-
-
 @block("friction", out="F", states="z", source=f"{LUGRE}, eq. 1-3")
 def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
@@ -113,55 +103,41 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
 
 
-def lugre_of_power(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA):
-    """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
+def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: Any) -> Any:
+    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
 
-    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2; the
-    condition for passivity is the same, because h stays between Fc and Fs.
+    As :func:`stribeck`, which it equals at delta = 2. Armstrong-Helouvry, Dupont and Canudas de
+    Wit (Automatica 30(7), 1994, section 2) report delta from 0.5 to 1 for some pairs of
+    materials.
     """
-    dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
-    return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
+    return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
 
 
-def fading(w: Any, sigma1: Any, vd: Any) -> Any:
-    """sigma1 exp(-(w/vd)^2): a damping of the bristles that fades with the speed."""
-    return sigma1 * np.exp(-((w / vd) ** 2))
-
-
-def lugre_fading(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, vd=VD):
+def free_lugre(w: Any, z: Any, delta: Any = None, vd: Any = None, **own: Any) -> tuple[Any, Any]:
     """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
-    As :func:`lugre`, which it equals at vd = infinity. In steady sliding dz/dt = 0, so that the
-    friction there is the same; a change of the speed causes less torque.
+    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2 and
+    vd = infinity; None stands for these. The condition for passivity is the same, because h stays
+    between Fc and Fs. In steady sliding dz/dt = 0, so that vd leaves the friction there as it is;
+    a change of the speed causes less torque.
     """
-    dz = bristle(w, z, sigma0, Fc, Fs, vs)
-    return bristle_torque(w, z, dz, sigma0, fading(w, sigma1, vd), Fv), dz
+    sigma0, sigma1, Fv, *of_level = (own[k] for k in ("sigma0", "sigma1", "Fv", "Fc", "Fs", "vs"))
+    dz = bristle(w, z, sigma0, *of_level)
+    if delta is not None:
+        dz = free_bristle(w, z, sigma0, *of_level, delta)
+    damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))
+    return bristle_torque(w, z, dz, sigma0, damping, Fv), dz
 
 
-def lugre_of_power_fading(
-    w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA, vd=VD
-):
-    """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
+def _form(law: Any, function: Any, **keys: P) -> Form:
+    """The law as it is, or with those of the keys that an entry gives as further parameters."""
 
-    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta): :func:`lugre_of_power` and :func:`lugre_fading`.
-    """
-    dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
-    return bristle_torque(w, z, dz, sigma0, fading(w, sigma1, vd), Fv), dz
+    def build(entry: Any, where: str) -> Any:
+        given = {k: p for k, p in keys.items() if entry.get(k) is not None}
+        return replace(law, function=function, parameters={**law.parameters, **given}), entry
 
-
-def _with_delta(made: Any, function: Any) -> Form:
-    """The law as it is, or with a free exponent where the entry gives one."""
-    free = replace(made, function=function, parameters={**made.parameters, "delta": DELTA})
-    return Form({"delta": DELTA}, lambda entry, where: (free, entry))
+    return Form(keys, build)
 
 
-def _lugre_form(entry: Any, where: str) -> Any:
-    """LuGre with those of delta and vd that the entry gives."""
-    given = {k: p for k, p in {"delta": DELTA, "vd": VD}.items() if entry.get(k) is not None}
-    functions: dict[tuple[str, ...], Any] = {("delta",): lugre_of_power, ("vd",): lugre_fading}
-    function = functions.get(tuple(given), lugre_of_power_fading)
-    return replace(lugre, function=function, parameters={**lugre.parameters, **given}), entry
-
-
-FORMS["stribeck"] = _with_delta(stribeck, stribeck_of_power)
-FORMS["lugre"] = Form({"delta": DELTA, "vd": VD}, _lugre_form)
+FORMS["stribeck"] = _form(stribeck, free_stribeck, delta=DELTA)
+FORMS["lugre"] = _form(lugre, free_lugre, delta=DELTA, vd=VD)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.blocks.effects import held_lagging
+from lugrectl.blocks.effects.actuator import held_lagging
 
 from ..cases.drives import EFFECTS, J, free, plant_of, run, states
 
