@@ -22,7 +22,7 @@ from . import effects as _effects  # noqa: F401  fills the registry
 from . import friction as _friction  # noqa: F401
 from .aliases import VARIANTS, also_called, block_named, name_of
 from .block import Block, P, members
-from .law_forms import form_keys
+from .friction import form_keys
 
 Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
 WIDTH = 80  # columns of an entry as text

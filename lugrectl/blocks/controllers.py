@@ -14,7 +14,7 @@ from ..core.errors import InputError
 from ..core.validation import number
 from .block import P
 from .declaration import block
-from .factory import Names, factory
+from .factories import Names, factory
 from .friction import PAPER, J
 from .model import Model, Parameters, as_model
 

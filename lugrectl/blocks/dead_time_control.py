@@ -21,7 +21,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Unpack
 
 from .declaration import block
-from .factory import Names, factory
+from .factories import Names, factory
 from .friction import FV, SMOOTH, J, coulomb
 from .observers import DERIVED
 from .plant import acceleration

@@ -26,7 +26,7 @@ from .declared_values import Stated, holding, refuse_crossed, stated
 from .declared_values import unknown as _known
 from .extending import files_of_blocks, load_named
 from .friction import J as J_DECLARATION
-from .law_forms import form_keys, formed, usual_values, with_usual, written_form
+from .friction import form_keys, formed, usual_values, with_usual, written_form
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "blocks", "plant", "friction", "effects")

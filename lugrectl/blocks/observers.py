@@ -19,7 +19,7 @@ from ..core.validation import shown
 from .aliases import meant, name_of
 from .block import Block, P, members
 from .declaration import block
-from .factory import Names, believed, factory
+from .factories import Names, believed, factory
 from .friction import (
     FC,
     FS,

@@ -11,7 +11,7 @@ from ..core.errors import InputError
 from .block import Block
 from .effects.inertia import load_motion
 from .embedding import Part, through_sensors
-from .factory import Names, factory
+from .factories import Names, factory
 from .friction import J
 from .model import Model, Parameters, as_model
 

@@ -11,7 +11,7 @@ from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive, renamed, shown, within
 from .block import REGISTRY, Block, P
 from .declaration import block
-from .factory import Names, believed, factory
+from .factories import Names, believed, factory
 from .friction import J
 from .model import Model, Parameters, as_model
 from .observers import DERIVED

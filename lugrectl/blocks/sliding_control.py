@@ -13,7 +13,7 @@ import numpy as np
 from .block import P
 from .controllers import MEASURED, check_kind
 from .declaration import block
-from .factory import Names, factory
+from .factories import Names, factory
 from .friction import FC, FS, SIGMA0, VS, J, level, relaxation
 from .observers import DERIVED
 

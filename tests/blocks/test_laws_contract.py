@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp, trapezoid
 
 import lugrectl as lg
-from lugrectl.blocks.law_forms import form_keys
+from lugrectl.blocks.friction import form_keys
 from lugrectl.blocks.model import model_toml, read_model, write_model
 from lugrectl.cli.inputs import fixed
 from lugrectl.engine.runtime import adaptive_run
