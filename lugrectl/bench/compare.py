@@ -14,9 +14,9 @@ from ..core.errors import InputError
 from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown
 from .comparison import ObserverComparison
-from .loop import Terms
 from .reasons import unknown
 from .scenarios import FINE, GAINS, SCENARIOS, STEP, compared
+from .terms import Terms
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters

@@ -16,8 +16,8 @@ from ..core.progress import Progress
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
 from .comparison import Compared
-from .loop import OUTPUTS, Terms, closed
 from .sampled_drive import sampled_run
+from .terms import OUTPUTS, Terms, closed
 
 STEP = 1e-3  # s
 SCENARIOS = (

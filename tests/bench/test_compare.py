@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.bench.terms import Terms, closed
 from lugrectl.blocks.block import members
-from lugrectl.observer_comparison.loop import Terms, closed
 
 from ..cases.observed import P, longer
 

@@ -14,7 +14,7 @@ from ..engine.runtime.sampled_run import interpreted
 from ..simulation.encoder import Sensing, encoder
 from ..simulation.sampled_response import COARSE, simulate_sampled
 from ..simulation.stepped_block import at_samples
-from .loop import Terms, around
+from .terms import Terms, around
 
 LARGEST = 1.5  # of the largest speed of the reference
 

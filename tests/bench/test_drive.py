@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.compensated_loop.drive import Spread, drawn
+from lugrectl.bench.drive import Spread, drawn
 from lugrectl.estimates.covariance import Joint
 from lugrectl.report import text
 

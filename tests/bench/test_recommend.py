@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.observer_comparison.drive_spec import drive_spec
+from lugrectl.bench.drive_spec import drive_spec
 from lugrectl.simulation.encoder import rounded
 
 from ..cases.observed import P

@@ -21,9 +21,9 @@ from ..design.observer_rules import RULES, SAMPLED
 from ..estimates.fitted import Fitted
 from .compare import chosen_observers
 from .drive_spec import DriveSpec, drive_spec, units
-from .loop import Terms
 from .reasons import ALIKE, broken, reasons, unknown, unseen
 from .recommendation import Candidate, Recommendation
+from .terms import Terms
 from .trials import Stand, Trial, controller_gains, correction, course
 
 NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further

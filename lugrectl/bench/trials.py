@@ -14,8 +14,8 @@ from ..core.numeric import rms
 from ..core.progress import Progress
 from ..simulation.encoder import Sensing
 from .drive_spec import DriveSpec
-from .loop import Terms
 from .sampled_drive import sampled_run
+from .terms import Terms
 
 PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
 FEWEST, MOST = 20, 50_000  # samples of a run
