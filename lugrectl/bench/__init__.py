@@ -7,11 +7,11 @@ from .believed import seen_in
 from .compare import compare_observers
 from .comparison import Compared, ObserverComparison
 from .compensate import compensate
+from .compensation import Compensation, Run
 from .feedforward import effects_torque
 from .hunting_chance import HuntingChance, hunting_chance
 from .recommend import recommend_observer
 from .recommendation import Candidate, Recommendation
-from .result import Compensation, Run
 
 __all__ = [
     "Assurance",

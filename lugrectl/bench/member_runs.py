@@ -3,42 +3,38 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from ..blocks import controllers
-from ..blocks.drive import dead_time
 from ..blocks.model import Model
-from ..blocks.plant import plant, sensor
-from ..core.errors import Diverged
-from ..core.numeric import rms
-from ..simulation.encoder import Sensing, encoder
-from ..simulation.sampled_response import COARSE, simulate_sampled
-from ..simulation.stepped_block import at_samples
-from .drive import body_of, usual_points
-from .loop import Task, control
+from ..core.errors import Diverged, Refused
+from ..core.progress import Progress
+from ..parallel.jobs import JobError, run_jobs
+from ..simulation.encoder import Sensing
+from .loop import FASTEST, SampledLoop, Task
+from .reference import PERIODS, SETTLED, samples, sine
 from .standstill import UNDECIDED, Rest, at_rest
 
-PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
-FASTEST = 1.5  # of the largest speed of the reference
 WAITS = (40, 320)  # kp/ki of the controller: a run at rest, longer where it is undecided
 SHORTEST, LONGEST = 1_000, 100_000  # samples of it
 NOISE, GREW = 1e-6, 100.0  # of a motion at its start: it has decayed, or it grows
 STEP, SMALL = 0.1, 1e-3  # of the amplitude of the sine: a step, and a swing that is none
+CHUNK = 16  # members in a job
 
 
 @dataclass(frozen=True)
 class Choice:
     """A compensation: the observer, its gains, and the share of its estimate that is added."""
 
-    observer: str
-    gains: Mapping[str, Any]
-    scale: float = 1.0
+    observer: str | None = None
+    gains: Mapping[str, Any] = field(default_factory=dict)
+    scale: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,172 +48,94 @@ class Setting:
     speed: float
     frequency: float
 
-    def rows(self, samples: int) -> dict[str, np.ndarray]:
-        """The reference and its derivatives by name."""
-        turn = 2.0 * np.pi * self.frequency
-        x = turn * self.sensing.dt * np.arange(samples)
-        w, a = self.speed * np.sin(x), self.speed * turn * np.cos(x)
-        if self.task.kind == "velocity":
-            return {"r": w, "dr": a}
-        return {"r": self.speed / turn * (1.0 - np.cos(x)), "dr": w, "ddr": a}
+    def samples(self, periods: float) -> int:
+        return samples(periods, self.frequency, 1.0 / self.sensing.dt)
+
+    def rows(self, periods: float) -> dict[str, np.ndarray]:
+        """Return the reference and its derivatives by name."""
+        t = self.sensing.dt * np.arange(self.samples(periods))
+        return sine(t, self.speed, self.frequency).rows(self.task.kind)
+
+    @property
+    def travel(self) -> float:
+        """Return the amplitude of the position in rad."""
+        return self.speed / (2.0 * np.pi * self.frequency)
 
     def usual_still(self) -> float:
-        """The swing at rest that is no hunting: two counts, or a little of the reference."""
-        return 2.0 * self.sensing.resolution or SMALL * self.speed / (2.0 * np.pi * self.frequency)
+        """Return the swing at rest that is no hunting: two counts, or a little of the travel."""
+        return 2.0 * self.sensing.resolution or SMALL * self.travel
 
     def stopped(self, length: int) -> dict[str, np.ndarray]:
-        """A period of the sine, then so many samples at its start."""
-        first = self.samples(1.0)
-        return {k: np.r_[x, np.zeros(length)] for k, x in self.rows(first).items()}
+        """Return a period of the sine, then so many samples at its start."""
+        return {k: np.r_[x, np.zeros(length)] for k, x in self.rows(1.0).items()}
 
     def stepped(self, length: int) -> dict[str, np.ndarray]:
-        """The same after a step: of the position, or of the speed to 0."""
-        first, turn = self.samples(1.0), 2.0 * np.pi * self.frequency
-        made = {k: np.zeros(first + length) for k in self.rows(1)}
+        """Return the same after a step: of the position, or of the speed to 0."""
+        first = self.samples(1.0)
+        made = {k: np.zeros(first + length) for k in self.rows(0.0)}
         if self.task.kind == "velocity":
             made["r"][:first] = STEP * self.speed
         else:
-            made["r"][1:] = STEP * self.speed / turn
+            made["r"][1:] = STEP * self.travel
         return made
 
     def waits(self) -> list[int]:
-        """Samples of the runs at rest."""
+        """Return the samples of the runs at rest."""
         kp, ki = (self.task.controller[k] for k in ("kp", "ki"))
         unit = kp / ki if ki > 0.0 < kp else 0.25 / self.frequency
         most = min(LONGEST, math.ceil(WAITS[-1] * unit / self.sensing.dt))
         every = [max(SHORTEST, math.ceil(k * unit / self.sensing.dt)) for k in WAITS]
         return sorted({min(n, most) for n in every})
 
-    def samples(self, periods: float) -> int:
-        return round(periods / self.frequency / self.sensing.dt) + 1
+    def loop(self, choice: Choice) -> SampledLoop:
+        """Return the loop of a choice, built once for all its shares."""
+        return _built(self, choice.observer, tuple(choice.gains.items()))
 
 
-class Loop:
-    """The loop with one observer, or without compensation, built once for all members."""
-
-    def __init__(self, setting: Setting, choice: Choice | None) -> None:
-        task, sensing = setting.task, setting.sensing
-        self.setting, self.late = setting, sensing.delay > 0.0
-        self.compensates = choice is not None
-        watcher, gains = (None, {}) if choice is None else (choice.observer, choice.gains)
-        blocks = control(task, None if choice is None else task.model, watcher, gains)
-        if self.late:
-            blocks.append(dead_time(sensing.delay, sensing.dt, inputs=["u"], outputs=["u_late"]))
-        points = usual_points(task.model, FASTEST * setting.speed)
-        self.blocks = [
-            encoder(sensing, ("theta_s", "w_s")),
-            *(at_samples(block, sensing.dt, points) for block in blocks),
-        ]
-        self.bodies: dict[Any, tuple[Any, set[str]]] = {}
-
-    def error(self, model: Model, seed: int, scale: float) -> float:
-        """The RMS tracking error on a drive; infinite where the loop diverges."""
-        made = self.setting
-        rows, first = made.rows(made.samples(PERIODS)), made.samples(SETTLED)
-        try:
-            done = self.run(model, rows, made.sensing, scale, made.torque, seed)
-        except Diverged:
-            return math.inf
-        y = done[controllers.MEASURED[made.task.kind]]
-        return rms((y - rows["r"])[first:])
-
-    def rest(self, model: Model, scale: float, still: float) -> Rest:
-        """What becomes of it after a stop and after a step, the worse of the two; without noise,
-        so that the torque of a drive at rest stays as it is."""
-        return max(self._rest(model, scale, start, still) for start in ("stop", "step"))
-
-    def _rest(self, model: Model, scale: float, start: str, still: float) -> Rest:
-        made, seen = self.setting, Rest(UNDECIDED, math.inf)
-        for length in (lengths := made.waits()):
-            rows = made.stopped(length) if start == "stop" else made.stepped(length)
-            try:
-                done = self.run(model, rows, made.sensing.still(), scale)
-            except Diverged:
-                return Rest.diverged()
-            theta, u = done["theta"][-length:], done["u_fb"]
-            last = length == lengths[-1]
-            seen = at_rest(theta, u[-length:], float(np.ptp(u)), still, last)
-            if seen.fate != UNDECIDED:
-                break
-        return seen
-
-    def run(
-        self,
-        model: Model,
-        rows: Mapping[str, np.ndarray],
-        sensing: Sensing,
-        scale: float = 1.0,
-        torque: float = 0.0,
-        seed: int = 0,
-    ) -> dict[str, np.ndarray]:
-        """The signals of a drive by name."""
-        body, names = self._body(model)
-        t = sensing.dt * np.arange(len(rows["r"]))
-        random = np.random.default_rng((seed, 1))
-        given = {**rows, **sensing.errors(len(t), seed), "n_u": random.normal(0.0, torque, len(t))}
-        read = {k for block in (body, *self.blocks) for k in block.input_labels}
-        values = {k: v for k, v in _keyed(model).items() if k in names}
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # a loop that does not work is a result here
-            done = simulate_sampled(
-                body,
-                self.blocks,
-                t,
-                {k: x for k, x in given.items() if k in read},
-                params=values | ({"compensation.scale": scale} if self.compensates else {}),
-                rtol=COARSE,
-            )
-        return dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
-
-    def _body(self, model: Model) -> tuple[Any, set[str]]:
-        """The drive of a structure, and the parameters that it has."""
-        key = (model.friction.block.name, *(p.key for p in model.effects))
-        if key not in self.bodies:
-            body = body_of(replace(self.setting.task, model=model), "u_late" if self.late else "u")
-            names = {*plant(model).params, *sensor(model).params}
-            self.bodies[key] = body, names
-        return self.bodies[key]
-
-
-def _keyed(model: Model) -> dict[str, float]:
-    return {f"{block}.{k}": v for block in ("plant", "sensor") for k, v in model.known().items()}
+@lru_cache(maxsize=8)
+def _built(
+    setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]
+) -> SampledLoop:
+    task = setting.task
+    control = task.control(None if observer is None else task.model, observer, dict(gains))
+    return SampledLoop(task, setting.sensing, control, FASTEST * setting.speed)
 
 
 def grows(setting: Setting) -> bool:
-    """Whether the loop without compensation and dry friction is unstable, by its own motion after a
-    step: exponentials that grow are the largest at the end, and larger than before."""
+    """Return whether the loop without compensation and dry friction is unstable, by its own motion
+    after a step: exponentials that grow are the largest at the end, and larger than before."""
     known = setting.task.model.known()
     free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
-    exact = replace(
-        setting, task=replace(setting.task, model=free), sensing=setting.sensing.quiet()
-    )
-    loop, first, before, now = Loop(exact, None), 0.0, 0.0, 0.0
-    for length in exact.waits():
+    task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
+    loop = replace(setting, task=task, sensing=quiet).loop(Choice())
+    first, before, now = 0.0, 0.0, 0.0
+    for length in setting.waits():
         try:
-            done = loop.run(free, exact.stepped(length), exact.sensing)
+            y = loop.run(setting.stepped(length))[controllers.MEASURED[task.kind]]
         except Diverged:
             return True
-        y = done[controllers.MEASURED[setting.task.kind]][-length:]
-        first, before, now = (float(np.ptp(part)) for part in np.array_split(y, 3))
+        first, before, now = (float(np.ptp(part)) for part in np.array_split(y[-length:], 3))
         if now > GREW * first or max(before, now) <= NOISE * first:
             break
     return now > before and now > NOISE * first
 
 
 @dataclass(frozen=True)
-class Work:
+class Tracking:
     """The errors of members with several compensations: a function that can be sent."""
 
     setting: Setting
-    choices: Sequence[Choice | None]
+    choices: Sequence[Choice]
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """RMS errors (members, choices)."""
-        columns = []
-        for choice in self.choices:
-            loop, scale = _loop_of(self.setting, choice)
-            columns.append([loop.error(model, seed, scale) for model, seed in members])
-        return np.array(columns).T
+        """Return RMS errors (members, choices)."""
+        return np.array([self._errors(choice, members) for choice in self.choices]).T
+
+    def _errors(self, choice: Choice, members: Sequence[tuple[Model, int]]) -> list[float]:
+        made, loop = self.setting, self.setting.loop(choice)
+        rows, counted = made.rows(PERIODS), slice(made.samples(SETTLED), None)
+        own = {"torque": made.torque, "compensation.scale": choice.scale}
+        return [loop.error(rows, model, counted, seed=seed, **own) for model, seed in members]
 
 
 @dataclass(frozen=True)
@@ -225,22 +143,47 @@ class Waiting:
     """What becomes of members at rest with a compensation: a function that can be sent."""
 
     setting: Setting
-    choice: Choice | None
+    choice: Choice
     still: float
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """A :class:`Rest` of each (members, 2)."""
-        loop, scale = _loop_of(self.setting, self.choice)
-        return np.array([loop.rest(model, scale, self.still) for model, _ in members])
+        """Return a :class:`Rest` of each (members, 2): after a stop and after a step, the worse of
+        the two; without noise, so that the torque of a drive at rest stays as it is."""
+        starts = (self.setting.stopped, self.setting.stepped)
+        return np.array([max(self._rest(model, start) for start in starts) for model, _ in members])
+
+    def _rest(self, model: Model, start: Any) -> Rest:
+        seen, sensing = Rest(UNDECIDED, math.inf), self.setting.sensing.still()
+        loop, scale = self.setting.loop(self.choice), {"compensation.scale": self.choice.scale}
+        for length in (lengths := self.setting.waits()):
+            try:
+                done = loop.run(start(length), model, sensing, **scale)
+            except Diverged:
+                return Rest.diverged()
+            theta, u = done["theta"][-length:], done["u_fb"]
+            last = length == lengths[-1]
+            seen = at_rest(theta, u[-length:], float(np.ptp(u)), self.still, last)
+            if seen.fate != UNDECIDED:
+                break
+        return seen
 
 
-def _loop_of(setting: Setting, choice: Choice | None) -> tuple[Loop, float]:
-    """The loop of a choice, which is built once for all shares, and the share."""
-    if choice is None:
-        return _built(setting, None, ()), 0.0
-    return _built(setting, choice.observer, tuple(choice.gains.items())), choice.scale
+@dataclass(frozen=True)
+class Jobs:
+    """Where members are simulated."""
 
+    executor: Executor | None
+    number: int
 
-@lru_cache(maxsize=8)
-def _built(setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]) -> Loop:
-    return Loop(setting, None if observer is None else Choice(observer, dict(gains)))
+    def __call__(
+        self, work: Any, report: Progress, pairs: Sequence[tuple[Model, int]]
+    ) -> np.ndarray:
+        """Return what comes of all members, in order, done in chunks."""
+        chunks = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
+        found: dict[int, np.ndarray] = {}
+        for i, rows in run_jobs(work, chunks, executor=self.executor, jobs=self.number):
+            if isinstance(rows, JobError):
+                raise Refused(f"members {i * CHUNK} and on: {rows.sentence}")
+            found[i] = rows
+            report(len(found) / len(chunks), "simulating drives")
+        return np.vstack([found[i] for i in range(len(chunks))])

@@ -1,8 +1,9 @@
-"""The reference of the loops: given by the user, or a sine inside a record's range."""
+"""The reference of the loops: a sine, one inside a record's range, or that of the user."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,9 @@ from ..record import Record
 SAMPLES = 4000
 LONGEST = 30.0  # s of simulated time
 SLOWEST = 10.0  # s, longest period of the default reference
+PERIODS, SETTLED = 1.25, 0.25  # of a sine: simulated, and left out of the error
+FEWEST, MOST = 20, 50_000  # samples of them
+USUAL = 0.8  # of a record's speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +28,38 @@ class Course:
     theta: np.ndarray
     w: np.ndarray
     a: np.ndarray
-    summary: dict[str, float]
+    summary: dict[str, float] = field(default_factory=dict)
 
-    def followed(self, kind: str) -> np.ndarray:
-        return self.w if kind == "velocity" else self.theta
+    def rows(self, kind: str) -> dict[str, np.ndarray]:
+        """Return the reference r of a kind of loop and its derivatives, by name."""
+        if kind == "velocity":
+            return {"r": self.w, "dr": self.a}
+        return {"r": self.theta, "dr": self.w, "ddr": self.a}
 
-    def inputs(self, kind: str) -> np.ndarray:
-        """The inputs of a loop: r and its derivatives."""
-        return np.vstack([self.w, self.a] if kind == "velocity" else [self.theta, self.w, self.a])
+
+def sine(
+    t: np.ndarray, speed: float, frequency: float, start: float = 0.0, phase: float = 0.0
+) -> Course:
+    """Return a sine of the speed (rad/s, Hz) that begins at a position and a phase."""
+    turn = 2.0 * np.pi * frequency
+    x = turn * t + phase
+    theta = start + speed / turn * (np.cos(phase) - np.cos(x))
+    return Course(t, theta, speed * np.sin(x), speed * turn * np.cos(x))
+
+
+def samples(periods: float, frequency: float, rate: float) -> int:
+    """Return the number of samples of so many periods."""
+    return round(periods / frequency * rate) + 1
+
+
+def enough_samples(frequency: float, rate: float, what: str) -> int:
+    """Return the number of samples of a run; InputError where they are too few or too many."""
+    n = samples(PERIODS, frequency, rate)
+    if not FEWEST <= n <= MOST:
+        raise InputError(
+            f"{what} takes {n} samples, outside {FEWEST} to {MOST}: give another frequency."
+        )
+    return n
 
 
 def course(
@@ -41,22 +69,20 @@ def course(
     bandwidth: float,
     timed: bool,
 ) -> Course:
-    """The reference; ``timed``: as long as the record, for effects that depend on time."""
+    """Return the reference; ``timed``: as long as the record, for effects that depend on time."""
     if given is not None:
         return _given(given, kind)
     speed, travel, centre, duration = _range(record)
     pulse = min(max(speed / travel, 2.0 * np.pi / SLOWEST), bandwidth / 5.0)
     travel = min(travel, speed / pulse)
-    speed = travel * pulse
     length = min(max(6.0 * np.pi / pulse, duration if timed else 0.0), LONGEST)
-    t = np.linspace(0.0, length, SAMPLES + 1)
-    theta = centre - travel * np.cos(pulse * t)
-    w, a = speed * np.sin(pulse * t), speed * pulse * np.cos(pulse * t)
-    summary = {"peak_speed": speed, "frequency": pulse / (2.0 * np.pi), "duration": length}
-    return Course(t, theta, w, a, summary)
+    frequency = pulse / (2.0 * np.pi)
+    way = sine(np.linspace(0.0, length, SAMPLES + 1), travel * pulse, frequency, centre - travel)
+    way.summary.update(peak_speed=travel * pulse, frequency=frequency, duration=length)
+    return way
 
 
-def _given(given: tuple[ArrayLike, ArrayLike], kind: str) -> Course:
+def _given(given: Any, kind: str) -> Course:
     if not isinstance(given, (list, tuple, np.ndarray)) or len(given) != 2:
         raise InputError(f"reference must be a pair of times and values, not {shown(given)}.")
     t, r = (array(x, f"reference: {what}") for x, what in zip(given, ("t", "r"), strict=True))
@@ -65,30 +91,34 @@ def _given(given: tuple[ArrayLike, ArrayLike], kind: str) -> Course:
     if np.any(np.diff(t) <= 0.0):
         raise InputError("the times of the reference must increase.")
     first = np.gradient(r, t)
-    w = r if kind == "velocity" else first
-    a = first if kind == "velocity" else np.gradient(first, t)
-    theta = np.zeros_like(r) if kind == "velocity" else r
-    summary = {"peak_speed": float(np.max(np.abs(w))), "duration": float(t[-1] - t[0])}
-    return Course(t, theta, w, a, summary)
+    moves = (np.zeros_like(r), r, first)
+    if kind == "position":
+        moves = r, first, np.gradient(first, t)
+    summary = {"peak_speed": float(np.max(np.abs(moves[1]))), "duration": float(t[-1] - t[0])}
+    return Course(t, *moves, summary)
 
 
 def speed_of(record: Record) -> float:
-    """Speed of the usual reference: 0.8 of what the record exceeds in a twentieth of its time."""
+    """Return the speed of the usual reference."""
     return _range(record)[0]
 
 
-def _range(record: Record | None) -> tuple[float, float, float, float]:
-    """Speed, half travel and centre, well inside the record's range, and the record's duration."""
-    if record is None:
-        return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
+def top_speed(record: Record) -> float:
+    """Return what the speed exceeds in a twentieth of the time, less a margin; 0 without motion."""
     w, theta = record.w, record.theta
-    if theta is None:
-        theta = np.cumsum(np.zeros(1) if w is None else w) * record.dt
-    if w is None:
+    if w is None and theta is not None:
         n = max(1, round(0.02 / record.dt))
         w = (theta[n:] - theta[:-n]) / (n * record.dt)
-    speed = 0.8 * float(np.nanquantile(np.abs(w), 0.95))
-    low, high = float(np.nanmin(theta)), float(np.nanmax(theta))
-    if not (speed > 0.0 and high > low):
-        return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
-    return speed, 0.4 * (high - low), 0.5 * (low + high), record.samples * record.dt
+    return 0.0 if w is None or not len(w) else USUAL * float(np.nanquantile(np.abs(w), 0.95))
+
+
+def _range(record: Record | None) -> tuple[float, float, float, float]:
+    """Return speed, half travel and centre, well inside the record's range, and its duration."""
+    if record is not None:
+        theta, speed = record.theta, top_speed(record)
+        if theta is None:
+            theta = np.cumsum(np.zeros(1) if record.w is None else record.w) * record.dt
+        low, high = float(np.nanmin(theta)), float(np.nanmax(theta))
+        if speed > 0.0 and high > low:
+            return speed, 0.4 * (high - low), 0.5 * (low + high), record.samples * record.dt
+    return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0

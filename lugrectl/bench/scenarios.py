@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,8 +18,8 @@ from ..core.progress import Progress
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
 from .comparison import Compared
-from .sampled_drive import sampled_run
-from .terms import OUTPUTS, Terms, closed
+from .reference import sine
+from .terms import OUTPUTS, Terms, wrong
 
 STEP = 1e-3  # s
 SCENARIOS = (
@@ -34,37 +36,69 @@ SIZE, TURN = 0.1, 2 * np.pi  # of the reference, and its frequency in rad/s
 LATEST, HALVINGS = 0.01, 7  # dead times up to 10 ms, found to 0.08 ms
 PATIENCE = 1.0  # s for one run with a dead time
 FINE = 2.0 * np.pi / 2**17  # rad, the step of an encoder of 17 bits, where none is given
+TIMED = {"velocity", "noise", "delay", "rate"}  # with one of them the cost is known
+
+Signals = dict[str, np.ndarray]
 
 
-class _Bench:
-    """The loop of an observer, built when a scenario needs it and used again by the others."""
+@dataclass(frozen=True)
+class Levels:
+    """How wrong friction is believed, in all scenarios and in "cycle", and the other parameters;
+    the load in N m, noise and step of the encoder in rad, sample rates in Hz."""
 
-    def __init__(self, terms: Terms, name: str) -> None:
-        self.terms, self.name = terms, name
+    wrong: float
+    over: float
+    off: float
+    load: float
+    noise: float
+    resolution: float
+    rates: Sequence[float]
+
+    def summary(self) -> dict[str, Any]:
+        """Return them by name, with what the scenarios take where nothing is given."""
+        return asdict(self) | {"rounding": self.resolution or FINE, "step": STEP, "gains": GAINS}
+
+
+class Bench:
+    """The loops of one observer: each is built when a scenario needs it."""
+
+    def __init__(self, terms: Terms, name: str, levels: Levels) -> None:
+        self.terms, self.name, self.levels = terms, name, levels
         self.loops: dict[str, Any] = {}
         self.last = np.zeros(0)  # the states at the end of the latest run
+        self.weakest: str | None = None
+        self.sampled: dict[str, float] = {}
+
+    def compared(self, wanted: set[str], report: Progress) -> Compared:
+        """Return the figures of the wanted scenarios; ``report`` hears which one begins."""
+        found: dict[str, float | None] = dict.fromkeys((*SCENARIOS, "cost"))
+        for i, scenario in enumerate(s for s in SCENARIOS if s in wanted):
+            report(i / len(wanted), f"simulating {self.name}, scenario {scenario}")
+            found[scenario] = getattr(self, scenario)()
+        if wanted & TIMED:
+            found["cost"] = self.disturbed[1]
+        beside = {s: self.terms.feedback(self.name, gains) for s, gains in GAINS.items()}
+        gains = {f"{s}.{g}": v for s, own in beside.items() for g, v in own.items()}
+        short = self.name if self.name == "no_observer" else self.name.removesuffix("_observer")
+        more: dict[str, Any] = {"weakest": self.weakest, "sampled": self.sampled}
+        return Compared(name=short, feedback=gains, **found, **more)
 
     def run(
         self,
         scenario: str,
         rows: Mapping[str, Any],
         t: np.ndarray,
-        factor: float,
+        factor: float | None = None,
         x0: Any = None,
         **params: float,
-    ) -> dict[str, np.ndarray]:
-        """Signals by name along a reference; friction is believed at ``factor`` of its value."""
+    ) -> Signals:
+        """Return signals by name; friction is believed at ``factor`` of its value."""
         kind = "velocity" if scenario == "velocity" else "position"
-        gains = self.feedback(scenario)
         if kind not in self.loops:
-            self.loops[kind] = closed(self.terms, self.name, kind, gains)
-        known, made = self.terms.values(), observer_block(self.name)
-        values: dict[str, float] = {
-            f"{made.name}.{level}": factor * known[level]
-            for level in ("Fc", "Fs")
-            if level in made.parameters
-        }
+            self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
+        values = self._believed(self.levels.wrong if factor is None else factor)
         block = "pi" if kind == "velocity" else "pid"
+        gains = self.terms.feedback(self.name, GAINS[scenario])
         values |= {f"{block}.{g}": v for g, v in gains.items()} | params
         system = self.loops[kind]
         given = {k: rows.get(k, 0.0 * t) for k in system.input_labels}
@@ -74,188 +108,143 @@ class _Bench:
         self.last = np.asarray(done.states)[..., -1]
         return dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
 
-    def feedback(self, scenario: str) -> dict[str, float]:
-        """The gains of the controller in a scenario."""
-        return self.terms.feedback(self.name, GAINS[scenario])
+    def _believed(self, factor: float) -> dict[str, float]:
+        """Return the levels of friction that the observer believes, by the keys of its block."""
+        made, known = observer_block(self.name), self.terms.values()
+        keys = (k for k in ("Fc", "Fs") if k in made.parameters)
+        return {f"{made.name}.{k}": factor * known[k] for k in keys}
 
-
-class _Begins:
-    """Whether a scenario is wanted, or one of several that share a run; then it is reported."""
-
-    def __init__(self, name: str, wanted: set[str], report: Progress) -> None:
-        self.name, self.wanted, self.report = name, wanted, report
-        self.done: set[str] = set()
-
-    def __call__(self, *scenarios: str) -> bool:
-        if here := self.wanted & {*scenarios}:
-            share = len(self.done) / len(self.wanted)
-            self.report(share, f"simulating {self.name}, scenario {scenarios[0]}")
-            self.done |= here
-        return bool(here)
-
-
-def compared(
-    terms: Terms,
-    name: str,
-    wanted: set[str],
-    levels: Mapping[str, float],
-    encoder: tuple[float, float],
-    rates: Sequence[float],
-    report: Progress,
-) -> Compared:
-    """All scenarios of one observer; ``report`` hears before each which one begins."""
-    begins = _Begins(name, wanted, report)
-    bench, wrong = _Bench(terms, name), levels["wrong"]
-    found: dict[str, float | None] = dict.fromkeys((*SCENARIOS, "cost"))
-    t, weakest, clean = STEP * np.arange(5001), None, None
-    if begins("velocity", "noise", "delay", "rate"):
-        clean, found["velocity"] = _tracked(bench, "velocity", t, wrong, 1.0)
-        if clean is not None:
-            begun = time.perf_counter()
-            disturbed = bench.run(
-                "velocity", _reference(t) | _noise(clean["theta"], *encoder), t, wrong
-            )
-            found["cost"] = (time.perf_counter() - begun) / len(t)
-            found["noise"] = rms((disturbed["u"] - clean["u"])[t >= 1.0])
-    if begins("parameters"):
-        found["parameters"], weakest = _worst(bench, t, wrong, levels["off"])
-    peak = np.inf if clean is None else float(np.abs(clean["e"]).max())
-    if begins("delay"):
-        found["delay"] = 0.0 if clean is None else _borne(bench, wrong, SIZE + peak)
-    if begins("load"):
-        found["load"] = _loaded(bench, t, wrong, levels["load"])
-    sampled: dict[str, float] = {}
-    if begins("rate"):
-        sampled, found["rate"] = _at_rates(bench, rates, wrong, SIZE + peak)
-    if begins("rounding"):
-        coarse = Sensing(STEP, resolution=encoder[1] or FINE)
-        found["rounding"] = _at_samples(bench, coarse, wrong)[0]
-    if begins("position"):
-        t = STEP * np.arange(10001)
-        found["position"] = _tracked(bench, "position", t, wrong, 5.0)[1]
-    if begins("cycle"):
-        found["cycle"] = _cycle(bench, levels["over"])
-    gains = {f"{s}.{g}": v for s in GAINS for g, v in bench.feedback(s).items()}
-    own = {k: v if k in wanted or k == "cost" else None for k, v in found.items()}
-    short = name if name == "no_observer" else name.removesuffix("_observer")
-    return Compared(name=short, **own, feedback=gains, weakest=weakest, sampled=sampled)
-
-
-def _reference(t: np.ndarray) -> dict[str, np.ndarray]:
-    sine, cosine = np.sin(TURN * t), np.cos(TURN * t)
-    return {"r": SIZE * sine, "dr": SIZE * TURN * cosine, "ddr": -SIZE * TURN**2 * sine}
-
-
-def _noise(theta: np.ndarray, size: float, resolution: float) -> dict[str, np.ndarray]:
-    """Errors of an encoder along a motion, and of the velocity that is its difference."""
-    angle = np.random.default_rng(0).normal(0.0, size, len(theta))
-    angle = rounded(theta + angle, resolution) - theta
-    return {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
-
-
-def _worst(bench: _Bench, t: np.ndarray, factor: float, off: float) -> tuple[float, str | None]:
-    """The largest speed error with one more parameter wrong, and which: "J x0.8"."""
-    made, known, errors = observer_block(bench.name), bench.terms.values(), {}
-    for key in (k for k in OTHERS if k in made.parameters):
-        for times in (1.0 - off, 1.0 + off):
-            believed = {f"{made.name}.{key}": times * known[key]}
-            errors[f"{key} x{times:g}"] = _tracked(bench, "velocity", t, factor, 1.0, believed)[1]
-    if not errors:
-        return _tracked(bench, "velocity", t, factor, 1.0)[1], None
-    weakest = max(errors, key=lambda which: errors[which])
-    return errors[weakest], weakest
-
-
-def _tracked(
-    bench: _Bench,
-    scenario: str,
-    t: np.ndarray,
-    factor: float,
-    since: float,
-    believed: Mapping[str, float] | None = None,
-) -> tuple[dict[str, np.ndarray] | None, float]:
-    try:
-        out = bench.run(scenario, _reference(t), t, factor, **(believed or {}))
-    except Diverged:
-        return None, np.inf
-    return out, rms(out["e"][t >= since])
-
-
-def _loaded(bench: _Bench, t: np.ndarray, factor: float, load: float) -> float:
-    """The speed error from the step of a load torque on, which acts from 2 to 3.5 s."""
-    d = np.where((t >= 2.0) & (t < 3.5), load, 0.0)
-    try:
-        out = bench.run("velocity", _reference(t) | {"d": d}, t, factor)
-    except Diverged:
-        return np.inf
-    return rms(out["e"][t >= 2.0])
-
-
-def _at_rates(
-    bench: _Bench, rates: Sequence[float], factor: float, allowed: float
-) -> tuple[dict[str, float], float]:
-    """The error at each rate, and the lowest at which and above which it is within ``allowed``."""
-    errors: dict[str, float] = {}
-    lowest, holds = np.inf, True
-    for rate in sorted(rates, reverse=True):
-        errors[f"{rate:g}"], worst = _at_samples(
-            bench, Sensing(1.0 / rate, speed_noise=0.0), factor
-        )
-        holds = holds and worst <= allowed
-        lowest = rate if holds else lowest
-    return errors, lowest
-
-
-def _at_samples(bench: _Bench, sensing: Sensing, factor: float) -> tuple[float, float]:
-    """RMS from 0.5 to 1.5 s, and the largest speed error, of the loop in a sampled drive."""
-    t = sensing.dt * np.arange(round(1.5 / sensing.dt) + 1)
-    known, gains = bench.terms.values(), bench.feedback("velocity")
-    believed = {level: factor * known[level] for level in ("Fc", "Fs") if level in known}
-    try:
-        given = (sensing, _reference(t), believed)
-        out = sampled_run(bench.terms, bench.name, "velocity", gains, *given)
-    except Diverged:
-        return np.inf, np.inf
-    e = out["w"] - _reference(t)["r"]
-    return rms(e[t >= 0.5]), float(np.abs(e).max())
-
-
-def _cycle(bench: _Bench, factor: float) -> float:
-    t = STEP * np.arange(15001)
-    try:
-        out = bench.run("cycle", {"r": SIZE + 0.0 * t}, t, factor)
-    except Diverged:
-        return np.inf
-    return float(np.ptp(out["theta"][t >= 10.0]))
-
-
-def _borne(bench: _Bench, factor: float, allowed: float) -> float | None:
-    """The largest dead time for which the error stays within ``allowed``, by bisection.
-
-    None where the loop switches so fast that a run takes too long.
-    """
-    low, high = 0.0, LATEST
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        quiet = _quiet(bench, factor, allowed, middle)
-        if quiet is None:
-            return None
-        low, high = (middle, high) if quiet else (low, middle)
-    return low
-
-
-def _quiet(bench: _Bench, factor: float, allowed: float, delay: float) -> bool | None:
-    """Whether the error stays within ``allowed`` for 1 s; in pieces, to stop early."""
-    x0, end = None, time.monotonic() + PATIENCE
-    for k in range(20):
-        t = STEP * np.arange(50 * k, 50 * k + 51)
+    def _error(self, scenario: str, rows: Signals, since: float, **params: float) -> float:
+        """Return the RMS error from a time on; infinite where the loop diverges."""
+        t = STEP * np.arange(len(rows["r"]))
         try:
-            out = bench.run("velocity", _reference(t), t, factor, x0, **{"dead_time.delay": delay})
+            return rms(self.run(scenario, rows, t, **params)["e"][t >= since])
         except Diverged:
-            return False
-        x0 = bench.last
-        if np.abs(out["e"]).max() > allowed:
-            return False
-        if time.monotonic() > end:
+            return np.inf
+
+    @cached_property
+    def clean(self) -> Signals | None:
+        """The run of the velocity scenario; None where it diverges."""
+        try:
+            return self.run("velocity", _reference(5.0), _times(5.0))
+        except Diverged:
             return None
-    return True
+
+    @cached_property
+    def disturbed(self) -> tuple[float | None, float | None]:
+        """The torque that noise of the encoder causes, and the time that a sample takes."""
+        t, random, clean = _times(5.0), np.random.default_rng(0), self.clean
+        if clean is None:
+            return None, None
+        read = clean["theta"] + random.normal(0.0, self.levels.noise, len(t))
+        angle = rounded(read, self.levels.resolution) - clean["theta"]
+        rows = {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
+        begun = time.perf_counter()
+        u = self.run("velocity", _reference(5.0) | rows, t)["u"]
+        took = (time.perf_counter() - begun) / len(t)
+        return rms((u - clean["u"])[t >= 1.0]), took
+
+    @property
+    def allowed(self) -> float:
+        """The largest error that "delay" and "rate" allow."""
+        return SIZE + (np.inf if self.clean is None else float(np.abs(self.clean["e"]).max()))
+
+    def velocity(self) -> float:
+        return np.inf if self.clean is None else rms(self.clean["e"][_times(5.0) >= 1.0])
+
+    def parameters(self) -> float:
+        """Return the largest speed error with one more parameter wrong: "J x0.8"."""
+        made, off = observer_block(self.name), dict.fromkeys(OTHERS, self.levels.off)
+        errors, cases = {}, wrong(self.name, self.terms.values(), [[k] for k in OTHERS], off)
+        for case, values in cases.items():
+            own = {f"{made.name}.{k}": v for k, v in values.items()}
+            errors[case] = self._error("velocity", _reference(5.0), 1.0, **own)
+        if not errors:
+            return self.velocity()
+        self.weakest = max(errors, key=lambda which: errors[which])
+        return errors[self.weakest]
+
+    def position(self) -> float:
+        return self._error("position", _reference(10.0, "position"), 5.0)
+
+    def cycle(self) -> float:
+        """Return the peak-to-peak position of the limit cycle at a set-point."""
+        t = _times(15.0)
+        try:
+            out = self.run("cycle", {"r": SIZE + 0.0 * t}, t, self.levels.over)
+        except Diverged:
+            return np.inf
+        return float(np.ptp(out["theta"][t >= 10.0]))
+
+    def noise(self) -> float | None:
+        return self.disturbed[0]
+
+    def load(self) -> float:
+        """Return the speed error from the step of a load torque on, which acts from 2 to 3.5 s."""
+        t = _times(5.0)
+        d = np.where((t >= 2.0) & (t < 3.5), self.levels.load, 0.0)
+        return self._error("velocity", _reference(5.0) | {"d": d}, 2.0)
+
+    def delay(self) -> float | None:
+        """Return the largest dead time for which the error stays as small as is allowed, by
+        bisection; None where the loop switches so fast that a run takes too long."""
+        low, high = 0.0, LATEST
+        for _ in range(HALVINGS if self.clean is not None else 0):
+            middle = (low + high) / 2
+            quiet = self._quiet(middle)
+            if quiet is None:
+                return None
+            low, high = (middle, high) if quiet else (low, middle)
+        return low
+
+    def _quiet(self, delay: float) -> bool | None:
+        """Return whether the error stays small for 1 s; in pieces, to stop early."""
+        x0, end = None, time.monotonic() + PATIENCE
+        for k in range(20):
+            t = STEP * np.arange(50 * k, 50 * k + 51)
+            rows = sine(t, SIZE, 1.0).rows("velocity")
+            try:
+                out = self.run("velocity", rows, t, x0=x0, **{"dead_time.delay": delay})
+            except Diverged:
+                return False
+            x0 = self.last
+            if np.abs(out["e"]).max() > self.allowed:
+                return False
+            if time.monotonic() > end:
+                return None
+        return True
+
+    def rate(self) -> float:
+        """Return the lowest rate at which and above which the error is as small as is allowed."""
+        lowest, holds = np.inf, True
+        for rate in sorted(self.levels.rates, reverse=True):
+            error, worst = self._at_samples(Sensing(1.0 / rate, speed_noise=0.0))
+            self.sampled[f"{rate:g}"] = error
+            holds = holds and worst <= self.allowed
+            lowest = rate if holds else lowest
+        return lowest
+
+    def rounding(self) -> float:
+        return self._at_samples(Sensing(STEP, resolution=self.levels.resolution or FINE))[0]
+
+    def _at_samples(self, sensing: Sensing) -> tuple[float, float]:
+        """Return RMS from 0.5 to 1.5 s, and the largest speed error, of a sampled drive."""
+        rows, known = _reference(1.5, dt=sensing.dt), self.terms.values()
+        levels = {k: self.levels.wrong * known[k] for k in ("Fc", "Fs") if k in known}
+        control = self.terms.control(self.name, "velocity", GAINS["velocity"], levels)
+        try:
+            e = self.terms.sampled(control, "velocity", sensing, SIZE).run(rows)["w"] - rows["r"]
+        except Diverged:
+            return np.inf, np.inf
+        return rms(e[sensing.dt * np.arange(len(e)) >= 0.5]), float(np.abs(e).max())
+
+
+def _times(length: float, dt: float = STEP) -> np.ndarray:
+    return dt * np.arange(round(length / dt) + 1)
+
+
+def _reference(length: float, kind: str = "velocity", dt: float = STEP) -> Signals:
+    """Return 0.1 sin 2 pi t and its derivatives: of the speed, or of the position."""
+    if kind == "velocity":
+        return sine(_times(length, dt), SIZE, 1.0).rows(kind)
+    return sine(_times(length, dt), SIZE * TURN, 1.0, phase=0.5 * np.pi).rows(kind)

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from ..blocks.observers import observer_block
-from ..core.errors import Diverged, InputError
+from ..blocks.controllers import MEASURED
+from ..core.errors import Diverged
 from ..core.numeric import rms
 from ..core.progress import Progress
 from ..simulation.encoder import Sensing
 from .drive_spec import DriveSpec
-from .sampled_drive import sampled_run
-from .terms import Terms
+from .reference import SETTLED, enough_samples, sine
+from .terms import Terms, wrong
 
-PERIODS, SETTLED = 1.25, 0.25  # of the reference: simulated, and left out of the error
-FEWEST, MOST = 20, 50_000  # samples of a run
 EXACT = "exact parameters"
+LEVEL, OTHERS = [("Fc", "Fs")], [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)]
 GROWN = 100.0  # times the amplitude of the reference: a loop with such an error has diverged
 
 
@@ -40,135 +39,75 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Course:
-    """The reference by name, where the error counts, and the kind of loop that follows it."""
-
-    kind: str
-    t: np.ndarray
-    rows: Mapping[str, np.ndarray]
-    counted: np.ndarray
-
-    def missed(self, out: Mapping[str, np.ndarray]) -> float:
-        """The RMS error of a run."""
-        y = out["w"] if self.kind == "velocity" else out["theta"]
-        return rms((y - self.rows["r"])[self.counted])
-
-
-def course(spec: DriveSpec, kind: str) -> Course:
-    """A sine of the speed, from rest."""
-    assert spec.frequency is not None and spec.speed is not None
-    turn, size = 2.0 * np.pi * spec.frequency, spec.speed
-    samples = round(PERIODS / spec.frequency * spec.rate) + 1
-    if not FEWEST <= samples <= MOST:
-        raise InputError(
-            f"a sine of {spec.frequency:g} Hz at {spec.rate:g} samples per second takes {samples} "
-            f"samples, outside {FEWEST} to {MOST}: give another frequency."
-        )
-    t = np.arange(samples) / spec.rate
-    w, a = size * np.sin(turn * t), size * turn * np.cos(turn * t)
-    rows = {"r": w, "dr": a} if kind == "velocity" else {
-        "r": size / turn * (1.0 - np.cos(turn * t)), "dr": w, "ddr": a}  # fmt: skip
-    return Course(kind, t, rows, t >= SETTLED / spec.frequency)
-
-
-@dataclass(frozen=True)
 class Stand:
-    """The loop in which the observers are tried."""
+    """The loop in which the observers are tried: a sine of the speed, from rest."""
 
     terms: Terms
     spec: DriveSpec
-    course: Course
+    kind: str
     gains: Mapping[str, float]
 
+    @cached_property
+    def t(self) -> np.ndarray:
+        rate, f = self.spec.rate, self.spec.frequency
+        what = f"a sine of {f:g} Hz at {rate:g} samples per second"
+        return np.arange(enough_samples(f, rate, what)) / rate
+
+    @cached_property
+    def rows(self) -> dict[str, np.ndarray]:
+        return sine(self.t, self.spec.speed, self.spec.frequency).rows(self.kind)
+
     def error(self, name: str, believed: Mapping[str, float], load: float = 0.0) -> float:
-        """RMS error with these parameters believed; infinite if the loop diverges."""
+        """Return the RMS error with these parameters believed; infinite if the loop diverges."""
         try:
-            return self.course.missed(self._run(name, believed, self.spec.sensing, load))
+            return self._missed(self._run(name, believed, self.spec.sensing, load))
         except Diverged:
             return np.inf
 
     def noise(self, name: str) -> float:
-        """RMS torque that the sensor causes, its rounding included."""
+        """Return the RMS torque that the sensor causes, its rounding included."""
         try:
             runs = (self.spec.sensing, self.spec.sensing.quiet())
-            loud, quiet = (self._run(name, {}, sensing, 0.0)["u"] for sensing in runs)
+            loud, quiet = (self._run(name, {}, sensing)["u"] for sensing in runs)
         except Diverged:
             return np.inf
-        return rms((loud - quiet)[self.course.counted])
+        return self._counted(loud - quiet)
+
+    def _counted(self, x: np.ndarray) -> float:
+        return rms(x[self.t >= SETTLED / self.spec.frequency])
+
+    def _missed(self, out: Mapping[str, np.ndarray]) -> float:
+        return self._counted(out[MEASURED[self.kind]] - self.rows["r"])
 
     def _run(
-        self, name: str, believed: Mapping[str, float], sensing: Sensing, load: float
+        self, name: str, believed: Mapping[str, float], sensing: Sensing, load: float = 0.0
     ) -> dict[str, np.ndarray]:
-        half = 0.5 * self.course.t[-1]
-        rows = dict(self.course.rows) | {"d": np.where(self.course.t >= half, load, 0.0)}
-        beside, kind = self.terms.feedback(name, self.gains), self.course.kind
+        rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
+        control = self.terms.control(name, self.kind, self.gains, believed)
+        out = self.terms.sampled(control, self.kind, sensing, self.spec.speed).run(rows)
         with np.errstate(all="ignore"):
-            out = sampled_run(self.terms, name, kind, beside, sensing, rows, believed)
-            if not self.course.missed(out) < GROWN * float(np.abs(self.course.rows["r"]).max()):
+            if not self._missed(out) < GROWN * float(np.abs(self.rows["r"]).max()):
                 raise Diverged(f"{name}: the error grows without bound.")
         return out
 
     def first(self, name: str, report: Progress) -> Trial:
-        """Exact parameters, the level of friction wrong, a load step, noise."""
+        """Return exact parameters, the level of friction wrong, a load step, noise."""
         report(0.0, f"simulating {name}")
-        made = Trial({EXACT: self.error(name, {})})
-        if np.isfinite(made.errors[EXACT]):
-            made.errors |= self._tried(name, levels(name, self.terms.values(), self.spec), report)
-            made.load = self.error(name, {}, float(self.spec.load or 0.0))
-            made.noise = self.noise(name)
-        return made
+        trial = Trial({EXACT: self.error(name, {})})
+        if np.isfinite(trial.errors[EXACT]):
+            self._try(name, trial, LEVEL, report)
+            trial.load, trial.noise = self.error(name, {}, self.spec.load), self.noise(name)
+        return trial
 
     def finish(self, name: str, trial: Trial, report: Progress) -> None:
-        """The other parameters, one at a time."""
-        cases = singles(name, self.terms.values(), self.spec)
-        trial.errors |= self._tried(name, cases, report)
+        """Try the other parameters, one at a time."""
+        self._try(name, trial, OTHERS, report)
         trial.complete = True
 
-    def _tried(
-        self, name: str, cases: Mapping[str, Mapping[str, float]], report: Progress
-    ) -> dict[str, float]:
-        errors = {}
+    def _try(
+        self, name: str, trial: Trial, groups: Sequence[Sequence[str]], report: Progress
+    ) -> None:
+        cases = wrong(name, self.terms.values(), groups, self.spec.uncertainty)
         for i, (case, believed) in enumerate(cases.items()):
             report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
-            errors[case] = self.error(name, believed)
-        return errors
-
-
-def levels(name: str, known: Mapping[str, float], spec: DriveSpec) -> dict[str, dict[str, float]]:
-    """Fc and Fs believed wrong together."""
-    return _cases(name, known, spec, [("Fc", "Fs")])
-
-
-def singles(name: str, known: Mapping[str, float], spec: DriveSpec) -> dict[str, dict[str, float]]:
-    """The other parameters believed wrong, one at a time."""
-    return _cases(name, known, spec, [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)])
-
-
-def _cases(
-    name: str, known: Mapping[str, float], spec: DriveSpec, groups: Sequence[tuple[str, ...]]
-) -> dict[str, dict[str, float]]:
-    made, found = observer_block(name).parameters, {}
-    for group in groups:
-        keys = [k for k in group if k in made and known.get(k)]
-        for way in (-1.0, 1.0) if keys else ():
-            factors = {k: 1.0 + way * (spec.uncertainty or {}).get(k, 0.0) for k in keys}
-            if any(f != 1.0 for f in factors.values()):
-                case = f"{', '.join(keys)} x{max(factors.values(), key=lambda f: abs(f - 1)):g}"
-                found[case] = {k: f * known[k] for k, f in factors.items()}
-    return found
-
-
-def controller_gains(kind: str, J: float, bandwidth: float) -> dict[str, float]:
-    """A PI with its crossover at the bandwidth, or a critically damped PD; 1/s."""
-    if kind == "velocity":
-        return {"kp": J * bandwidth, "ki": J * bandwidth**2 / 20.0}
-    return {"kp": J * bandwidth**2 / 4.0, "ki": 0.0, "kd": J * bandwidth}
-
-
-def correction(known: Mapping[str, Any], bandwidth: float) -> float:
-    """k of the observers that the tracking error corrects: as much integral as the PI has."""
-    if not known.get("sigma0"):
-        return 0.35
-    k = known["J"] * bandwidth**2 / 20.0 / known["sigma0"]
-    damping = known.get("sigma1") or 0.0
-    return float(min(k, 0.5 * known["J"] * bandwidth / damping) if damping else k)
+            trial.errors[case] = self.error(name, believed)
