@@ -31,8 +31,9 @@ _HOMES = {
     "simulation.bristle_deflection": "deflection",
     "loops.cascade": "cascade_loop",
     "blocks.catalogue": "controllers effects laws observers",
-    "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
-    "compensated_loop": "Assurance Compensation HuntingChance assure compensate hunting_chance",
+    "bench": "Assurance Compensation HuntingChance assure compensate hunting_chance",
+    "bench.compare": "ObserverComparison compare_observers",
+    "bench.recommend": "Recommendation recommend_observer",
     "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
@@ -77,6 +78,16 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from .axis_response import frequency_response, response_plan, tune  # noqa: F401
+    from .bench import (  # noqa: F401
+        Assurance,
+        Compensation,
+        HuntingChance,
+        assure,
+        compensate,
+        hunting_chance,
+    )
+    from .bench.compare import ObserverComparison, compare_observers  # noqa: F401
+    from .bench.recommend import Recommendation, recommend_observer  # noqa: F401
     from .blocks.block import P  # noqa: F401
     from .blocks.catalogue import (  # noqa: F401
         controllers,
@@ -146,14 +157,6 @@ if TYPE_CHECKING:
         slotine_li,
     )
     from .blocks.table import tabulated  # noqa: F401
-    from .compensated_loop import (  # noqa: F401
-        Assurance,
-        Compensation,
-        HuntingChance,
-        assure,
-        compensate,
-        hunting_chance,
-    )
     from .core.errors import (  # noqa: F401
         Diverged,
         InputError,
@@ -211,12 +214,6 @@ if TYPE_CHECKING:
         velocity_loop,
     )
     from .loops.late_loop import late_loop  # noqa: F401
-    from .observer_comparison import (  # noqa: F401
-        ObserverComparison,
-        Recommendation,
-        compare_observers,
-        recommend_observer,
-    )
     from .paper.equations import PAPER  # noqa: F401
     from .record import Record, read_record  # noqa: F401
     from .simulation.bristle_deflection import deflection  # noqa: F401

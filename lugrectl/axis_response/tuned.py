@@ -9,6 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from ..bench import Recommendation, recommend_observer
 from ..blocks.model import Model
 from ..core.display import Row, noticed, number
 from ..core.errors import InputError
@@ -17,7 +18,6 @@ from ..core.result import Result
 from ..core.views import view
 from ..hunting import LimitCycles
 from ..linear.stability import StabilityVerdict
-from ..observer_comparison import Recommendation, recommend_observer
 from .loop_shapes import Gains, Notch, of_reference
 
 SETTLED = 40.0  # times 1/pace: the length of a step

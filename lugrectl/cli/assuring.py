@@ -10,7 +10,7 @@ from .plotting import answered, format_of
 
 def assure(a: Namespace) -> int:
     """0 once it is answered; whether the compensation is worth anything is in the answer."""
-    from ..compensated_loop import assure as work
+    from ..bench import assure as work
     from .progress import Bar
 
     kind = format_of(a.plot)

@@ -44,7 +44,7 @@ def diagnose(a: Namespace) -> int:
 
 def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
     """The result of ``work``, with the control loop compensated by the model it found."""
-    from ..compensated_loop import compensate
+    from ..bench import compensate
 
     found = work(record, model, **options)
     if found.model is None:

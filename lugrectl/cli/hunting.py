@@ -57,7 +57,7 @@ def _of_model(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
 
 def _over(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
     """The chance of hunting over the drives that a report leaves possible."""
-    from ..compensated_loop import hunting_chance
+    from ..bench import hunting_chance
     from .progress import Bar
 
     if vary:

@@ -20,7 +20,7 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"blocks", "engine", "parallel", "record"},
         {"linear", "loops", "estimates", "simulation"},
         {"design", "hunting", "sweeps", "torque_balance"},
-        {"bench_tests", "compensated_loop", "observer_comparison", "report"},
+        {"bench", "bench_tests", "report"},
         {"axis_response", "diagnosis", "paper"},
         {"cli"},
         {"__main__", "demo", "results"},

@@ -8,29 +8,35 @@ from typing import Any
 
 import numpy as np
 
+from ..blocks.block import unit_for
+from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
 from ..blocks.swapped import model_first
 from ..core.errors import InputError
-from ..core.progress import Wanted, part_of, reporter, shows_progress
+from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import plain
 from ..core.validation import flag, shown
-from ..design import Certificate, design_gains
+from ..design import Certificate
 from ..design.observer_rules import RULES, SAMPLED
 from ..estimates.fitted import Fitted
+from ..loops.gains import crossing
 from .compare import chosen_observers
-from .drive_spec import DriveSpec, drive_spec, units
-from .loop import Terms
+from .drive_spec import KEYS, completed, drive_spec
+from .gains import LUGRE, correction, designed
+from .loop import unit_of
 from .reasons import ALIKE, broken, reasons, unknown, unseen
 from .recommendation import Candidate, Recommendation
-from .trials import Stand, Trial, controller_gains, correction, course
+from .terms import Terms
+from .trials import Stand, Trial
 
 NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further
 FAR = 1e300  # below infinity: a loop that diverged is not tried any further
 FASTER = 3.0  # times the controller's bandwidth: the rate of an observer that knows J alone
 LITTLE = 0.9  # of the error without an observer: above it even the best one helps little
-LAW = ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
+ON_ERROR = ("existing_observer", "lyapunov_observer")  # their rule takes the controller's gain
+ALONE = ("disturbance_observer", "extended_state_observer")  # noise grows with their rate
 
 
 @shows_progress
@@ -130,135 +136,101 @@ def recommend_observer(
     'disturbance'
     """
     model_first(p, record, "record")
+    said = {k: v for k, v in locals().items() if k in KEYS}
     model, record = _model(p, record)
-    spec = drive_spec(record, _own(locals()), model.motion).completed(_known(model))
-    stand = _stand(model, spec, given_gains(gains))
+    stand = _stand(model, drive_spec(record, said, model.motion), given_gains(gains))
     wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
     if not wanted:
         raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
-    admissible, refused, certificates = _admissible(stand, wanted, certified)
-    stand = replace(stand, terms=replace(stand.terms, designed=admissible))
-    report = reporter(progress)
+    able, refused = _admissible(stand, wanted, flag(certified, "certified"))
+    terms = replace(stand.terms, designed={name: gains for name, (gains, _) in able.items()})
+    stand, report = replace(stand, terms=terms), reporter(progress)
     report(0.0, "simulating the loop without an observer")
     none = stand.error("no_observer", {})
-    trials = _trials(stand, list(admissible), report)
-    unit = units(model.motion)["w" if stand.course.kind == "velocity" else "theta"]
-    rows = []
-    for name, trial in trials.items():
-        why = broken(trial.errors, none, unit, spec.rate, np.isfinite(none))
+    unit, rows = unit_of(stand.kind, model), []
+    for name, trial in _trials(stand, list(able), report).items():
+        why = broken(trial.errors, none, unit, stand.spec.rate, bool(np.isfinite(none)))
         if why:
             refused[name] = why
         else:
-            rows.append(_candidate(name, trial, stand, certificates[name]))
+            rows.append(_candidate(name, trial, stand, able[name][1]))
     return _answer(_ordered(rows), refused, none, stand)
 
 
-def _own(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments that describe the drive."""
-    names = DriveSpec.__dataclass_fields__
-    return {k: v for k, v in given.items() if k in names}
-
-
 def _model(p: Any, record: Any) -> tuple[Model, Any]:
-    """The drive's model; that of a result with its record."""
+    """Return the drive's model; that of a result with its record."""
     if isinstance(p, Fitted):
-        made = getattr(p, "model", None)
-        if not isinstance(made, Model):
+        model = getattr(p, "model", None)
+        if not isinstance(model, Model):
             raise InputError("p: this result holds no model; give a model with all values.")
-        record, p = (p.record if record is None else record), made
+        record, p = (p.record if record is None else record), model
     model = as_model(p, "p").with_defaults()
     plant(model)  # a missing value is named
     return model, record
 
 
-def _known(model: Model) -> dict[str, float]:
-    own = ("J", *LAW)
-    return {k: float(v) for k, v in model.values().items() if k in own and v is not None}
-
-
 def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
-    """Gains by the full name of an observer, checked."""
+    """Return gains by the full name of an observer, checked."""
     if gains is None:
         return {}
     if not isinstance(gains, Mapping) or not all(isinstance(v, Mapping) for v in gains.values()):
         raise InputError(f"gains must be a dict of dicts by observer, not {shown(gains)}.")
-    made = {observer_block(name).name: dict(own) for name, own in gains.items()}
-    for name, own in made.items():
+    checked = {observer_block(name).name: dict(own) for name, own in gains.items()}
+    for name, own in checked.items():
         observer_block(name).check(own)
-    return made
+    return checked
 
 
-def _stand(model: Model, spec: DriveSpec, gains: Mapping[str, Mapping[str, Any]]) -> Stand:
-    kind, known = "velocity" if "w" in spec.measured else "position", _known(model)
-    assert spec.bandwidth is not None
+def _stand(model: Model, said: Mapping[str, Any], gains: Mapping[str, Any]) -> Stand:
+    known = {k: float(v) for k, v in model.values().items() if k in LUGRE and v is not None}
+    spec = completed(said, known)
+    kind = "velocity" if "w" in spec.measured else "position"
     terms = Terms(model, correction(known, spec.bandwidth), True, gains, ahead=True)
-    own = controller_gains(kind, known["J"], spec.bandwidth)
-    return Stand(terms, spec, course(spec, kind), own)
+    stand = Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
+    stand.t  # noqa: B018  a reference that takes too many samples is said at once
+    return stand
 
 
-def _admissible(
-    stand: Stand, names: Sequence[str], certified: bool
-) -> tuple[dict[str, dict[str, Any]], dict[str, str], dict[str, Certificate | None]]:
-    """Gains of the observers that can be tried, reasons for those that cannot, certificates."""
-    gains: dict[str, dict[str, Any]] = {}
+Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certificate by name
+
+
+def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Able, dict[str, str]]:
+    """Return the observers that can be tried, and reasons for those that cannot."""
+    able: Able = {}
     refused: dict[str, str] = {}
-    made: dict[str, Certificate | None] = {}
-    model, strict = stand.terms.model, flag(certified, "certified")
     for name in names:
-        block, own = observer_block(name), stand.terms.designed.get(name)
-        why = unseen(block.inputs, stand.spec.measured)
-        why = why or unknown(block, _known(model), model.friction.block.name)
-        if why is None:
-            try:
-                gains[name], made[name] = _designed(stand, name, own)
-            except InputError as error:
-                why = f"its gains cannot be designed for this drive: {error}"
-        if why is None and strict and not made[name]:
-            del gains[name]
-            why = "its gains have no certificate, and certified=True asks for one."
-        if why is not None:
+        why = unseen(observer_block(name).inputs, stand.spec.measured)
+        if why := why or unknown(name, stand.terms.model):
             refused[name] = why
-    return gains, refused, made
+            continue
+        try:
+            own = _designed(stand, name)
+        except InputError as error:
+            refused[name] = f"its gains cannot be designed for this drive: {error}"
+            continue
+        if certified and not own[1]:
+            refused[name] = "its gains have no certificate, and certified=True asks for one."
+        else:
+            able[name] = own
+    return able, refused
 
 
-def _designed(
-    stand: Stand, name: str, own: Mapping[str, Any] | None
-) -> tuple[dict[str, Any], Certificate | None]:
-    """Gains by the design rule, at the rate and the speed of the drive."""
-    rule = RULES.get(name)
+def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | None]:
+    """Return gains by the design rule, at the rate and the speed of the drive."""
+    own, rule, spec = stand.terms.designed.get(name), RULES.get(name), stand.spec
     if own is not None or (rule is None and name != "proposed_observer"):
         return dict(own or {}), None
-    spec, choices = stand.spec, dict[str, Any]()
-    assert spec.speed is not None
-    fitting: dict[str, Any] = {"dt": 1.0 / spec.rate, "M": 1.5 * spec.speed, "speed": spec.speed}
-    fitting |= {"w0": 0.2 * spec.speed, "k": stand.terms.k, "kp": stand.gains["kp"]}
-    if name in ("disturbance_observer", "extended_state_observer"):  # noise grows with the rate
-        assert spec.bandwidth is not None
-        fitting["dt"] = max(fitting["dt"], SAMPLED / (FASTER * spec.bandwidth))
-    if rule is not None:
-        on_error = {"k", "kp"} if name in ("existing_observer", "lyapunov_observer") else set()
-        wanted = {"dt", "M", "speed", "w0"} | on_error
-        choices = {k: v for k, v in fitting.items() if k in wanted and k in rule.choices}
-    design = design_gains(_Values(_known(stand.terms.model)), observer=name, **choices)
-    return dict(design.gains), _about(name, stand.course.kind, design.certificate)
+    dt = max(1.0 / spec.rate, SAMPLED / (FASTER * spec.bandwidth) if name in ALONE else 0.0)
+    more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
+    design = designed(stand.terms.model, name, dt, spec.speed, **more)
+    made = design.certificate
+    if name == "normal_force_observer" and stand.kind == "velocity":
+        made = replace(made, holds=False, valid="its proof is about a position loop")
+    return dict(design.gains), made
 
 
-def _about(name: str, kind: str, made: Certificate) -> Certificate:
-    """The certificate, which does not hold where it is about another loop."""
-    if name == "normal_force_observer" and kind == "velocity":
-        return replace(made, holds=False, valid="its proof is about a position loop")
-    return made
-
-
-class _Values:
-    """Parameters as attributes."""
-
-    def __init__(self, known: Mapping[str, float]) -> None:
-        self.__dict__.update(known)
-
-
-def _trials(stand: Stand, names: Sequence[str], report: Any) -> dict[str, Trial]:
-    """All observers in the first cases, then the better ones in the others."""
+def _trials(stand: Stand, names: Sequence[str], report: Progress) -> dict[str, Trial]:
+    """Return all observers in the first cases, then the better ones in the others."""
     trials: dict[str, Trial] = {}
     for i, name in enumerate(names):
         part = part_of(report, 0.6 * i / len(names), 0.6 * (i + 1) / len(names))
@@ -282,10 +254,10 @@ def _candidate(name: str, trial: Trial, stand: Stand, certificate: Certificate |
         errors=trial.errors,
         load=trial.load,
         noise=trial.noise,
-        gains=stand.terms.own(name, stand.course.kind),
+        gains=stand.terms.own(name, stand.kind),
         certificate=certificate,
         reads=block.inputs,
-        knows=tuple(k for k in ("J", *LAW) if k in block.parameters),
+        knows=tuple(k for k in LUGRE if k in block.parameters),
         complete=trial.complete,
     )
 
@@ -301,16 +273,16 @@ def _answer(
     rows: Sequence[Candidate], refused: Mapping[str, str], none: float, stand: Stand
 ) -> Recommendation:
     model, known = stand.terms.model, stand.terms.values()
-    unit, signal = units(model.motion), "w" if stand.course.kind == "velocity" else "theta"
-    said = {"e": unit[signal], "u": unit["u"]}
+    unit = unit_of(stand.kind, model)
+    said = {"e": unit, "u": unit_for("N m", model.motion)}
     level = float(max(known.get("Fc", 0.0), known.get("Fs", 0.0)))
     explained = [replace(row, reasons=reasons(row, rows, none, said, level)) for row in rows]
     return Recommendation(
         ranked=tuple(explained),
         refused={k.removesuffix("_observer"): v for k, v in refused.items()},
         none=none,
-        signal=signal,
-        unit=unit[signal],
+        signal=MEASURED[stand.kind],
+        unit=unit,
         motion=model.motion,
         drive=plain(asdict(stand.spec)),
         controller=dict(stand.gains),

@@ -27,19 +27,16 @@ def _why_not(block: Block) -> str | None:
     return next((why for act, why in _REASONS if act in block.acts), None)
 
 
-def sorted_out(model: Model) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Effects that are compensated, and those that are not, each with the reason."""
+def sorted_out(
+    model: Model, table: Table | None
+) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """Return what of a model's effects and a table is compensated, and what is not and why."""
     reasons = {part.key: _why_not(part.block) for part in model.effects}
+    if table is not None:
+        on_u = table.signals[0] == "u"
+        reasons[table.name] = "it depends on the torque itself" if on_u else None
     fed = tuple(k for k, why in reasons.items() if why is None)
     return fed, tuple((k, why) for k, why in reasons.items() if why is not None)
-
-
-def with_table(
-    table: Table, fed: tuple[str, ...], left: tuple[tuple[str, str], ...]
-) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
-    if table.signals[0] == "u":
-        return fed, (*left, (table.name, "it depends on the torque itself"))
-    return (*fed, table.name), left
 
 
 def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
+from ..blocks.model import Model
 from ..core.display import number
 from ..design import Certificate
+from .gains import lacking
 from .recommendation import Candidate
 from .trials import EXACT
 
@@ -104,12 +105,11 @@ def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
     return f"it reads {missing[0]}, and this drive measures only {measured[0]}; {cure}."
 
 
-def unknown(made: Any, have: Mapping[str, Any], law: str) -> str | None:
-    """Why an observer cannot be given its parameters; None if it can."""
-    keys = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
-    missing = [k for k in keys if k in made.parameters and have.get(k) is None]
-    if not missing:
+def unknown(name: str, model: Model) -> str | None:
+    """Return why an observer cannot be given its parameters; None if it can."""
+    if not (missing := lacking(name, model)):
         return None
+    law = model.friction.block.name
     return f"it must know {', '.join(missing)}, which the model with {law} friction does not have."
 
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.compensated_loop.drive import Spread, drawn
+from lugrectl.bench.compensate import Drives
+from lugrectl.bench.compensation import Spread
 from lugrectl.estimates.covariance import Joint
 from lugrectl.report import text
 
@@ -108,10 +109,10 @@ def test_a_loop_that_diverges_on_some_drives_is_counted_and_has_an_infinite_end(
 
 
 def test_drawn_parameters_stay_inside_their_bounds():
-    drives = drawn(FULL, joint(3.0), 50, 0)
+    drives = Drives(joint(3.0), 50, 0).of(FULL)
     assert all(one.J > 0 and one.values()["gravity.amplitude"] >= 0 for one in drives)
     assert len({one.J for one in drives}) == 50
-    assert drives[0].values() == drawn(FULL, joint(3.0), 50, 0)[0].values()
+    assert drives[0].values() == Drives(joint(3.0), 50, 0).of(FULL)[0].values()
 
 
 def test_wrong_arguments_are_one_sentence():

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.observer_comparison.drive_spec import drive_spec
 from lugrectl.simulation.encoder import rounded
 
 from ..cases.observed import P
@@ -32,6 +31,12 @@ def logged(rate=500.0, step=0.0, noise=0.0, n=1500):
         "theta": rounded(theta, step),
         "w": w,
     }
+
+
+def drive(log, **known):
+    """What is assumed about the drive of a log."""
+    own = {"observers": "disturbance", "uncertainty": 0.0}
+    return lg.recommend_observer(P, log, **own, **known).drive
 
 
 def test_each_case_is_reported_as_it_begins():
@@ -139,19 +144,19 @@ def test_gains_without_a_rule_can_be_left_out():
 
 
 def test_a_record_gives_rate_step_and_noise():
-    spec = drive_spec(logged(500.0, 1e-3, 0.02), {}, "rotary")
-    assert spec.rate == pytest.approx(500.0)
-    assert spec.resolution == pytest.approx(1e-3) and spec.noise < 1e-3
-    assert spec.speed_noise == pytest.approx(0.02, rel=0.1)
-    assert spec.measured == ("theta", "w")
-    assert spec.speed == pytest.approx(0.8 * 0.8 * np.pi, rel=0.02)
+    spec = drive(logged(500.0, 1e-3, 0.02))
+    assert spec["rate"] == pytest.approx(500.0)
+    assert spec["resolution"] == pytest.approx(1e-3) and spec["noise"] < 1e-3
+    assert spec["speed_noise"] == pytest.approx(0.02, rel=0.1)
+    assert spec["measured"] == ["theta", "w"]
+    assert spec["speed"] == pytest.approx(0.8 * 0.8 * np.pi, rel=0.02)
 
 
 def test_an_argument_goes_before_the_record():
     log = {k: v for k, v in logged().items() if k != "w"}
-    spec = drive_spec(log, {"measured": "theta w", "speed": 0.1, "resolution": 0.0}, "rotary")
-    assert spec.speed == 0.1 and spec.measured == ("theta", "w") and spec.resolution == 0.0
-    assert spec.speed_noise is None and spec.rate == pytest.approx(500.0)
+    spec = drive(log, measured="theta w", speed=0.1, resolution=0.0)
+    assert spec["speed"] == 0.1 and spec["measured"] == ["theta", "w"] and spec["resolution"] == 0.0
+    assert spec["speed_noise"] is None and spec["rate"] == pytest.approx(500.0)
 
 
 def test_a_record_in_any_form_will_do(tmp_path):

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..blocks.aliases import name_of
-from ..blocks.block import unit_for
 from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, as_model
 from ..blocks.observers import Gain, observer_block
@@ -23,15 +21,20 @@ from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.validation import shown, whole
 from ..estimates.covariance import Joint
 from ..estimates.findings import Table
+from ..loops.parts import OUTPUTS
+from ..record import Record
 from ..record.as_record import as_record
+from ..record.signal_noise import sensor_noise
+from ..simulation.recorded_sensing import sensing_of
 from ..simulation.response import simulate
-from .drive import DRAWS, spread
-from .feedforward import sorted_out, with_table
+from .compensation import LOOPS, Compensation, Run, Spread
+from .feedforward import sorted_out
 from .gains import controller, observer_gains
-from .loop import OUTPUTS, Task, closed
+from .loop import SampledLoop, Task, kind_of, unit_of
 from .reference import Course, course
-from .result import LOOPS, Compensation, Run
 
+DRAWS = 20
+LONGEST, MOST = 6.0, 40_000  # s of a run on a drive like the recorded one, and its samples
 WORSE = 1.05  # ratio above which the error counts as larger
 
 
@@ -137,118 +140,176 @@ def compensate(
     >>> drive = lg.Model.of(lg.table1(), effects=cogging)
     >>> print(lg.compensate(drive, loop="position", bandwidth=30.0))  # doctest: +SKIP
     """
-    if not isinstance(loop, str) or loop not in MEASURED:
-        raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(MEASURED)}.")
+    kind_of(loop)
     if not (table is None or isinstance(table, Table)):
         raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
     model, observer = as_model(model), name_of("observer", observer)
     record = None if record is None else as_record(record, model.motion)
-    bare = replace(model, effects=())
-    before = bare if declared is None else _completed(declared, model)
-    given = {"kp": kp, "ki": ki, "kd": kd}
+    before = replace(model, effects=()) if declared is None else _completed(declared, model)
     if loop == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
     if not (covariance is None or isinstance(covariance, Joint)):
         raise InputError(
             f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
         )
-    draws, seed = whole(draws, "draws", least=1), whole(seed, "seed")
-    task = Task(model, table, loop, controller(given, loop, bandwidth, _value(model, "J")))
-    timed = any(part.block.timed for part in (*model.effects, *before.effects))
-    timed = timed or (table is not None and table.signals[0] == "t")
-    way = course(reference, record, loop, bandwidth, timed)
-    chosen = {"before": before, "after": model}
-    designs = {k: observer_gains(m, observer, K1, K2, gains) for k, m in chosen.items()}
-    systems = {"none": closed(task, None, None, {}, "none")}
-    for key, believed in chosen.items():
-        systems[key] = closed(task, believed, observer, designs[key][0], key)
-    copies = _copies(observer)
-    report = reporter(progress)
-    runs, errors, messages = _simulated(task, systems, way, copies, report)
-    messages += _useless(errors)
-    unit = unit_for("rad/s" if loop == "velocity" else "rad", model.motion)
-    drive = None
-    if record is not None:
-        own = {"none": {}} | {key: design[0] for key, design in designs.items()}
-        drive = spread(task, {"none": None} | chosen, observer, own, way, record, copies,
-                       covariance, draws, seed, report)  # fmt: skip
-        messages += drive.advice(unit)
-    fed, left = sorted_out(model)
-    if table is not None:
-        fed, left = with_table(table, fed, left)
+    drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
+    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, _inertia(model))
+    task, unit = Task(model, loop, own, table), unit_of(loop, model)
+    way = course(reference, record, loop, bandwidth, _timed(task, before))
+    designs = {
+        key: observer_gains(one, observer, K1, K2, gains)
+        for key, one in (("before", before), ("after", model))
+    }
+    controls = {
+        "none": task.control(None),
+        "before": task.control(before, observer, designs["before"].gains),
+        "after": task.control(model, observer, designs["after"].gains),
+    }
+    three, report = Three(task, way, controls, _copies(observer)), reporter(progress)
+    loops = {key: task.closed(blocks, key) for key, blocks in controls.items()}
+    runs, errors, messages = three.simulated(loops, report)
+    drive = None if record is None else three.spread(record, drives, report)
+    messages += _useless(errors) + ([] if drive is None else drive.advice(unit))
+    fed, left = sorted_out(model, table)
     return Compensation(
         kind=loop,
         observer=observer,
-        none=errors["none"],
-        before=errors["before"],
-        after=errors["after"],
+        **errors,
         unit=unit,
-        controller=task.controller,
-        gains={k: d[1] for k, d in designs.items()},
-        certificate=designs["after"][2],
+        controller=own,
+        gains={key: design.plain for key, design in designs.items()},
+        certificate=designs["after"].certificate,
         compensated=fed,
         left=left,
         reference=way.summary,
         messages=tuple(messages),
-        loop=systems,
+        loop=loops,
         runs=runs,
         drive=drive,
     )
 
 
-def _value(model: Model, key: str) -> float:
-    value = model.values()[key]
+def _inertia(model: Model) -> float:
+    value = model.values()["J"]
     if value is None:
-        raise InputError(f"{model.name}: {key} has no value; identify it first.")
+        raise InputError(f"{model.name}: J has no value; identify it first.")
     return value
 
 
 def _completed(declared: Any, model: Model) -> Model:
-    """The declared model; values that it does not give are those of the augmented one."""
-    made = as_model(declared, "declared")
-    known = model.known()
-    return made.with_values({k: known.get(k) for k, v in made.values().items() if v is None})
+    """Return the declared model; values that it does not give are those of the augmented one."""
+    own, known = as_model(declared, "declared"), model.known()
+    return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
+
+
+def _timed(task: Task, before: Model) -> bool:
+    """Return whether something in the loops depends on the time."""
+    parts = (*task.model.effects, *before.effects)
+    by_time = task.table is not None and task.table.signals[0] == "t"
+    return by_time or any(part.block.timed for part in parts)
 
 
 def _copies(observer: str | None) -> list[str]:
-    """The observer's states that follow the position: they start where the drive stands."""
+    """Return the observer's states that follow the position: they start where the drive stands."""
     if observer is None:
         return []
-    made = observer_block(observer)
-    pairs = zip(made.states, made.start, strict=True)
-    return [f"{made.name}_{state}" for state, start in pairs if start == "theta"]
+    block = observer_block(observer)
+    pairs = zip(block.states, block.start, strict=True)
+    return [f"{block.name}_{state}" for state, start in pairs if start == "theta"]
 
 
-def _simulated(
-    task: Task,
-    systems: Mapping[str, ct.InterconnectedSystem],
-    way: Course,
-    copies: list[str],
-    report: Progress,
-) -> tuple[dict[str, Run], dict[str, float], list[str]]:
-    """Each loop's run and error, and a message for each loop that does not work."""
-    r, inputs = way.followed(task.kind), way.inputs(task.kind)
-    runs, errors, messages = {}, {}, []
-    for i, (key, system) in enumerate(systems.items()):
-        report(i / len(systems), f"simulating the loop {LOOPS[key]}")
-        x0 = np.zeros(system.nstates)
-        placed = ["plant_theta"] if key == "none" else ["plant_theta", *copies]
-        for state in placed:
-            x0[system.state_labels.index(state)] = way.theta[0]
-        try:
-            with warnings.catch_warnings(record=True) as said:
-                warnings.simplefilter("always")
-                response = simulate(system, way.t, inputs, x0)
-        except Diverged as error:
-            errors[key] = math.inf
-            messages.append(f"The loop {LOOPS[key]} is unstable; its simulation diverged ({error})")
-            continue
+@dataclass(frozen=True)
+class Drives:
+    """How drives are drawn: from what is known of the parameters, how many, the seed."""
+
+    joint: Joint | None
+    number: int
+    seed: int
+
+    def of(self, model: Model) -> list[Model]:
+        """Return models with parameters from the joint distribution, each inside its bounds; one
+        where none is known."""
+        if self.joint is None or not self.joint.names:
+            return [model] * (1 if self.joint is None else self.number)
+        known, limits = model.known(), model.declarations()
+        columns = {
+            k: np.clip(np.where(np.isfinite(v), v, known[k]), limits[k].low, limits[k].high)
+            for k, v in self.joint.sample(self.number, self.seed).items()
+            if k in known and not limits[k].whole
+        }
+        rows = range(self.number)
+        return [model.with_values({k: float(v[i]) for k, v in columns.items()}) for i in rows]
+
+    def names(self, model: Model) -> tuple[str, ...]:
+        """Return the parameters that differ from draw to draw."""
+        known = model.values()
+        return tuple(name for name in (self.joint.names if self.joint else ()) if name in known)
+
+
+@dataclass(frozen=True, eq=False)
+class Three:
+    """Three loops that follow one reference; ``copies``: states that start at its position."""
+
+    task: Task
+    way: Course
+    controls: Mapping[str, Sequence[Any]]
+    copies: Sequence[str]
+
+    def simulated(
+        self, loops: Mapping[str, Any], report: Progress
+    ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
+        """Return each loop's run and error, and a message for each loop that does not work."""
+        runs, errors, messages = {}, dict[str, float](), []
+        for i, (key, system) in enumerate(loops.items()):
+            report(i / len(loops), f"simulating the loop {LOOPS[key]}")
+            try:
+                with warnings.catch_warnings(record=True) as said:
+                    warnings.simplefilter("always")
+                    runs[key] = run = self._run(system)
+            except Diverged as error:
+                errors[key] = math.inf
+                messages.append(
+                    f"The loop {LOOPS[key]} is unstable; its simulation diverged ({error})"
+                )
+                continue
+            errors[key] = rms(run.y - run.r)
+            messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
+            messages += _trouble(run, LOOPS[key])
+        return runs, errors, messages
+
+    def _run(self, system: Any) -> Run:
+        rows, placed = self.way.rows(self.task.kind), {"plant_theta", *self.copies}
+        x0 = [self.way.theta[0] * (state in placed) for state in system.state_labels]
+        response = simulate(system, self.way.t, np.vstack(list(rows.values())), x0)
         outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
-        runs[key] = run = Run(way.t, r, outputs[MEASURED[task.kind]], outputs["u"])
-        errors[key] = rms(run.y - r)
-        messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
-        messages += _trouble(run, LOOPS[key])
-    return runs, errors, messages
+        return Run(self.way.t, rows["r"], outputs[MEASURED[self.task.kind]], outputs["u"])
+
+    def spread(self, record: Record, drives: Drives, report: Progress) -> Spread:
+        """Return the tracking error of each loop on drives like the recorded one."""
+        way, sensing = self.way, sensing_of(record)
+        torque = sensor_noise(record.u, record.resolution.get("u", 0.0))
+        n = max(2, min(math.floor(min(way.t[-1], LONGEST) / sensing.dt), MOST))
+        t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
+        rows = {k: np.interp(t, way.t, x) for k, x in way.rows(self.task.kind).items()}
+        loops = {
+            key: SampledLoop(self.task, sensing, blocks, fastest, way.theta[0], self.copies)
+            for key, blocks in self.controls.items()
+        }
+        errors: dict[str, list[float]] = {key: [] for key in loops}
+        for i, model in enumerate(models := drives.of(self.task.model)):
+            report(i / len(models), "simulating drives like the recorded one")
+            for key, loop in loops.items():  # the same noise for each loop
+                own = {"torque": torque, "seed": drives.seed + i}
+                errors[key].append(loop.error(rows, model, **own))
+        speed = math.nan if sensing.speed_noise is None else sensing.speed_noise
+        return Spread(
+            1.0 / sensing.dt,
+            {"theta": sensing.noise, "w": speed, "u": torque},
+            sensing.resolution,
+            drives.names(self.task.model),
+            drives.seed,
+            {key: np.array(values) for key, values in errors.items()},
+        )
 
 
 def _useless(errors: Mapping[str, float]) -> list[str]:

@@ -4,38 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..blocks.aliases import name_of
-from ..blocks.block import unit_for
-from ..blocks.controllers import MEASURED
-from ..blocks.model import Model, values_of
 from ..blocks.observers import observer_block
 from ..core.errors import InputError, Refused
-from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
-from ..core.validation import number, positive, share, shown, whole
-from ..design import design_gains
-from ..design.observer_rules import RULES
+from ..core.progress import Wanted, part_of, reporter, shows_progress
+from ..core.validation import number, positive, share, whole
 from ..estimates.members import Belief, Members
-from ..parallel.jobs import JobError, run_jobs
 from ..simulation.encoder import Sensing
 from .assured import Assurance
 from .believed import believed
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest
-from .choosing import BESIDE, Standstill, Tries, chosen
-from .gains import controller
-from .loop import Task
-from .member_runs import PERIODS, Choice, Setting, Work, grows
+from .choosing import BESIDE, NOTHING, Standstill, Tries, chosen
+from .gains import controller, designed, fastest, lacking
+from .loop import Task, kind_of, unit_of
+from .member_runs import Choice, Jobs, Setting, Tracking, grows
+from .reference import enough_samples
 
-LUGRE = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
 OBSERVERS = ("natural", "friction_state", "extended_state")
 SCALES = (0.4, 0.6, 0.8, 1.0, 1.2)
-LAG = 0.4  # rad that sampling and dead time take at three times the controller's pole
-FEWEST, MOST = 20, 50_000  # samples of a run
-CHUNK = 16  # members in a task
+QUICK = 20.0  # 1/s, pole of the usual controller, or a third of the crossover that sampling allows
 UNSTABLE = (
     "the loop is unstable by itself: with these gains, rate and dead time a drive without dry "
     "friction swings ever more; give a lower bandwidth, or other gains."
@@ -160,25 +152,17 @@ def assure(
     """
     beliefs, seen = believed(p)
     confidence, model = share(confidence, "confidence"), beliefs[0].model
-    if not isinstance(loop, str) or loop not in MEASURED:
-        raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(MEASURED)}.")
-    asked = {"rate": rate, "dead_time": dead_time, "counts": counts}
-    sensing, torque = _sensing(seen, asked, model.motion), float(seen.get("torque") or 0.0)
-    pole = _pole(sensing) if bandwidth is None else positive(bandwidth, "bandwidth", "1/s")
+    kind_of(loop)
+    sensing = _sensing(seen, rate, dead_time, counts, model.motion)
+    pole = min(QUICK, fastest(sensing) / 3.0)
+    pole = pole if bandwidth is None else positive(bandwidth, "bandwidth", "1/s")
     own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, pole, float(model.J or 0.0))
-    fast = seen.get("speed") if speed is None else positive(speed, "speed")
-    setting = Setting(
-        Task(model, None, loop, own),
-        sensing,
-        torque,
-        float(fast or 1.0),
-        1.0 if frequency is None else positive(frequency, "frequency", "Hz"),
-    )
-    if not FEWEST <= setting.samples(PERIODS) <= MOST:
-        raise InputError(f"the reference takes {setting.samples(PERIODS)} samples, outside "
-                         f"{FEWEST} to {MOST}: give another frequency.")  # fmt: skip
-    hunts = 1.0 if hunts == 1.0 else share(hunts, "hunts")
-    seed = whole(seed, "seed")
+    top = seen.get("speed") if speed is None else positive(speed, "speed")
+    f = 1.0 if frequency is None else positive(frequency, "frequency", "Hz")
+    torque = float(seen.get("torque") or 0.0)
+    setting = Setting(Task(model, loop, own), sensing, torque, float(top or 1.0), f)
+    enough_samples(f, 1.0 / sensing.dt, "the reference")
+    hunts, seed = 1.0 if hunts == 1.0 else share(hunts, "hunts"), whole(seed, "seed")
     least = max(enough(confidence), enough_at_rest(hunts, spare=1))
     count = least if members is None else whole(members, "members", least=2)
     still = setting.usual_still() if still is None else positive(still, "still", "rad")
@@ -187,154 +171,116 @@ def assure(
         raise Refused(UNSTABLE)
     drawn, report = Members(beliefs, 2 * count, seed), reporter(progress)
     pairs = list(zip(drawn, range(seed, seed + 2 * count), strict=True))
-    run = _Runs(executor, jobs)
+    run = Jobs(executor, whole(jobs, "jobs", 1))
     tries = Tries(run, pairs[:count], setting, confidence)
-    for i, (name, own) in enumerate(named.items()):
+    for i, (name, gained) in enumerate(named.items()):
         part = part_of(report, 0.2 * i / len(named), 0.2 * (i + 1) / len(named))
-        tries.add([Choice(name, own, c) for c in SCALES], part)
+        tries.add([Choice(name, gained, scale) for scale in SCALES], part)
     if better := tries.better():
         tries.near(better[0], part_of(report, 0.2, 0.25))
-    halves = [Standstill(run, own, setting, still, hunts) for own in (pairs[:count], pairs[count:])]
+    halves = [
+        Standstill(run, half, setting, still, hunts) for half in (pairs[:count], pairs[count:])
+    ]
     best, rule = chosen(tries, halves, part_of(report, 0.25, 0.9))
-    compared = Work(setting, [None] if best is None else [None, best])
-    errors = run(compared, part_of(report, 0.9, 1.0), pairs[count:])
-    said = _said(count, hunts, tries, halves[1].outcomes(best).unsure, best, rule)
-    return _answer(setting, best, tries, halves, errors, beliefs, said)
+    compared = [NOTHING] if best is NOTHING else [NOTHING, best]
+    errors = run(Tracking(setting, compared), part_of(report, 0.9, 1.0), pairs[count:])
+    return Found(tries, halves, best, rule, hunts).answer(errors, beliefs)
 
 
-def _said(
-    count: int, hunts: float, tries: Tries, unsure: float, best: Choice | None, rule: str
-) -> tuple[str, ...]:
-    """What the choice does not show."""
-    part, made = f"{100.0 * hunts:g} % of the drives", []
-    if count < (least := enough_at_rest(hunts)):
-        ends = 100.0 * Outcomes(0, count).ci95[1]
-        made.append(f"{count} drives cannot show that at most {part} hunt: if none of them does, "
-                    f"up to {ends:.2g} % may; members={least} can.")  # fmt: skip
-    if best is None and tries.better():
-        made.append(f"compensations that track better swing at rest on more than {part}, and "
-                    "farther than without compensation.")  # fmt: skip
-    elif best is not None and rule == BESIDE:
-        made.append(f"every compensation hunts on more than {part}; this one swings no farther "
-                    "than without compensation.")  # fmt: skip
-    if unsure:
-        seconds = tries.setting.waits()[-1] * tries.setting.sensing.dt
-        made.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
-                    f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
-    return tuple(made)
-
-
-def _sensing(seen: Mapping[str, Any], asked: Mapping[str, Any], motion: str) -> Sensing:
-    rate = seen.get("rate") if asked["rate"] is None else positive(asked["rate"], "rate", "Hz")
+def _sensing(
+    seen: Mapping[str, Any], rate: Any, dead_time: Any, counts: Any, motion: str
+) -> Sensing:
+    rate = seen.get("rate") if rate is None else positive(rate, "rate", "Hz")
     if rate is None:
         raise InputError("rate is missing: the result has no record; give the drive's in Hz.")
-    late = number(asked["dead_time"] or 0.0, "dead_time")
+    late = number(dead_time or 0.0, "dead_time")
     if late < 0.0:
         raise InputError(f"dead_time = {late:g} is negative.")
     step = seen.get("resolution") or 0.0
-    if asked["counts"] is not None:
-        step = (2.0 * np.pi if motion == "rotary" else 1.0) / whole(asked["counts"], "counts", 1)
+    if counts is not None:
+        step = (2.0 * np.pi if motion == "rotary" else 1.0) / whole(counts, "counts", 1)
     return Sensing(1.0 / rate, seen.get("noise") or 0.0, step, seen.get("speed_noise"), late)
 
 
-def _pole(sensing: Sensing) -> float:
-    """Of the usual controller in 1/s, as far as sampling and dead time allow it."""
-    late = 0.5 * sensing.dt * (1.0 + (sensing.speed_noise is None)) + sensing.delay
-    return min(20.0, LAG / late / 3.0)
-
-
 def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str, Any]]:
-    """The observers that are tried, by full name, with their gains by the design rule."""
+    """Return the observers that are tried, by full name, with their gains by the design rule."""
     given = OBSERVERS if wanted is None else [wanted] if isinstance(wanted, str) else wanted
     own = {observer_block(name_of("observer", k)).name: dict(v) for k, v in (gains or {}).items()}
-    made, model = {}, setting.task.model
-    for name in given:
-        block = observer_block(name_of("observer", name))
-        lacks = [k for k in LUGRE if k in block.parameters and model.values().get(k) is None]
-        if lacks and wanted is not None:
-            raise InputError(f"{block.name} must know {', '.join(lacks)}, which "
+    found, model = {}, setting.task.model
+    for name in (observer_block(name_of("observer", k)).name for k in given):
+        if not (lacks := lacking(name, model)):
+            found[name] = own.get(name) or dict(
+                designed(model, name, setting.sensing.dt, setting.speed).gains
+            )
+        elif wanted is not None:
+            raise InputError(f"{name} must know {', '.join(lacks)}, which "
                              f"{model.friction.block.name} friction does not have.")  # fmt: skip
-        if not lacks:
-            made[block.name] = own.get(block.name) or _designed(setting, block.name)
-    return made
+    return found
 
 
-def _designed(setting: Setting, name: str) -> dict[str, Any]:
-    speed, choices = setting.speed, RULES[name].choices if name in RULES else {}
-    usual: dict[str, Any] = {
-        "dt": setting.sensing.dt,
-        "M": 1.5 * speed,
-        "speed": speed,
-        "w0": 0.2 * speed,
-    }
-    wanted = {k: v for k, v in usual.items() if k in choices}
-    return dict(design_gains(values_of(setting.task.model), observer=name, **wanted).gains)
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What was chosen, by which of the RULES, and what it was compared with."""
 
+    tries: Tries
+    halves: Sequence[Standstill]
+    best: Choice
+    rule: str
+    hunts: float
 
-class _Runs:
-    """Members on an executor, in chunks; their errors in order."""
+    def answer(self, errors: np.ndarray, beliefs: Sequence[Belief]) -> Assurance:
+        """Return the result; ``errors`` of members that no choice has seen."""
+        best, confidence, (first, last) = self.best, self.tries.confidence, self.halves
+        setting, tried = self.tries.setting, zip(self.tries.tried, self.tries.choices, strict=True)
+        none, own, task, sensing = errors[:, 0], errors[:, -1], setting.task, setting.sensing
+        swing, none_swing = (bound(last.rows(k)[:, 1], confidence) for k in (best, NOTHING))
+        outcomes = last.outcomes(best)
+        return Assurance(
+            kind=task.kind,
+            scale=best.scale,
+            observer=best.observer and best.observer.removesuffix("_observer"),
+            gains=dict(best.gains),
+            controller=dict(task.controller),
+            confidence=confidence,
+            error=float(np.median(own)),
+            band=band(own),
+            bound=bound(own, confidence),
+            none=float(np.median(none)),
+            none_band=band(none),
+            hunts=outcomes,
+            none_hunts=last.outcomes(NOTHING),
+            swing=swing,
+            none_swing=none_swing,
+            still=last.still,
+            worse=Chance(int(np.sum(own > none)), len(own)),
+            unit=unit_of(task.kind, task.model),
+            tried=tuple(replace(one, hunts=first.share(choice)) for one, choice in tried),
+            errors={"assured": own, "none": none},
+            drive={
+                "rate": 1.0 / sensing.dt,
+                "dead_time": sensing.delay,
+                **{k: getattr(sensing, k) for k in ("resolution", "noise", "speed_noise")},
+                **{k: getattr(setting, k) for k in ("torque", "speed", "frequency")},
+            },
+            models=tuple((b.model.name, b.weight) for b in beliefs),
+            messages=self._messages(len(own), outcomes.unsure),
+        )
 
-    def __init__(self, executor: Executor | None, jobs: int) -> None:
-        self.executor, self.jobs = executor, whole(jobs, "jobs", 1)
-
-    def __call__(
-        self, work: Work, report: Progress, pairs: Sequence[tuple[Model, int]]
-    ) -> np.ndarray:
-        parts = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
-        found: dict[int, np.ndarray] = {}
-        for i, rows in run_jobs(work, parts, executor=self.executor, jobs=self.jobs):
-            if isinstance(rows, JobError):
-                raise Refused(f"members {i * CHUNK} and on: {rows.sentence}")
-            found[i] = rows
-            report(len(found) / len(parts), "simulating drives")
-        return np.vstack([found[i] for i in range(len(parts))])
-
-
-def _answer(
-    setting: Setting,
-    best: Choice | None,
-    tries: Tries,
-    halves: Sequence[Standstill],
-    errors: np.ndarray,
-    beliefs: Sequence[Belief],
-    said: tuple[str, ...],
-) -> Assurance:
-    none, own, n = errors[:, 0], errors[:, -1], len(errors)
-    model, kind, confidence = setting.task.model, setting.task.kind, tries.confidence
-    first, last = halves
-    swings = [bound(last.rows(one)[:, 1], confidence) for one in (best, None)]
-    tried = zip(tries.tried, tries.choices, strict=True)
-    return Assurance(
-        kind=kind,
-        scale=0.0 if best is None else best.scale,
-        observer=None if best is None else best.observer.removesuffix("_observer"),
-        gains={} if best is None else dict(best.gains),
-        controller=dict(setting.task.controller),
-        confidence=confidence,
-        error=float(np.median(own)),
-        band=band(own),
-        bound=bound(own, confidence),
-        none=float(np.median(none)),
-        none_band=band(none),
-        hunts=last.outcomes(best),
-        none_hunts=last.outcomes(None),
-        swing=swings[0],
-        none_swing=swings[1],
-        still=last.still,
-        worse=Chance(int(np.sum(own > none)), n),
-        unit=unit_for("rad/s" if kind == "velocity" else "rad", model.motion),
-        tried=tuple(replace(one, hunts=first.share(choice)) for one, choice in tried),
-        errors={"assured": own, "none": none},
-        drive={
-            "rate": 1.0 / setting.sensing.dt,
-            "dead_time": setting.sensing.delay,
-            "resolution": setting.sensing.resolution,
-            "noise": setting.sensing.noise,
-            "speed_noise": setting.sensing.speed_noise,
-            "torque": setting.torque,
-            "speed": setting.speed,
-            "frequency": setting.frequency,
-        },
-        models=tuple((b.model.name, b.weight) for b in beliefs),
-        messages=said,
-    )
+    def _messages(self, count: int, unsure: float) -> tuple[str, ...]:
+        """Return what the choice does not show."""
+        part, said, setting = f"{100.0 * self.hunts:g} % of the drives", [], self.tries.setting
+        if count < (least := enough_at_rest(self.hunts)):
+            ends = 100.0 * Outcomes(0, count).ci95[1]
+            said.append(f"{count} drives cannot show that at most {part} hunt: if none of them "
+                        f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
+        if self.best is NOTHING and self.tries.better():
+            said.append(f"compensations that track better swing at rest on more than {part}, and "
+                        "farther than without compensation.")  # fmt: skip
+        elif self.best is not NOTHING and self.rule == BESIDE:
+            said.append(f"every compensation hunts on more than {part}; this one swings no farther "
+                        "than without compensation.")  # fmt: skip
+        if unsure:
+            seconds = setting.waits()[-1] * setting.sensing.dt
+            said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
+                        f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
+        return tuple(said)

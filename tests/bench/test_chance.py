@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lugrectl.compensated_loop.chance import Chance, band, bound, enough, spared
+from lugrectl.bench.chance import Chance, band, bound, enough, spared
 
 
 def test_the_interval_is_that_of_clopper_and_pearson():

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.bench.terms import Terms
 from lugrectl.blocks.block import members
-from lugrectl.observer_comparison.loop import Terms, closed
 
 from ..cases.observed import P, longer
 
@@ -50,7 +50,7 @@ def test_feedback_at_rest_is_the_same(kind):
     for name in ("natural_observer", "existing_observer"):
         terms = Terms(lg.Model.of(P), 0.35, True)
         base = {"kp": 1.6, "ki": 0.16} if kind == "velocity" else {"kp": 15.0, "ki": 0.0, "kd": 1.2}
-        loop = closed(terms, name, kind, terms.feedback(name, base))
+        loop = terms.closed(name, kind, base)
         linear = ct.linearize(loop, np.zeros(loop.nstates), np.zeros(loop.ninputs))
         row, column = loop.output_labels.index("u"), loop.input_labels.index("r")
         responses.append([linear(1j * om)[row, column] for om in (0.3, 5.0, 80.0)])

@@ -14,9 +14,9 @@ from ..core.errors import InputError
 from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown
 from .comparison import ObserverComparison
-from .loop import Terms
 from .reasons import unknown
-from .scenarios import FINE, GAINS, SCENARIOS, STEP, compared
+from .scenarios import SCENARIOS, Bench, Levels
+from .terms import Terms
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters
@@ -126,24 +126,26 @@ def compare_observers(
     model = _complete(as_model(p, "p").with_defaults())
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)
     chosen, refused = _able(chosen, model)
-    levels = {"wrong": positive(wrong, "wrong", "as a factor of friction")}
-    levels["over"] = positive(over, "over", "as a factor of friction")
     terms = Terms(model, positive(k, "k", "1/s"), flag(equal, "equal"))
-    levels["off"] = share(off, "off")
-    levels["load"] = _load(load, model) if "load" in wanted else 0.0
-    encoder, given = (positive(noise, "noise", "rad"), _step(resolution)), _rates(rates)
+    levels = Levels(
+        positive(wrong, "wrong", "as a factor of friction"),
+        positive(over, "over", "as a factor of friction"),
+        share(off, "off"),
+        _load(load, model) if "load" in wanted else 0.0,
+        positive(noise, "noise", "rad"),
+        _step(resolution),
+        _rates(rates),
+    )
     report, rows = reporter(progress), []
     for i, name in enumerate(chosen):
         part = part_of(report, i / len(chosen), (i + 1) / len(chosen))
-        rows.append(compared(terms, name, wanted, levels, encoder, given, part))
-    said = {**levels, "k": terms.k, "equal": terms.equal, "step": STEP}
-    said |= dict(zip(("noise", "resolution"), encoder, strict=True))
-    said |= {"rates": given, "rounding": encoder[1] or FINE}
-    return ObserverComparison(rows, said | {"gains": GAINS, "model": model.name}, refused)
+        rows.append(Bench(terms, name, levels).compared(wanted, part))
+    said = levels.summary() | {"k": terms.k, "equal": terms.equal, "model": model.name}
+    return ObserverComparison(rows, said, refused)
 
 
 def _complete(model: Model) -> Model:
-    """The model, if it has all its values."""
+    """Return the model, if it has all its values."""
     missing = [k for k, v in model.values().items() if v is None]
     if missing:
         raise InputError(
@@ -154,9 +156,8 @@ def _complete(model: Model) -> Model:
 
 
 def _able(names: Sequence[str], model: Model) -> tuple[list[str], dict[str, str]]:
-    """The observers that can be given their parameters, and why the others cannot."""
-    known, law = model.known(), model.friction.block.name
-    why = {name: unknown(observer_block(name), known, law) for name in names}
+    """Return the observers that can be given their parameters, and why the others cannot."""
+    why = {name: unknown(name, model) for name in names}
     able = [name for name in names if why[name] is None]
     if not able:
         raise InputError(f"{names[0]} cannot be compared: {why[names[0]]}")
@@ -164,7 +165,7 @@ def _able(names: Sequence[str], model: Model) -> tuple[list[str], dict[str, str]
 
 
 def _load(given: float | None, model: Model) -> float:
-    """The load torque in N m."""
+    """Return the load torque in N m."""
     if given is not None:
         return number(given, "load")
     level = model.known().get("Fc")

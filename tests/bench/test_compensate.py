@@ -10,9 +10,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import lugrectl as lg
+from lugrectl.bench import effects_torque
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
-from lugrectl.compensated_loop import effects_torque
 from lugrectl.core.errors import InputError
 from lugrectl.estimates.findings import Table
 from lugrectl.report import fragment, text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import count as numbers
@@ -11,7 +12,6 @@ import numpy as np
 from scipy import stats
 
 from ..core.display import Row, Shown
-from .drive import between
 from .standstill import HUNTS, UNDECIDED
 
 SURE = 0.95  # of a bound, and of the interval of a probability
@@ -123,3 +123,11 @@ def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
     ordered, last, tail = np.sort(values), len(values) - 1, 0.5 * (1.0 - level)
     low = max(tail * (last + 2) - 1.0, 0.0)
     return between(ordered, low), between(ordered, last - low)
+
+
+def between(values: np.ndarray, place: float) -> float:
+    """Return a quantile; infinite beside an infinite value."""
+    low, high = values[math.floor(place)], values[math.ceil(place)]
+    if not math.isfinite(high):
+        return math.inf if place > math.floor(place) else float(low)
+    return float(low + (place - math.floor(place)) * (high - low))

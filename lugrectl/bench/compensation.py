@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import control as ct
@@ -14,8 +15,9 @@ from ..core.display import Row, Shown, noticed
 from ..core.result import Result, library, plain
 from ..core.views import view
 from ..design import Certificate
-from .drive import Spread
+from .chance import between
 
+ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {
     "none": "without compensation",
     "before": "with the compensation of the declared model",
@@ -31,6 +33,73 @@ class Run(Shown):
     r: np.ndarray
     y: np.ndarray
     u: np.ndarray
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Spread(Shown):
+    """RMS tracking error on drawn drives: the values of each loop, infinite where it diverged.
+
+    ``rate`` in Hz; ``noise`` of position (rad), speed (rad/s, nan where the drive takes the
+    difference of two positions) and torque (N m), and the encoder's ``resolution`` (rad).
+    ``drawn``: the parameters that differ from draw to draw.
+    """
+
+    rate: float
+    noise: Mapping[str, float]
+    resolution: float
+    drawn: tuple[str, ...]
+    seed: int
+    errors: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def of(self, key: str) -> tuple[float, float, float]:
+        """Median and 10 and 90 % of a loop's error."""
+        values = np.sort(self.errors[key])
+        places = (len(values) - 1) * np.array([50.0, *ENDS]) / 100.0
+        with np.errstate(invalid="ignore"):
+            found = [between(values, place) for place in places]
+        return found[0], found[1], found[2]
+
+    @property
+    def best(self) -> str:
+        """The loop of the least median; without compensation where none is smaller."""
+        return min(self.errors, key=lambda key: self.of(key)[0])
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "compensation" "drive" in the JSON document."""
+        loops = {
+            key: {**dict(zip(("median", "low", "high"), self.of(key), strict=True)),
+                  "diverged": int(np.count_nonzero(~np.isfinite(values)))}
+            for key, values in self.errors.items()
+        }  # fmt: skip
+        return {
+            "rate": self.rate,
+            "resolution": self.resolution,
+            "noise": dict(self.noise),
+            "drawn": list(self.drawn),
+            "draws": len(next(iter(self.errors.values()))),
+            "seed": self.seed,
+            **loops,
+            "recommended": self.best,
+        }
+
+    def rows(self, unit: str) -> list[Row]:
+        """Median and spread of each loop, for display."""
+        made = []
+        for key in self.errors:
+            middle, low, high = self.of(key)
+            made.append(Row(f"on a drive, {key}", f"{middle:.3g} ({low:.3g} to {high:.3g}) {unit}"))
+        return made
+
+    def advice(self, unit: str) -> list[str]:
+        """One sentence where a compensation makes tracking worse than none."""
+        (none, *_), (after, *_) = self.of("none"), self.of("after")
+        if after <= none:
+            return []
+        worse = f"{after:.3g} {unit}" if math.isfinite(after) else "unstable"
+        return [
+            "On a drive like the recorded one the compensation makes tracking worse: median error "
+            f"{worse} with it, {none:.3g} {unit} without; leave it off."
+        ]
 
 
 @dataclass(frozen=True, repr=False, eq=False)
