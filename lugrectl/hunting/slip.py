@@ -1,4 +1,4 @@
-"""A slip of a rigid loop, from w = 0 to w = 0, in the units of ``lanes``: many lanes at once.
+"""A slip of a rigid loop, from w = 0 to w = 0, in the units of ``loop``: many lanes at once.
 
 A slip in the direction of -e has the state (x, a, y): the error, the speed a = -w >= 0, and the
 excess y = -u - Fs of the torque without damping over breakaway,
@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .lanes import Lanes
+from .loop import Lanes
 
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
@@ -54,7 +54,7 @@ class End(NamedTuple):
 
 def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     """From a = 0 to the next a = 0 of each lane."""
-    state, h, t = _begun(x, y)
+    state, h, t = np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
     small = SMALL * np.minimum(1.0, np.abs(x)) if lanes.drift is None else 0.0 * x
     settles, steps, rtol = _creeps, STEPS, RTOL
     if lanes.drift is not None:
@@ -85,10 +85,6 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     rests[active] = True
     ends, more = _stopped(lanes, state, last)
     return End(ends[0], np.minimum(ends[2], 0.0), t + more, rests)
-
-
-def _begun(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
 
 
 def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
