@@ -17,7 +17,7 @@ from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
 
 from ..blocks.measured_bristle import strokes
 from ..record import Record
-from ..record.record import smallest_step
+from ..record.signal_noise import smallest_step
 
 SMOOTH = 0.34  # of the sampling rate: where the motion that friction follows is down to 1/e
 FINER = 4  # parts of an interval: the axis may reverse within it
