@@ -1,4 +1,4 @@
-"""Records drawn at random, with one difficulty where asked, in other forms; what makes one unfit."""
+"""Records drawn at random: with one difficulty where asked, in other forms; what is unfit."""
 
 from __future__ import annotations
 
