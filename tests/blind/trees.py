@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..rig.bench import FINE, STIFF
-from ..rig.machines import CONSTANT_LOAD, GRAVITY_LOAD, NO_LOAD
-from ..rig.plant import EFFECTS, STATES, TH, UA, WIDTH, WS, W, Z, compiled, step
+from ..drives.machines import CONSTANT_LOAD, GRAVITY_LOAD, NO_LOAD
+from ..drives.plant import EFFECTS, STATES, TH, UA, WIDTH, WS, W, Z, compiled, step
+from ..drives.run import FINE, STIFF
 from .limits import restarts, stretches
 
 LAGS = (2e-3, 10e-3, 40e-3)  # s

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import second_rig
+from .. import held_out
 from . import DAMAGES, KINDS, damage, draw
 from .answers import answer, answer_of_file
 
@@ -55,7 +55,7 @@ def compare(found: dict, truth: dict) -> dict:
 
 def second(seed: int, kind: str) -> tuple[dict, dict]:
     """A drive of the second rig, its truth in the names of the first."""
-    log, known = second_rig.draw(seed, "plain" if kind == "clean" else "real")
+    log, known = held_out.draw(seed, "plain" if kind == "clean" else "real")
     truth = {name: known[name] for name in ("J", "Fc", "Fv")}
     size, phase = known["gravity"]
     if size > 0.1 * known["Fc"]:
@@ -169,7 +169,7 @@ def main(arguments: list[str] | None = None) -> None:
     say = answer_of_file(given.prototype) if given.prototype else answer
     kinds = list(DAMAGES) if given.damage == "all" else [given.damage]
     seeds = range(*(int(x) for x in given.seeds.split(":")))
-    drawn = second if given.rig == "second" else draw
+    drawn = second if given.drives == "second" else draw
     rows = []
     for hurt in kinds:
         some = [score(seed, given.kind, hurt, say, drawn) for seed in seeds]
@@ -178,10 +178,10 @@ def main(arguments: list[str] | None = None) -> None:
         if len(kinds) > 1:
             print(f"--- {hurt}\n{table(some) if some else 'no log has such a column'}", flush=True)
     if given.keep:
-        keep(RESULTS, f"{given.rig} rig, {given.kind}, seeds {given.seeds}", given.keep, rows)
+        keep(RESULTS, f"{given.drives} rig, {given.kind}, seeds {given.seeds}", given.keep, rows)
     if given.out:
         given.out.write_text("".join(json.dumps(row) + "\n" for row in rows))
-    print(f"{given.rig} rig, {given.kind}, seeds {given.seeds}, damage {given.damage}.")
+    print(f"{given.drives} rig, {given.kind}, seeds {given.seeds}, damage {given.damage}.")
     print("Errors in % (a constant torque: of Fc; a phase: of a radian; a delay: of a row);")
     print("intervals of 95 %")
     print(table(rows))

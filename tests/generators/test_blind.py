@@ -6,7 +6,7 @@ The seeds here score the tool; thresholds were set on others (0 to 9).
 import pytest
 
 from lugrectl import diagnose
-from tests.rig import make, sample
+from tests.drives import make, sample
 
 from ..cases.common import record_of, verdict
 

@@ -13,8 +13,8 @@ import pytest
 from ..blind import __main__ as bench
 from ..blind import kept, limits, page, plan, score, trees, work
 from ..cases.blind_results import effect, hidden, line, ripple
-from ..rig import CATALOGUE, STRANGERS, make
-from ..rig.exported import EXPORTS, LATE
+from ..drives import CATALOGUE, STRANGERS, make
+from ..drives.sample import EXPORTS, LATE
 
 
 @pytest.mark.parametrize(

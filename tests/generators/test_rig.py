@@ -8,15 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from .. import rig
-from ..rig.bench import FINE, simulate
-from ..rig.columns import CHANNELS
-from ..rig.exported import EXPORTS, LATE
-from ..rig.hard import HARD, harden
-from ..rig.hiding import Context, find
-from ..rig.machines import GRAVITY_LOAD, MACHINES
-from ..rig.record import stream
-from ..rig.reference import open_loop, wave
+from .. import drives as rig
+from ..drives.effects import Context, find
+from ..drives.logger import CHANNELS, stream
+from ..drives.machines import GRAVITY_LOAD, MACHINES
+from ..drives.reference import open_loop, wave
+from ..drives.run import FINE, simulate
+from ..drives.sample import EXPORTS, HARD, LATE, harden
 
 EVERY = [*rig.CATALOGUE, *rig.STRANGERS]
 SHORT: dict = {"duration": 5.0, "rate": 500.0}

@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ..rig import plant
-from ..rig.bench import Setup, drive_row, machine_row, replay, simulate, tune
-from ..rig.machines import GRAVITY_LOAD, MACHINES, NO_LOAD
-from ..rig.plant import SPEED_LOOP
-from ..rig.reference import lugre_reference, open_loop, wave
+from ..drives import plant
+from ..drives.machines import GRAVITY_LOAD, MACHINES, NO_LOAD
+from ..drives.plant import SPEED_LOOP
+from ..drives.reference import lugre_reference, open_loop, wave
+from ..drives.run import Setup, drive_row, machine_row, replay, simulate, tune
 
 SERVO = MACHINES["servo"]
 STIFF = replace(SERVO, sigma0=20 * SERVO.sigma0, sigma1=2.0)  # hardly creeps before it slips

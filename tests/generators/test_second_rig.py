@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.second_rig import draw, draw_effect
-from tests.second_rig.drawing import _draw
-from tests.second_rig.motion_facts import leftover, nominal, simulate
+from tests.held_out import draw, draw_effect
+from tests.held_out.drawing import _draw
+from tests.held_out.motion_facts import leftover, nominal, simulate
 
 
 @pytest.mark.parametrize("seed", range(6))

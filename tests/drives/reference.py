@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from .bench import FINE, Setup, drive_row, tune
 from .plant import OPEN_LOOP
+from .run import FINE, Setup, drive_row, tune
 
 
 def open_loop(machine, torque, rate=1000.0, theta0=0.0, step=FINE):

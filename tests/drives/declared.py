@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .hiding import CATALOGUE
+from .effects import CATALOGUE
 from .machines import CONSTANT_LOAD, GRAVITY_LOAD, Machine
 
 FRICTION = {

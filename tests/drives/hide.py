@@ -1,4 +1,4 @@
-"""Scale an effect until its torque has the wanted RMS next to that of friction."""
+"""An effect at a wanted strength beside friction, and what a refit leaves of it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .bench import Run, Setup, Table, simulate
-from .hiding import Effect, Size
-from .machines import Machine
+from .effects import Effect, Size
+from .machines import NO_LOAD, Machine
+from .run import Run, Setup, Table, simulate
 
 COARSE = 100e-6  # good enough to search with; the last runs are fine again
 
@@ -69,3 +69,17 @@ def calibrate(setup: Setup, effect: Effect, size: Size, strength: float) -> tupl
     runs.clear()
     x = search(try_with(setup), replace(size, start=x), 3, 0.1)
     return x, runs[x]
+
+
+def visible(run: Run) -> float:
+    """RMS of the effect torque without what J, the friction levels and a declared load explain."""
+    s, m = run.signals, run.setup.machine
+    w, angle = s["w_true"], s["theta_true"]
+    way = np.tanh(w / (0.1 * m.vs))
+    slow = np.exp(-np.minimum((w / m.vs) ** 2, 50.0))
+    shapes = [np.gradient(w, run.t), w, way, way * slow, np.clip(s["z"] * m.sigma0, -m.Fs, m.Fs)]
+    if m.load[0] != NO_LOAD:
+        shapes += [np.sin(angle), np.cos(angle)] if m.rotary else [np.ones_like(w)]
+    A = np.column_stack([x / max(float(np.sqrt(np.mean(x**2))), 1e-12) for x in shapes])
+    left = s["effect"] - A @ np.linalg.lstsq(A, s["effect"], rcond=None)[0]
+    return float(np.sqrt(np.mean(left**2)))

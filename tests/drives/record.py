@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from .bench import Run, Setup, drive_row, simulate, tune
-from .columns import Logger, carries, stream
-from .declared import model_text, model_tree
-from .excitation import EXCITATIONS
-from .hiding import Context, Effect, Size, find, needs_gravity, suits
+from .declared import model_tree
+from .effects import Context, Effect, Size, find, needs_gravity, suits
+from .hide import COARSE, calibrate, present, visible
+from .logger import NUISANCES, Logger, carries, nuisance, stream, turned, warmed
 from .machines import MACHINES, NO_LOAD, PARAMETERS, Machine, specimen, with_load
+from .moves import EXCITATIONS
 from .plant import KI, KP
-from .repeats import NUISANCES, nuisance, turned, warmed
-from .strength import COARSE, calibrate, present
-from .visible import visible
+from .run import Run, Setup, drive_row, simulate, tune
 
 Names = str | Sequence[str]
-UNITS = {"t": "s", "u": "N m", "theta": "rad", "w": "rad/s", "d": "N m", "theta_load": "rad"}
-LINEAR = {"t": "s", "u": "N", "theta": "m", "w": "m/s", "d": "N", "theta_load": "m"}
 
 
 @dataclass(frozen=True)
@@ -34,23 +28,6 @@ class Case:
     truth: dict
     hidden: Run
     more: tuple[Case, ...] = ()  # further runs of the same machine
-
-    def write(self, folder: str | Path) -> Path:
-        """Write record.csv (record-2.csv, ...), model.toml and truth.json; returns the folder."""
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        for i, case in enumerate((self, *self.more)):
-            _table(case, folder / ("record.csv" if i == 0 else f"record-{i + 1}.csv"))
-        (folder / "model.toml").write_text(model_text(self.model))
-        (folder / "truth.json").write_text(json.dumps(self.truth, indent=1))
-        return folder
-
-
-def _table(case: Case, path: Path) -> None:
-    units = (LINEAR if case.model["motion"] == "linear" else UNITS) | {"temperature": "degC"}
-    header = ",".join(f"{k} [{units[k]}]" if k in units else k for k in case.columns)
-    rows = np.column_stack(list(case.columns.values()))
-    np.savetxt(path, rows, fmt="%.10g", delimiter=",", header=header, comments="")
 
 
 def names_of(effect: Names) -> list[str]:

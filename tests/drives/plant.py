@@ -1,8 +1,8 @@
 """The drive in fine fixed steps: friction, hidden effects, sensors and a sampled controller.
 
-All that is compiled stands in this file and in shapes.py: numba's disk cache only watches the
-file of the function it compiled, so change this one with that one.  A row of the effect table
-holds the parameters in the order of the catalogue; an effect whose flag is down is never evaluated.
+All that is compiled stands in this file, since numba's disk cache only watches the file of the
+function it compiled.  A row of the effect table holds the parameters in the order of the
+catalogue; an effect whose flag is down is never evaluated.
 """
 
 from __future__ import annotations
@@ -11,8 +11,15 @@ import math
 
 import numpy as np
 
-from .shapes import bumps, compiled, patch, pulses, stroke, wandering, within
+try:
+    from numba import njit
+except ImportError:  # plain Python then: the same lines, slower
 
+    def njit(**_options):
+        return lambda function: function
+
+
+compiled = njit(cache=True, error_model="numpy", forceinline=True)
 EFFECTS = (
     "constant_torque gravity torque_ripple position_dependent_friction coulomb_asymmetry "
     "viscous_asymmetry quadratic_drag thermal_drift load_dependent_friction dwell_stiction "
@@ -50,6 +57,65 @@ MODE, KP, KI, KPP, U_MAX, XI_MAX, U_INIT, LAG_WM, NO_TACHO, QUANTUM = range(10)
 OPEN_LOOP, SPEED_LOOP, POSITION_LOOP = 0, 1, 2
 # per sample: as recorded, then the truth (means over the sample, work so far)
 OUT = ("u", "theta", "w", "friction", "effect", "work")
+
+
+@compiled
+def bumps(theta, row):
+    """row: height, width, period (0: none), count, then centres and signed shapes."""
+    total = 0.0
+    count = int(row[3])
+    for i in range(count):
+        gap = theta - row[4 + i]
+        if row[2] > 0.0:
+            gap -= row[2] * math.floor(gap / row[2] + 0.5)
+        total += row[4 + count + i] * math.exp(-((gap / row[1]) ** 2))
+    return row[0] * total
+
+
+@compiled
+def pulses(t, row):
+    """row: height, length, count, then times and signed shapes; half-sine contacts."""
+    total = 0.0
+    count = int(row[2])
+    for i in range(count):
+        phase = (t - row[3 + i]) / row[1]
+        if 0.0 < phase < 1.0:
+            total += row[3 + count + i] * math.sin(math.pi * phase)
+    return row[0] * total
+
+
+@compiled
+def stroke(t, row):
+    """row: height, frequency, part of the period; one push per stroke of a pump."""
+    phase = (t * row[1] - math.floor(t * row[1])) / row[2]
+    return row[0] * math.sin(math.pi * phase) if phase < 1.0 else 0.0
+
+
+@compiled
+def patch(theta, row):
+    """row: rise, centre, half of its width, period (0: none). Rough over a part of the travel."""
+    gap = theta - row[1]
+    if row[3] > 0.0:
+        gap -= row[3] * math.floor(gap / row[3] + 0.5)
+    return 1.0 + row[0] / (1.0 + (gap / row[2]) ** 8)
+
+
+@compiled
+def wandering(t, row):
+    """row: size, then frequency and phase of four slow sines."""
+    total = 0.0
+    for i in range(4):
+        total += math.sin(2.0 * math.pi * row[1 + 2 * i] * t + row[2 + 2 * i])
+    return 1.0 + row[0] * total / 2.0
+
+
+@compiled
+def within(t, row):
+    """row: what is lost, length, count, then times: the loss at this time."""
+    for i in range(int(row[2])):
+        if 0.0 < t - row[3 + i] < row[1]:
+            return row[0]
+    return 0.0
 
 
 @compiled

@@ -1,17 +1,14 @@
-"""An independent simulator of servo drives with friction: records with one hidden effect.
+"""The simulator of the tests: servo drives with friction, and records with a hidden effect.
 
 Shares no code with the package under test.  Symbols, units and signs are those of the record:
 ``J dw/dt = u - F - d``, friction ``F`` and load ``d`` oppose positive ``w``.
 """
 
-from . import effects, strangers  # noqa: F401  (they enter the registries)
-from .checks import problems
-from .draws import draw, sample
-from .excitation import EXCITATIONS
-from .exported import exported
-from .hiding import CATALOGUE, STRANGERS
+from .effects import CATALOGUE, STRANGERS
 from .machines import MACHINES
+from .moves import EXCITATIONS
 from .record import Case, make
+from .sample import draw, exported, problems, sample
 
 __all__ = [
     "CATALOGUE",
