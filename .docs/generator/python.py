@@ -20,7 +20,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "effects": "blocks.factories",
     "loops": "loops simulation",
     "checks": "linear design hunting paper",
-    "diagnosis": "diagnosis compensated_loop axis_response",
+    "diagnosis": "diagnosis compensated_loop commissioning",
     "records": "record blocks.model estimates",
     "ensembles": "sweeps",
 }

@@ -1,6 +1,6 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
-from ..axis_response import FrequencyResponse, ResponsePlan, Tuning
+from ..commissioning import FrequencyResponse, ResponsePlan, Tuning
 from ..compensated_loop import Assurance, Compensation, HuntingChance, Run
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.compare_laws import ComparedLaw, LawComparison

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from .runs import Run
-from .windows import ORDER, Window, half_width, window
+from .runs import ORDER, Run, Window, half_width, window
 
 BINS, SHARE = 12, 0.014  # half-width of a window: bins of the longest run, share of the frequency
 
