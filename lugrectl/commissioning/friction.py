@@ -24,7 +24,7 @@ of the first antiresonance.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
 
@@ -34,10 +34,9 @@ from ..blocks.friction import level
 from ..blocks.measured_bristle import along, strokes
 from .local_response import Shape
 from .mechanics import Mechanics, quadratic
-from .runs import FINER, Run, Window, half_width, means, window
+from .runs import FINER, Run, Spacing, Window, means, windows
 
-BINS, SHARE = 15, 0.035  # half-width of a window: bins of the longest run, share of the frequency
-SPACING = 1.4  # of half-widths from window to window
+SPACING = Spacing(15, 0.035, 1.4)
 PASSES = 4  # of weights
 FLOOR = 1e-3  # of the largest residual: no window weighs more
 STEPS = (0.25, 0.12, 0.06)  # of the search, decades and samples
@@ -181,16 +180,16 @@ class Problem:
         cls, terms: Terms, torques: Sequence[np.ndarray], shapes: Sequence[Shape], high: float
     ) -> Problem:
         """The problem up to ``high`` in rad/s, with the spectra of the commands."""
-        windows = list(_windows(terms.runs, high))
+        every = windows(terms.runs, 0.0, high, SPACING)
         moved = [shape.den * run.W for shape, run in zip(shapes, terms.runs, strict=True)]
         driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]
         bases = []
-        for one in windows:
+        for one in every:
             linear = one.poly * one.rows(moved)[:, None]
             linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
             bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
-        left = [_without(Q, o.rows(driven)) for Q, o in zip(bases, windows, strict=True)]
-        return cls(terms, windows, bases, left, shapes)
+        left = [_without(Q, o.rows(driven)) for Q, o in zip(bases, every, strict=True)]
+        return cls(terms, every, bases, left, shapes)
 
     def without(self, found: Friction) -> Friction:
         """The same shapes with no friction."""
@@ -241,14 +240,6 @@ def _ranges(runs: Sequence[Run]) -> tuple[float, float, float, float]:
     count, dt = runs[0].count, runs[0].dt
     low = max(0.7 * count, 1e-3 * speed * dt)
     return low, max(0.1 * path / max(turns, 1), 10.0 * low), 0.01 * speed, 0.5 * speed
-
-
-def _windows(runs: Sequence[Run], high: float) -> Iterator[Window]:
-    centre = half_width(runs, 0.0, BINS, SHARE)
-    while centre < high:
-        half = half_width(runs, centre, BINS, SHARE)
-        yield window(runs, centre, half)
-        centre += SPACING * half
 
 
 def _without(Q: np.ndarray, rows: np.ndarray) -> np.ndarray:

@@ -138,7 +138,9 @@ class Search:
 
     def distance(self, g: Gains) -> np.ndarray:
         """The least |1 + L| of all members of the band (m,)."""
-        C = self.controller(g)
+        return self._distance(self.controller(g))
+
+    def _distance(self, C: np.ndarray) -> np.ndarray:
         return np.min(np.abs(1.0 + self.axis.G * C) - np.abs(C) * self.axis.radius, axis=1)
 
     @property
@@ -166,12 +168,11 @@ class Search:
 
     def _keeps(self, shape: Shape) -> np.ndarray:
         """Whether the loop is stable (Nyquist) and keeps the distance, (m,)."""
-        g, known = self.gains(shape), self.axis.known
-        back = 1.0 + self.controller(g)[:, known] * self.axis.G[known]
-        turned = np.unwrap(np.angle(back))
+        C, known = self.controller(self.gains(shape)), self.axis.known
+        turned = np.unwrap(np.angle(1.0 + C[:, known] * self.axis.G[known]))
         first = turned[:, 0] - 2.0 * np.pi * (turned[:, 0] > 0.0)  # of up to three integrators
         ends = first + turned[:, -1] - turned[:, 0]
-        return (np.abs(ends) < 0.5 * np.pi) & (self.distance(g) >= 1.0 / self.Ms)
+        return (np.abs(ends) < 0.5 * np.pi) & (self._distance(C) >= 1.0 / self.Ms)
 
     def best(self, about: Shape | None = None) -> Shape:
         """The shape with the most integral action, of all or near one; its c is 0 where no gains

@@ -19,10 +19,10 @@ from ..record.as_record import as_logs
 from ..record.pooling import pooled
 from .effects import Known, known_effects
 from .friction import Friction, Problem, Terms, fit_friction, load_motion
-from .local_response import Response, Shape, centres, local_response, windows_at
+from .local_response import SPACING, Response, Shape, local_response
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
 from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
-from .runs import Run, Window, runs_of
+from .runs import Run, Window, runs_of, windows
 
 HIGHEST = 0.4  # of half the sampling rate
 FRICTION = 40.0  # Hz up to which friction is fitted: above, it has little power
@@ -320,8 +320,9 @@ def estimate(known: Known, dry: bool) -> Estimate:
     """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
     runs = known.runs
     longest = max(len(run.u) * run.dt for run in runs)
-    w = centres(runs, 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / runs[0].dt)
-    stage = _Stage(known, windows_at(runs, w), w)
+    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / runs[0].dt
+    every = windows(runs, *ends, SPACING)
+    stage = _Stage(known, every, np.array([one.centre for one in every]))
     friction, taken = None, None
     for _ in range(1 + ROUNDS):
         if dry:

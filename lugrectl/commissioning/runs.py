@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
@@ -200,7 +200,21 @@ def window(runs: Sequence[Run], centre: float, half: float) -> Window:
     return Window(centre, tuple(parts), np.concatenate(polys), basis)
 
 
-def half_width(runs: Sequence[Run], centre: float, bins: int, share: float) -> float:
-    """Return the width of so many bins of the longest run, or of a share of the centre frequency
-    where that is wider."""
-    return max(bins * min(run.w[1] for run in runs), share * centre)
+class Spacing(NamedTuple):
+    """Windows as wide to either side as so many bins of the longest run, or as a share of their
+    centre frequency where that is wider, and so many half-widths from one to the next."""
+
+    bins: int
+    share: float
+    step: float = 1.0
+
+
+def windows(runs: Sequence[Run], low: float, high: float, by: Spacing) -> list[Window]:
+    """Return the windows from ``low`` to ``high``, rad/s; a low of 0: from the first whole one."""
+    least, made = by.bins * min(run.w[1] for run in runs), []
+    centre = low or least
+    while centre < high:
+        half = max(least, by.share * centre)
+        made.append(window(runs, centre, half))
+        centre += by.step * half
+    return made
