@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "axis_response": "frequency_response response_plan tune",
+    "commissioning": "frequency_response response_plan tune",
     "blocks.block": "P",
     "blocks.declaration": "block",
     "blocks.extending": "load_blocks",
@@ -77,7 +77,6 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .axis_response import frequency_response, response_plan, tune  # noqa: F401
     from .bench import (  # noqa: F401
         Assurance,
         Compensation,
@@ -157,6 +156,7 @@ if TYPE_CHECKING:
         slotine_li,
     )
     from .blocks.table import tabulated  # noqa: F401
+    from .commissioning import frequency_response, response_plan, tune  # noqa: F401
     from .core.errors import (  # noqa: F401
         Diverged,
         InputError,

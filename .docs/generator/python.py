@@ -19,7 +19,7 @@ TOPICS = {  # topic: the modules whose public names it holds
     "effects": "blocks.factories",
     "loops": "loops simulation",
     "checks": "linear design hunting paper",
-    "diagnosis": "diagnosis bench axis_response",
+    "diagnosis": "diagnosis bench commissioning",
     "records": "record blocks.model estimates",
     "ensembles": "sweeps",
 }

@@ -20,7 +20,7 @@ def bode(a: Namespace) -> int:
     """
     if a.plan is not None:
         return planned(a)
-    from ..axis_response import frequency_response
+    from ..commissioning import frequency_response
     from ..record import read_log
     from .tuning import check_options, of_model, said_of, with_gains
 

@@ -13,8 +13,8 @@ from .plotting import write
 
 def planned(a: Namespace) -> int:
     """Write the references as CSV, and print how to play them."""
-    from ..axis_response import response_plan
     from ..blocks.model import read_model
+    from ..commissioning import response_plan
 
     if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
         raise InputError(

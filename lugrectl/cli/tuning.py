@@ -12,8 +12,8 @@ from ..core.provenance import stamp
 from .plotting import answered
 
 if TYPE_CHECKING:
-    from ..axis_response import FrequencyResponse
     from ..blocks.model import Model
+    from ..commissioning import FrequencyResponse
 
 
 def check_options(a: Namespace) -> None:
@@ -49,7 +49,7 @@ def of_model(a: Namespace, model: Model, kind: str | None) -> int:
 
 
 def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
-    from ..axis_response import tune
+    from ..commissioning import tune
 
     given = {"Ms": a.ms, "dead_time": a.dead_time}
     given["bandwidth"] = a.bandwidth and 2.0 * math.pi * a.bandwidth

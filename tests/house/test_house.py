@@ -21,7 +21,7 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"linear", "loops", "estimates", "simulation"},
         {"design", "hunting", "sweeps", "torque_balance"},
         {"bench", "bench_tests", "report"},
-        {"axis_response", "diagnosis", "paper"},
+        {"commissioning", "diagnosis", "paper"},
         {"cli"},
         {"__main__", "demo", "results"},
     ],

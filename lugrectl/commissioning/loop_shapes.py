@@ -56,15 +56,10 @@ class Gains(NamedTuple):
     kd: Any
 
     def system(self, dt: float | None, notch: Notch | None) -> Any:
-        """From the error to -u: (kd s^2 + kp s + ki)/s, or with the difference for s and the
-        trapezoids for 1/s."""
-        if dt is None:
-            made = ct.tf([self.kd, self.kp, self.ki], [1.0, 0.0])
-        elif self.kd:
-            own = np.array([[1, -1, 0], [dt / 2, dt / 2, 0], [1 / dt, -2 / dt, 1 / dt]])
-            made = ct.tf(np.array(self) @ own, [1.0, -1.0, 0.0], dt)
-        else:
-            made = ct.tf(np.array(self[:2]) @ [[1, -1], [dt / 2, dt / 2]], [1.0, -1.0], dt)
+        """From the error to -u: kp + ki I + kd D."""
+        integral, speed = parts(dt)
+        made = self.kp + self.ki * integral
+        made = made + self.kd * speed if self.kd else made
         return made if notch is None else made * notch.system(dt)
 
 
@@ -120,11 +115,10 @@ class Search:
     @cached_property
     def _parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Notch, and with it integral and derivative, at the frequencies of the axis."""
-        s, dt = 1j * self.axis.w, self.axis.dt
-        at = s if dt is None else np.exp(s * dt)
-        integral, speed = (1 / s, s) if dt is None else parts_of(at, dt)
-        filtered = np.ones(len(s)) if self.notch is None else self.notch.system(dt)(at)
-        return filtered, filtered * integral, filtered * speed
+        at, dt = point(self.axis.w, self.axis.dt), self.axis.dt
+        filtered = np.ones(len(at)) if self.notch is None else self.notch.system(dt)(at)
+        integral, speed = (filtered * part(at) for part in parts(dt))
+        return filtered, integral, speed
 
     def controller(self, g: Gains) -> np.ndarray:
         """C (m, n) at the frequencies of the axis."""
@@ -144,7 +138,9 @@ class Search:
 
     def distance(self, g: Gains) -> np.ndarray:
         """The least |1 + L| of all members of the band (m,)."""
-        C = self.controller(g)
+        return self._distance(self.controller(g))
+
+    def _distance(self, C: np.ndarray) -> np.ndarray:
         return np.min(np.abs(1.0 + self.axis.G * C) - np.abs(C) * self.axis.radius, axis=1)
 
     @property
@@ -172,12 +168,11 @@ class Search:
 
     def _keeps(self, shape: Shape) -> np.ndarray:
         """Whether the loop is stable (Nyquist) and keeps the distance, (m,)."""
-        g, known = self.gains(shape), self.axis.known
-        back = 1.0 + self.controller(g)[:, known] * self.axis.G[known]
-        turned = np.unwrap(np.angle(back))
+        C, known = self.controller(self.gains(shape)), self.axis.known
+        turned = np.unwrap(np.angle(1.0 + C[:, known] * self.axis.G[known]))
         first = turned[:, 0] - 2.0 * np.pi * (turned[:, 0] > 0.0)  # of up to three integrators
         ends = first + turned[:, -1] - turned[:, 0]
-        return (np.abs(ends) < 0.5 * np.pi) & (self.distance(g) >= 1.0 / self.Ms)
+        return (np.abs(ends) < 0.5 * np.pi) & (self._distance(C) >= 1.0 / self.Ms)
 
     def best(self, about: Shape | None = None) -> Shape:
         """The shape with the most integral action, of all or near one; its c is 0 where no gains
@@ -238,19 +233,25 @@ class Search:
                 yield replace(self, notch=Notch(peak / (2.0 * np.pi), damping, depth))
 
 
-def parts_of(z: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Integral by trapezoids, and difference."""
-    return dt / 2 * (z + 1) / (z - 1), (1 - 1 / z) / dt
+def parts(dt: float | None) -> tuple[Any, Any]:
+    """Return I and D: 1/s and s; of a sampled controller trapezoids, and the difference."""
+    if dt is None:
+        return ct.tf([1.0], [1.0, 0.0]), ct.tf([1.0, 0.0], [1.0])
+    return ct.tf([dt / 2, dt / 2], [1.0, -1.0], dt), ct.tf([1 / dt, -1 / dt], [1.0, 0.0], dt)
+
+
+def point(w: np.ndarray, dt: float | None) -> np.ndarray:
+    """Return s or z at frequencies in rad/s."""
+    return 1j * w if dt is None else np.exp(1j * w * dt)
 
 
 def of_reference(
     structure: str, g: Gains, kv: float, w: np.ndarray, dt: float | None
 ) -> np.ndarray:
-    """The part of the controller that acts on the reference: not its derivative."""
+    """Return the part of the controller that acts on the reference: not its derivative."""
     if structure == "PI":
         return np.ones(len(w))
-    s = 1j * w
-    integral, speed = (1.0 / s, s) if dt is None else parts_of(np.exp(s * dt), dt)
+    integral, speed = (part(point(w, dt)) for part in parts(dt))
     if structure == "P-PI":
         return kv / (kv + speed)
     on_error = g.kp + g.ki * integral

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -39,18 +38,22 @@ class Known:
 
 
 def known_effects(runs: Sequence[Run], model: Model) -> Known:
-    """The effects of a model along the runs; InputError for a value that it leaves open."""
-    parts, said = [], []
+    """Take the effects of a model along the runs; InputError for a value that it leaves open."""
+    parts, said, friction = [], [], model.friction.values
     for part in model.effects:
-        why = _why_left(part, model.friction.values)
-        if why is None:
-            parts.append(_whole(part))
-        elif why:
+        why = _why_left(part, friction)
+        if why:
             said.append(LEFT.format(part.key, why))
+        elif why is None:
+            if missing := [k for k, v in part.values.items() if v is None]:
+                raise InputError(
+                    f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, "
+                    "and give the model with its value."
+                )
+            parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
-    made = [_along(run, parts, model.friction.values) for run in runs]
-    runs_, resisting, scales = zip(*made, strict=True)
-    return Known(runs_, resisting, scales, tuple(said))
+    made = [_along(run, parts, friction) for run in runs]
+    return Known(*zip(*made, strict=True), tuple(said))
 
 
 def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
@@ -69,16 +72,6 @@ def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
     return f"{open_[0]} is not declared" if open_ else None
 
 
-def _whole(part: Part) -> Part:
-    missing = [k for k, v in part.values.items() if v is None]
-    if missing:
-        raise InputError(
-            f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, and give "
-            "the model with its value."
-        )
-    return part
-
-
 def _along(
     run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]
 ) -> tuple[Run, np.ndarray, np.ndarray]:
@@ -86,26 +79,24 @@ def _along(
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
     signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
     for part in parts:
-        acts = _deeds(part, signals, run)
+        acts = _acts(part, signals, run)
         if "input" in acts:
             signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
-        torque = acts.get("torque", 0.0)
-        resisting = (
-            resisting + torque + acts.get("Fv", 0.0) * (friction.get("Fv") or 0.0) * run.speed
-        )
+        torque, viscous = acts.get("torque", 0.0), friction.get("Fv") or 0.0
+        resisting = resisting + torque + acts.get("Fv", 0.0) * viscous * run.speed
         if part.block.load:
             signals["load"] = signals["load"] + torque
         level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
     return replace(run, u=signals["u"]), resisting, level
 
 
-def _deeds(part: Part, signals: Mapping[str, np.ndarray], run: Run) -> dict[str, np.ndarray]:
-    values: dict[str, Any] = dict(part.values)
-    if part.block.name == GAP:
-        known = {k: p.value for k, p in part.block.parameters.items()} | values
+def _acts(part: Part, signals: Mapping[str, np.ndarray], run: Run) -> dict[str, np.ndarray]:
+    block = part.block
+    if block.name == GAP:
+        known = block.defaults() | dict(part.values)
         motion = {k: signals[k] for k in ("theta", "w")}
-        whole = [(slice(0, len(run.u)), run.dt)]
-        (made,) = driven(part.block, [known, known | TIGHT], motion, whole)
+        sets: list = [known, known | TIGHT]
+        (made,) = driven(block, sets, motion, [(slice(0, len(run.u)), run.dt)])
         return {"torque": made[:, 0] - made[:, 1]}
-    given = [signals[name] for name in part.block.reads]
-    return dict(part.block.deeds(part.block(*given, **values)))
+    given = [signals[name] for name in block.reads]
+    return dict(block.deeds(block(*given, **part.values)))

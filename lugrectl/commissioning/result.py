@@ -14,7 +14,7 @@ from ..core.display import Row, between, noticed, number
 from ..core.provenance import Provenance
 from ..core.result import Result
 from ..core.views import view
-from .modes import Mechanics, Mode
+from .mechanics import Mechanics, Mode
 
 LARGE = 2.0  # dB by which friction changes a response that it governs: no band holds there
 CERTAIN = 0.95  # coherence below which nothing is certain

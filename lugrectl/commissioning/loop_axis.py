@@ -23,8 +23,9 @@ from ..core.validation import number, positive
 from ..linear import linearize
 from ..linear.measured import response
 from .effects import LINEAR
-from .modes import Mechanics
+from .mechanics import Mechanics
 from .result import UNIT, FrequencyResponse
+from .runs import hold
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
@@ -70,58 +71,55 @@ class Axis:
 
 
 def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
-    """The axis of a response, a model or a linear system; InputError for anything else."""
-    late = number(dead_time, "dead_time")
-    if late < 0.0:
-        raise InputError(f"dead_time = {late:g} is negative.")
+    """Return the axis of a response, a model or a linear system; InputError for anything else."""
+    delay = number(dead_time, "dead_time")
+    if delay < 0.0:
+        raise InputError(f"dead_time = {delay:g} is negative.")
     dt = None if rate is None else 1.0 / positive(rate, "rate", "Hz")
     if isinstance(given, FrequencyResponse):
-        return _of_response(given, late, dt)
+        return _of_response(given, delay, dt)
     if isinstance(given, ct.FrequencyResponseData):
         w, P = response(given, "P")
-        return _measured(
-            w[w > 0], P[w > 0], np.zeros(int((w > 0).sum())), _step(given.dt), late, dt
-        )
+        P, w = P[w > 0], w[w > 0]
+        return _Measured(w, P, np.zeros(len(w)), _step(given.dt)).axis(delay, dt)
     if isinstance(given, ct.TransferFunction | ct.StateSpace):
-        return _of_system(given, late, dt)
+        return _of_system(given, delay, dt)
     model = as_model(given)
     own = sum(p.values["delay"] or 0.0 for p in model.effects if p.block.name == "input_delay")
-    made = _of_system(_free(model), late + own, dt)
-    return replace(made, motion=model.motion, model=model, dead_time=late)
+    made = _of_system(_free(model), delay + own, dt)
+    return replace(made, motion=model.motion, model=model, dead_time=delay)
 
 
-def _of_response(found: FrequencyResponse, late: float, dt: float | None) -> Axis:
-    if not found.certain.any():
+def _of_response(found: FrequencyResponse, delay: float, dt: float | None) -> Axis:
+    sure = found.certain
+    if not sure.any():
         raise Refused(GOVERNED, " ".join(found.messages[:1]))
-    P, error, miss = _discs(found)
-    own, body = _step(found.frd.dt), found.mechanics
-    made = _measured(found.frequency, P, error, own, late, dt, body, miss, found.motion)
-    if found.certain.all():
+    made = _discs(found).axis(delay, dt)
+    if sure.all():
         return made
-    f = found.frequency[~found.certain] / (2.0 * np.pi)
-    said = OPEN.format(len(f), len(found.frequency), f[0], f[-1])
-    return replace(made, said=(said, *made.said))
+    f = found.frequency[~sure] / (2.0 * np.pi)
+    return replace(made, said=(OPEN.format(len(f), len(sure), f[0], f[-1]), *made.said))
 
 
-def _discs(found: FrequencyResponse) -> tuple[np.ndarray, np.ndarray, float]:
+def _discs(found: FrequencyResponse) -> _Measured:
     """The response, how far off it may be as a share of it, and what the mechanics misses.
 
     Where it is not certain, the fitted mechanics takes its place if it lies within that: with its
     interval, and what it misses where the response is certain.
     """
-    P, sure, body = np.asarray(found.frd.frdata)[0, 0], found.certain, found.mechanics
+    w, P, sure, body = found.frequency, np.ravel(found.frd.frdata), found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
     left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
-    left = left * np.abs(np.asarray(found.raw.frdata)[0, 0] / P - 1.0)
+    left = left * np.abs(np.ravel(found.raw.frdata) / P - 1.0)
     open_ = np.where(found.governed, np.maximum(open_, left), open_)
-    error = np.where(sure, found.high / found.magnitude - 1.0, open_)
-    if body is None:
-        return P, error, 0.0
-    fitted = body.response(found.frequency)
-    miss = float(np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95))
-    narrow = body.radius(found.frequency) + miss
-    better = (np.abs(fitted - P) <= error * np.abs(P)) & (narrow < error)
-    return np.where(better, fitted, P), np.where(better, narrow, error), miss
+    error, miss = np.where(sure, found.high / found.magnitude - 1.0, open_), 0.0
+    if body is not None:
+        fitted = body.response(w)
+        miss = float(np.quantile(np.abs(fitted / P - 1.0)[sure], 0.95))
+        narrow = body.radius(w) + miss
+        better = (np.abs(fitted - P) <= error * np.abs(P)) & (narrow < error)
+        P, error = np.where(better, fitted, P), np.where(better, narrow, error)
+    return _Measured(w, P, error, _step(found.frd.dt), body, miss, found.motion)
 
 
 def _step(dt: Any) -> float | None:
@@ -129,83 +127,91 @@ def _step(dt: Any) -> float | None:
     return None if dt is None or isinstance(dt, bool) or not dt else float(dt)
 
 
-def _measured(
-    w: np.ndarray,
-    P: np.ndarray,
-    error: np.ndarray,
-    own: float | None,
-    late: float,
-    dt: float | None,
-    body: Mechanics | None = None,
-    miss: float = 0.0,
-    motion: str = "rotary",
-) -> Axis:
-    """A measured speed over torque with its relative error, made finer and continued.
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """A speed over torque P (n,) with its relative error; ``own`` is the step of its hold, ``miss``
+    what the fitted mechanics ``body`` misses, as a share."""
 
-    Below, it is a free inertia; above, it falls as 1/w from the largest value of the last octave,
-    or is the fitted mechanics where that leaves less open.
-    """
-    J, corner = _inertia(w, P)
-    x, fine = np.arange(len(w)), np.linspace(0, len(w) - 1, FINER * (len(w) - 1) + 1)
-    at = np.exp(np.interp(fine, x, np.log(w)))
-    ones = np.ones(len(at))
-    shape = ones if body is None else (lambda known: known.num / known.den)(body.shape(at))
-    smooth = P / shape[::FINER]
-    log = np.interp(fine, x, np.log(np.abs(smooth)) + 0j)
-    log += 1j * np.interp(fine, x, np.unwrap(np.angle(smooth)))
-    P, error = np.exp(log) * shape, np.interp(fine, x, error)
-    low = np.geomspace(at[0] / BELOW, at[0], BEYOND, endpoint=False)
-    w, P = np.r_[low, at], np.r_[-1j / (J * low), P]
-    error = np.r_[np.full(BEYOND, np.median(error[at <= LOW * at[0]])), error]
-    dt = own if dt is None else dt
-    end = np.inf if dt is None else np.pi / dt
-    w, P, error = (part[w < end] for part in (w, P, error))
-    G = P / (1j * w) * _hold(w, dt) / _hold(w, own) * np.exp(-1j * w * late)
-    high = np.geomspace(w[-1], min(0.999 * end, ABOVE * w[-1]), BEYOND + 1)[1:]
-    most = _largest(w, np.abs(P) * (1.0 + error), body, miss, high[-1])
-    far, open_ = np.zeros(BEYOND, complex), most / high**2
-    if body is not None:
-        turn = _hold(high, dt) * np.exp(-1j * high * late) * 1j * high
-        fitted, more = _sampled(body, high, own, dt), body.unseen(high) / high**2
-        less = np.abs(turn) * (np.abs(fitted) * (body.radius(high) + miss) + more)
-        inside = np.abs(fitted * turn) + less <= open_
-        far, open_ = np.where(inside, fitted * turn, far), np.where(inside, less, open_)
-    return Axis(
-        np.r_[w, high],
-        np.r_[G, far],
-        np.r_[np.abs(G) * error, open_],
-        np.arange(len(w) + BEYOND) < len(w),
-        J,
-        corner,
-        dt,
-        late,
-        _peaks(w, P),
-        (TOP.format(w[-1] / 2 / np.pi, most / w[-1], UNIT[motion]),),
-        motion,
-    )
+    w: np.ndarray
+    P: np.ndarray
+    error: np.ndarray
+    own: float | None
+    body: Mechanics | None = None
+    miss: float = 0.0
+    motion: str = "rotary"
 
+    def axis(self, delay: float, dt: float | None) -> Axis:
+        """The axis under a controller's hold and dead time, made finer and continued.
 
-def _largest(
-    w: np.ndarray, size: np.ndarray, body: Mechanics | None, miss: float, end: float
-) -> float:
-    """w|P| from which it falls beyond the last frequency: of the last octave, or, where the
-    mechanics explains the end of the response, at its end and of resonances that it has beyond."""
-    octave = float(np.max((w * size)[w > 0.5 * w[-1]]))
-    if body is None:
-        return octave
-    far = np.geomspace(w[-1], end, DENSE)
-    off = np.minimum(body.radius(far) + miss, 1.0)
-    beyond = float(np.max(far * np.abs(body.response(far)) * (1.0 + off)))
-    return max(beyond, w[-1] * float(size[-1]) if off[0] < 1.0 else octave)
+        Below, it is a free inertia; above, it falls as 1/w from the largest value of the last
+        octave, or is the fitted mechanics where that leaves less open.
+        """
+        J, corner = _inertia(self.w, self.P)
+        dt = self.own if dt is None else dt
+        end = np.inf if dt is None else np.pi / dt
+        w, P, error = self._finer(J)
+        w, P, error = (part[w < end] for part in (w, P, error))
+        G = P / (1j * w) * hold(w, dt) / hold(w, self.own) * np.exp(-1j * w * delay)
+        high = np.geomspace(w[-1], min(0.999 * end, ABOVE * w[-1]), BEYOND + 1)[1:]
+        most = self._largest(w, np.abs(P) * (1.0 + error), high[-1])
+        far, open_ = self._beyond(high, most / high**2, delay, dt)
+        return Axis(
+            np.r_[w, high],
+            np.r_[G, far],
+            np.r_[np.abs(G) * error, open_],
+            np.arange(len(w) + BEYOND) < len(w),
+            *(J, corner, dt, delay, _peaks(w, P)),
+            (TOP.format(w[-1] / 2 / np.pi, most / w[-1], UNIT[self.motion]),),
+            self.motion,
+        )
 
+    def _finer(self, J: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Between the frequencies, and below them."""
+        n = len(self.w)
+        x, fine = np.arange(n), np.linspace(0, n - 1, FINER * (n - 1) + 1)
+        at, shape = np.exp(np.interp(fine, x, np.log(self.w))), np.ones(len(fine), complex)
+        if self.body is not None:
+            known = self.body.shape(at)
+            shape = known.num / known.den
+        smooth = self.P / shape[::FINER]
+        log = np.interp(fine, x, np.log(np.abs(smooth)) + 0j)
+        log += 1j * np.interp(fine, x, np.unwrap(np.angle(smooth)))
+        error, low = (
+            np.interp(fine, x, self.error),
+            np.geomspace(at[0] / BELOW, at[0], BEYOND, False),
+        )
+        lowest = np.full(BEYOND, np.median(error[at <= LOW * at[0]]))
+        return np.r_[low, at], np.r_[-1j / (J * low), np.exp(log) * shape], np.r_[lowest, error]
 
-def _sampled(body: Mechanics, w: np.ndarray, own: float | None, dt: float | None) -> np.ndarray:
-    """Speed over torque of the fitted mechanics over s^2, with the first alias of sampling."""
+    def _largest(self, w: np.ndarray, size: np.ndarray, end: float) -> float:
+        """w|P| from which it falls beyond the last frequency: of the last octave, or, where the
+        mechanics explains the end of the response, at its end and of resonances that it has
+        beyond."""
+        octave = float(np.max((w * size)[w > 0.5 * w[-1]]))
+        if self.body is None:
+            return octave
+        far = np.geomspace(w[-1], end, DENSE)
+        off = np.minimum(self.body.radius(far) + self.miss, 1.0)
+        beyond = float(np.max(far * np.abs(self.body.response(far)) * (1.0 + off)))
+        return max(beyond, w[-1] * float(size[-1]) if off[0] < 1.0 else octave)
 
-    def plain(w: np.ndarray) -> np.ndarray:
-        return -body.response(w) / _hold(w, own) / w**2
+    def _beyond(
+        self, w: np.ndarray, open_: np.ndarray, delay: float, dt: float | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Centres and radii beyond the last frequency, where ``open_`` is possible in any phase."""
+        body, far = self.body, np.zeros(len(w), complex)
+        if body is None:
+            return far, open_
 
-    return plain(w) if dt is None else plain(w) + np.conj(plain(2.0 * np.pi / dt - w))
+        def plain(w: np.ndarray) -> np.ndarray:
+            return -body.response(w) / hold(w, self.own) / w**2
+
+        fitted = plain(w) if dt is None else plain(w) + np.conj(plain(2.0 * np.pi / dt - w))
+        turn = hold(w, dt) * np.exp(-1j * w * delay) * 1j * w
+        radius = np.abs(fitted) * (body.radius(w) + self.miss) + body.unseen(w) / w**2
+        radius = np.abs(turn) * radius
+        inside = np.abs(fitted * turn) + radius <= open_
+        return np.where(inside, fitted * turn, far), np.where(inside, radius, open_)
 
 
 def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
@@ -216,12 +222,6 @@ def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
     if not J > 0.0:
         raise Refused("at low frequencies the response is not that of an inertia.", "")
     return J, max(B, 0.0) / J
-
-
-def _hold(w: np.ndarray, dt: float | None) -> np.ndarray:
-    """What holding the torque over a sample does to the spectrum."""
-    s = 1j * w
-    return np.ones(len(w), complex) if dt is None else -np.expm1(-s * dt) / (s * dt)
 
 
 def _peaks(w: np.ndarray, P: np.ndarray) -> tuple[float, ...]:
@@ -247,7 +247,7 @@ def _free(model: Model) -> ct.StateSpace:
     return linearize(plant(made), input="u", output="w")
 
 
-def _of_system(system: Any, late: float, dt: float | None) -> Axis:
+def _of_system(system: Any, delay: float, dt: float | None) -> Axis:
     """A linear system from torque to speed."""
     if (system.ninputs, system.noutputs) != (1, 1):
         raise InputError("tune needs a system from torque to speed, with one input and one output.")
@@ -260,16 +260,14 @@ def _of_system(system: Any, late: float, dt: float | None) -> Axis:
             "the system from torque to speed is not stable: tune is for axes that are."
         )
     dt = own if dt is None else dt
-    w = _grid(np.r_[poles, zeros], [x for x in (late, dt) if x], dt or own)
+    w = _grid(np.r_[poles, zeros], [x for x in (delay, dt) if x], dt or own)
+    P, none = np.asarray(system(np.exp(1j * w * own) if own else 1j * w)), np.zeros(len(w))
     if own:
-        P = np.asarray(system(np.exp(1j * w * own)))
-        return _measured(w, P, np.zeros(len(w)), own, late, dt)
-    P = np.asarray(system(1j * w))
+        return _Measured(w, P, none, own).axis(delay, dt)
     position: Any = ct.ss(system) * ct.ss(0, 1, 1, 0)
     held = position if dt is None else ct.sample_system(position, dt)
-    G = held(1j * w if dt is None else np.exp(1j * w * dt)) * np.exp(-1j * w * late)
-    everywhere = np.ones(len(w), bool)
-    return Axis(w, G, np.zeros(len(w)), everywhere, *_inertia(w, P), dt, late, _peaks(w, P))
+    G = held(1j * w if dt is None else np.exp(1j * w * dt)) * np.exp(-1j * w * delay)
+    return Axis(w, G, none, none == 0.0, *_inertia(w, P), dt, delay, _peaks(w, P))
 
 
 def _grid(features: np.ndarray, times: Sequence[float], dt: float | None) -> np.ndarray:

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.axis_response import UncertainResponseWarning
-from lugrectl.axis_response.friction_terms import impossible
-from lugrectl.axis_response.result import unwrapped
 from lugrectl.cli import main
+from lugrectl.commissioning import UncertainResponseWarning
+from lugrectl.commissioning.friction import impossible
+from lugrectl.commissioning.result import unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3

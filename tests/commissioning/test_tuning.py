@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.axis_response import tuning
 from lugrectl.cli import main
+from lugrectl.commissioning import tuning
 
 from . import drives, loops
 

@@ -1,8 +1,11 @@
-"""From a log and a model to the frequency response of the axis."""
+"""From a log and a model to the frequency response of the axis: friction, response, mechanics, and
+once more with what they say."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import control as ct
@@ -14,13 +17,20 @@ from ..core.provenance import stamped
 from ..record import Record, record_of, refuse_dead
 from ..record.as_record import as_logs
 from ..record.pooling import pooled
-from .effects import known_effects
-from .estimate import HIGHEST, LOWEST, Estimate, estimate
-from .local_response import Response
-from .modes import FEWEST, Mode
-from .result import BAD, CERTAIN, FEW, GOOD, RECORD, THIN, FrequencyResponse, unwrapped
-from .runs import Run, runs_of
+from .effects import Known, known_effects
+from .friction import Friction, Problem, Terms, fit_friction, load_motion
+from .local_response import SPACING, Response, Shape, local_response
+from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
+from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
+from .runs import Run, Window, runs_of, windows
 
+HIGHEST = 0.4  # of half the sampling rate
+FRICTION = 40.0  # Hz up to which friction is fitted: above, it has little power
+LOWEST = 30  # periods in the longest run
+ROUNDS = 2  # with the mechanics that the round before showed
+OCTAVE = 0.35  # of log frequency to either side: over it what friction does is a median
+SURE = 0.01  # by which the mean log residual must fall for friction, and once more for the load's
+ON_LOAD = 0.25  # of the friction: with so much on the load its motion is first computed
 SLOW = 10.0  # Hz below which friction is looked for
 NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
@@ -143,8 +153,7 @@ def _refuse_uncertain(r: Response) -> None:
 
 def _verdict(found: Estimate, dry: bool) -> list[str]:
     """What friction does to the response, how much of it is certain, and what to record."""
-    correction, below = _correction(found)
-    sure, bad = _certain(found), found.governed
+    (correction, below), sure, bad = found.correction, found.certain, found.governed
     f, few = found.response.w[bad] / (2.0 * np.pi), sure.mean() < FEW
     taken = found.friction is not None and found.friction.levels
     made = [GOOD.format(below, correction)] if taken and not len(f) else []
@@ -157,8 +166,8 @@ def _verdict(found: Estimate, dry: bool) -> list[str]:
 def _result(
     found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
 ) -> FrequencyResponse:
-    r, dt = found.response, runs[0].dt
-    sure, size = _certain(found), np.abs(r.P)
+    r, dt, sure = found.response, runs[0].dt, found.certain
+    size = np.abs(r.P)
     mechanics = found.mechanics if sure.sum() >= FEWEST else None
     modes = () if mechanics is None else mechanics.modes()
     inertia = None if mechanics is None else mechanics.inertia
@@ -170,7 +179,7 @@ def _result(
         low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,
-        correction=_correction(found)[0],
+        correction=found.correction[0],
         governed=found.governed,
         modes=tuple(mode for mode in modes if _seen(mode, r.w, sure)),
         inertia=inertia[0] if inertia and known else None,
@@ -183,19 +192,6 @@ def _result(
     )
 
 
-def _certain(found: Estimate) -> np.ndarray:
-    return (found.response.coherence >= CERTAIN) & ~found.governed
-
-
-def _correction(found: Estimate) -> tuple[float, float]:
-    """By how many dB friction changes the response at low frequencies, and below how many Hz."""
-    w = found.response.w
-    top = max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
-    low = w < top
-    change = 20.0 * np.log10(np.abs(found.raw.P[low] / found.response.P[low]))
-    return float(np.median(np.abs(change))), top / (2.0 * np.pi)
-
-
 def _seen(mode: Mode, w: np.ndarray, sure: np.ndarray) -> bool:
     """Whether its frequency is known, and some points about it are certain: in an antiresonance,
     where the axis hardly moves, few are."""
@@ -205,3 +201,132 @@ def _seen(mode: Mode, w: np.ndarray, sure: np.ndarray) -> bool:
 
 def _narrow(ci95: tuple[float, float]) -> bool:
     return ci95[1] <= (1.0 + VAGUE) ** 2 * ci95[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The response without and with friction taken out; ``friction`` is None without dry friction
+    in the model, ``mechanics`` where the response shows none."""
+
+    raw: Response
+    response: Response
+    friction: Friction | None
+    mechanics: Mechanics | None
+
+    @cached_property
+    def governed(self) -> np.ndarray:
+        """Where friction governs the response (n,)."""
+        return _governed(self.raw, self.response)
+
+    @cached_property
+    def certain(self) -> np.ndarray:
+        return (self.response.coherence >= CERTAIN) & ~self.governed
+
+    @property
+    def correction(self) -> tuple[float, float]:
+        """By how many dB friction changes the response at low frequencies, and below how many
+        Hz."""
+        w = self.response.w
+        top = max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
+        change = _change(self.raw, self.response)[w < top]
+        return float(np.median(change)), top / (2.0 * np.pi)
+
+
+def _change(raw: Response, taken: Response) -> np.ndarray:
+    """By how many dB friction changes the response (n,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.abs(20.0 * np.log10(np.abs(raw.P / taken.P)))
+
+
+def _governed(raw: Response, taken: Response) -> np.ndarray:
+    """Where friction changes the response by too many dB (n,), by the median over an octave."""
+    dB, x = _change(raw, taken), np.log(taken.w)
+    ends = (np.searchsorted(x, x - OCTAVE), np.searchsorted(x, x + OCTAVE, "right"))
+    return np.array([np.nanmedian(dB[a:b]) for a, b in zip(*ends, strict=True)]) >= LARGE
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """Runs with their windows, and what is known of the mechanics so far."""
+
+    known: Known
+    windows: Sequence[Window]
+    w: np.ndarray
+    mechanics: Mechanics | None = None
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        return self.known.runs
+
+    def torques(self) -> list[np.ndarray]:
+        """The spectra of the commands, less what the known torques cost."""
+        every = zip(self.runs, self.known.resisting, self.advance(), strict=True)
+        return [run.U - run.spectrum(d) * a for run, d, a in every]
+
+    def moving(self) -> list[np.ndarray]:
+        """The same with rests filled in."""
+        if self.mechanics is None:
+            return self.torques()
+        both = zip(self.runs, self.torques(), strict=True)
+        return [self.mechanics.filled(run, U) for run, U in both]
+
+    def advance(self) -> list[np.ndarray]:
+        """What takes a torque in force to the command; a sample early before more is known."""
+        if self.mechanics is None:
+            return [np.exp(1j * run.w * run.dt) for run in self.runs]
+        return [self.mechanics.advance(run.w) for run in self.runs]
+
+    def shape(self, w: np.ndarray) -> Shape:
+        if self.mechanics is None:
+            return Shape(np.ones(len(w)), np.ones(len(w)))
+        return self.mechanics.shape(w)
+
+    def response(self, friction: Sequence[np.ndarray] | None = None) -> Response:
+        V = self.torques()
+        if friction is not None:
+            V = [U - F for U, F in zip(self.moving(), friction, strict=True)]
+        shapes = [self.shape(run.w) for run in self.runs]
+        return local_response(self.runs, self.windows, V, shapes, self.shape(self.w))
+
+    def knowing(self, found: Response) -> _Stage:
+        """The same with the mechanics that a response shows where friction does not govern it."""
+        raw = self.response()
+        shown = replace(found, coherence=np.where(_governed(raw, found), 0.0, found.coherence))
+        return replace(self, mechanics=fit_mechanics(shown, raw, self.runs[0].dt))
+
+    def problem(self) -> Problem:
+        high = 2.0 * np.pi * min(FRICTION, 0.5 * HIGHEST / self.runs[0].dt)
+        shapes = [self.shape(run.w) for run in self.runs]
+        terms = Terms(self.runs, self.advance(), self.known.scales)
+        return Problem.of(terms, self.moving(), shapes, high)
+
+    def friction(self, before: Friction | None) -> Friction:
+        """The friction of motor and of load, each where the residual falls clearly with it."""
+        problem = self.problem()
+        found = fit_friction(problem, before)
+        none = problem.without(found)
+        if found.cost > none.cost - SURE:
+            found = none
+        if before is None or self.mechanics is None or not len(self.mechanics.pairs):
+            return found
+        level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
+        loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
+        terms = replace(problem.terms, loads=loads)
+        both = fit_friction(replace(problem, terms=terms), before)
+        return both if both.cost < found.cost - SURE else found
+
+
+def estimate(known: Known, dry: bool) -> Estimate:
+    """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
+    runs = known.runs
+    longest = max(len(run.u) * run.dt for run in runs)
+    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / runs[0].dt
+    every = windows(runs, *ends, SPACING)
+    stage = _Stage(known, every, np.array([one.centre for one in every]))
+    friction, taken = None, None
+    for _ in range(1 + ROUNDS):
+        if dry:
+            friction = stage.friction(friction)
+            taken = friction.spectra if friction.levels else None
+        stage = stage.knowing(stage.response(taken))
+    return Estimate(stage.response(), stage.response(taken), friction, stage.mechanics)

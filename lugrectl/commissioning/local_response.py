@@ -16,10 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import f as f_distribution
 
-from .runs import Run
-from .windows import ORDER, Window, half_width, window
+from .runs import ORDER, Run, Spacing, Window
 
-BINS, SHARE = 12, 0.014  # half-width of a window: bins of the longest run, share of the frequency
+SPACING = Spacing(12, 0.014)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +42,6 @@ class Shape:
     den: np.ndarray
 
 
-def centres(runs: Sequence[Run], low: float, high: float) -> np.ndarray:
-    """Frequencies in rad/s, each half a window from the next."""
-    made = [low]
-    while made[-1] < high:
-        made.append(made[-1] + half_width(runs, made[-1], BINS, SHARE))
-    return np.array(made[:-1])
-
-
-def windows_at(runs: Sequence[Run], w: np.ndarray) -> list[Window]:
-    return [window(runs, x, half_width(runs, x, BINS, SHARE)) for x in w.tolist()]
-
-
 def local_response(
     runs: Sequence[Run],
     windows: Sequence[Window],
@@ -69,8 +56,9 @@ def local_response(
     known = E if len(E) == len(runs) else None
     found = np.array([_estimate(one, out, top, known) for one in windows]).T
     scale = at.num / at.den
-    P, sd, radius = found[0] * scale, found[1].real * abs(scale), found[2].real * abs(scale)
-    return Response(np.array([o.centre for o in windows]), P, sd, radius, found[3].real)
+    sd, radius = found[1].real * abs(scale), found[2].real * abs(scale)
+    w = np.array([one.centre for one in windows])
+    return Response(w, found[0] * scale, sd, radius, found[3].real)
 
 
 def _estimate(

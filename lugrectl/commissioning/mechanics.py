@@ -12,6 +12,9 @@ of friction: a share k of all that friction changed, in one unknown phase; k is
 the share of that which the points show in the errors of the fit. It adds k |change| to the errors
 of the points, and to the covariance k^2/2 times the squares of what the change in phase, and a
 quarter turn from it, does to the parameters.
+
+Where the axis stands, no law says what friction is: rest is missing data. There the torque is what
+the mechanics needs for the measured motion, and friction counts as part of it.
 """
 
 from __future__ import annotations
@@ -25,7 +28,9 @@ from scipy.optimize import least_squares
 from scipy.stats import t as t_distribution
 
 from ..core.numeric import Z95
+from ..core.result import picked
 from .local_response import Response, Shape
+from .runs import Run, hold
 
 PAIRS = 3
 LEAST_DEVIATION = 0.01  # of P, of a point: what the model of the mechanics leaves out
@@ -35,6 +40,7 @@ SEEN = 0.5  # coherence below which a point says nothing of the mechanics
 FEWEST = 12  # points
 FAR, PLACES = 30.0, 60  # how far beyond the last frequency a resonance is looked for, how often
 LIGHTEST = 0.01  # damping ratio of a resonance that the log does not show
+SMOOTH = 0.12  # of the sampling rate: what the motion of a resting axis needs is slow
 EDGE = 0.95  # of the highest frequency: beyond it a pair stands for something else
 
 
@@ -49,13 +55,7 @@ class Mode:
     damping_ci95: tuple[float, float]
 
     def summary(self) -> dict[str, object]:
-        return {
-            "kind": self.kind,
-            "frequency": self.frequency,
-            "damping": self.damping,
-            "ci95": list(self.ci95),
-            "damping_ci95": list(self.damping_ci95),
-        }
+        return picked(self, "kind frequency damping ci95 damping_ci95")
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +105,26 @@ class Mechanics:
 
     def shape(self, w: np.ndarray) -> Shape:
         """Numerator and denominator of the pairs."""
-        num, den = np.ones(len(w), complex), np.ones(len(w), complex)
+        num, den = np.ones((2, len(w)), complex)
         for a, za, r, zr in np.exp(self.pairs).tolist():
-            num *= _quadratic(1j * w, a, za)
-            den *= _quadratic(1j * w, a * (1.0 + r), zr)
+            num *= quadratic(1j * w, a, za)
+            den *= quadratic(1j * w, a * (1.0 + r), zr)
         return Shape(num, den)
 
     def response(self, w: np.ndarray) -> np.ndarray:
         return np.exp(_log_response(self.x, w, self.fit.dt)[0])
+
+    def filled(self, run: Run, U: np.ndarray) -> np.ndarray:
+        """The spectrum U of a command with the needed torque where the axis stands."""
+        if not run.stands.any():
+            return U
+        w = run.w[1:]
+        force = np.append(1.0, self.advance(w))  # over it: torques in force, each at its own time
+        needed = np.zeros(len(U), complex)
+        slow = np.exp(-((w * run.dt / (2.0 * np.pi * SMOOTH)) ** 2))
+        needed[1:] = run.W[1:] * slow / (self.response(w) * force[1:])
+        torque = np.where(run.stands, run.signal(needed), run.signal(U / force))
+        return run.spectrum(torque) * force
 
     def radius(self, w: np.ndarray) -> np.ndarray:
         """Of the 95 % disc of the response, as a share of it."""
@@ -156,7 +168,8 @@ class Mechanics:
             made.append(self._mode("antiresonance", a, rate, k + 1))
             rate[k + 2] = r / (1.0 + r)
             made.append(self._mode("resonance", a * (1.0 + r), rate, k + 3))
-        return tuple(sorted((m for m in made if m.frequency < EDGE * self.top), key=_frequency))
+        inside = (m for m in made if m.frequency < EDGE * self.top)
+        return tuple(sorted(inside, key=lambda m: m.frequency))
 
     def _mode(self, kind: str, at: float, rate: np.ndarray, damped: int) -> Mode:
         frequency, ci95 = self._value(np.log(at), rate)
@@ -164,11 +177,7 @@ class Mechanics:
         return Mode(kind, frequency, damping, ci95, damping_ci95)
 
 
-def _frequency(mode: Mode) -> float:
-    return mode.frequency
-
-
-def _quadratic(s: np.ndarray, w: float, zeta: float) -> np.ndarray:
+def quadratic(s: np.ndarray, w: float, zeta: float) -> np.ndarray:
     return (s / w) ** 2 + 2.0 * zeta * s / w + 1.0
 
 
@@ -177,11 +186,11 @@ def _log_response(x: np.ndarray, w: np.ndarray, dt: float) -> tuple[np.ndarray, 
     s = 1j * w
     J, B, delay, lag = np.exp(x[0]), np.exp(x[1]), x[2], np.exp(x[3])
     body = J * s + B
-    made = -np.log(body) - s * delay - np.log1p(s * lag) + np.log(-np.expm1(-s * dt) / (s * dt))
+    made = -np.log(body) - s * delay - np.log1p(s * lag) + np.log(hold(w, dt))
     rates = [-J * s / body, -B / body, -s, -s * lag / (1.0 + s * lag)]
     for a, za, r, zr in np.exp(x[FIXED:]).reshape(-1, 4).tolist():
         wr = a * (1.0 + r)
-        N, D = _quadratic(s, a, za), _quadratic(s, wr, zr)
+        N, D = quadratic(s, a, za), quadratic(s, wr, zr)
         made = made + np.log(N) - np.log(D)
         on_a = (-2.0 * (s / a) ** 2 - 2.0 * za * s / a) / N
         on_r = (2.0 * (s / wr) ** 2 + 2.0 * zr * s / wr) / D

@@ -1,8 +1,11 @@
-"""The runs of a log as spectra: torque, speed, reference; and the motion that friction follows.
+"""The runs of a log as spectra: torque, speed, reference; the motion that friction follows; and the
+windows of frequency in which a smooth response and a transient are polynomials.
 
 The torque u[k] is held from sample k to k + 1. The speed is the derivative of the recorded
 position, jw Theta(jw), so that no difference quotient delays it; without a position it is the
-recorded speed. Friction of the interval from k to k + 1 belongs to u[k].
+recorded speed. Friction of the interval from k to k + 1 belongs to u[k]. Several runs share the
+response; each has a transient of its own (the local polynomial method: Schoukens, Vandersteen,
+Barbe, Pintelon 2009).
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
@@ -22,6 +25,8 @@ from ..record.signal_noise import smallest_step
 SMOOTH = 0.34  # of the sampling rate: where the motion that friction follows is down to 1/e
 FINER = 4  # parts of an interval: the axis may reverse within it
 REST_SAMPLES = 1  # before and after, within one count: the axis stands
+ORDER = 2  # of the polynomials
+POWERS = np.arange(ORDER + 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +86,19 @@ class Run:
         return np.append(still[1:], still[-1])
 
 
+def hold(w: np.ndarray, dt: float | None) -> np.ndarray:
+    """Return what holding a value over a sample does to its spectrum; 1 in continuous time."""
+    s = 1j * w
+    return np.ones(len(w), complex) if dt is None else -np.expm1(-s * dt) / (s * dt)
+
+
 def means(x: np.ndarray) -> np.ndarray:
-    """The means (n,) over intervals of what is given in their parts."""
+    """Return the means (n,) over intervals of what is given in their parts."""
     return x.reshape(-1, FINER).mean(axis=1)
 
 
 def runs_of(records: Sequence[Record]) -> list[Run]:
-    """Every stretch of the records that is long enough to stand beside the longest."""
+    """Return every stretch of the records of at least a quarter of the longest."""
     pieces = [(r, part) for r in records for part in r.segments()]
     longest = max(part.stop - part.start for _, part in pieces)
     kept = [(r, part) for r, part in pieces if 4 * (part.stop - part.start) >= longest]
@@ -103,8 +114,7 @@ def _run(record: Record, part: slice, logged: bool) -> Run:
     if record.theta is not None:
         theta, count = record.theta[part], smallest_step(record.theta)
         W = np.asarray(rfft(np.diff(theta, prepend=theta[0]) / dt))
-        late = 1j * w * dt
-        W[1:] *= late[1:] / -np.expm1(-late[1:])  # from the difference quotient to the derivative
+        W[1:] /= hold(w[1:], dt)  # from the difference quotient to the derivative
     else:
         speed: Any = record.w
         speed = speed[part]
@@ -143,3 +153,68 @@ def _without_play(x: np.ndarray, half: float) -> np.ndarray:
         c = one - half if one > c + half else one + half if one < c - half else c
         made.append(c)
     return np.array(made)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The bins of each run about ``centre`` in rad/s.
+
+    ``poly`` (n, 3) are the powers of the distance from the centre, and ``transient`` (n, m) an
+    orthonormal basis of the transients of all runs.
+    """
+
+    centre: float
+    parts: tuple[slice, ...]
+    poly: np.ndarray
+    transient: np.ndarray
+
+    def rows(self, spectra: Sequence[np.ndarray]) -> np.ndarray:
+        """Spectra of each run (M,) or (M, m), one below the other within the window."""
+        return np.concatenate([X[part] for X, part in zip(spectra, self.parts, strict=True)])
+
+    def without_transient(self, rows: np.ndarray) -> np.ndarray:
+        return rows - self.transient @ (self.transient.T @ rows)
+
+    @property
+    def free(self) -> int:
+        """Equations that the transients leave."""
+        return len(self.poly) - self.transient.shape[1]
+
+
+def window(runs: Sequence[Run], centre: float, half: float) -> Window:
+    """Return the window of a half-width in rad/s."""
+    parts, polys = [], []
+    for run in runs:
+        first, last = np.searchsorted(run.w, [centre - half, centre + half])
+        part = slice(max(int(first), 1), int(last))
+        parts.append(part)
+        polys.append(((run.w[part] - centre) / half)[:, None] ** POWERS)
+    rows = np.cumsum([0, *map(len, polys)])
+    width = ORDER + 1
+    basis = np.zeros((rows[-1], width * len(polys)))
+    for i, poly in enumerate(polys):
+        if len(poly) >= width:
+            basis[rows[i] : rows[i + 1], width * i : width * (i + 1)] = np.linalg.qr(poly)[0]
+        else:  # too few bins to tell a transient from the response: the run says nothing here
+            poly[:] = 0.0
+    return Window(centre, tuple(parts), np.concatenate(polys), basis)
+
+
+class Spacing(NamedTuple):
+    """Windows as wide to either side as so many bins of the longest run, or as a share of their
+    centre frequency where that is wider, and so many half-widths from one to the next."""
+
+    bins: int
+    share: float
+    step: float = 1.0
+
+
+def windows(runs: Sequence[Run], low: float, high: float, by: Spacing) -> list[Window]:
+    """Return the windows from ``low`` to ``high``, rad/s; a low of 0: from the first whole one."""
+    least, made = by.bins * min(run.w[1] for run in runs), []
+    centre = low or least
+    while centre < high:
+        half = max(least, by.share * centre)
+        made.append(window(runs, centre, half))
+        centre += by.step * half
+    return made

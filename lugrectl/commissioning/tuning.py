@@ -179,10 +179,10 @@ def _asked(search: Search, shape: Shape, asked: float) -> tuple[Search, Shape]:
     """The same at a bandwidth in rad/s; Refused where it is out of reach."""
     low, high = (search.bandwidth(shape._replace(c=c)) for c in (search.lowest, shape.c))
     high = min(high, float(search.axis.w[search.axis.known][-1]))
-    for bound, what in ((low, "least"), (high, "most")):
-        if (asked < bound) == (what == "least") and asked != bound:
-            hertz = (x / (2.0 * np.pi) for x in (asked, bound))
-            raise Refused(SHORT.format(next(hertz), search.Ms, what, next(hertz)), "")
+    if not low <= asked <= high:
+        bound, what = (low, "least") if asked < low else (high, "most")
+        hertz = (x / (2.0 * np.pi) for x in (asked, bound))
+        raise Refused(SHORT.format(next(hertz), search.Ms, what, next(hertz)), "")
     search = replace(search, asked=asked)
     return search, search.placed(shape)
 
