@@ -1,9 +1,16 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
 from ..axis_response import FrequencyResponse, ResponsePlan, Tuning
-from ..bench import Assurance, Compensation, HuntingChance, ObserverComparison, Recommendation, Run
-from ..bench.comparison import Compared
-from ..bench.recommendation import Candidate as RankedObserver
+from ..bench import (
+    Assurance,
+    Compared,
+    Compensation,
+    HuntingChance,
+    ObserverComparison,
+    Recommendation,
+    Run,
+)
+from ..bench import Candidate as RankedObserver
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.compare_laws import ComparedLaw, LawComparison
 from ..diagnosis.fleet import Fleet, Outcome

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench.compensate import Drives
-from lugrectl.bench.compensation import Spread
+from lugrectl.bench.compensate import Drives, Spread
 from lugrectl.estimates.covariance import Joint
 from lugrectl.report import text
 

@@ -6,7 +6,7 @@ from scipy import stats
 
 import lugrectl as lg
 from lugrectl.bench.chance import Outcomes, enough_at_rest, hunting_at_most
-from lugrectl.bench.standstill import HUNTS, RESTS, UNDECIDED, at_rest
+from lugrectl.bench.member_runs import HUNTS, RESTS, UNDECIDED, at_rest
 
 FEW = {"confidence": 0.5, "hunts": 0.55, "members": 5, "frequency": 2.0}
 DRIVE = {
