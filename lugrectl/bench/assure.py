@@ -358,8 +358,8 @@ def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str,
     found, model = {}, setting.task.model
     for name in (observer_block(name_of("observer", k)).name for k in given):
         if not (lacks := lacking(name, model)):
-            found[name] = own.get(name) or dict(
-                designed(model, name, setting.sensing.dt, setting.speed).gains
+            found[name] = (
+                own.get(name) or designed(model, name, setting.sensing.dt, setting.speed)[0]
             )
         elif wanted is not None:
             raise InputError(f"{name} must know {', '.join(lacks)}, which "

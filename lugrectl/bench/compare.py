@@ -22,7 +22,7 @@ from ..core.display import number as figure
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
-from ..core.result import ComparedRows, library, plain
+from ..core.result import ComparedRows, Fields, library, plain
 from ..core.validation import flag, names, number, positive, share, shown
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
@@ -64,7 +64,7 @@ RATES = (2000.0, 1000.0, 500.0, 250.0)  # Hz
 
 
 @dataclass(frozen=True)
-class Compared:
+class Compared(Fields):
     """One observer. A value is None where its scenario was not run, infinite where the loop
     diverges.
 
@@ -94,10 +94,6 @@ class Compared:
     rate: float | None = None
     rounding: float | None = None
     sampled: Mapping[str, float] = field(default_factory=dict)
-
-    def summary(self) -> dict[str, Any]:
-        """Plain Python."""
-        return plain(asdict(self))
 
 
 class ObserverComparison(ComparedRows[Compared]):
@@ -482,7 +478,7 @@ class Bench:
     def parameters(self) -> float:
         """Return the largest speed error with one more parameter wrong: "J x0.8"."""
         made, off = observer_block(self.name), dict.fromkeys(OTHERS, self.levels.off)
-        errors, cases = {}, wrong(self.name, self.terms.values(), [[k] for k in OTHERS], off)
+        errors, cases = {}, wrong(self.name, self.terms.values(), [(k,) for k in OTHERS], off)
         for case, values in cases.items():
             own = {f"{made.name}.{k}": v for k, v in values.items()}
             errors[case] = self._error("velocity", _reference(5.0), 1.0, **own)

@@ -181,7 +181,7 @@ class Tracking:
     def _errors(self, choice: Choice, members: Sequence[tuple[Model, int]]) -> list[float]:
         made, loop = self.setting, self.setting.loop(choice)
         rows, counted = made.rows(PERIODS), slice(made.samples(SETTLED), None)
-        own = {"torque": made.torque, "compensation.scale": choice.scale}
+        own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
         return [loop.error(rows, model, counted, seed=seed, **own) for model, seed in members]
 
 
@@ -201,7 +201,8 @@ class Waiting:
 
     def _rest(self, model: Model, start: Any) -> Rest:
         seen, sensing = Rest(UNDECIDED, math.inf), self.setting.sensing.still()
-        loop, scale = self.setting.loop(self.choice), {"compensation.scale": self.choice.scale}
+        loop = self.setting.loop(self.choice)
+        scale: Any = {"compensation.scale": self.choice.scale}
         for length in (lengths := self.setting.waits()):
             try:
                 done = loop.run(start(length), model, sensing, **scale)

@@ -45,7 +45,6 @@ from .recommendation import (
 from .reference import SETTLED, enough_samples, sine, top_speed
 from .terms import Terms, wrong
 
-UNCERTAIN = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
 PERIOD = 4000  # samples in a period of the reference, at most
 QUICK = 500.0  # rad/s, the highest crossover
 LEVEL, OTHERS = [("Fc", "Fs")], [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)]
@@ -241,11 +240,10 @@ def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | No
         return dict(own or {}), None
     dt = max(1.0 / spec.rate, SAMPLED / (FASTER * spec.bandwidth) if name in ALONE else 0.0)
     more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
-    design = designed(stand.terms.model, name, dt, spec.speed, **more)
-    made = design.certificate
+    gains, made = designed(stand.terms.model, name, dt, spec.speed, **more)
     if name == "normal_force_observer" and stand.kind == "velocity":
         made = replace(made, holds=False, valid="its proof is about a position loop")
-    return dict(design.gains), made
+    return gains, made
 
 
 def _trials(stand: Stand, names: Sequence[str], report: Progress) -> dict[str, Trial]:
@@ -460,7 +458,7 @@ def completed(said: Mapping[str, Any], known: Mapping[str, float]) -> DriveSpec:
     spec.setdefault("speed", slow or 1.0)
     spec.setdefault("bandwidth", min(QUICK, fastest(sensing)))
     spec.setdefault("load", 0.2 * level)
-    spec.setdefault("uncertainty", dict.fromkeys(UNCERTAIN, 0.2))
+    spec.setdefault("uncertainty", dict.fromkeys(LUGRE, 0.2))
     return DriveSpec(**spec)
 
 
@@ -529,14 +527,14 @@ def _uncertain(given: Any, _: str) -> dict[str, float]:
     """Return by how much each parameter may be wrong, as a share."""
     if not isinstance(given, Mapping):
         if real(given) == 0.0:
-            return dict.fromkeys(UNCERTAIN, 0.0)
-        return dict.fromkeys(UNCERTAIN, share(given, "uncertainty"))
+            return dict.fromkeys(LUGRE, 0.0)
+        return dict.fromkeys(LUGRE, share(given, "uncertainty"))
     for key in given:
-        if key not in UNCERTAIN:
-            raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, UNCERTAIN)}")
+        if key not in LUGRE:
+            raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, LUGRE)}")
     sizes = {k: 0.0 if real(v) == 0.0 else share(v, f"uncertainty of {k}")
              for k, v in given.items()}  # fmt: skip
-    return dict.fromkeys(UNCERTAIN, 0.0) | sizes
+    return dict.fromkeys(LUGRE, 0.0) | sizes
 
 
 CHECKS: dict[str, Callable[[Any, str], Any]] = {

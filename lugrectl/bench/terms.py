@@ -95,7 +95,7 @@ def corrected(name: str) -> bool:
 
 
 def wrong(
-    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[str, float]
+    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
 ) -> dict[str, dict[str, float]]:
     """Return what an observer may believe, by the words for it: each group of its parameters wrong
     together, by shares of their values, each way."""
