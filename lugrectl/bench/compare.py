@@ -556,7 +556,7 @@ class Bench:
         levels = {k: self.levels.wrong * known[k] for k in ("Fc", "Fs") if k in known}
         control = self.terms.control(self.name, "velocity", GAINS["velocity"], levels)
         try:
-            e = self.terms.sampled(control, "velocity", sensing, SIZE).run(rows)["w"] - rows["r"]
+            e = self.terms.run(control, "velocity", sensing, SIZE, rows)["w"] - rows["r"]
         except Diverged:
             return np.inf, np.inf
         return rms(e[sensing.dt * np.arange(len(e)) >= 0.5]), float(np.abs(e).max())

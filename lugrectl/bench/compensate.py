@@ -345,18 +345,10 @@ def compensate(
     >>> drive = lg.Model.of(lg.table1(), effects=cogging)
     >>> print(lg.compensate(drive, loop="position", bandwidth=30.0))  # doctest: +SKIP
     """
-    kind_of(loop)
-    if not (table is None or isinstance(table, Table)):
-        raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
+    _refuse(loop, kd, table, covariance)
     model, observer = as_model(model), name_of("observer", observer)
     record = None if record is None else as_record(record, model.motion)
     before = replace(model, effects=()) if declared is None else _completed(declared, model)
-    if loop == "velocity" and kd is not None:
-        raise InputError("a velocity loop has no kd; its gains are kp and ki.")
-    if not (covariance is None or isinstance(covariance, Joint)):
-        raise InputError(
-            f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
-        )
     drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
     own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, _inertia(model))
     task, unit = Task(model, loop, own, table), unit_of(loop, model)
@@ -392,6 +384,18 @@ def compensate(
         runs=runs,
         drive=drive,
     )
+
+
+def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
+    """Raise where an argument is of another kind."""
+    if kind_of(loop) == "velocity" and kd is not None:
+        raise InputError("a velocity loop has no kd; its gains are kp and ki.")
+    if not (table is None or isinstance(table, Table)):
+        raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
+    if not (covariance is None or isinstance(covariance, Joint)):
+        raise InputError(
+            f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
+        )
 
 
 def _inertia(model: Model) -> float:
@@ -460,6 +464,12 @@ class Three:
     controls: Mapping[str, Sequence[Any]]
     copies: Sequence[str]
 
+    @property
+    def start(self) -> dict[str, float]:
+        """The states that begin at the position of the reference."""
+        states = ("plant_theta", "encoder_last", *self.copies)
+        return dict.fromkeys(states, float(self.way.theta[0]))
+
     def simulated(
         self, loops: Mapping[str, Any], report: Progress
     ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
@@ -483,8 +493,8 @@ class Three:
         return runs, errors, messages
 
     def _run(self, system: Any) -> Run:
-        rows, placed = self.way.rows(self.task.kind), {"plant_theta", *self.copies}
-        x0 = [self.way.theta[0] * (state in placed) for state in system.state_labels]
+        rows, start = self.way.rows(self.task.kind), self.start
+        x0 = [start.get(state, 0.0) for state in system.state_labels]
         response = simulate(system, self.way.t, np.vstack(list(rows.values())), x0)
         outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
         return Run(self.way.t, rows["r"], outputs[MEASURED[self.task.kind]], outputs["u"])
@@ -497,7 +507,7 @@ class Three:
         t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
         rows = {k: np.interp(t, way.t, x) for k, x in way.rows(self.task.kind).items()}
         loops = {
-            key: SampledLoop(self.task, sensing, blocks, fastest, way.theta[0], self.copies)
+            key: SampledLoop(self.task, sensing, blocks, fastest, self.start)
             for key, blocks in self.controls.items()
         }
         errors: dict[str, list[float]] = {key: [] for key in loops}

@@ -386,7 +386,7 @@ class Stand:
     ) -> dict[str, np.ndarray]:
         rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
         control = self.terms.control(name, self.kind, self.gains, believed)
-        out = self.terms.sampled(control, self.kind, sensing, self.spec.speed).run(rows)
+        out = self.terms.run(control, self.kind, sensing, self.spec.speed, rows)
         with np.errstate(all="ignore"):
             if not self._missed(out) < GROWN * float(np.abs(self.rows["r"]).max()):
                 raise Diverged(f"{name}: the error grows without bound.")
