@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..blocks.aliases import name_of
+from ..blocks.model import Model
 from ..blocks.observers import observer_block
+from ..core.display import Row, noticed
+from ..core.display import number as figure
 from ..core.errors import InputError, Refused
-from ..core.progress import Wanted, part_of, reporter, shows_progress
+from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
+from ..core.result import Result, plain
 from ..core.validation import number, positive, share, whole
+from ..core.views import view
 from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
-from .assured import Assurance
 from .believed import believed
-from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest
-from .choosing import BESIDE, NOTHING, Standstill, Tries, chosen
+from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
 from .gains import controller, designed, fastest, lacking
 from .loop import Task, kind_of, unit_of
-from .member_runs import Choice, Jobs, Setting, Tracking, grows
+from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, grows
 from .reference import enough_samples
 
+Pairs = Sequence[tuple[Model, int]]
+NOTHING = Choice()
+NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
+RESTING, UNSURE, BESIDE = RULES = ("rests", "does not hunt", "swings no farther than without")
+FIRST, MORE = 4, 5  # drives that are looked at first, and how many times as many then
 OBSERVERS = ("natural", "friction_state", "extended_state")
 SCALES = (0.4, 0.6, 0.8, 1.0, 1.2)
 QUICK = 20.0  # 1/s, pole of the usual controller, or a third of the crossover that sampling allows
@@ -32,6 +40,147 @@ UNSTABLE = (
     "the loop is unstable by itself: with these gains, rate and dead time a drive without dry "
     "friction swings ever more; give a lower bandwidth, or other gains."
 )
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A compensation that was tried on the first members: the error that a share 1 - confidence of
+    them exceeds, the median, the share of them that it makes worse, and the share that hunts of
+    those that were looked at, None where a better choice stood before it."""
+
+    observer: str
+    scale: float
+    upper: float
+    median: float
+    worse: float
+    hunts: float | None = None
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Assurance(Result):
+    """The answer of :func:`lugrectl.assure`.
+
+    Attributes
+    ----------
+    kind : "velocity" or "position"
+        The loop.
+    scale : float
+        The share of the observer's estimate to compensate; 0: none is to be dared.
+    observer, gains, controller : str or None, dict, dict
+        The observer with its gains, and the gains of the controller.
+    confidence : float
+        Share of the drives for which ``bound`` holds.
+    error, band : float, (float, float)
+        RMS tracking error in ``unit``: the median of the drives, and the interval in which a drive
+        lies with 95 %.
+    bound : float
+        What the error is below on the share ``confidence`` of drives, itself sure to 95 %; infinite
+        where too few members were drawn, or some diverge.
+    none, none_band : float, (float, float)
+        Median and interval without compensation.
+    hunts, none_hunts : Outcomes
+        That a drive swings at rest by more than ``still``, with the compensation and without:
+        ``.value``, ``.ci95``, ``.count``, ``.members``, and the shares ``.rests`` and ``.unsure``.
+    swing, none_swing : float
+        What the swing at rest is below, peak to peak in rad, as ``bound`` for the error.
+    still : float
+        The swing that is no hunting, peak to peak in rad.
+    worse : Chance
+        That the error is larger than without compensation.
+    unit : str
+        Of the errors.
+    tried : tuple of Tried
+        All that was compared, on other members.
+    errors : dict of arrays
+        Those of the members, "assured" and "none".
+    drive : dict
+        Rate, dead time, sensor and reference, SI.
+    models : tuple of (str, float)
+        What the members are drawn from, with the weights.
+    messages : tuple of str
+        What the choice does not show.
+
+    Examples
+    --------
+    >>> t = 1e-3 * np.arange(8000)
+    >>> w = 3.0 * np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
+    >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
+    >>> found = lg.assure(fit, loop="velocity", members=60)
+    >>> found.observer, bool(found.bound < found.none)
+    ('extended_state', True)
+    """
+
+    kind: str
+    scale: float
+    observer: str | None
+    gains: Mapping[str, Any]
+    controller: Mapping[str, float]
+    confidence: float
+    error: float
+    band: tuple[float, float]
+    bound: float
+    none: float
+    none_band: tuple[float, float]
+    hunts: Outcomes
+    none_hunts: Outcomes
+    swing: float
+    none_swing: float
+    still: float
+    worse: Chance
+    unit: str
+    tried: tuple[Tried, ...]
+    errors: Mapping[str, np.ndarray]
+    drive: Mapping[str, Any]
+    models: tuple[tuple[str, float], ...]
+    messages: tuple[str, ...] = ()
+
+    @property
+    def members(self) -> int:
+        """The number of drives behind the figures."""
+        return self.worse.members
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as ``lugrectl assure --json`` prints it."""
+        keys = ("kind", "scale", "observer", "gains", "controller", "confidence", "error", "band",
+                "bound", "none", "none_band", "unit", "drive", "members", "swing", "none_swing",
+                "still", "messages")  # fmt: skip
+        made: dict[str, Any] = {"schema": 1, **{k: getattr(self, k) for k in keys}}
+        made |= {k: getattr(self, k).summary() for k in ("hunts", "none_hunts", "worse")}
+        made["models"] = [{"model": name, "weight": w} for name, w in self.models]
+        return plain(made | {"tried": [vars(one) for one in self.tried]})
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the errors over the share of compensation, into ``ax`` or a new figure; returns the
+        Axes."""
+        return view("assurance_plot.dared")(self, ax)
+
+    def _title(self) -> str:
+        if self.observer is None:
+            return "Assurance: dare no compensation"
+        return (
+            f"Assurance: compensate {self.scale:g} of what the {self.observer} observer estimates"
+        )
+
+    def _rows(self) -> Iterable[Row]:
+        said = "(95 % of the drives from {} to {})"
+        yield Row("tracking error", self.error, self.unit, said.format(*map(figure, self.band)))
+        yield Row("without", self.none, self.unit, said.format(*map(figure, self.none_band)))
+        share = f"on {100.0 * self.confidence:g} % of the drives, sure to 95 %"
+        yield Row("error below", self.bound, self.unit, share)
+        yield Row("worse than without", self.worse.words())
+        yield Row("hunts at rest", self.hunts.words())
+        yield Row("without", self.none_hunts.words())
+        angle = self.unit.removesuffix("/s")
+        swings = f"{figure(self.none_swing)} {angle} without; more than {figure(self.still)} hunts"
+        yield Row("swing at rest below", self.swing, angle, f"{share}; {swings}")
+        gains = {**self.controller, **{f"observer {k}": v for k, v in self.gains.items()}}
+        for name, value in gains.items():
+            yield Row(name, value)
+        d, speed = self.drive, f"{self.unit.removesuffix('/s')}/s"
+        said = f"{figure(d['speed'])} {speed} at {d['frequency']:g} Hz"
+        yield Row("reference", said, "", f"sampled at {d['rate']:g} Hz")
+        yield from noticed(self.messages, "messages")
 
 
 @shows_progress
@@ -209,8 +358,8 @@ def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str,
     found, model = {}, setting.task.model
     for name in (observer_block(name_of("observer", k)).name for k in given):
         if not (lacks := lacking(name, model)):
-            found[name] = own.get(name) or dict(
-                designed(model, name, setting.sensing.dt, setting.speed).gains
+            found[name] = (
+                own.get(name) or designed(model, name, setting.sensing.dt, setting.speed)[0]
             )
         elif wanted is not None:
             raise InputError(f"{name} must know {', '.join(lacks)}, which "
@@ -284,3 +433,113 @@ class Found:
             said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
                         f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
         return tuple(said)
+
+
+@dataclass(eq=False)
+class Standstill:
+    """What becomes of one half of the members at rest, with each choice; asked again it is known.
+
+    ``most`` of them may fail: so many that the interval of the chance ends at ``hunts``, or none
+    where no number shows that.
+    """
+
+    run: Jobs
+    pairs: Pairs
+    setting: Setting
+    still: float
+    hunts: float
+    seen: dict[Any, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def most(self) -> int:
+        return max(hunting_at_most(len(self.pairs), self.hunts), 0)
+
+    def rows(self, choice: Choice, fails: Any = None) -> np.ndarray:
+        """Return a :class:`Rest` of each member, of the first ones once more than ``most`` fail."""
+        key = choice.observer, choice.scale
+        rows = self.seen.get(key, np.zeros((0, 2)))
+        while len(rows) < len(self.pairs) and (fails is None or fails(rows).sum() <= self.most):
+            more = self.pairs[len(rows) : max(FIRST, MORE * len(rows))]
+            work = Waiting(self.setting, choice, self.still)
+            rows = self.seen[key] = np.vstack([rows, self.run(work, reporter(False), more)])
+        return rows
+
+    def holds(self, choice: Choice, rule: str) -> bool:
+        """Return whether few enough members fail by one of the RULES."""
+        none = self.rows(NOTHING)[:, 1] if rule == BESIDE else np.zeros(0)
+
+        def fails(rows: np.ndarray) -> np.ndarray:
+            fate, swing = rows.T
+            if rule == BESIDE:
+                return (fate != RESTS) & (swing > np.maximum(none[: len(rows)], self.still))
+            return fate == HUNTS if rule == UNSURE else fate != RESTS
+
+        return bool(fails(self.rows(choice, fails)).sum() <= self.most)
+
+    def outcomes(self, choice: Choice) -> Outcomes:
+        """Return the shares of all members."""
+        return Outcomes.of(self.rows(choice)[:, 0])
+
+    def share(self, choice: Choice) -> float | None:
+        """Return the share that hunts of those that were looked at."""
+        rows = self.seen.get((choice.observer, choice.scale))
+        return None if rows is None else float(np.mean(rows[:, 0] == HUNTS))
+
+
+@dataclass
+class Tries:
+    """Compensations on the first members, beside none."""
+
+    run: Jobs
+    pairs: Pairs
+    setting: Setting
+    confidence: float
+    choices: list[Choice] = field(default_factory=list)
+    tried: list[Tried] = field(default_factory=list)
+    none: float = np.inf
+
+    def add(self, choices: Sequence[Choice], report: Progress) -> None:
+        """Try these, too, where they are new."""
+        choices = [one for one in choices if one not in self.choices]
+        errors = self.run(Tracking(self.setting, [NOTHING, *choices]), report, self.pairs)
+        none, self.none = errors[:, 0], self._upper(errors[:, 0])
+        self.choices += choices
+        for choice, own in zip(choices, errors.T[1:], strict=True):
+            name = (choice.observer or "").removesuffix("_observer")
+            worse = float(np.mean(own > none))
+            middle = float(np.median(own))
+            self.tried.append(Tried(name, choice.scale, self._upper(own), middle, worse))
+
+    def _upper(self, errors: np.ndarray) -> float:
+        """Return the error that a share 1 - confidence of the members exceeds."""
+        return float(np.quantile(errors, self.confidence, method="higher"))
+
+    def near(self, best: Choice, report: Progress) -> None:
+        """Try other shares of a choice."""
+        self.add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
+
+    def better(self) -> list[Choice]:
+        """Return the choices by their upper error, of those that are better than no compensation
+        and worse than it on no more drives than the confidence leaves."""
+        most, rows = 1.0 - self.confidence, zip(self.tried, self.choices, strict=True)
+        able = [row for row in rows if row[0].worse <= most and row[0].upper < self.none]
+        return [choice for _, choice in sorted(able, key=lambda row: row[0].upper)]
+
+
+def chosen(tries: Tries, halves: Sequence[Standstill], report: Progress) -> tuple[Choice, str]:
+    """Return the best choice that holds on both halves by the first of the RULES by which one
+    does, and the rule."""
+
+    def holding(rule: str) -> Choice:
+        for i, choice in enumerate(every := tries.better()):
+            part = (RULES.index(rule) + i / len(every)) / len(RULES)
+            report(part, "waiting for drives to rest")
+            if all(half.holds(choice, rule) for half in halves):
+                return choice
+        return NOTHING
+
+    for rule in RULES:
+        if (found := holding(rule)) is not NOTHING:
+            tries.near(found, reporter(False))
+            return holding(rule), rule
+    return NOTHING, BESIDE

@@ -2,26 +2,177 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import html as markup
+import time
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
 
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members
-from ..blocks.model import as_model
+from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
 from ..blocks.swapped import model_first
-from ..core.errors import InputError
-from ..core.progress import Wanted, part_of, reporter, shows_progress
+from ..core.display import Grid, grid_html, grid_text
+from ..core.display import number as figure
+from ..core.errors import Diverged, InputError
+from ..core.numeric import rms
+from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
+from ..core.result import ComparedRows, Fields, library, plain
 from ..core.validation import flag, names, number, positive, share, shown
-from .comparison import ObserverComparison
-from .reasons import unknown
-from .scenarios import SCENARIOS, Bench, Levels
-from .terms import Terms
+from ..simulation.encoder import Sensing, rounded
+from ..simulation.response import simulate
+from .recommendation import unknown
+from .reference import sine
+from .terms import OUTPUTS, Terms, wrong
 
-if TYPE_CHECKING:
-    from ..blocks.model import Model, Parameters
+COLUMNS = {  # field: heading, factor to the unit of the heading
+    "velocity": ("e_w [mrad/s]", 1e3),
+    "parameters": ("worst e_w [mrad/s]", 1e3),
+    "position": ("e_theta [mrad]", 1e3),
+    "cycle": ("cycle [mrad]", 1e3),
+    "noise": ("noise in u [mN m]", 1e3),
+    "delay": ("delay borne [ms]", 1e3),
+    "load": ("load e_w [mrad/s]", 1e3),
+    "rate": ("rate borne [Hz]", 1.0),
+    "rounding": ("rounded e_w [mrad/s]", 1e3),
+    "cost": ("cost [us]", 1e6),
+}
+STEP = 1e-3  # s
+SCENARIOS = (
+    *("velocity", "parameters", "position", "cycle", "noise", "delay"),
+    *("load", "rate", "rounding"),
+)
+OTHERS = ("J", "sigma0", "sigma1", "Fv", "vs")  # believed wrong in "parameters", one at a time
+GAINS: dict[str, dict[str, float]] = {
+    "velocity": {"kp": 1.6, "ki": 0.16},
+    "position": {"kp": 15.0, "ki": 0.0, "kd": 1.2},
+    "cycle": {"kp": 15.0, "ki": 30.0, "kd": 0.3},
+}
+SIZE, TURN = 0.1, 2 * np.pi  # of the reference, and its frequency in rad/s
+LATEST, HALVINGS = 0.01, 7  # dead times up to 10 ms, found to 0.08 ms
+PATIENCE = 1.0  # s for one run with a dead time
+FINE = 2.0 * np.pi / 2**17  # rad, the step of an encoder of 17 bits, where none is given
+TIMED = {"velocity", "noise", "delay", "rate"}  # with one of them the cost is known
 
+Signals = dict[str, np.ndarray]
 RATES = (2000.0, 1000.0, 500.0, 250.0)  # Hz
+
+
+@dataclass(frozen=True)
+class Compared(Fields):
+    """One observer. A value is None where its scenario was not run, infinite where the loop
+    diverges.
+
+    ``velocity``, ``position``: RMS tracking error in rad/s and rad, friction believed wrong.
+    ``parameters``: the largest such error in rad/s with one more parameter wrong; ``weakest``
+    names that parameter and the factor.
+    ``cycle``: peak-to-peak position in rad of the limit cycle at a set-point, friction
+    overestimated. ``noise``: RMS of the torque in N m that an RMS noise of the encoder causes.
+    ``delay``: largest dead time in s that the velocity loop bears. ``load``: RMS speed error in
+    rad/s from a load step on. ``rate``: lowest sample rate in Hz that the loop bears; ``sampled``
+    has the RMS speed error at each rate tried. ``rounding``: RMS speed error in rad/s with the
+    rounding of an encoder in the loop. ``cost``: time of the
+    simulation in s for each sample. ``feedback``: the gains of the controllers beside it.
+    """
+
+    name: str
+    velocity: float | None
+    parameters: float | None
+    position: float | None
+    cycle: float | None
+    noise: float | None
+    delay: float | None
+    cost: float | None
+    feedback: Mapping[str, float]
+    weakest: str | None = None
+    load: float | None = None
+    rate: float | None = None
+    rounding: float | None = None
+    sampled: Mapping[str, float] = field(default_factory=dict)
+
+
+class ObserverComparison(ComparedRows[Compared]):
+    """The answer of :func:`lugrectl.compare_observers`: rows by place or by name.
+
+    Parameters
+    ----------
+    rows : list of Compared
+        One for each observer.
+    terms : dict
+        What was equal for all: levels of friction believed, gains, noise, rate.
+    refused : dict
+        By name why an observer was left out, in one sentence.
+
+    Examples
+    --------
+    Two observers on an encoder of 20 bits, with the RMS speed error of one of them:
+
+    >>> found = lg.compare_observers(
+    ...     lg.table1(), ["natural", "disturbance"], scenarios="rounding",
+    ...     resolution=2 * np.pi / 2**20,
+    ... )
+    >>> found.names
+    ('natural', 'disturbance')
+    >>> round(1e3 * found["natural"].rounding)  # mrad/s
+    5
+    """
+
+    def __init__(
+        self,
+        rows: Iterable[Compared],
+        terms: Mapping[str, Any],
+        refused: Mapping[str, str] | None = None,
+    ) -> None:
+        self._rows = tuple(rows)
+        self.terms = dict(terms)
+        self.refused = dict(refused or {})
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python: the terms, a dictionary for each observer, and who was left out."""
+        rows = [row.summary() for row in self]
+        return {"terms": plain(self.terms), "observers": rows, "refused": dict(self.refused)}
+
+    def to_frame(self) -> Any:
+        """A DataFrame in SI units with the names as index; InputError without pandas."""
+        pandas = library("pandas")
+        rows = [{k: getattr(row, k) for k in ("name", *COLUMNS)} for row in self]
+        return pandas.DataFrame(rows).set_index("name")
+
+    def _title(self) -> str:
+        return f"{len(self)} observers at equal terms"
+
+    def _grid(self) -> Grid:
+        run = [k for k in COLUMNS if any(getattr(row, k) is not None for row in self)]
+        head = ("observer", *(COLUMNS[k][0] for k in run))
+        rows = [(row.name, *(_cell(getattr(row, k), COLUMNS[k][1]) for k in run)) for row in self]
+        return Grid(head, "l" + "r" * len(run), tuple(rows))
+
+    def __repr__(self) -> str:
+        return "\n".join([self._title(), *grid_text(self._grid()), *self._left_out()])
+
+    __str__ = __repr__
+
+    def _repr_html_(self) -> str:
+        left = "".join(f"<p>{markup.escape(line)}</p>" for line in self._left_out())
+        return grid_html(self._grid()) + left
+
+    def _left_out(self) -> list[str]:
+        """A line for each reason, with the observers that it is about."""
+        reasons: dict[str, list[str]] = {}
+        for name, why in self.refused.items():
+            reasons.setdefault(why, []).append(name)
+        return [f"{', '.join(names)} left out: {why}" for why, names in reasons.items()]
+
+
+def _cell(value: float | None, factor: float) -> str:
+    if value is not None and value == float("inf"):
+        return "diverges"
+    return figure(None if value is None else factor * value, 3)
 
 
 @shows_progress
@@ -211,3 +362,212 @@ def _step(resolution: float) -> float:
     if number(resolution, "resolution") < 0.0:
         raise InputError(f"resolution is {resolution:g}; give the step in rad, or 0 for none.")
     return float(resolution)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """How wrong friction is believed, in all scenarios and in "cycle", and the other parameters;
+    the load in N m, noise and step of the encoder in rad, sample rates in Hz."""
+
+    wrong: float
+    over: float
+    off: float
+    load: float
+    noise: float
+    resolution: float
+    rates: Sequence[float]
+
+    def summary(self) -> dict[str, Any]:
+        """Return them by name, with what the scenarios take where nothing is given."""
+        return asdict(self) | {"rounding": self.resolution or FINE, "step": STEP, "gains": GAINS}
+
+
+class Bench:
+    """The loops of one observer: each is built when a scenario needs it."""
+
+    def __init__(self, terms: Terms, name: str, levels: Levels) -> None:
+        self.terms, self.name, self.levels = terms, name, levels
+        self.loops: dict[str, Any] = {}
+        self.last = np.zeros(0)  # the states at the end of the latest run
+        self.weakest: str | None = None
+        self.sampled: dict[str, float] = {}
+
+    def compared(self, wanted: set[str], report: Progress) -> Compared:
+        """Return the figures of the wanted scenarios; ``report`` hears which one begins."""
+        found: dict[str, float | None] = dict.fromkeys((*SCENARIOS, "cost"))
+        for i, scenario in enumerate(s for s in SCENARIOS if s in wanted):
+            report(i / len(wanted), f"simulating {self.name}, scenario {scenario}")
+            found[scenario] = getattr(self, scenario)()
+        if wanted & TIMED:
+            found["cost"] = self.disturbed[1]
+        beside = {s: self.terms.feedback(self.name, gains) for s, gains in GAINS.items()}
+        gains = {f"{s}.{g}": v for s, own in beside.items() for g, v in own.items()}
+        short = self.name if self.name == "no_observer" else self.name.removesuffix("_observer")
+        more: dict[str, Any] = {"weakest": self.weakest, "sampled": self.sampled}
+        return Compared(name=short, feedback=gains, **found, **more)
+
+    def run(
+        self,
+        scenario: str,
+        rows: Mapping[str, Any],
+        t: np.ndarray,
+        factor: float | None = None,
+        x0: Any = None,
+        **params: float,
+    ) -> Signals:
+        """Return signals by name; friction is believed at ``factor`` of its value."""
+        kind = "velocity" if scenario == "velocity" else "position"
+        if kind not in self.loops:
+            self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
+        values = self._believed(self.levels.wrong if factor is None else factor)
+        block = "pi" if kind == "velocity" else "pid"
+        gains = self.terms.feedback(self.name, GAINS[scenario])
+        values |= {f"{block}.{g}": v for g, v in gains.items()} | params
+        system = self.loops[kind]
+        given = {k: rows.get(k, 0.0 * t) for k in system.input_labels}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a loop that does not work is a result here
+            done = simulate(system, t, given, x0, params=values)
+        self.last = np.asarray(done.states)[..., -1]
+        return dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
+
+    def _believed(self, factor: float) -> dict[str, float]:
+        """Return the levels of friction that the observer believes, by the keys of its block."""
+        made, known = observer_block(self.name), self.terms.values()
+        keys = (k for k in ("Fc", "Fs") if k in made.parameters)
+        return {f"{made.name}.{k}": factor * known[k] for k in keys}
+
+    def _error(self, scenario: str, rows: Signals, since: float, **params: float) -> float:
+        """Return the RMS error from a time on; infinite where the loop diverges."""
+        t = STEP * np.arange(len(rows["r"]))
+        try:
+            return rms(self.run(scenario, rows, t, **params)["e"][t >= since])
+        except Diverged:
+            return np.inf
+
+    @cached_property
+    def clean(self) -> Signals | None:
+        """The run of the velocity scenario; None where it diverges."""
+        try:
+            return self.run("velocity", _reference(5.0), _times(5.0))
+        except Diverged:
+            return None
+
+    @cached_property
+    def disturbed(self) -> tuple[float | None, float | None]:
+        """The torque that noise of the encoder causes, and the time that a sample takes."""
+        t, random, clean = _times(5.0), np.random.default_rng(0), self.clean
+        if clean is None:
+            return None, None
+        read = clean["theta"] + random.normal(0.0, self.levels.noise, len(t))
+        angle = rounded(read, self.levels.resolution) - clean["theta"]
+        rows = {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
+        begun = time.perf_counter()
+        u = self.run("velocity", _reference(5.0) | rows, t)["u"]
+        took = (time.perf_counter() - begun) / len(t)
+        return rms((u - clean["u"])[t >= 1.0]), took
+
+    @property
+    def allowed(self) -> float:
+        """The largest error that "delay" and "rate" allow."""
+        return SIZE + (np.inf if self.clean is None else float(np.abs(self.clean["e"]).max()))
+
+    def velocity(self) -> float:
+        return np.inf if self.clean is None else rms(self.clean["e"][_times(5.0) >= 1.0])
+
+    def parameters(self) -> float:
+        """Return the largest speed error with one more parameter wrong: "J x0.8"."""
+        made, off = observer_block(self.name), dict.fromkeys(OTHERS, self.levels.off)
+        errors, cases = {}, wrong(self.name, self.terms.values(), [(k,) for k in OTHERS], off)
+        for case, values in cases.items():
+            own = {f"{made.name}.{k}": v for k, v in values.items()}
+            errors[case] = self._error("velocity", _reference(5.0), 1.0, **own)
+        if not errors:
+            return self.velocity()
+        self.weakest = max(errors, key=lambda which: errors[which])
+        return errors[self.weakest]
+
+    def position(self) -> float:
+        return self._error("position", _reference(10.0, "position"), 5.0)
+
+    def cycle(self) -> float:
+        """Return the peak-to-peak position of the limit cycle at a set-point."""
+        t = _times(15.0)
+        try:
+            out = self.run("cycle", {"r": SIZE + 0.0 * t}, t, self.levels.over)
+        except Diverged:
+            return np.inf
+        return float(np.ptp(out["theta"][t >= 10.0]))
+
+    def noise(self) -> float | None:
+        return self.disturbed[0]
+
+    def load(self) -> float:
+        """Return the speed error from the step of a load torque on, which acts from 2 to 3.5 s."""
+        t = _times(5.0)
+        d = np.where((t >= 2.0) & (t < 3.5), self.levels.load, 0.0)
+        return self._error("velocity", _reference(5.0) | {"d": d}, 2.0)
+
+    def delay(self) -> float | None:
+        """Return the largest dead time for which the error stays as small as is allowed, by
+        bisection; None where the loop switches so fast that a run takes too long."""
+        low, high = 0.0, LATEST
+        for _ in range(HALVINGS if self.clean is not None else 0):
+            middle = (low + high) / 2
+            quiet = self._quiet(middle)
+            if quiet is None:
+                return None
+            low, high = (middle, high) if quiet else (low, middle)
+        return low
+
+    def _quiet(self, delay: float) -> bool | None:
+        """Return whether the error stays small for 1 s; in pieces, to stop early."""
+        x0, end = None, time.monotonic() + PATIENCE
+        for k in range(20):
+            t = STEP * np.arange(50 * k, 50 * k + 51)
+            rows = sine(t, SIZE, 1.0).rows("velocity")
+            try:
+                out = self.run("velocity", rows, t, x0=x0, **{"dead_time.delay": delay})
+            except Diverged:
+                return False
+            x0 = self.last
+            if np.abs(out["e"]).max() > self.allowed:
+                return False
+            if time.monotonic() > end:
+                return None
+        return True
+
+    def rate(self) -> float:
+        """Return the lowest rate at which and above which the error is as small as is allowed."""
+        lowest, holds = np.inf, True
+        for rate in sorted(self.levels.rates, reverse=True):
+            error, worst = self._at_samples(Sensing(1.0 / rate, speed_noise=0.0))
+            self.sampled[f"{rate:g}"] = error
+            holds = holds and worst <= self.allowed
+            lowest = rate if holds else lowest
+        return lowest
+
+    def rounding(self) -> float:
+        return self._at_samples(Sensing(STEP, resolution=self.levels.resolution or FINE))[0]
+
+    def _at_samples(self, sensing: Sensing) -> tuple[float, float]:
+        """Return RMS from 0.5 to 1.5 s, and the largest speed error, of a sampled drive."""
+        rows, known = _reference(1.5, dt=sensing.dt), self.terms.values()
+        levels = {k: self.levels.wrong * known[k] for k in ("Fc", "Fs") if k in known}
+        control = self.terms.control(self.name, "velocity", GAINS["velocity"], levels)
+        try:
+            e = self.terms.run(control, "velocity", sensing, SIZE, rows)["w"] - rows["r"]
+        except Diverged:
+            return np.inf, np.inf
+        return rms(e[sensing.dt * np.arange(len(e)) >= 0.5]), float(np.abs(e).max())
+
+
+def _times(length: float, dt: float = STEP) -> np.ndarray:
+    return dt * np.arange(round(length / dt) + 1)
+
+
+def _reference(length: float, kind: str = "velocity", dt: float = STEP) -> Signals:
+    """Return 0.1 sin 2 pi t and its derivatives: of the speed, or of the position."""
+    if kind == "velocity":
+        return sine(_times(length, dt), SIZE, 1.0).rows(kind)
+    return sine(_times(length, dt), SIZE * TURN, 1.0, phase=0.5 * np.pi).rows(kind)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
+import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,10 +16,14 @@ from ..blocks.aliases import name_of
 from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, as_model
 from ..blocks.observers import Gain, observer_block
+from ..core.display import Row, Shown, noticed
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, reporter, shows_progress
+from ..core.result import Result, library, plain
 from ..core.validation import shown, whole
+from ..core.views import view
+from ..design import Certificate
 from ..estimates.covariance import Joint
 from ..estimates.findings import Table
 from ..loops.parts import OUTPUTS
@@ -27,15 +32,215 @@ from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
 from ..simulation.recorded_sensing import sensing_of
 from ..simulation.response import simulate
-from .compensation import LOOPS, Compensation, Run, Spread
+from .chance import between
 from .feedforward import sorted_out
 from .gains import controller, observer_gains
 from .loop import SampledLoop, Task, kind_of, unit_of
 from .reference import Course, course
 
+ENDS = 10.0, 90.0  # percentiles of the spread
+LOOPS = {
+    "none": "without compensation",
+    "before": "with the compensation of the declared model",
+    "after": "with the compensation of the augmented model",
+}
 DRAWS = 20
 LONGEST, MOST = 6.0, 40_000  # s of a run on a drive like the recorded one, and its samples
 WORSE = 1.05  # ratio above which the error counts as larger
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Run(Shown):
+    """One simulated loop: reference, motion (both rad/s or rad) and torque u (N m) over t (s)."""
+
+    t: np.ndarray
+    r: np.ndarray
+    y: np.ndarray
+    u: np.ndarray
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Spread(Shown):
+    """RMS tracking error on drawn drives: the values of each loop, infinite where it diverged.
+
+    ``rate`` in Hz; ``noise`` of position (rad), speed (rad/s, nan where the drive takes the
+    difference of two positions) and torque (N m), and the encoder's ``resolution`` (rad).
+    ``drawn``: the parameters that differ from draw to draw.
+    """
+
+    rate: float
+    noise: Mapping[str, float]
+    resolution: float
+    drawn: tuple[str, ...]
+    seed: int
+    errors: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def of(self, key: str) -> tuple[float, float, float]:
+        """Median and 10 and 90 % of a loop's error."""
+        values = np.sort(self.errors[key])
+        places = (len(values) - 1) * np.array([50.0, *ENDS]) / 100.0
+        with np.errstate(invalid="ignore"):
+            found = [between(values, place) for place in places]
+        return found[0], found[1], found[2]
+
+    @property
+    def best(self) -> str:
+        """The loop of the least median; without compensation where none is smaller."""
+        return min(self.errors, key=lambda key: self.of(key)[0])
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "compensation" "drive" in the JSON document."""
+        loops = {
+            key: {**dict(zip(("median", "low", "high"), self.of(key), strict=True)),
+                  "diverged": int(np.count_nonzero(~np.isfinite(values)))}
+            for key, values in self.errors.items()
+        }  # fmt: skip
+        return {
+            "rate": self.rate,
+            "resolution": self.resolution,
+            "noise": dict(self.noise),
+            "drawn": list(self.drawn),
+            "draws": len(next(iter(self.errors.values()))),
+            "seed": self.seed,
+            **loops,
+            "recommended": self.best,
+        }
+
+    def rows(self, unit: str) -> list[Row]:
+        """Median and spread of each loop, for display."""
+        made = []
+        for key in self.errors:
+            middle, low, high = self.of(key)
+            made.append(Row(f"on a drive, {key}", f"{middle:.3g} ({low:.3g} to {high:.3g}) {unit}"))
+        return made
+
+    def advice(self, unit: str) -> list[str]:
+        """One sentence where a compensation makes tracking worse than none."""
+        (none, *_), (after, *_) = self.of("none"), self.of("after")
+        if after <= none:
+            return []
+        worse = f"{after:.3g} {unit}" if math.isfinite(after) else "unstable"
+        return [
+            "On a drive like the recorded one the compensation makes tracking worse: median error "
+            f"{worse} with it, {none:.3g} {unit} without; leave it off."
+        ]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Compensation(Result):
+    """The answer of :func:`lugrectl.compensate`.
+
+    Attributes
+    ----------
+    kind : "velocity" or "position"
+        The loop.
+    observer : str or None
+        The observer in it.
+    none, before, after : float
+        RMS of motion minus reference in ``unit`` without compensation, with that of the declared,
+        and with that of the augmented model; infinite if the loop diverges, which ``messages``
+        then report.
+    unit : str
+        Of these errors.
+    controller : dict
+        Gains of the controller by name.
+    gains : dict
+        Those of the observer in the loops "before" and "after".
+    certificate : Certificate or None
+        What the gains guarantee "after"; None if there is no design.
+    compensated : tuple of str
+        Effects whose torque is fed forward.
+    left : tuple of (str, str)
+        Effects that are not, each with the reason.
+    reference : dict
+        Speed, frequency and duration of the reference.
+    messages : tuple of str
+        What was noticed.
+    loop, runs : dict
+        The closed loops and their simulations under "none", "before", "after" (no run for a loop
+        that diverged).
+    drive : Spread or None
+        The same errors on a drive like the recorded one, which is not exactly the model; None
+        without a record.
+
+    Examples
+    --------
+    The tracking errors over time of a drive whose declared model does not contain a load:
+
+    >>> load = {"name": "constant_torque", "torque": 0.05}
+    >>> drive = lg.Model.of(lg.table1(), effects=load)
+    >>> lg.compensate(drive, declared=lg.table1()).plot()  # doctest: +SKIP
+    """
+
+    kind: str
+    observer: str | None
+    none: float
+    before: float
+    after: float
+    unit: str
+    controller: Mapping[str, float]
+    gains: Mapping[str, Mapping[str, Any]]
+    certificate: Certificate | None
+    compensated: tuple[str, ...]
+    left: tuple[tuple[str, str], ...]
+    reference: Mapping[str, float]
+    messages: tuple[str, ...]
+    loop: Mapping[str, ct.InterconnectedSystem]
+    runs: Mapping[str, Run]
+    drive: Spread | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as under "compensation" in the JSON document."""
+        return plain(
+            {
+                "loop": self.kind,
+                "observer": self.observer,
+                "signal": MEASURED[self.kind],
+                "unit": self.unit,
+                "none": self.none,
+                "before": self.before,
+                "after": self.after,
+                "controller": self.controller,
+                "observer_gains": self.gains,
+                "certificate": self.certificate.summary() if self.certificate else None,
+                "compensated": list(self.compensated),
+                "not_compensated": [{"name": n, "reason": why} for n, why in self.left],
+                "reference": self.reference,
+                "messages": list(self.messages),
+                "drive": self.drive.summary() if self.drive else None,
+            }
+        )
+
+    def to_frame(self) -> Any:
+        """A DataFrame of the simulated loops: a row for each loop and time t, columns r, y, u."""
+        pandas = library("pandas")
+        columns = {
+            key: pandas.DataFrame({"r": run.r, "y": run.y, "u": run.u}, index=run.t)
+            for key, run in self.runs.items()
+        }
+        if not columns:
+            return pandas.DataFrame(columns=["r", "y", "u"])
+        return pandas.concat(columns, names=["loop", "t"])
+
+    def _title(self) -> str:
+        watcher = f"{self.observer} observer" if self.observer else "no observer"
+        return f"Compensation: {self.kind} loop, {watcher}"
+
+    def _rows(self) -> Iterable[Row]:
+        rate = self.certificate.rate if self.certificate else None
+        left = ", ".join(name for name, _ in self.left)
+        rows = [Row(f"RMS error, {k}", getattr(self, k), self.unit) for k in LOOPS]
+        rows += [] if self.drive is None else self.drive.rows(self.unit)
+        rows += [Row(k, v) for k, v in self.controller.items()]
+        rows += [Row(k, v) for k, v in self.gains.get("after", {}).items()]
+        rows += [Row("observer's rate", rate, "1/s")] if rate else []
+        rows += [Row("fed forward", ", ".join(self.compensated))] if self.compensated else []
+        rows += [Row("not compensated", left)] if left else []
+        return [*rows, *noticed(self.messages, "messages")]
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw the tracking errors over time, into ``ax`` or a new figure; returns the Axes."""
+        return view("loop_plots.tracking")(self, ax)
 
 
 @shows_progress
@@ -140,18 +345,10 @@ def compensate(
     >>> drive = lg.Model.of(lg.table1(), effects=cogging)
     >>> print(lg.compensate(drive, loop="position", bandwidth=30.0))  # doctest: +SKIP
     """
-    kind_of(loop)
-    if not (table is None or isinstance(table, Table)):
-        raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
+    _refuse(loop, kd, table, covariance)
     model, observer = as_model(model), name_of("observer", observer)
     record = None if record is None else as_record(record, model.motion)
     before = replace(model, effects=()) if declared is None else _completed(declared, model)
-    if loop == "velocity" and kd is not None:
-        raise InputError("a velocity loop has no kd; its gains are kp and ki.")
-    if not (covariance is None or isinstance(covariance, Joint)):
-        raise InputError(
-            f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
-        )
     drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
     own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, _inertia(model))
     task, unit = Task(model, loop, own, table), unit_of(loop, model)
@@ -187,6 +384,18 @@ def compensate(
         runs=runs,
         drive=drive,
     )
+
+
+def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
+    """Raise where an argument is of another kind."""
+    if kind_of(loop) == "velocity" and kd is not None:
+        raise InputError("a velocity loop has no kd; its gains are kp and ki.")
+    if not (table is None or isinstance(table, Table)):
+        raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
+    if not (covariance is None or isinstance(covariance, Joint)):
+        raise InputError(
+            f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
+        )
 
 
 def _inertia(model: Model) -> float:
@@ -255,6 +464,12 @@ class Three:
     controls: Mapping[str, Sequence[Any]]
     copies: Sequence[str]
 
+    @property
+    def start(self) -> dict[str, float]:
+        """The states that begin at the position of the reference."""
+        states = ("plant_theta", "encoder_last", *self.copies)
+        return dict.fromkeys(states, float(self.way.theta[0]))
+
     def simulated(
         self, loops: Mapping[str, Any], report: Progress
     ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
@@ -278,8 +493,8 @@ class Three:
         return runs, errors, messages
 
     def _run(self, system: Any) -> Run:
-        rows, placed = self.way.rows(self.task.kind), {"plant_theta", *self.copies}
-        x0 = [self.way.theta[0] * (state in placed) for state in system.state_labels]
+        rows, start = self.way.rows(self.task.kind), self.start
+        x0 = [start.get(state, 0.0) for state in system.state_labels]
         response = simulate(system, self.way.t, np.vstack(list(rows.values())), x0)
         outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
         return Run(self.way.t, rows["r"], outputs[MEASURED[self.task.kind]], outputs["u"])
@@ -292,7 +507,7 @@ class Three:
         t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
         rows = {k: np.interp(t, way.t, x) for k, x in way.rows(self.task.kind).items()}
         loops = {
-            key: SampledLoop(self.task, sensing, blocks, fastest, way.theta[0], self.copies)
+            key: SampledLoop(self.task, sensing, blocks, fastest, self.start)
             for key, blocks in self.controls.items()
         }
         errors: dict[str, list[float]] = {key: [] for key in loops}

@@ -10,7 +10,7 @@ from ..blocks.model import Model, values_of
 from ..blocks.observers import Gain, observer_block
 from ..core.errors import InputError
 from ..core.validation import number, positive, shown
-from ..design import Certificate, ObserverDesign, certify, design_gains
+from ..design import Certificate, certify, design_gains
 from ..design.observer_rules import RULES
 from ..loops.gains import all_at
 from ..simulation.encoder import Sensing
@@ -52,12 +52,15 @@ def lacking(name: str, model: Model) -> list[str]:
     return [k for k in LUGRE if k in needs and have.get(k) is None]
 
 
-def designed(model: Model, name: str, dt: float, speed: float, **more: float) -> ObserverDesign:
-    """Return the gains of an observer by its rule, at a sample time and a speed of the drive."""
+def designed(
+    model: Model, name: str, dt: float, speed: float, **more: float
+) -> tuple[dict[str, Any], Certificate]:
+    """Return gains of an observer by its rule, at a sample time and a speed of the drive."""
     usual = {"dt": dt, "M": 1.5 * speed, "speed": speed, "w0": 0.2 * speed} | more
     choices = RULES[name].choices if name in RULES else {}
     own: dict[str, Any] = {k: v for k, v in usual.items() if k in choices}
-    return design_gains(values_of(model), observer=name, **own)
+    design = design_gains(values_of(model), observer=name, **own)
+    return dict(design.gains), design.certificate
 
 
 class Chosen(NamedTuple):

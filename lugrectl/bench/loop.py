@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,7 +19,6 @@ from ..blocks.plant import plant, sensor
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.validation import shown
-from ..engine.runtime.sampled_run import interpreted
 from ..estimates.findings import Table
 from ..loops.compensated import MEASURED, Control, read_of
 from ..loops.parts import OUTPUTS, connected
@@ -97,9 +95,8 @@ def unit_of(kind: str, model: Model) -> str:
 class SampledLoop:
     """A loop in a sampled drive: its controller is built once, for many drives.
 
-    ``fastest``: the largest speed of the reference; ``start``: the position at which the drive
-    stands; ``copies``: states of the controller that start there too; ``plain``: not compiled;
-    ``bodies``: drives that were built before.
+    ``fastest``: the largest speed of the reference; ``start``: the states that are not 0 at first,
+    by block and name; ``bodies``: drives that were built before.
     """
 
     def __init__(
@@ -108,23 +105,19 @@ class SampledLoop:
         sensing: Sensing,
         control: Sequence[Any],
         fastest: float,
-        start: float = 0.0,
-        copies: Sequence[str] = (),
-        plain: bool = False,
+        start: Mapping[str, float] | None = None,
         bodies: dict[Any, Any] | None = None,
     ) -> None:
-        self.task, self.sensing, self.plain, self.start = task, sensing, plain, start
-        self.late = sensing.delay > 0.0
+        self.task, self.sensing, self.start = task, sensing, start or {}
+        self.late, self.bodies = sensing.delay > 0.0, {} if bodies is None else bodies
         late = dead_time(sensing.delay, sensing.dt, inputs=["u"], outputs=["u_late"])
         points = usual_points(task.model, fastest)
         self.blocks = [
             encoder(sensing, ("theta_s", "w_s")),
             *(at_samples(block, sensing.dt, points) for block in (*control, *[late] * self.late)),
         ]
-        placed = {"encoder_last", *copies}
         states = [f"{b.name}_{x}" for b in self.blocks if b.nstates for x in b.state_labels]
-        self.placed = [start if state in placed else 0.0 for state in states]
-        self.bodies = {} if bodies is None else bodies
+        self.placed = [self.start.get(state, 0.0) for state in states]
 
     def run(
         self,
@@ -144,9 +137,8 @@ class SampledLoop:
         given = {**rows, **sensing.errors(len(t), seed), "n_u": noise}
         read = {k for block in (body, *self.blocks) for k in block.input_labels}
         known = {f"{part}.{k}": v for part in ("plant", "sensor") for k, v in model.known().items()}
-        x0 = [self.start * (k == "plant_theta") for k in body.state_labels]
-        plain = interpreted() if self.plain else contextlib.nullcontext()
-        with plain, warnings.catch_warnings(), np.errstate(all="ignore"):
+        x0 = [self.start.get(state, 0.0) for state in body.state_labels]
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # a loop that does not work is a result here
             done = simulate_sampled(
                 body,

@@ -2,35 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..blocks.aliases import meant
 from ..blocks.block import unit_for
 from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
 from ..blocks.swapped import model_first
-from ..core.errors import InputError
+from ..core.errors import Diverged, InputError
+from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import plain
-from ..core.validation import flag, shown
+from ..core.validation import flag, number, positive, real, share, shown
 from ..design import Certificate
 from ..design.observer_rules import RULES, SAMPLED
 from ..estimates.fitted import Fitted
 from ..loops.gains import crossing
+from ..record import Record
+from ..record.as_record import as_record, is_record
+from ..simulation.encoder import Sensing
+from ..simulation.recorded_sensing import sensing_of
 from .compare import chosen_observers
-from .drive_spec import KEYS, completed, drive_spec
-from .gains import LUGRE, correction, designed
+from .gains import LUGRE, correction, designed, fastest
 from .loop import unit_of
-from .reasons import ALIKE, broken, reasons, unknown, unseen
-from .recommendation import Candidate, Recommendation
-from .terms import Terms
-from .trials import Stand, Trial
+from .recommendation import (
+    ALIKE,
+    EXACT,
+    Candidate,
+    Recommendation,
+    broken,
+    reasons,
+    unknown,
+    unseen,
+)
+from .reference import SETTLED, enough_samples, sine, top_speed
+from .terms import Terms, wrong
 
+PERIOD = 4000  # samples in a period of the reference, at most
+QUICK = 500.0  # rad/s, the highest crossover
+LEVEL, OTHERS = [("Fc", "Fs")], [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)]
+GROWN = 100.0  # times the amplitude of the reference: a loop with such an error has diverged
 NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further
 FAR = 1e300  # below infinity: a loop that diverged is not tried any further
 FASTER = 3.0  # times the controller's bandwidth: the rate of an observer that knows J alone
@@ -222,11 +240,10 @@ def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | No
         return dict(own or {}), None
     dt = max(1.0 / spec.rate, SAMPLED / (FASTER * spec.bandwidth) if name in ALONE else 0.0)
     more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
-    design = designed(stand.terms.model, name, dt, spec.speed, **more)
-    made = design.certificate
+    gains, made = designed(stand.terms.model, name, dt, spec.speed, **more)
     if name == "normal_force_observer" and stand.kind == "velocity":
         made = replace(made, holds=False, valid="its proof is about a position loop")
-    return dict(design.gains), made
+    return gains, made
 
 
 def _trials(stand: Stand, names: Sequence[str], report: Progress) -> dict[str, Trial]:
@@ -305,3 +322,226 @@ def _messages(stand: Stand, none: float, rows: Sequence[Candidate]) -> tuple[str
     if not rows:
         said.append("No observer is admissible on this drive; the reasons are in refused.")
     return tuple(said)
+
+
+@dataclass
+class Trial:
+    """RMS errors by case, infinite where the loop diverges; ``noise``: torque in N m."""
+
+    errors: dict[str, float] = field(default_factory=dict)
+    load: float = np.inf
+    noise: float = np.inf
+    complete: bool = False
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The case with the largest error."""
+        case = max(self.errors, key=lambda k: self.errors[k])
+        return case, self.errors[case]
+
+
+@dataclass(frozen=True)
+class Stand:
+    """The loop in which the observers are tried: a sine of the speed, from rest."""
+
+    terms: Terms
+    spec: DriveSpec
+    kind: str
+    gains: Mapping[str, float]
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        rate, f = self.spec.rate, self.spec.frequency
+        what = f"a sine of {f:g} Hz at {rate:g} samples per second"
+        return np.arange(enough_samples(f, rate, what)) / rate
+
+    @cached_property
+    def rows(self) -> dict[str, np.ndarray]:
+        return sine(self.t, self.spec.speed, self.spec.frequency).rows(self.kind)
+
+    def error(self, name: str, believed: Mapping[str, float], load: float = 0.0) -> float:
+        """Return the RMS error with these parameters believed; infinite if the loop diverges."""
+        try:
+            return self._missed(self._run(name, believed, self.spec.sensing, load))
+        except Diverged:
+            return np.inf
+
+    def noise(self, name: str) -> float:
+        """Return the RMS torque that the sensor causes, its rounding included."""
+        try:
+            runs = (self.spec.sensing, self.spec.sensing.quiet())
+            loud, quiet = (self._run(name, {}, sensing)["u"] for sensing in runs)
+        except Diverged:
+            return np.inf
+        return self._counted(loud - quiet)
+
+    def _counted(self, x: np.ndarray) -> float:
+        return rms(x[self.t >= SETTLED / self.spec.frequency])
+
+    def _missed(self, out: Mapping[str, np.ndarray]) -> float:
+        return self._counted(out[MEASURED[self.kind]] - self.rows["r"])
+
+    def _run(
+        self, name: str, believed: Mapping[str, float], sensing: Sensing, load: float = 0.0
+    ) -> dict[str, np.ndarray]:
+        rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
+        control = self.terms.control(name, self.kind, self.gains, believed)
+        out = self.terms.run(control, self.kind, sensing, self.spec.speed, rows)
+        with np.errstate(all="ignore"):
+            if not self._missed(out) < GROWN * float(np.abs(self.rows["r"]).max()):
+                raise Diverged(f"{name}: the error grows without bound.")
+        return out
+
+    def first(self, name: str, report: Progress) -> Trial:
+        """Return exact parameters, the level of friction wrong, a load step, noise."""
+        report(0.0, f"simulating {name}")
+        trial = Trial({EXACT: self.error(name, {})})
+        if np.isfinite(trial.errors[EXACT]):
+            self._try(name, trial, LEVEL, report)
+            trial.load, trial.noise = self.error(name, {}, self.spec.load), self.noise(name)
+        return trial
+
+    def finish(self, name: str, trial: Trial, report: Progress) -> None:
+        """Try the other parameters, one at a time."""
+        self._try(name, trial, OTHERS, report)
+        trial.complete = True
+
+    def _try(
+        self, name: str, trial: Trial, groups: Sequence[Sequence[str]], report: Progress
+    ) -> None:
+        cases = wrong(name, self.terms.values(), groups, self.spec.uncertainty)
+        for i, (case, believed) in enumerate(cases.items()):
+            report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
+            trial.errors[case] = self.error(name, believed)
+
+
+@dataclass(frozen=True)
+class DriveSpec:
+    """A drive's sensor and task in SI units.
+
+    ``measured``: theta, w or both. ``speed_noise`` None: the speed is the difference of two
+    positions. ``source``: where the values come from.
+    """
+
+    rate: float
+    noise: float
+    resolution: float
+    speed_noise: float | None
+    delay: float
+    measured: tuple[str, ...]
+    speed: float
+    frequency: float
+    bandwidth: float
+    load: float
+    uncertainty: Mapping[str, float]
+    source: str
+
+    @property
+    def sensing(self) -> Sensing:
+        """The same for the simulation."""
+        return Sensing(1.0 / self.rate, self.noise, self.resolution, self.speed_noise, self.delay)
+
+
+KEYS = tuple(k for k in DriveSpec.__dataclass_fields__ if k != "source")
+
+
+def completed(said: Mapping[str, Any], known: Mapping[str, float]) -> DriveSpec:
+    """Return all values, those that are not said by the drive's parameters ``known``."""
+    usual = {"noise": 0.0, "resolution": 0.0, "speed_noise": None, "delay": 0.0}
+    usual |= {"measured": ("theta", "w"), "source": "the arguments"}
+    spec = usual | dict(said)
+    sensing = Sensing(1.0 / spec["rate"], speed_noise=spec["speed_noise"], delay=spec["delay"])
+    level = max(known.get("Fc", 0.0), known.get("Fs", 0.0))
+    f = spec.setdefault("frequency", max(1.0, spec["rate"] / PERIOD))
+    presliding = level / known["sigma0"] if known.get("sigma0") else 0.0
+    slow = max(10.0 * known.get("vs", 0.0), presliding * 20.0 * np.pi * f)
+    spec.setdefault("speed", slow or 1.0)
+    spec.setdefault("bandwidth", min(QUICK, fastest(sensing)))
+    spec.setdefault("load", 0.2 * level)
+    spec.setdefault("uncertainty", dict.fromkeys(LUGRE, 0.2))
+    return DriveSpec(**spec)
+
+
+def drive_spec(given: Any, own: Mapping[str, Any], motion: str) -> dict[str, Any]:
+    """Return the values that are given by name, those of a dict of numbers, or estimates from a
+    record; values by name go before the others."""
+    said = {k: v for k, v in own.items() if v is not None}
+    if isinstance(given, Mapping) and not _holds_arrays(given):
+        strange = [k for k in given if k not in KEYS]
+        if strange:
+            hint = meant(strange[0], KEYS)
+            raise InputError(f"record: a drive has no value {shown(strange[0])}; {hint}")
+        return _checked({**given, **said})
+    if given is None:
+        return _checked(said)
+    if not is_record(given):
+        raise InputError(
+            "record must be a record (a path, DataFrame, dict of arrays or Record) or a dict of "
+            f"numbers such as {{'rate': 1000}}, not {shown(given)}."
+        )
+    seen = estimated(as_record(given, motion))
+    return seen | _checked({"rate": seen["rate"]} | said)
+
+
+def _holds_arrays(given: Mapping[Any, Any]) -> bool:
+    return any(np.ndim(v) > 0 and not isinstance(v, str) for k, v in given.items()
+               if k not in ("measured", "uncertainty"))  # fmt: skip
+
+
+def estimated(record: Record) -> dict[str, Any]:
+    """Return rate, noise, step of the encoder and speed of a record."""
+    seen, speed = sensing_of(record), top_speed(record)
+    values = {k: getattr(seen, k) for k in ("noise", "resolution", "speed_noise")}
+    values["measured"] = tuple(k for k in ("theta", "w") if getattr(record, k) is not None)
+    values |= {"speed": speed} if speed else {}
+    return values | {"rate": record.rate, "source": record.source}
+
+
+def _checked(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values by name, where all are of their kind."""
+    if "rate" not in said:
+        raise InputError(
+            "rate is missing: give the drive's sample rate in Hz, rate=1000, or a record."
+        )
+    return {key: CHECKS[key](said[key], key) for key in KEYS if key in said}
+
+
+def _hertz(value: Any, key: str) -> float:
+    return positive(value, key, "Hz")
+
+
+def _not_negative(value: Any, key: str) -> float:
+    if (checked := number(value, key)) < 0.0:
+        raise InputError(f"{key} must be 0 or positive, not {shown(value)}.")
+    return checked
+
+
+def _measured(given: Any, _: str) -> tuple[str, ...]:
+    words = given.replace(",", " ").split() if isinstance(given, str) else given
+    if not isinstance(words, (list, tuple)) or not words or set(words) - {"theta", "w"}:
+        raise InputError(f"measured must be 'theta', 'w' or 'theta w', not {shown(given)}.")
+    return tuple(k for k in ("theta", "w") if k in words)
+
+
+def _uncertain(given: Any, _: str) -> dict[str, float]:
+    """Return by how much each parameter may be wrong, as a share."""
+    if not isinstance(given, Mapping):
+        if real(given) == 0.0:
+            return dict.fromkeys(LUGRE, 0.0)
+        return dict.fromkeys(LUGRE, share(given, "uncertainty"))
+    for key in given:
+        if key not in LUGRE:
+            raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, LUGRE)}")
+    sizes = {k: 0.0 if real(v) == 0.0 else share(v, f"uncertainty of {k}")
+             for k, v in given.items()}  # fmt: skip
+    return dict.fromkeys(LUGRE, 0.0) | sizes
+
+
+CHECKS: dict[str, Callable[[Any, str], Any]] = {
+    **dict.fromkeys(("rate", "frequency"), _hertz),
+    **dict.fromkeys(("speed", "bandwidth"), positive),
+    **dict.fromkeys(("noise", "resolution", "speed_noise", "delay"), _not_negative),
+    "load": number,
+    "measured": _measured,
+    "uncertainty": _uncertain,
+}

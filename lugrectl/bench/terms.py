@@ -7,11 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import control as ct
+import numpy as np
 
 from ..blocks.drive import dead_time
 from ..blocks.model import Model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
+from ..engine.runtime.sampled_run import interpreted
 from ..loops.compensated import Control, read_of
 from ..loops.parts import connected
 from ..simulation.encoder import Sensing
@@ -80,12 +82,20 @@ class Terms:
         inputs = [*read_of(parts), "n_theta", "n_w", "d"]
         return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
 
-    def sampled(
-        self, control: Sequence[Any], kind: str, sensing: Sensing, fastest: float
-    ) -> SampledLoop:
-        """Return the loop in a sampled drive; ``fastest``: the largest speed of its reference."""
-        task, own = Task(self.model, kind, {}), {"plain": True, "bodies": self.bodies}
-        return SampledLoop(task, sensing, control, FASTEST * fastest, **own)
+    def run(
+        self,
+        control: Sequence[Any],
+        kind: str,
+        sensing: Sensing,
+        fastest: float,
+        rows: Mapping[str, np.ndarray],
+    ) -> dict[str, np.ndarray]:
+        """Return the signals of a sampled drive by name; ``fastest``: the largest speed of its
+        reference. Raises Diverged."""
+        task = Task(self.model, kind, {})
+        loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
+        with interpreted():  # each loop runs a few times only
+            return loop.run(rows)
 
 
 def corrected(name: str) -> bool:
@@ -95,7 +105,7 @@ def corrected(name: str) -> bool:
 
 
 def wrong(
-    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[str, float]
+    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
 ) -> dict[str, dict[str, float]]:
     """Return what an observer may believe, by the words for it: each group of its parameters wrong
     together, by shares of their values, each way."""

@@ -231,8 +231,8 @@ class Reference:
         inputs, smooth, names = self._filtered(["r", *wanted])
         parts = [*smooth, controllers.error(act.kind, inputs=[names.get("r", "r"), measured])]
         if self.feedforward:
-            own = {"inputs": [names.get(derivative, derivative)], "outputs": [act.torque]}
-            parts.append(controllers.feedforward(p, act.kind, **own))
+            inner, outer = [names.get(derivative, derivative)], [act.torque]
+            parts.append(controllers.feedforward(p, act.kind, inputs=inner, outputs=outer))
         return inputs, parts, names
 
     def _filtered(self, signals: list[str]) -> tuple[list[str], list[Any], dict[str, str]]:

@@ -114,13 +114,17 @@ class Controller:
                 f"tracking holds back the integral of {usual}; leave it out with {name}."
             )
 
-    def blocks(self, believed: Model, names: Mapping[str, str]) -> list[Any]:
-        """Return the controller, with the sliding error before it where something reads s."""
+    def blocks(self, p: Model, names: Mapping[str, str]) -> list[Any]:
+        """Return the controller by the model p, with the sliding error before it where something
+        reads s; ``names``: what the loop calls the reference and its derivatives."""
         before = [error_s(self.kind, self.gains, names)] if self.with_s else []
-        if self.other is not None:
-            return [*before, controller_named(self.other, believed, self.gains, names, self.torque)]
-        make = controllers.pi if self.kind == "velocity" else controllers.pid
-        return [*before, make(**self.own, **self.held, outputs=[self.torque])]
+        if self.other is None:
+            make = controllers.pi if self.kind == "velocity" else controllers.pid
+            return [*before, make(**self.own, **self.held, outputs=[self.torque])]
+        own = {k: v for k, v in mapped(self.gains, "controller_gains").items() if k != "lam"}
+        inputs = [names.get(k, k) for k in self.other.inputs]
+        outputs = [self.torque if k == "u" else k for k in self.other.outputs]
+        return [*before, believed(self.other, p, inputs=inputs, outputs=outputs, **own)]
 
 
 def loop_observer(
@@ -209,23 +213,6 @@ def _fits(made: Block, offered: Sequence[str]) -> None:
             f"{made.name} needs {', '.join(strange)}; a ready-made loop offers "
             f"{', '.join(offered)}: wire it with control.interconnect."
         )
-
-
-def controller_named(
-    made: Block,
-    p: Model,
-    gains: Mapping[str, Any] | None,
-    names: Mapping[str, str],
-    torque: str = "u",
-) -> ct.NonlinearIOSystem:
-    """The controller of a loop with its gains; lam is a gain of the sliding error.
-
-    ``names``: what the loop calls the reference and its derivatives; ``torque``: what it calls u.
-    """
-    own = {k: v for k, v in mapped(gains, "controller_gains").items() if k != "lam"}
-    inputs = [names.get(k, k) for k in made.inputs]
-    outputs = [torque if k == "u" else k for k in made.outputs]
-    return believed(made, p, inputs=inputs, outputs=outputs, **own)
 
 
 def error_s(

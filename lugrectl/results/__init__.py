@@ -1,8 +1,15 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
-from ..bench import Assurance, Compensation, HuntingChance, ObserverComparison, Recommendation, Run
-from ..bench.comparison import Compared
-from ..bench.recommendation import Candidate as RankedObserver
+from ..bench import (
+    Assurance,
+    Compared,
+    Compensation,
+    HuntingChance,
+    ObserverComparison,
+    Recommendation,
+    Run,
+)
+from ..bench import Candidate as RankedObserver
 from ..commissioning import FrequencyResponse, ResponsePlan, Tuning
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.compare_laws import ComparedLaw, LawComparison

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import control as ct
@@ -11,13 +12,17 @@ from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.bench import effects_torque
+from lugrectl.bench.compensate import Drives, Spread
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
+from lugrectl.estimates.covariance import Joint
 from lugrectl.estimates.findings import Table
 from lugrectl.report import fragment, text
 
 from ..cases.made_up import bare
+from ..cases.made_up import diagnosis as diagnosed
+from ..cases.schema import SCHEMA, VALID, closed, document, jsonschema
 
 MODEL = lg.Model.of(lg.table1())
 FULL = (
@@ -119,6 +124,8 @@ def test_default_reference_stays_inside_the_record():
         ({"reference": ([0.0, 1.0], [0.0])}, "reference"),
         ({"reference": ([0.0, 2.0, 1.0], [0.0, 0.0, 0.0])}, "increase"),
         ({"observer": "strange"}, "unknown observer"),
+        ({"covariance": np.eye(2)}, "covariance must be that of a diagnosis"),
+        ({"draws": 0}, "draws must be a whole number"),
     ],
 )
 def test_wrong_usage_is_one_sentence(options, said):
@@ -203,3 +210,118 @@ def test_each_closes_no_loop(capsys):
     line = ["diagnose", "a.csv", "--model", "m.toml", "--each", "--compensate", "velocity"]
     assert main(line) == 2
     assert "--each" in capsys.readouterr().err
+
+
+# --- drives like the recorded one, which are not exactly the model -----------------------
+
+VISCOUS = lg.Model.of(J=0.0022, friction="viscous", Fv=0.0005)
+HEAVY = VISCOUS.with_effect("gravity", {"amplitude": 0.3, "phase": 0.3})
+COUNT = 2 * np.pi / 8192
+NAMES = ("J", "Fv", "gravity.amplitude")
+
+
+def record(rate=1000.0, speed_noise=0.01, seconds=3.0):
+    rng, t = np.random.default_rng(0), np.arange(0.0, seconds, 1.0 / rate)
+    theta, w = -0.64 * np.cos(1.57 * t), np.sin(1.57 * t)
+    return lg.Record(
+        t=t,
+        u=0.02 * np.sign(w) + rng.normal(0.0, 0.004, len(t)),
+        theta=COUNT * np.round(theta / COUNT),
+        w=w + rng.normal(0.0, speed_noise, len(t)),
+    )
+
+
+def joint(share):
+    values = np.array([HEAVY.values()[name] for name in NAMES])
+    return Joint(NAMES, values, np.diag((share * values) ** 2), np.full(3, True))
+
+
+def compensated(share=0.05, draws=6, **options):
+    own = {"declared": VISCOUS, "observer": None, "record": record(), "covariance": joint(share)}
+    return lg.compensate(HEAVY, draws=draws, **own | options)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    return compensated()
+
+
+def test_the_errors_of_the_exact_model_stay_and_those_of_a_drive_stand_beside(driven):
+    assert driven.after < 0.1 * driven.before  # drive and belief are one model
+    after, low, high = driven.drive.of("after")
+    assert 10 * driven.after < low <= after <= high
+    assert driven.drive.best == "after"
+    assert not [m for m in driven.messages if "like the recorded one" in m]
+
+
+def test_sample_time_encoder_counts_and_noise_are_those_of_the_record(driven):
+    drive = driven.drive
+    assert drive.rate == pytest.approx(1000.0)
+    assert drive.resolution == pytest.approx(COUNT)
+    assert drive.noise["w"] == pytest.approx(0.01, rel=0.1)
+    assert drive.noise["u"] == pytest.approx(0.004, rel=0.1)
+    assert drive.drawn == NAMES and len(drive.errors["after"]) == 6
+
+
+def test_the_same_seed_gives_the_same_drives_and_another_one_others(driven):
+    again, other = compensated(), compensated(seed=1)
+    for key, errors in driven.drive.errors.items():
+        assert np.array_equal(errors, again.drive.errors[key])
+        assert not np.array_equal(errors, other.drive.errors[key])
+
+
+def test_the_spread_grows_with_the_covariance(driven):
+    sharp, wide = compensated(0.001), compensated(0.3)
+    sizes = [c.drive.of("after")[2] - c.drive.of("after")[1] for c in (sharp, driven, wide)]
+    assert sizes[0] < sizes[1] < sizes[2]
+
+
+def test_without_a_covariance_the_drive_has_the_estimate_and_without_a_record_there_is_none():
+    c = lg.compensate(HEAVY, declared=VISCOUS, observer=None, record=record())
+    assert c.drive.drawn == () and len(c.drive.errors["after"]) == 1
+    assert lg.compensate(VISCOUS, observer=None).drive is None
+
+
+def test_a_compensation_that_makes_tracking_worse_says_so_and_advises_to_leave_it_off():
+    """The drive's gravity acts the other way round: the compensation doubles it."""
+    other = Joint(("gravity.phase",), np.array([0.3 - np.pi]), np.eye(1) * 1e-4, np.array([False]))
+    c = compensated(covariance=other)
+    (none, *_), (after, *_) = (c.drive.of(key) for key in ("none", "after"))
+    assert after > 1.5 * none and c.drive.best != "after"
+    (said,) = [m for m in c.messages if m.startswith("On a drive like the recorded one")]
+    assert said == (
+        "On a drive like the recorded one the compensation makes tracking worse: median error "
+        f"{after:.3g} rad/s with it, {none:.3g} rad/s without; leave it off."
+    )
+    assert c.after < c.none  # in simulation of the exact model it helps
+
+
+def test_a_loop_that_diverges_on_some_drives_is_counted_and_has_an_infinite_end():
+    errors = {"none": np.ones(5), "before": np.ones(5), "after": np.array([1, 1, 1, 1, np.inf])}
+    spread = Spread(1000.0, {"theta": 0.0, "w": math.nan, "u": 0.0}, 0.0, (), 0, errors)
+    assert spread.of("after") == (1.0, 1.0, math.inf)
+    said = spread.summary()
+    assert said["after"]["diverged"] == 1 and said["recommended"] == "none"
+    most = replace(spread, errors=errors | {"after": np.full(5, np.inf)})
+    assert "unstable with it" in most.advice("rad")[0]
+
+
+def test_drawn_parameters_stay_inside_their_bounds():
+    drives = Drives(joint(3.0), 50, 0).of(HEAVY)
+    assert all(one.J > 0 and one.values()["gravity.amplitude"] >= 0 for one in drives)
+    assert len({one.J for one in drives}) == 50
+    assert drives[0].values() == Drives(joint(3.0), 50, 0).of(HEAVY)[0].values()
+
+
+def test_the_report_and_its_schema_carry_the_spread(driven):
+    d = replace(diagnosed(), compensation=driven)
+    said = text(d)
+    assert "on drives, median" in said and "10 to 90 %" in said
+    assert max(map(len, said.splitlines())) <= 80
+    whole = document(d)
+    VALID.validate(whole)
+    jsonschema.Draft202012Validator(closed(SCHEMA)).validate(whole)
+    drive = whole["compensation"]["drive"]
+    assert drive["draws"] == 6 and drive["none"]["low"] <= drive["none"]["median"]
+    json.dumps(whole, allow_nan=False)
+    assert "on a drive, after" in repr(driven)
