@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.validation import array, whole
-from ..engine.runtime.sampled_run import Course
+from ..engine.runtime.course import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
-from .block_list import followed
+from .net_run import Run, followed
 from .wiring_warnings import warn_of_wiring
 
 LATE = " after the delay"
@@ -98,11 +98,9 @@ def simulate_sampled(
     warn_of_wiring(net, {} if inputs is None else inputs, None)
     u = _inputs(net, times, inputs)
     held = u if u.size else np.zeros((len(net.outside), len(times)))
-    flags, column = np.ones((1, len(times))), np.arange(len(times))
-    starts = [_start(plant, x0), _drive_start(drive, parts, drive_x0)]
-    track = followed(
-        net, Course(times, held, flags, column, True), np.concatenate(starts), params, None, rtol
-    )
+    start = np.concatenate([_start(plant, x0), _drive_start(drive, parts, drive_x0)])
+    course = Course.along(times, held, 1, True)
+    track = followed(Run(net, course, start, params, None, Accuracy(rtol)))
     shown = [i for i, label in enumerate(net.signals) if not label.endswith(LATE)]
     labels = _drive_states(drive, parts)
     return ct.TimeResponseData(

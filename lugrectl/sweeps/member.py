@@ -8,9 +8,7 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.validation import shown
-from ..engine.tracing.network_equations import state_labels
-from ..simulation import arguments
-from ..simulation.block_list import together, wired
+from ..simulation.block_list import net_of
 
 
 @dataclass(frozen=True)
@@ -27,16 +25,9 @@ class Face:
     @classmethod
     def of(cls, system: Any) -> Face:
         """The labels that ``simulate`` uses; a list of continuous blocks is interconnected."""
-        if isinstance(system, (list, tuple)):
-            if any(getattr(block, "dt", None) not in (None, 0) for block in system):
-                net, _ = wired(system)
-                labels = tuple(net.outside), tuple(net.signals), tuple(state_labels(net))
-                return cls(list(system), net.name, *labels, sampled=True)
-            system = together(system)
-        system = arguments.system(system)
-        labels = system.input_labels, system.output_labels, system.state_labels
-        inputs, outputs, states = map(tuple, labels)
-        return cls(system, system.name, inputs, outputs, states, system.isdtime(strict=True))
+        net, _ = net_of(system)
+        own = net.parts[0].block if net.alone else list(system)
+        return cls(own, net.name, net.outside, net.signals, net.states(), net.groups > 0)
 
     def chosen(self, what: str, names: Sequence[str] | str | None) -> tuple[str, ...]:
         """The names of outputs or states (``what``), all for None; InputError if one is unknown."""

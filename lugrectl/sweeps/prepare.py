@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Adaptive
-from ..engine.runtime.delay_steps import lates
-from ..engine.runtime.memo import compiled
-from ..engine.runtime.portable import Portable
+from ..engine.runtime.adaptive_run import Adaptive, Portable
+from ..engine.runtime.delays import lates
+from ..engine.runtime.memo import compiled_system
 from ..engine.tracing.tracer import widths
 from ..simulation import arguments
 from . import parameter_table
@@ -208,7 +207,7 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
     first = {k: float(v[0]) for k, v in columns.items()} | wide
     for given in (wide, first):
         try:
-            engine = compiled(system, given)
+            engine = compiled_system(system, given)
         except TraceError:
             if given == first:
                 raise

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,8 +14,8 @@ from ...core.errors import InputError
 from ..codegen.fixed_step import lane_code
 from ..codegen.simd import is_wide, wide_code
 from ..expression.operations import WIDTH
-from ..tracing.equations import Program
 from ..tracing.tracer import trace
+from .adaptive_run import chosen_outputs
 from .backend import compiler, load, threads
 from .c_compiler import has_wide
 
@@ -62,7 +61,7 @@ class Lanes:
         outputs: Sequence[str] | None = None,
     ) -> None:
         self.backend = backend or compiler() or "numpy"
-        program = _chosen(trace(system), outputs)
+        program = chosen_outputs(trace(system), outputs)
         self.program = program.sharpened(of=program.x)
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
@@ -274,13 +273,3 @@ def _indices(values: np.ndarray | int, count: int, highest: int, label: str) -> 
     if np.any(whole < 0) or np.any(whole > highest):
         raise InputError(f"{label} must be between 0 and {highest}: else a lane leaves the record.")
     return whole
-
-
-def _chosen(program: Program, outputs: Sequence[str] | None) -> Program:
-    if outputs is None:
-        return program
-    unknown = [name for name in outputs if name not in program.outputs]
-    if unknown:
-        raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {program.outputs}.")
-    y = tuple(program.y[program.outputs.index(name)] for name in outputs)
-    return replace(program, outputs=tuple(outputs), y=y)
