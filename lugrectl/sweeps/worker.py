@@ -58,8 +58,8 @@ class OneByOne:
     """Simulates by ``simulate``, for systems without portable code; stays in this process."""
 
     system: Any
-    names: tuple[str, ...]
-    rows: tuple[int, ...]
+    names: tuple[str, ...]  # of the parameters
+    outputs: tuple[str, ...]
     t: np.ndarray
     hold: bool
     rtol: float
@@ -75,7 +75,9 @@ class OneByOne:
             response = simulate(self.system, self.t, u, x0, params=params, **options)
         states = response.states
         states = np.empty((0, len(self.t))) if states is None else np.atleast_2d(states)
-        return states, np.asarray(response.outputs)[list(self.rows)], np.nan
+        labels = list(response.output_labels or ())
+        rows = [labels.index(name) for name in self.outputs]
+        return states, np.asarray(response.outputs)[rows], np.nan
 
 
 @dataclass(frozen=True)
