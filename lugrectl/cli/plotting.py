@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
-from ..core.result import write_whole
+from ..core.writing import write_whole
 from .inputs import declared, files, reading
 from .output import print_out
 
