@@ -153,7 +153,7 @@ class Assurance(Result):
     def plot(self, ax: Any = None) -> Any:
         """Draw the errors over the share of compensation, into ``ax`` or a new figure; returns the
         Axes."""
-        return view("assurance_plot.dared")(self, ax)
+        return view("loop_plots.assurance")(self, ax)
 
     def _title(self) -> str:
         if self.observer is None:

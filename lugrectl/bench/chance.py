@@ -198,7 +198,7 @@ class HuntingChance(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw amplitude over period of each member that hunts; returns the Axes."""
-        return view("assurance_plot.hunting")(self, ax)
+        return view("loop_plots.chance")(self, ax)
 
     def _title(self) -> str:
         return f"hunts: {self.chance.words()}"

@@ -178,7 +178,7 @@ class Recommendation(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the errors of the candidates, exact to worst, into ``ax`` or a new figure."""
-        return view("recommendation_plot.errors")(self, ax)
+        return view("loop_plots.recommendation")(self, ax)
 
 
 def quantity(value: float, unit: str) -> str:

@@ -16,8 +16,8 @@ from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
-from ..core.result import write_whole
 from ..core.validation import TINY, as_path, holds_samples, is_file, real, shown, text
+from ..core.writing import write_whole
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for

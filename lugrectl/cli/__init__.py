@@ -15,6 +15,7 @@ from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError, NotL
 from ..core.option_names import on_command_line
 from ..parallel.blas_threads import BLAS
 from .options import parser
+from .output import check_picture, say
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -56,6 +57,8 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
         blocks = getattr(arguments, "blocks", ())
         _load(blocks)
+        if getattr(arguments, "plot", None) is not None:
+            check_picture(arguments.plot)
         code = arguments.run(arguments)
         sys.stdout.flush()
         return code
@@ -107,5 +110,5 @@ def _failed(error: Exception, blocks: Sequence[str] = ()) -> int:
 
 
 def _said(sentence: str, code: int) -> int:
-    print(f"lugrectl: {sentence}", file=sys.stderr)
+    say(sentence)
     return code

@@ -132,7 +132,7 @@ class Tuning(Result):
 
     def plot(self) -> Sequence[Any]:
         """Draw the Nyquist curve with the circle of Ms, and a step; returns the Axes."""
-        return view("tuning_plot.tuning")(self)
+        return view("check_plots.tuning")(self)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under ``gains`` of ``lugrectl bode --json``."""

@@ -91,7 +91,7 @@ class HuntingMap(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the regions with the user's gains; returns the Axes."""
-        return view("hunting_plots.regions")(self, ax)
+        return view("loop_plots.regions")(self, ax)
 
     def _title(self) -> str:
         return f"HuntingMap over {' and '.join(self.names)}"

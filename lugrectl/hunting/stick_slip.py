@@ -66,7 +66,7 @@ class StickSlip(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the growth of a small deviation over the speed, with both speeds; the Axes."""
-        return view("hunting_plots.sliding")(self, ax)
+        return view("loop_plots.sliding")(self, ax)
 
     @property
     def unit(self) -> str:

@@ -108,10 +108,10 @@ def test_an_interrupt_prints_and_writes_what_is_done(files, job, capsys):
 def test_a_report_that_cannot_be_written_costs_no_answer(files, job, capsys, monkeypatch):
     whole = fleet_page.write_together
 
-    def full(content, folder):
+    def full(content, folder, complaint):
         if folder.name == "axis":
-            raise OSError(28, "No space left on device")
-        whole(content, folder)
+            raise InputError(f"{folder}: {complaint.format('No space left on device')}")
+        whole(content, folder, complaint)
 
     monkeypatch.setattr(fleet_page, "write_together", full)
     code, out, _ = run(capsys, "right --each --out made")

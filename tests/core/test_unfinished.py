@@ -6,14 +6,13 @@ import sys
 
 import pytest
 
-from lugrectl.core.result import write_whole
+from lugrectl.core.writing import write_together, write_whole
 from lugrectl.engine.runtime.disk_cache import keep
-from lugrectl.report.atomic import write_together
 
 KILLED = """
 import os, sys
 from pathlib import Path
-from lugrectl.core.unfinished import unfinished
+from lugrectl.core.writing import unfinished
 part = unfinished(Path(sys.argv[1]))
 part.mkdir() if sys.argv[2] == "folder" else part.write_text("half")
 os.kill(os.getpid(), 9)
@@ -21,7 +20,7 @@ os.kill(os.getpid(), 9)
 WAYS = {
     "model or picture": lambda folder: write_whole(folder / "m.toml", b"whole"),
     "code": lambda folder: keep(folder / "a.c", "whole"),
-    "report": lambda folder: write_together({"a.html": "whole"}, folder),
+    "report": lambda folder: write_together({"a.html": "whole"}, folder, "{}"),
 }
 
 

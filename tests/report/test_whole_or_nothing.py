@@ -15,7 +15,8 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import read_model
 from lugrectl.cli import plotting
-from lugrectl.report import FILES, atomic, check_folder
+from lugrectl.core import writing
+from lugrectl.report import FILES, check_folder
 
 from ..cases.made_up import bare
 from ..fuzz.files import motion
@@ -90,14 +91,12 @@ def test_a_killed_run_leaves_a_whole_report_or_none_and_the_next_one_works(files
 
 
 WRITER = """
-import importlib, os, sys, types
+import os, sys
 from pathlib import Path
 
-room = types.ModuleType("lugrectl.report")  # without what else the room imports: 1.5 s a process
-room.__path__ = [os.path.dirname(sys.argv[1])]
-sys.modules[room.__name__] = room
-atomic = importlib.import_module("lugrectl.report.atomic")
-stop, folder, seen = int(sys.argv[2]), Path(sys.argv[3]), 0
+from lugrectl.core.writing import write_together
+
+stop, folder, seen = int(sys.argv[1]), Path(sys.argv[2]), 0
 
 def counted(call):
     def run(*given, **more):
@@ -111,7 +110,7 @@ def counted(call):
 os.replace = counted(os.replace)
 Path.rename, Path.mkdir = counted(Path.rename), counted(Path.mkdir)
 Path.write_text = counted(Path.write_text)
-atomic.write_together({"a": "new a", "b": "new b", "c": "new c"}, folder)
+write_together({"a": "new a", "b": "new b", "c": "new c"}, folder, "{}")
 print("done")
 """
 
@@ -127,7 +126,7 @@ def test_a_process_killed_at_any_step_of_the_writing_never_mixes_two_runs(tmp_pa
             for name in "abc":
                 (out / name).write_text(f"old {name}")
             (out / "mine").write_text("kept")
-        run = [sys.executable, "-c", WRITER, atomic.__file__, str(stop), str(out)]
+        run = [sys.executable, "-c", WRITER, str(stop), str(out)]
         done = subprocess.run(run, capture_output=True, text=True)
         assert done.returncode in (0, -signal.SIGKILL), done.stderr
         texts = {n: (out / n).read_text() for n in "abc" if (out / n).exists()}
@@ -135,7 +134,7 @@ def test_a_process_killed_at_any_step_of_the_writing_never_mixes_two_runs(tmp_pa
         assert "a" not in texts or len(texts) == 3
         assert not there or (out / "mine").read_text() == "kept"
         made.append((done.returncode, "new" in str(texts)))
-        atomic.write_together({"a": "2 a", "b": "2 b", "c": "2 c"}, out)
+        writing.write_together({"a": "2 a", "b": "2 b", "c": "2 c"}, out, "{}")
         assert [(out / n).read_text() for n in "abc"] == ["2 a", "2 b", "2 c"]
         assert hidden(tmp_path) == [] == hidden(out)
         if done.returncode == 0:
@@ -151,10 +150,10 @@ def test_what_others_are_writing_is_left_alone(tmp_path):
     for folder in (running, another, named):
         folder.mkdir()
     os.utime(named, (0, 0))
-    atomic.write_together({"a": "b"}, tmp_path)
+    writing.write_together({"a": "b"}, tmp_path, "{}")
     assert running.is_dir() and another.is_dir() and named.is_dir()
     os.utime(another, (0, 0))
-    atomic.write_together({"a": "b"}, tmp_path)
+    writing.write_together({"a": "b"}, tmp_path, "{}")
     assert running.is_dir() and not another.exists()
 
 
@@ -207,7 +206,7 @@ def test_a_folder_that_only_reads_is_one_sentence(tmp_path, monkeypatch):
     def refuse(self, *given, **more):
         raise PermissionError(13, "Permission denied", str(self))
 
-    monkeypatch.setattr(atomic.Path, "mkdir", refuse)
+    monkeypatch.setattr(writing.Path, "mkdir", refuse)
     with pytest.raises(lg.InputError, match=r"cannot be written there \(Permission denied\)"):
         bare().save(tmp_path)
     monkeypatch.undo()
