@@ -25,7 +25,7 @@ def each(a: Namespace) -> int:
     from ..diagnosis.fleet import run_each
     from ..record import parse_pairs
     from ..record.as_record import record_files
-    from ..record.log_files import passed_over
+    from ..record.as_record import passed_over
     from ..report import content
 
     if a.holdout not in (None, "last"):
