@@ -238,8 +238,8 @@ def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
 
 def _planned(a: Namespace) -> int:
     """Write the references to record as CSV, and print how to play them."""
-    from ..commissioning import response_plan
     from ..blocks.model import read_model
+    from ..commissioning import response_plan
 
     if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
         raise InputError(

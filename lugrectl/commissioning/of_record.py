@@ -14,9 +14,8 @@ import numpy as np
 from ..blocks.model import Model, as_model
 from ..core.errors import InputError, Refused
 from ..core.provenance import stamped
-from ..record import Record, record_of, refuse_dead
+from ..record import Record, pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from ..record.pooling import pooled
 from .effects import Known, known_effects
 from .friction import Friction, Problem, Terms, fit_friction, load_motion
 from .local_response import SPACING, Response, Shape, local_response

@@ -4,10 +4,10 @@ import json
 from types import SimpleNamespace
 
 import pytest
+from lugrectl.cli.progress import Bar
 
 from lugrectl.blocks.model import Model, table1, write_model
 from lugrectl.cli import each, main
-from lugrectl.cli.progress import Bar
 from lugrectl.core.errors import InputError
 from lugrectl.report import FILES, fleet_page
 

@@ -5,10 +5,10 @@ import json
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from lugrectl.cli.plotting import NO_SCREEN, has_screen
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.cli.plotting import NO_SCREEN, has_screen
 from lugrectl.estimates.balance import at_samples
 
 from ..cases.logs import csv, machine

@@ -1,23 +1,216 @@
-"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place."""
+"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place.
+
+Cells hold numbers (missing marks, decimal commas, thousands, Fortran's D), dates or times of day.
+"""
 
 from __future__ import annotations
 
 import csv
 import re
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import date
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
-from ..columns.column_names import split_unit as split_unit
-from ..columns.table import Columns, epoch_said, epoch_unit, heads, joined_stamps, time_columns
-from ..columns.table import Table as Table
+from ..columns.column_names import split_unit
+from ..columns.table import (
+    Columns,
+    Table,
+    epoch_said,
+    epoch_unit,
+    heads,
+    joined_stamps,
+    time_columns,
+)
 from ..columns.units import parse_unit
-from .cells import DECIMAL_COMMAS, is_missing, is_number, number, with_remark, without_commas
-from .dates import is_stamp, seconds
+
+# ---- dates and times of day ------------------------------------------------------
+
+
+_DATE = r"(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
+_CLOCK = r"(?P<clock>\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?)\s*(?P<half>[AaPp][Mm])?"
+_ZONE = r"(?P<zone>Z|UTC|\s?[+-]\d{2}:?\d{2})?"
+_STAMP = re.compile(rf"(?:{_DATE}[T ,_]\s*)?{_CLOCK}{_ZONE}", re.ASCII)
+_DAY = 86400.0
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell holds a time of day, 23:59:59.9, with or without a date before it."""
+    return ":" in cell and _STAMP.fullmatch(cell.strip()) is not None
+
+
+def seconds(cells: Sequence[str]) -> np.ndarray:
+    """Seconds (N,) from the first stamp; nan where a cell is empty.
+
+    A time of day without date that falls by more than half a day has passed midnight. Raises
+    ValueError with the index of the first cell that is no stamp.
+    """
+    days: dict[str, float] = {}
+    made = np.full(len(cells), np.nan)
+    dated = False
+    for k, cell in enumerate(cells):
+        match = _STAMP.fullmatch(cell.strip())
+        if match is None:
+            if cell.strip().lower() in ("", "nan", "nat"):
+                continue
+            raise ValueError(k)
+        made[k] = _of_day(match["clock"], match["half"])
+        if match["date"]:
+            dated = True
+            if match["date"] not in days:
+                days[match["date"]] = _day(match["date"], list(days))
+            made[k] += _DAY * days[match["date"]]
+    known = np.flatnonzero(np.isfinite(made))
+    if not dated and known.size:
+        made[known] += _DAY * np.r_[0, np.cumsum(np.diff(made[known]) < -_DAY / 2)]
+    return made - (made[known[0]] if known.size else 0.0)
+
+
+def _of_day(clock: str, half: str | None) -> float:
+    hour, minute, rest = clock.split(":", 2)
+    h = int(hour) % 12 + 12 * (half.lower() == "pm") if half else int(hour)
+    return 3600 * h + 60 * int(minute) + float(re.sub("[,:]", ".", rest))
+
+
+def _day(text: str, before: Sequence[str]) -> float:
+    """The number of a day from the first date on; a date of unclear order is the next day."""
+    if not before:
+        return 0.0
+    parts = [_parts(text), _parts(before[0])]
+    for order in ("ymd", "dmy", "mdy"):
+        try:
+            then, first = (_date(part, order) for part in parts)
+        except ValueError:
+            continue
+        if 0 <= (then - first).days <= 31:
+            return float((then - first).days)
+    return float(len(before))
+
+
+def _parts(text: str) -> list[int]:
+    return [int(part) for part in re.split("[-/.]", text)]
+
+
+def _date(parts: Sequence[int], order: str) -> date:
+    by = dict(zip(order, parts, strict=True))
+    return date(by["y"], by["m"], by["d"])
+
+
+# ---- numbers ---------------------------------------------------------------------
+
+
+DECIMAL_COMMAS = "Decimal commas were read as decimal points."
+THOUSANDS = "Commas were read as separators of thousands."
+_POINTS = "Points were read as separators of thousands, commas as decimal points."
+_MISSING = frozenset(
+    "nan na n/a n.a. #n/a #na #value! #div/0! #num! #ref! nat null none - -- --- ? missing "
+    "undefined -nan nan(ind) -nan(ind) 1.#qnan -1.#ind".split()
+) | {""}
+_EXPONENT = r"(?:[eEdD][+-]?\d+)?"
+# Numbers with commas: of groups of thousands, or of decimals.
+_ENGLISH = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d*)(?:\.\d*)?{_EXPONENT}")
+_GERMAN = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d*)(?:,\d*)?{_EXPONENT}")
+_TYPED_OVER = re.compile(rf"[+-]?\d+(?:\.\d*)?{_EXPONENT}[\s,;(]+[A-Za-z].*")
+FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that there is no sample."""
+    return cell.strip().lower() in _MISSING
+
+
+def number(cell: str) -> float:
+    """Return the number in a cell, nan for a missing one; raise ValueError for text."""
+    cell = cell.strip()
+    if is_missing(cell):
+        return np.nan
+    if "_" in cell:
+        raise ValueError(cell)
+    if "," in cell:
+        cell = _with_point(cell)
+    try:
+        return float(cell)
+    except ValueError:
+        return float(FORTRAN.sub("e", cell))
+
+
+def _with_point(cell: str) -> str:
+    if "." not in cell and cell.count(",") == 1:
+        return cell.replace(",", ".")
+    if _ENGLISH.fullmatch(cell):
+        return cell.replace(",", "")
+    return cell.replace(".", "").replace(",", ".") if _GERMAN.fullmatch(cell) else cell
+
+
+def with_remark(cell: str) -> bool:
+    """Whether a cell was typed over by hand: a number and words beside it, "-1200, was -8.9"."""
+    return bool(_TYPED_OVER.fullmatch(cell.strip()))
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number or a stamp of time."""
+    try:
+        return is_stamp(cell) or not np.isnan(number(cell))
+    except ValueError:
+        return False
+
+
+def without_commas(
+    source: str, rows: Sequence[tuple[int, list[str]]]
+) -> tuple[list[list[str]], list[str]]:
+    """The cells of (line, cells) with decimal points only, and what commas were taken for.
+
+    Raises InputError where the cells mix decimal points and decimal commas.
+    """
+    cells = [row for _, row in rows]
+    marked = [c for row in cells for c in row if "," in c or "." in c]
+    marked = [c for c in marked if not (is_missing(c) or is_stamp(c))]
+    if not any("," in c for c in marked):
+        return cells, []
+    english = all(map(_ENGLISH.fullmatch, marked))
+    german = all(map(_GERMAN.fullmatch, marked))
+    if german and (not english or not any("." in c for c in marked)):
+        said = _POINTS if any("." in c for c in marked) else DECIMAL_COMMAS
+        return [[_german(c) for c in row] for row in cells], [said]
+    if english and not german:
+        return [[c if is_stamp(c) else c.replace(",", "") for c in row] for row in cells], [
+            THOUSANDS
+        ]
+    return cells, _mixed(source, rows)
+
+
+def _german(cell: str) -> str:
+    if is_stamp(cell) or "," not in cell and cell.count(".") == 0:
+        return cell
+    return cell.replace(".", "").replace(",", ".")
+
+
+def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
+    """Raise InputError at the line where both points and commas have occurred.
+
+    What is text in its own right is left for the reader of the cells to name.
+    """
+    points = commas = False
+    for line, row in rows:
+        plain = [c for c in row if not is_stamp(c) and re.fullmatch(r"[\d+.,eEdD-]*", c.strip())]
+        points = points or any("." in cell for cell in plain)
+        commas = commas or any("," in cell for cell in plain)
+        if points and commas:
+            raise InputError(
+                f"{source}: line {line} mixes decimal points and decimal commas; use one."
+            )
+    return [DECIMAL_COMMAS] if commas else []
+
+
+# ---- the table -------------------------------------------------------------------
+
 
 _SNIFF = 400  # lines read to find the delimiter, the header and the first row
 _STEADY = 10  # rows of numbers in a row that begin the data
@@ -52,18 +245,30 @@ def lines_table(source: str, lines: list[str]) -> Table:
         made, said = fast or _load_slow(source, lines, layout, indices)
         return made, said + epoch_said(layout.names, layout.epoch, indices)
 
+    table = Table(source, layout.names, layout.units, load, Lines(lines, layout.first))
+    begins, hint = f"line {layout.first + 1}", _one_in_a_row(lines, layout)
     return joined_stamps(
-        Table(
-            source,
-            layout.names,
-            layout.units,
-            load,
-            lambda row: _where(lines, layout.first, row),
-            layout.plain,
-            _one_in_a_row(lines, layout),
-            layout.headed,
-        )
+        replace(table, plain=layout.plain, headed=layout.headed, hint=hint, begins=begins)
     )
+
+
+class Lines:
+    """Names the line of a row: 'line 2102'. A pickle holds the numbers, not the text."""
+
+    def __init__(self, lines: list[str], first: int) -> None:
+        self.lines, self.first = lines, first
+
+    @cached_property
+    def _shifts(self) -> list[int]:
+        """The row before which each comment or blank line stands."""
+        found = [i for i, line in enumerate(self.lines[self.first :]) if _is_comment(line)]
+        return [i - k for k, i in enumerate(found)]
+
+    def __call__(self, row: int) -> str:
+        return f"line {self.first + 1 + row + bisect_right(self._shifts, row)}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"first": self.first, "_shifts": self._shifts}
 
 
 def _one_in_a_row(lines: list[str], layout: _Layout) -> str:
@@ -414,16 +619,6 @@ def _not_a_number(
         f"{source}: line {lines_of[k]}, column '{layout.names[i]}': '{cells[k]}' is not a "
         f"{'date or time of day' if i in layout.stamped else 'number'}."
     ) from None
-
-
-def _where(lines: list[str], first: int, row: int) -> str:
-    """Return 'line n' for the row-th row of numbers (from 0)."""
-    count = -1
-    for place, line in enumerate(lines[first:], start=first + 1):
-        count += not _is_comment(line)
-        if count == row:
-            return f"line {place}"
-    return f"row {row + 1}"
 
 
 def keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:
