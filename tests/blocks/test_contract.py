@@ -210,18 +210,6 @@ def test_friction_is_zero_at_rest_and_unbent_and_a_static_law_dissipates(law, w)
     assert made.states or made(w, **values)[0] * w >= 0.0
 
 
-@given(st.floats(0.05, 50.0), st.booleans(), levels, st.floats(1.0, 3.0))
-def test_steady_sliding_of_lugre_is_the_static_map(speed, backwards, Fc, ratio):
-    lugre, stribeck = (LAWS[law] for law in ("lugre", "stribeck"))
-    w = -speed if backwards else speed
-    values = lugre.defaults() | {"Fc": Fc, "Fs": ratio * Fc, "vs": 0.03}
-    h = Fc * (1.0 + (ratio - 1.0) * np.exp(-((w / 0.03) ** 2)))
-    F, dz = lugre(w, np.sign(w) * h / values["sigma0"], **values)
-    shared = {k: values[k] for k in ("Fc", "Fs", "Fv", "vs")}
-    assert dz == pytest.approx(0.0, abs=1e-10)
-    assert stribeck(w, **shared, eps=1e-4)[0] == pytest.approx(F, rel=1e-10)
-
-
 @given(speeds, levels, st.floats(1.0, 3.0))
 def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
     """|z| <= Fs/sigma0 is invariant: on its edge dz/dt points inwards."""
