@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 from ..blocks.aliases import meant
@@ -84,9 +85,9 @@ def design_observer(p: Any, observer: str, choices: Mapping[str, Any]) -> Observ
             "with lugrectl.compare_observers."
         )
     given = _chosen(short, rule, choices)
-    gains, certificate = rule.build(_values(p, made.name, rule), given)
+    gains, claim = rule.build(_values(p, made.name, rule), given)
     own = {k: v for k, v in given.items() if v is not None}
-    return ObserverDesign(short, gains, own, certificate)
+    return ObserverDesign(short, gains, own, claim.certificate(short))
 
 
 def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any]:
@@ -103,7 +104,7 @@ def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any
     return made
 
 
-def _values(p: Any, name: str, rule: Rule) -> dict[str, float]:
+def _values(p: Any, name: str, rule: Rule) -> SimpleNamespace:
     """The values of the drive that a rule needs, checked."""
     have, needed = values_of(p), rule.needs.split()
     missing = [k for k in needed if getattr(have, k, None) is None]
@@ -114,4 +115,4 @@ def _values(p: Any, name: str, rule: Rule) -> dict[str, float]:
         free = key == "Fv" or (key == "sigma1" and name not in DAMPED)
         if value < 0.0 or (value == 0.0 and not free):
             raise InputError(f"{key} = {value:g}: the design rule of {name} needs {key} > 0.")
-    return found
+    return SimpleNamespace(**found)
