@@ -168,11 +168,7 @@ def tracking_time(kp: float, ki: float, tracking: float | None, of: str) -> floa
 
 
 def _built(
-    of: str,
-    gains: dict[str, Any],
-    limit: float | None,
-    tracking: float | None,
-    names: Names,
+    of: str, gains: dict[str, Any], limit: float | None, tracking: float | None, names: Names
 ) -> ct.NonlinearIOSystem:
     """A controller without a limit, with its own, or with one elsewhere in the loop."""
     if limit is None and tracking is None:

@@ -18,7 +18,7 @@ reference needs neither: ``natural_observer(p, inputs=["r"])``, or another law,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Unpack
 
 from .declaration import block
 from .factories import Names, factory
@@ -46,14 +46,14 @@ def _smith(w, wp, wp_late):
     states="wp",
     source=f"{DERIVED} {MORGUL}",
 )
-def _coulomb_predictor(u, ahat, wp, J: Any = J, Fv=FV, eps: Any = SMOOTH):
+def _coulomb_predictor(u, ahat, wp, J=J, Fv=FV, eps=SMOOTH):
     """J dwp/dt = u - ahat sign(wp) - Fv wp, sign(wp) = tanh(wp/eps)."""
     (F,) = coulomb(wp, Fc=ahat, Fv=Fv, eps=eps)
     return acceleration(u, F, 0.0, J)
 
 
 @block("controller", name="coulomb_compensation", out="u", source=f"{DERIVED} {MORGUL}")
-def _coulomb_compensation(ws, ahat, Fv=FV, eps: Any = SMOOTH):
+def _coulomb_compensation(ws, ahat, Fv=FV, eps=SMOOTH):
     """u = ahat sign(ws) + Fv ws, sign(ws) = tanh(ws/eps)."""
     (F,) = coulomb(ws, Fc=ahat, Fv=Fv, eps=eps)
     return F

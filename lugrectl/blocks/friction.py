@@ -11,17 +11,19 @@ import numpy as np
 from .block import Block, P
 from .declaration import block
 
-J = P(0.0022, "kg m2", 1e-12)
-SIGMA0 = P(260.0, "N m/rad", 1e-12)
-SIGMA1 = P(0.6, "N m s/rad", 0.0)
-FC = P(0.285, "N m", 0.0)
-FS = P(0.335, "N m", 0.0)
-FV = P(0.018, "N m s/rad", 0.0)
-VS = P(0.01, "rad/s", 1e-12)
-EPS = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
-SMOOTH = P(1e-4, "rad/s", 1e-12, fitted=False)  # of observers and laws that need a slope at rest
-DELTA = P(2.0, "1", 0.3, 20.0, usual=True)
-VD = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
+J: Any = P(0.0022, "kg m2", 1e-12)
+SIGMA0: Any = P(260.0, "N m/rad", 1e-12)
+SIGMA1: Any = P(0.6, "N m s/rad", 0.0)
+FC: Any = P(0.285, "N m", 0.0)
+FS: Any = P(0.335, "N m", 0.0)
+FV: Any = P(0.018, "N m s/rad", 0.0)
+VS: Any = P(0.01, "rad/s", 1e-12)
+EPS: Any = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
+SMOOTH: Any = P(
+    1e-4, "rad/s", 1e-12, fitted=False
+)  # of observers and laws that need a slope at rest
+DELTA: Any = P(2.0, "1", 0.3, 20.0, usual=True)
+VD: Any = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
 PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"
 LUGRE = "Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40(3), 1995"
 LEAST = 1e-24  # added to a square, so that its powers have a slope at 0
@@ -121,10 +123,10 @@ def free_lugre(w: Any, z: Any, delta: Any = None, vd: Any = None, **own: Any) ->
     between Fc and Fs. In steady sliding dz/dt = 0, so that vd leaves the friction there as it is;
     a change of the speed causes less torque.
     """
-    sigma0, sigma1, Fv, *of_level = (own[k] for k in ("sigma0", "sigma1", "Fv", "Fc", "Fs", "vs"))
-    dz = bristle(w, z, sigma0, *of_level)
+    sigma0, sigma1, Fc, Fs, Fv, vs = (own[k] for k in lugre.parameters)
+    dz = bristle(w, z, sigma0, Fc, Fs, vs)
     if delta is not None:
-        dz = free_bristle(w, z, sigma0, *of_level, delta)
+        dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
     damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))
     return bristle_torque(w, z, dz, sigma0, damping, Fv), dz
 

@@ -357,11 +357,7 @@ class Model(Shown):
 
 
 def _value_row(
-    key: str,
-    value: float | None,
-    unit: str,
-    more: Stated | None = None,
-    until: float | None = None,
+    key: str, value: float | None, unit: str, more: Stated | None = None, until: float | None = None
 ) -> Row:
     """``until``: the default with which a value that is to be identified is simulated."""
     note = f"({words})" if more and (words := more.words()) else ""

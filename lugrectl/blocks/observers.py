@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 Gain = float | Callable[[Any], Any]
-DAMPED = P(0.6, "N m s/rad", 1e-12)  # sigma1 where the observer divides by it
+DAMPED: Any = P(0.6, "N m s/rad", 1e-12)  # sigma1 where the observer divides by it
 DERIVED = "derived here, in the spirit of"
 LISCHINSKY = (
     "Canudas de Wit and Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997"
@@ -264,7 +264,7 @@ def _friedland_park(
     Fv=FV,
     k: Any = P(0.1, "N m (s/rad)^mu", 0.0),
     mu: Any = P(1.5, "1", 1.0, 10.0),
-    eps: Any = SMOOTH,
+    eps=SMOOTH,
 ):
     """Fhat = ahat sign(w) + Fv w, ahat = zeta - k |w|^mu.
 
@@ -345,7 +345,7 @@ def _general_coulomb(
     Fv=FV,
     k: Any = P(0.11, "N m s/rad", 0.0),
     w0: Any = P(0.1, "rad/s", 1e-12),
-    eps: Any = SMOOTH,
+    eps=SMOOTH,
 ):
     """Fhat = ahat sign(w) + Fv w, ahat = zeta - G, G = k (sqrt(w^2 + w0^2) - w0),
     dzeta/dt = (dG/dw) (u - Fhat) / J.
@@ -414,7 +414,7 @@ def general_coulomb_observer(
     states="v",
     source="standard form (Ohnishi), derived by substitution",
 )
-def _disturbance(w, u, v, J: Any = J, tau=P(0.01, "s", 1e-12)):
+def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
     """Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J."""
     Fhat = J * (v - w) / tau
     return Fhat, acceleration(u, Fhat, 0.0, J)
@@ -468,7 +468,7 @@ def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpa
     states="what Fhat",
     source="Gao's bandwidth parametrisation, derived by substitution",
 )
-def _extended_state(w, u, what, Fhat, J: Any = J, bandwidth: Any = P(100.0, "1/s", 0.0)):
+def _extended_state(w, u, what, Fhat, J=J, bandwidth: Any = P(100.0, "1/s", 0.0)):
     """dFhat/dt = -J p^2 (w - what), dwhat/dt = (u - Fhat) / J + 2 p (w - what), p = bandwidth."""
     push = J * bandwidth * (w - what)
     return acceleration(u + 2.0 * push, Fhat, 0.0, J), -bandwidth * push
@@ -532,7 +532,7 @@ def _adaptive(
     sigma0=SIGMA0,
     sigma1=SIGMA1,
     Fc=FC,
-    Fs: Any = FS,
+    Fs=FS,
     Fv=FV,
     vs=VS,
     K2=P(1.0, "N m s/rad", 0.0),
@@ -618,11 +618,11 @@ def _temperature(
     zhat,
     excess,
     xi,
-    J: Any = J,
+    J=J,
     sigma0=SIGMA0,
-    sigma1: Any = DAMPED,
+    sigma1=DAMPED,
     Fc=FC,
-    Fs: Any = FS,
+    Fs=FS,
     Fv=FV,
     vs=VS,
     k=P(0.0, "1/s", 0.0),
@@ -712,8 +712,8 @@ def _friction_state(
     u,
     what,
     f,
-    J: Any = J,
-    sigma0: Any = SIGMA0,
+    J=J,
+    sigma0=SIGMA0,
     Fc=FC,
     Fs=FS,
     Fv=FV,
@@ -794,7 +794,7 @@ def _normal_force(
     e,
     zhat,
     excess,
-    sigma0: Any = SIGMA0,
+    sigma0=SIGMA0,
     sigma1=SIGMA1,
     Fc=FC,
     Fs=FS,
@@ -871,16 +871,7 @@ def normal_force_observer(
     source=f"{DERIVED} {FREIDOVICH}",
 )
 def _lyapunov(
-    w,
-    s,
-    zhat,
-    sigma0: Any = SIGMA0,
-    sigma1: Any = SIGMA1,
-    Fc: Any = FC,
-    Fs: Any = FS,
-    Fv=FV,
-    vs=VS,
-    k: Any = P(0.35, "1", 0.0),
+    w, s, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k: Any = P(0.35, "1", 0.0)
 ):
     """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
     dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
@@ -951,11 +942,11 @@ def _position_coulomb(
     u,
     that,
     zeta,
-    J: Any = J,
+    J=J,
     Fv=FV,
     k: Any = P(0.11, "N m s/rad", 0.0),
     L: Any = P(400.0, "1/s", 1e-12),
-    eps: Any = SMOOTH,
+    eps=SMOOTH,
 ):
     """Fhat = ahat sign(what) + Fv what, what = L (theta - that), ahat = zeta - k |what|,
     dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
@@ -1039,7 +1030,7 @@ def _position_lugre(
     that,
     what,
     zhat,
-    J: Any = J,
+    J=J,
     sigma0=SIGMA0,
     sigma1=SIGMA1,
     Fc=FC,

@@ -77,7 +77,7 @@ def _memory(
     s,
     ar,
     v_late,
-    J: Any = J,
+    J=J,
     K: Any = P(0.1, "N m s/rad", 0.0),
     gamma: Any = P(0.1, "N m s/rad", 0.0),
     limit: Any = P(1.0, "N m", 0.0),

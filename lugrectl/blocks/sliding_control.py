@@ -20,8 +20,8 @@ from .observers import DERIVED
 if TYPE_CHECKING:
     from .model import Model, Parameters
 
-LAM = P(20.0, "1/s", 0.0)
-KD = P(0.1, "N m s/rad", 0.0)
+LAM: Any = P(20.0, "1/s", 0.0)
+KD: Any = P(0.1, "N m s/rad", 0.0)
 SLOTINE = "Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988"
 KELLY = "Canudas de Wit and Kelly, Asian J. Control 9(3), 2007"
 CHEN = "Chen et al., Int. J. Robust and Nonlinear Control, 2022"
