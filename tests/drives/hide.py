@@ -71,8 +71,8 @@ def calibrate(setup: Setup, effect: Effect, size: Size, strength: float) -> tupl
     return x, runs[x]
 
 
-def visible(run: Run) -> float:
-    """RMS of the effect torque without what J, the friction levels and a declared load explain."""
+def absorbed(run: Run) -> np.ndarray:
+    """Columns: what J, the friction levels and a declared load may take over."""
     s, m = run.signals, run.setup.machine
     w, angle = s["w_true"], s["theta_true"]
     way = np.tanh(w / (0.1 * m.vs))
@@ -80,6 +80,11 @@ def visible(run: Run) -> float:
     shapes = [np.gradient(w, run.t), w, way, way * slow, np.clip(s["z"] * m.sigma0, -m.Fs, m.Fs)]
     if m.load[0] != NO_LOAD:
         shapes += [np.sin(angle), np.cos(angle)] if m.rotary else [np.ones_like(w)]
-    A = np.column_stack([x / max(float(np.sqrt(np.mean(x**2))), 1e-12) for x in shapes])
-    left = s["effect"] - A @ np.linalg.lstsq(A, s["effect"], rcond=None)[0]
+    return np.column_stack([x / max(float(np.sqrt(np.mean(x**2))), 1e-12) for x in shapes])
+
+
+def visible(run: Run) -> float:
+    """RMS of the effect torque without what a refit of the declared structure can take over."""
+    A, effect = absorbed(run), run.signals["effect"]
+    left = effect - A @ np.linalg.lstsq(A, effect, rcond=None)[0]
     return float(np.sqrt(np.mean(left**2)))

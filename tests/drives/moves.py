@@ -187,3 +187,49 @@ EXCITATIONS: dict[str, Callable[[Machine, np.random.Generator, np.ndarray], Refe
     "multisine": _multisine,
     "torque": _torque,
 }
+
+
+def _sweep(m: Machine, rng, t):
+    """Slow ramps of speed through zero and back, growing from pass to pass."""
+    phase = t / rng.uniform(0.9, 3.5) % 1
+    speed = m.w_max * (0.15 + 0.85 * t / t[-1]) * (1 - 4 * np.abs(phase - 0.5))
+    return SPEED_LOOP, np.array([speed, np.zeros_like(t), np.zeros_like(t)])
+
+
+def _chirp(m: Machine, rng, t):
+    """A sine of speed whose frequency grows, within what friction can do."""
+    low, high = rng.uniform(0.15, 0.5), rng.uniform(2.0, 6.0)
+    rate = np.log(high / low) / t[-1]
+    f, angle = low * np.exp(rate * t), TURN * low * np.expm1(rate * t) / rate
+    speed = np.minimum(m.w_max, 2.5 * m.Fc / (m.J * TURN * f)) * np.sin(angle)
+    return SPEED_LOOP, np.array([speed, np.zeros_like(t), np.zeros_like(t)])
+
+
+def _staircase(m: Machine, rng, t):
+    """Even steps of speed up and down."""
+    up = np.linspace(-1.0, 1.0, 2 * int(rng.integers(3, 7)))
+    levels = np.resize(np.r_[up, up[::-1]], 4 * len(up))
+    speed = m.w_max * levels[(t / t[-1] * (len(levels) - 1e-6)).astype(int)]
+    speed = smooth(speed, int(rng.uniform(0.05, 0.2) / (t[1] - t[0])))
+    return SPEED_LOOP, np.array([speed, np.zeros_like(t), np.zeros_like(t)])
+
+
+def _pulses(m: Machine, rng, t):
+    """Open loop: pulses of torque to either side, with coasts between."""
+    period, width = rng.uniform(0.5, 2.0), rng.uniform(0.1, 0.4)
+    side = np.sign((t // period) % 2 - 0.5)
+    torque = m.Fc * rng.uniform(1.5, 3.0) * side * ((t % period) < width * period)
+    return OPEN_LOOP, np.array([np.zeros_like(t), np.zeros_like(t), torque])
+
+
+def _held_levels(m: Machine, rng, t):
+    """Open loop: levels of torque held for a while, to either side in turn."""
+    hold = rng.uniform(0.2, 0.8)
+    levels = m.Fc * rng.uniform(0.9, 1.6, int(t[-1] / hold) + 2)
+    k = (t / hold).astype(int)
+    torque = levels[k] * np.where(k % 2, 1.0, -1.0)
+    return OPEN_LOOP, np.array([np.zeros_like(t), np.zeros_like(t), torque])
+
+
+MORE = {"sweep": _sweep, "chirp": _chirp, "staircase": _staircase}
+TORQUES = {"pulses": _pulses, "levels": _held_levels}

@@ -30,7 +30,7 @@ EFFECTS = (
     "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
     "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load "
     "hardening_spring one_way_patch torque_dropouts sticky_torque "
-    "field_weakening mesh_loss governor"
+    "field_weakening mesh_loss governor imperfections"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -43,15 +43,19 @@ KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
 BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
 VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING = range(32, 38)
 HARDENING, ONE_WAY, DROPOUTS, STICKY = range(38, 42)
-WEAKENING, MESH, GOVERNOR = range(42, 45)
+WEAKENING, MESH, GOVERNOR, IMPERFECT = range(42, 46)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
 # at rest, accelerations, torque behind its play, then the springs of the cable
 TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, PLAY, SLIDER = range(13)
-SLIDERS = 4
-STATES = SLIDER + SLIDERS
+SLIDERS, ELEMENTS = 4, 6
+ELEMENT = SLIDER + SLIDERS  # torques of the Maxwell elements
+STATES = ELEMENT + ELEMENTS
 # machine
 J, S0, S1, FC, FS, FV, VS, LOAD, LOAD_A, LOAD_PHI, FS_TWIN, STATIC_TWIN = range(12)
+LAW, DELTA, POWER = range(12, 15)
+LUGRE, STATIC, MAXWELL, ELASTOPLASTIC = range(4)
+GRIP = 0.6  # share of the longest stretch up to which an elastoplastic bristle only bends
 # drive
 MODE, KP, KI, KPP, U_MAX, XI_MAX, U_INIT, LAG_WM, NO_TACHO, QUANTUM = range(10)
 OPEN_LOOP, SPEED_LOOP, POSITION_LOOP = 0, 1, 2
@@ -126,9 +130,11 @@ def sign(x):
 
 
 @compiled
-def stribeck(w, fc, fs, vs):
-    """h(w); beyond 6 vs the exponential is below rounding."""
+def stribeck(w, fc, fs, vs, delta):
+    """h(w); beyond 6 vs the exponential with an exponent of 2 is below rounding."""
     v = w / vs
+    if delta != 2.0:
+        return fc + (fs - fc) * math.exp(-(abs(v) ** delta))
     return fc + (fs - fc) * math.exp(-v * v) if abs(v) < 6.0 else fc
 
 
@@ -190,6 +196,9 @@ def resisting(t, theta, w, on, p):
         r += stroke(t, p[PUMPING])
     if on[HARDENING]:
         r += p[HARDENING, 0] * (theta - p[HARDENING, 1]) ** 3
+    if on[IMPERFECT]:  # row: ripple, order, phase, unbalance, phase, asymmetry, warming, its time
+        r += p[IMPERFECT, 0] * math.sin(p[IMPERFECT, 1] * theta + p[IMPERFECT, 2])
+        r += p[IMPERFECT, 3] * math.sin(theta + p[IMPERFECT, 4])
     return r
 
 
@@ -215,9 +224,12 @@ def friction_level(t, theta, w, torque, rest, m, on, p):
         g *= patch(theta, p[ONE_WAY])
     if on[WANDERING]:
         g *= wandering(t, p[WANDERING])
+    if on[IMPERFECT]:
+        heat = 1.0 + p[IMPERFECT, 6] * (1.0 - math.exp(-t / p[IMPERFECT, 7]))
+        g, gv = g * heat * (1.0 + p[IMPERFECT, 5] * sign(w)), gv * heat
     if on[DWELL]:
         fs *= 1.0 + p[DWELL, 0] * (1.0 - math.exp(-rest / p[DWELL, 1]))
-    level = g * stribeck(w, m[FC], fs, m[VS])
+    level = g * stribeck(w, m[FC], fs, m[VS], m[DELTA])
     if on[LOAD_FRICTION]:
         level += p[LOAD_FRICTION, 0] * abs(load_torque(theta, m))
     if on[MESH]:
@@ -239,9 +251,50 @@ def bristle(z, w, level, s0, h):
 
 
 @compiled
+def elastoplastic(z, w, level, s0, h):
+    """The same of a bristle that slips only beyond a part of its longest stretch."""
+    top, share = level / s0, 1.0
+    if z * w < 0.0 or abs(z) <= GRIP * top:
+        share = 0.0
+    elif abs(z) < top:
+        middle, width = 0.5 * (1.0 + GRIP) * top, (1.0 - GRIP) * top
+        share = 0.5 + 0.5 * math.sin(math.pi * (abs(z) - middle) / width)
+    return bristle(z, share * w, level, s0, h)[0] + (1.0 - share) * w * h
+
+
+@compiled
+def elements(x, w, level, m, h):
+    """Mean torque of springs in parallel, of equal stiffness, that slip at unequal limits."""
+    total = m[S1] * w * math.exp(-((w / m[VS]) ** 2))
+    for i in range(ELEMENTS):
+        limit, old = level * 2.0 * (i + 1.0) / (ELEMENTS * (ELEMENTS + 1.0)), x[ELEMENT + i]
+        x[ELEMENT + i] = min(max(old + m[S0] / ELEMENTS * w * h, -limit), limit)
+        total += 0.5 * (old + x[ELEMENT + i])
+    return total
+
+
+@compiled
+def rubbing(x, w, level, push, j, m, h):
+    """Mean friction torque over a step, viscous part apart; ``push`` is all other torque.
+
+    What is static takes any torque at rest: what stops the motion, up to the level.
+    """
+    if m[LAW] == LUGRE:
+        x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
+        return m[S0] * mean + m[S1] * rate
+    if m[LAW] == STATIC:
+        return min(max(push + j * x[W] / h, -level), level)
+    if m[LAW] == MAXWELL:
+        return elements(x, w, level, m, h)
+    old = x[Z]
+    x[Z] = elastoplastic(old, w, level, m[S0], h)
+    return 0.5 * m[S0] * (old + x[Z]) + m[S1] * (x[Z] - old) / h
+
+
+@compiled
 def declared_friction(x, w, friction, m, h):
     """Friction of the declared structure, true values, along the measured speed."""
-    level = stribeck(w, m[FC], m[FS_TWIN], m[VS])
+    level = stribeck(w, m[FC], m[FS_TWIN], m[VS], m[DELTA])
     if m[STATIC_TWIN] > 0.0:  # set-valued at rest: whatever the truth is
         return friction if abs(w) < 0.2 * m[VS] else level * sign(w) + m[FV] * w
     x[ZN], mean, rate = bristle(x[ZN], w, level, m[S0], h)
@@ -327,6 +380,9 @@ def sensed(theta, w, acc, x, on, p):
         slope = 1.0 + a * math.cos(angle)
         acc = acc * slope - a * math.sin(angle) * w * w
         return theta + a * math.sin(angle), w * slope, acc
+    if on[IMPERFECT]:  # row on: error of the encoder, its order, its phase
+        angle = p[IMPERFECT, 9] * theta + p[IMPERFECT, 10]
+        return theta + p[IMPERFECT, 8] * math.sin(angle), w, acc
     return theta, w, acc
 
 
@@ -340,6 +396,8 @@ def same_friction(m, on):
         return False
     if on[PATCH] or on[WANDERING] or on[ONE_WAY] or on[MESH]:
         return False
+    if on[IMPERFECT] or m[LAW] != LUGRE or m[POWER] != 1.0:
+        return False
     return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0
 
 
@@ -351,14 +409,15 @@ def step(t, h, command, delayed, same, x, m, on, p):
     torque = actuator(t, delayed, theta, w, x, h, on, p)
     t += 0.5 * h
     level, fv = friction_level(t, theta, w, torque, x[REST], m, on, p)
-    x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
-    friction = m[S0] * mean + m[S1] * rate + fv * w
+    viscous = fv * w if m[POWER] == 1.0 else fv * sign(w) * abs(w) ** m[POWER]
     x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0  # presliding counts as rest
     j_now, swing = inertia(t, theta, w, m, on, p)
-    against = friction + load_torque(theta, m) + resisting(t, theta, w, on, p)
-    if on[CABLE]:
-        against += dragged(x, w, h, p[CABLE])
-    x[ACC] = (torque - against - swing - coupling(x, theta, w, h, on, p)) / j_now
+    load, against = load_torque(theta, m), resisting(t, theta, w, on, p)
+    drag = dragged(x, w, h, p[CABLE]) if on[CABLE] else 0.0
+    shaft = coupling(x, theta, w, h, on, p)
+    push = torque - load - against - drag - viscous - swing - shaft
+    friction = rubbing(x, w, level, push, j_now, m, h) + viscous
+    x[ACC] = (torque - (friction + load + against + drag) - swing - shaft) / j_now
     half = math.exp(-0.5 * h / max(p[SENSOR_LAG, 0], 1e-9)) if on[SENSOR_LAG] else 1.0
     x[WS] = w + (x[WS] - w) * half
     th_m, w_m, acc_m = sensed(theta, w, x[ACC], x, on, p)
@@ -438,6 +497,13 @@ def run(m, drive, on, p, refs, noise, stamps, n, theta0):
             sum_e += e * e
         out[3, k], out[4, k] = mean_f / n, mean_e / n
     return out, states, sum_f / (samples * n), sum_e / (samples * n)
+
+
+@compiled
+def advance(x, t, u, period, n, m, on, p):
+    """One sample of a torque that acts as it is told: the state is moved on in place."""
+    for i in range(n):
+        step(t + i * period / n, period / n, u, u, True, x, m, on, p)
 
 
 @compiled

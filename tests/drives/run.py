@@ -2,15 +2,35 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Generator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from .machines import CONSTANT_LOAD, GRAVITY_LOAD, Machine
-from .plant import ACC, CODE, EFFECTS, OPEN_LOOP, OUT, STATES, TH, THL, U_INIT, WIDTH, WL, W, Z, run
+from .plant import (
+    ACC,
+    CODE,
+    EFFECTS,
+    OPEN_LOOP,
+    OUT,
+    STATES,
+    TH,
+    THL,
+    U_INIT,
+    WIDTH,
+    WL,
+    W,
+    Z,
+    advance,
+    run,
+)
 from .plant import replay as replay_record
 
+Program = Generator[float, tuple[float, float], None]
 Table = dict[str, tuple[float, ...]]  # effect name -> row of the effect table
+LAWS = ("lugre", "static", "maxwell", "elastoplastic")  # as the plant numbers them
 FINE = 20e-6  # s
 STIFF = 0.1  # sigma0 FINE^2 / J of bristles that stand for a static friction law: 2.5 kHz
 SEEN = {"theta_true": TH, "w_true": W, "z": Z, "th_load": THL, "w_load": WL, "a_true": ACC}
@@ -66,7 +86,8 @@ class Run:
 
 def machine_row(m: Machine) -> np.ndarray:
     twin = m.Fs if m.Fs_twin < 0.0 else m.Fs_twin
-    values = (m.J, m.sigma0, m.sigma1, m.Fc, m.Fs, m.Fv, m.vs, *m.load, twin, m.twin_static)
+    law = (LAWS.index(m.law), m.delta, m.power)
+    values = (m.J, m.sigma0, m.sigma1, m.Fc, m.Fs, m.Fv, m.vs, *m.load, twin, m.twin_static, *law)
     return np.array(values, dtype=float)
 
 
@@ -142,3 +163,38 @@ def replay(done: Run, torque: np.ndarray, restart: np.ndarray) -> tuple[np.ndarr
         float(setup.drive[U_INIT]),
     )
     return seen[0], seen[1]
+
+
+def programmed(machine: Machine, program: Program, dt: float, start=(0.0, 0.0), table=None):
+    """(u, theta, w) at the samples, of torques that a program chooses as it sees the motion.
+
+    It yields the torque of a sample, is sent (theta, w) at its end, and ends the run.
+    """
+    m, (on, rows), n = machine_row(machine), _effects(table or {}), math.ceil(dt / FINE)
+    x, seen = np.zeros(STATES), []
+    x[TH], x[W] = start
+    x[THL], x[WL] = start
+    u = next(program)
+    while True:
+        seen.append((u, x[TH], x[W]))
+        advance(x, len(seen) * dt - dt, u, dt, n, m, on, rows)
+        try:
+            u = program.send((x[TH], x[W]))
+        except StopIteration:
+            return np.array(seen).T
+
+
+def open_loop(machine: Machine, torque, rate=1000.0, theta0=0.0, step=FINE) -> Setup:
+    """Set-up that applies this torque, without noise or quantisation."""
+    refs = np.zeros((3, len(torque)))
+    refs[2] = torque
+    gains = tune(machine, OPEN_LOOP, rate, np.random.default_rng(0), False, False)
+    drive = drive_row(machine, gains, 0.0, theta0)
+    noise = np.zeros((1, len(torque)))
+    return Setup(machine, OPEN_LOOP, refs, noise, rate, 0.0, theta0, drive, step)
+
+
+def wave(m: Machine, seconds: float, rate: float, peak: float = 2.5):
+    """Times and torques that break away, reverse, stick and creep."""
+    t = np.arange(int(seconds * rate)) / rate
+    return t, peak * m.Fs * np.sin(2 * np.pi * t / seconds * 1.7) * np.abs(np.cos(9.0 * t))

@@ -1,4 +1,4 @@
-"""What a generator of messy records hands over, and what a judge answers."""
+"""What a generator of records hands over, and what a judge answers."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+Estimate = tuple[float, float | None, float | None]  # value, 95 % interval where there is one
 EFFECTS = (  # the twenty that a drive's log can show
     "constant_torque",
     "gravity",
@@ -32,7 +33,7 @@ EFFECTS = (  # the twenty that a drive's log can show
 
 
 @dataclass(frozen=True)
-class Case:
+class Question:
     """One record with what is true of it.
 
     ``record``: ``t`` and ``u`` with ``theta``, ``w`` or both, equally long, s, N m, rad, rad/s.
@@ -61,11 +62,20 @@ class Case:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a judge says of a case."""
+    """What a judge says of a log.
+
+    ``verdict``: as in the package, or "crash" or "timeout". ``effects`` are names, the likeliest
+    first; ``alternatives`` explain as well. ``parameters``: name -> (value, low, high).
+    ``left``: share of RMS torque that remains. ``seconds`` and ``cpu``: after all imports.
+    ``reason``: of a refusal, or of there being no answer.
+    """
 
     verdict: str
     effects: tuple[str, ...] = ()
     alternatives: tuple[str, ...] = ()
-    depends_on: frozenset[str] = frozenset()
-    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
+    depends_on: tuple[str, ...] = ()
+    parameters: dict[str, Estimate] = field(default_factory=dict)
+    left: float | None = None
     seconds: float = float("nan")
+    cpu: float = float("nan")
+    reason: str = ""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +11,7 @@ from .. import drives as rig
 from ..drives.effects import Context, find
 from ..drives.logger import CHANNELS, stream
 from ..drives.machines import GRAVITY_LOAD, MACHINES
-from ..drives.reference import open_loop, wave
-from ..drives.run import FINE, simulate
+from ..drives.run import FINE, open_loop, simulate, wave
 from ..drives.sample import EXPORTS, HARD, LATE, harden
 
 EVERY = [*rig.CATALOGUE, *rig.STRANGERS]
@@ -149,20 +147,6 @@ def test_model_file_is_off_by_no_more_than_stated():
     exact = rig.make(seed=1, declared_error=0.0, omit=("sigma0",), duration=2.0)
     assert "sigma0" not in exact.model["friction"]
     assert exact.model["plant"]["J"] == exact.truth["plant"]["J"]
-
-
-@pytest.mark.parametrize("machine", ["servo", "axis"])
-def test_files(tmp_path, machine):
-    case = rig.make(
-        "constant_torque", machine, seed=1, position_only=machine == "axis", duration=2.0
-    )
-    case.write(tmp_path)
-    header = (tmp_path / "record.csv").read_text().splitlines()[0]
-    expected = {"servo": "t [s],u [N m],theta [rad],w [rad/s]", "axis": "t [s],u [N],theta [m]"}
-    assert header == expected[machine]
-    rows = np.loadtxt(tmp_path / "record.csv", delimiter=",", skiprows=1)
-    np.testing.assert_allclose(rows, np.column_stack(list(case.columns.values())), rtol=1e-9)
-    assert tomllib.loads((tmp_path / "model.toml").read_text()) == case.model
 
 
 def test_what_cannot_be_hidden_is_refused():

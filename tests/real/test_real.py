@@ -13,7 +13,7 @@ from lugrectl.blocks.block import members
 from lugrectl.record import read_log
 
 from ..cases.logs import machine
-from ..real import held_out, judges, page
+from ..real import held_out, page
 from ..real.__main__ import chosen, main, parser
 from ..real.along import residual
 from ..real.child import ask
@@ -21,8 +21,10 @@ from ..real.motion import Filter, Run, motion_of, rms
 from ..real.own import rows_of
 from ..real.row import VERDICTS, Row, Source, value, way
 from ..real.rows import all_rows
-from ..real.score import Answer, score, wrong_values
+from ..real.score import score, wrong_values
 from ..real.sets import SPLITS
+from ..scores.judges import answer_of, values_of
+from ..scores.question import Answer
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {DATA}")
@@ -134,27 +136,17 @@ def test_a_diagnosis_becomes_an_answer():
     result = lg.Diagnosis(
         "ambiguous", (found,), estimates={"J": Estimate(2.0, "kg m2", (1.9, 2.1))}, plain=plain
     )
-    answer = judges.answer_of(result)
+    answer = answer_of(result)
     assert answer.effects == ("gravity",) and answer.alternatives == ("return_spring",)
     assert answer.parameters == {"Fc": (0.2, 0.19, 0.21), "J": (2.0, 1.9, 2.1)}
     assert answer.left == 0.05
 
 
-def test_the_prototype_gets_declared_values_by_name():
-    model = {
-        "motion": "linear",
-        "plant": {"J": 2.0},
-        "friction": {"model": "coulomb", "Fc": 0.3},
-        "effects": [{"name": "gravity", "amplitude": 0.4}],
-    }
-    assert judges.flat(model) == {"J": 2.0, "Fc": 0.3, "gravity": 0.4, "motion": "linear"}
-
-
 def test_a_judge_that_fails_or_hangs_costs_its_own_row_only():
     row = all_rows()[0]
-    failed = ask(row, Path(), "time:sleep", None)
+    failed = ask(row, Path(), "time:sleep")
     assert failed.verdict == "crash" and "TypeError" in failed.reason
-    assert ask(row, Path(), "time:sleep", None, limit=0.001).verdict == "timeout"
+    assert ask(row, Path(), "time:sleep", limit=0.001).verdict == "timeout"
 
 
 def test_a_users_own_rows_are_read_from_a_file(tmp_path):
@@ -256,7 +248,7 @@ def test_the_balance_knows_the_inertia_of_a_small_motor_in_one_direction():
     row = next(row for row in all_rows() if row.name == "un prbs_open")
     source = row.sources[0]
     found = lg.balance(read_log(DATA / source.file, **source.options), dict(row.model))
-    known = judges.values_of({"plain": found.summary(), "parameters": {}})
+    known = values_of({"plain": found.summary(), "parameters": {}, "effects": []})
     answer = Answer("found", parameters=known)
     J = [v for v in row.values if v.names == ("J",)]
     assert "J" in answer.parameters and not wrong_values(J, answer)
