@@ -346,7 +346,8 @@ def _closed_parts(J: Fraction, order: int, C: Controller) -> Ratio:
 
 
 def _error_T(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
-    loop = Loop(*(parameter(p, name) for name in ("J", "sigma0", "sigma1")), order, C)
+    J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
+    loop = Loop(J, sigma0, sigma1, order, C)
     if delay:
         inertia, torque = _closed_parts(loop.J, order, C)
         return reduced(Quasi.of([(0, loop.T()[0])]), Quasi.of([(0, inertia), (delay, torque)]))
