@@ -10,9 +10,9 @@ Automatica 34(5), 1998.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import control as ct
@@ -218,19 +218,15 @@ class Search:
         """The search and shape with the notch that pays most, and how much faster the integral
         action is with it; the same where none pays."""
         order = 2.0 if self.structure == "PI" else 3.0
-        best = (self, plain, 1.0)
-        for one in self._notches():
+        end = np.inf if self.axis.dt is None else 0.9 * np.pi / self.axis.dt
+        peaks, best = [peak for peak in self.axis.peaks if peak < end], (self, plain, 1.0)
+        for peak, (damping, depth) in product(peaks, NOTCHES):
+            one = replace(self, notch=Notch(peak / (2.0 * np.pi), damping, depth))
             shape = one.best(plain)
             ratio = (self.action(shape) / self.action(plain)) ** (1.0 / order)
             if ratio > max(PAYS, best[2]):
                 best = (one, shape, ratio)
         return best
-
-    def _notches(self) -> Iterator[Search]:
-        end = np.inf if self.axis.dt is None else 0.9 * np.pi / self.axis.dt
-        for peak in self.axis.peaks:
-            for damping, depth in NOTCHES if peak < end else ():
-                yield replace(self, notch=Notch(peak / (2.0 * np.pi), damping, depth))
 
 
 def parts(dt: float | None) -> tuple[Any, Any]:
