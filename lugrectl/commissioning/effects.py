@@ -53,7 +53,8 @@ def known_effects(runs: Sequence[Run], model: Model) -> Known:
             parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
     made = [_along(run, parts, friction) for run in runs]
-    return Known(*zip(*made, strict=True), tuple(said))
+    driven_runs, resisting, scales = zip(*made, strict=True)
+    return Known(driven_runs, resisting, scales, tuple(said))
 
 
 def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:

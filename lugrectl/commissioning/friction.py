@@ -37,6 +37,7 @@ from .mechanics import Mechanics, quadratic
 from .runs import FINER, Run, Spacing, Window, means, windows
 
 SPACING = Spacing(15, 0.035, 1.4)
+TOP, SHARE = 40.0, 0.2  # Hz, and of the rate: friction is fitted below both, above it is weak
 PASSES = 4  # of weights
 FLOOR = 1e-3  # of the largest residual: no window weighs more
 STEPS = (0.25, 0.12, 0.06)  # of the search, decades and samples
@@ -94,33 +95,6 @@ def _integrated(
     return np.array([*steps, 0.0]), np.array([*speeds, v])
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """``advance`` (M,) of each run takes a torque in force to the command; ``scales`` (n,) are the
-    known changes of the level of friction; ``loads`` the motion of the load, if it has friction."""
-
-    runs: Sequence[Run]
-    advance: Sequence[np.ndarray]
-    scales: Sequence[np.ndarray]
-    loads: Sequence[LoadMotion] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return MOTOR + LOAD if self.loads else MOTOR
-
-    def spectra(self, i: int, distance: float, vs: float) -> np.ndarray:
-        """The terms of a run (M, m); none acts where the axis stands."""
-        run = self.runs[i]
-        z, made = _terms(run.strokes, run.fine_speed, distance, vs)
-        made = np.c_[made, np.diff(z[FINER - 1 :: FINER], prepend=0.0) / run.dt]
-        if self.loads:
-            load = self.loads[i]
-            far = _terms(load.path, load.speed, distance, vs)[1]
-            made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
-        share = self.scales[i] * ~run.stands
-        return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
-
-
 def _terms(
     path: Strokes, speed: np.ndarray, distance: float, vs: float
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -167,29 +141,36 @@ class Friction:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What stays the same while the shapes are searched."""
+    """What stays the same while the shapes are searched.
 
-    terms: Terms
+    ``advance`` (M,) of each run takes a torque in force to the command; ``scales`` (n,) are the
+    known changes of the level of friction; ``loads`` the motion of the load, if it has friction.
+    """
+
+    runs: Sequence[Run]
+    advance: Sequence[np.ndarray]
+    scales: Sequence[np.ndarray]
+    shapes: Sequence[Shape]
     windows: Sequence[Window]
     bases: Sequence[np.ndarray]
     left: Sequence[np.ndarray]
-    shapes: Sequence[Shape]
+    loads: Sequence[LoadMotion] = ()
 
-    @classmethod
-    def of(
-        cls, terms: Terms, torques: Sequence[np.ndarray], shapes: Sequence[Shape], high: float
-    ) -> Problem:
-        """The problem up to ``high`` in rad/s, with the spectra of the commands."""
-        every = windows(terms.runs, 0.0, high, SPACING)
-        moved = [shape.den * run.W for shape, run in zip(shapes, terms.runs, strict=True)]
-        driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]
-        bases = []
-        for one in every:
-            linear = one.poly * one.rows(moved)[:, None]
-            linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
-            bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
-        left = [_without(Q, o.rows(driven)) for Q, o in zip(bases, every, strict=True)]
-        return cls(terms, every, bases, left, shapes)
+    @property
+    def names(self) -> tuple[str, ...]:
+        return MOTOR + LOAD if self.loads else MOTOR
+
+    def spectra(self, i: int, distance: float, vs: float) -> np.ndarray:
+        """The terms of a run (M, m); none acts where the axis stands."""
+        run = self.runs[i]
+        z, made = _terms(run.strokes, run.fine_speed, distance, vs)
+        made = np.c_[made, np.diff(z[FINER - 1 :: FINER], prepend=0.0) / run.dt]
+        if self.loads:
+            load = self.loads[i]
+            far = _terms(load.path, load.speed, distance, vs)[1]
+            made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
+        share = self.scales[i] * ~run.stands
+        return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
         """The same shapes with no friction."""
@@ -200,21 +181,41 @@ class Problem:
     def tried(self, distance: float, vs: float, early: float) -> Friction:
         """The best levels at these shapes."""
         made = [
-            self.terms.spectra(i, distance, vs) * np.exp(1j * run.w * run.dt * early)[:, None]
-            for i, run in enumerate(self.terms.runs)
+            self.spectra(i, distance, vs) * np.exp(1j * run.w * run.dt * early)[:, None]
+            for i, run in enumerate(self.runs)
         ]
         shaped = [s.num[:, None] * F for s, F in zip(self.shapes, made, strict=True)]
         both = zip(self.bases, self.windows, strict=True)
         X = [_without(Q, one.rows(shaped)) for Q, one in both]
-        most = max(float(np.abs(run.u).max()) for run in self.terms.runs)
-        levels, cost = _possible(X, self.left, self.terms.names, most)
+        most = max(float(np.abs(run.u).max()) for run in self.runs)
+        levels, cost = _possible(X, self.left, self.names, most)
         spectra = tuple(F @ np.array([*levels.values()]) for F in made)
         return Friction(spectra, levels, distance, vs, early, cost)
 
 
+def problem_of(
+    runs: Sequence[Run],
+    advance: Sequence[np.ndarray],
+    scales: Sequence[np.ndarray],
+    shapes: Sequence[Shape],
+    torques: Sequence[np.ndarray],
+) -> Problem:
+    """Pose the problem of the spectra of the commands ``torques``."""
+    every = windows(runs, 0.0, 2.0 * np.pi * min(TOP, SHARE / runs[0].dt), SPACING)
+    moved = [shape.den * run.W for shape, run in zip(shapes, runs, strict=True)]
+    driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]
+    bases = []
+    for one in every:
+        linear = one.poly * one.rows(moved)[:, None]
+        linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
+        bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
+    left = [_without(Q, one.rows(driven)) for Q, one in zip(bases, every, strict=True)]
+    return Problem(runs, advance, scales, shapes, every, bases, left)
+
+
 def fit_friction(problem: Problem, before: Friction | None = None) -> Friction:
     """The shapes with the smallest residual: from a grid, or near those before, then by steps."""
-    low, high, slow, fast = _ranges(problem.terms.runs)
+    low, high, slow, fast = _ranges(problem.runs)
     if before is None:
         distances = low * 10 ** np.arange(0.0, np.log10(high / low) + 0.01, 0.5)
         speeds = np.geomspace(slow, fast, 5)[1:-1]

@@ -10,15 +10,15 @@ Automatica 34(5), 1998.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
 
-from ..hunting.gains import cascade_as_pid
+from ..hunting.gains import cascade_as_pid, edge
 from ..linear import bandwidth_check
 from .loop_axis import Axis
 
@@ -26,6 +26,7 @@ STRUCTURES = ("P-PI", "PID", "PI")
 MEAN, ZETA = np.geomspace(0.03, 1.2, 11), (0.7, 1.0, 1.3, 1.7, 2.5)  # shapes that are tried first
 LEAST_ZETA = {"P-PI": 1.0, "PID": 0.7, "PI": 1.0}  # a P-PI has real zeros
 STEPS, HALVINGS = 40, 12  # of c from the lowest to the highest, and then
+CLOSE = 1.0 + 5e-7  # ratio of two c between which the bandwidth is that asked
 ROUNDS, SPREAD = 4, 1.6  # of finer shapes about the best, at first by such factors
 NOTCHES = [(d, depth) for d in (0.3, 0.8) for depth in (0.1, 0.3)]  # damping, depth
 PAYS = 1.1  # times as fast
@@ -201,12 +202,11 @@ class Search:
         found = self.at(shape)
         if self.asked is None or not found.c or self.bandwidth(found) <= self.asked:
             return found
-        low, high = self.lowest, found.c
-        for _ in range(2 * HALVINGS):
-            c = float(np.sqrt(low * high))
-            above = self.bandwidth(shape._replace(c=c)) > self.asked
-            low, high = (low, c) if above else (c, high)
-        return shape._replace(c=low)
+
+        def is_slower(c: float) -> bool:
+            return self.bandwidth(shape._replace(c=c)) <= float(self.asked or 0.0)
+
+        return shape._replace(c=edge(is_slower, self.lowest, found.c, CLOSE)[0])
 
     def action(self, shape: Shape) -> float:
         """ki, or kp of a speed loop's PID: infinite where nothing ends it."""
@@ -218,19 +218,15 @@ class Search:
         """The search and shape with the notch that pays most, and how much faster the integral
         action is with it; the same where none pays."""
         order = 2.0 if self.structure == "PI" else 3.0
-        best = (self, plain, 1.0)
-        for one in self._notches():
+        end = np.inf if self.axis.dt is None else 0.9 * np.pi / self.axis.dt
+        peaks, best = [peak for peak in self.axis.peaks if peak < end], (self, plain, 1.0)
+        for peak, (damping, depth) in product(peaks, NOTCHES):
+            one = replace(self, notch=Notch(peak / (2.0 * np.pi), damping, depth))
             shape = one.best(plain)
             ratio = (self.action(shape) / self.action(plain)) ** (1.0 / order)
             if ratio > max(PAYS, best[2]):
                 best = (one, shape, ratio)
         return best
-
-    def _notches(self) -> Iterator[Search]:
-        end = np.inf if self.axis.dt is None else 0.9 * np.pi / self.axis.dt
-        for peak in self.axis.peaks:
-            for damping, depth in NOTCHES if peak < end else ():
-                yield replace(self, notch=Notch(peak / (2.0 * np.pi), damping, depth))
 
 
 def parts(dt: float | None) -> tuple[Any, Any]:

@@ -17,14 +17,13 @@ from ..core.provenance import stamped
 from ..record import Record, pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
 from .effects import Known, known_effects
-from .friction import Friction, Problem, Terms, fit_friction, load_motion
+from .friction import Friction, fit_friction, load_motion, problem_of
 from .local_response import SPACING, Response, Shape, local_response
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
 from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
 from .runs import Run, Window, runs_of, windows
 
 HIGHEST = 0.4  # of half the sampling rate
-FRICTION = 40.0  # Hz up to which friction is fitted: above, it has little power
 LOWEST = 30  # periods in the longest run
 ROUNDS = 2  # with the mechanics that the round before showed
 OCTAVE = 0.35  # of log frequency to either side: over it what friction does is a median
@@ -293,15 +292,11 @@ class _Stage:
         shown = replace(found, coherence=np.where(_governed(raw, found), 0.0, found.coherence))
         return replace(self, mechanics=fit_mechanics(shown, raw, self.runs[0].dt))
 
-    def problem(self) -> Problem:
-        high = 2.0 * np.pi * min(FRICTION, 0.5 * HIGHEST / self.runs[0].dt)
-        shapes = [self.shape(run.w) for run in self.runs]
-        terms = Terms(self.runs, self.advance(), self.known.scales)
-        return Problem.of(terms, self.moving(), shapes, high)
-
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and of load, each where the residual falls clearly with it."""
-        problem = self.problem()
+        shapes = [self.shape(run.w) for run in self.runs]
+        advance, scales = self.advance(), self.known.scales
+        problem = problem_of(self.runs, advance, scales, shapes, self.moving())
         found = fit_friction(problem, before)
         none = problem.without(found)
         if found.cost > none.cost - SURE:
@@ -310,8 +305,7 @@ class _Stage:
             return found
         level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
-        terms = replace(problem.terms, loads=loads)
-        both = fit_friction(replace(problem, terms=terms), before)
+        both = fit_friction(replace(problem, loads=loads), before)
         return both if both.cost < found.cost - SURE else found
 
 

@@ -164,17 +164,15 @@ class Tuning(Result):
 
     def _rows(self) -> Iterable[Row]:
         turn, force = ("rad", "N m") if self.motion == "rotary" else ("m", "N")
-        position = (f"{force}/{turn}", f"{force}/({turn} s)", f"{force} s/{turn}")
-        speed = (f"{force} s/{turn}", f"{force}/{turn}")
+        speed, pid = (f"{force} s/{turn}", f"{force}/{turn}"), ("kp", "ki", "kd")
+        units = speed if self.structure == "PI" else (speed[1], f"{force}/({turn} s)", speed[0])
+        values = zip(pid, (self.kp, self.ki, self.kd), strict=True)
         if self.cascade:
-            units = zip(self.cascade.items(), ("1/s", *speed), strict=True)
-            yield from (Row(k, number(v), unit) for (k, v), unit in units)
-            said = ", ".join(f"{k} {getattr(self, k):.4g}" for k in ("kp", "ki", "kd"))
-            yield Row("as a PID", said)
-        else:
-            units = speed if self.structure == "PI" else position
-            names = zip(("kp", "ki", "kd"), units, strict=False)
-            yield from (Row(k, number(getattr(self, k)), unit) for k, unit in names)
+            units, values = ("1/s", *speed), self.cascade.items()
+        for (name, value), unit in zip(values, units, strict=False):
+            yield Row(name, number(value), unit)
+        if self.cascade:
+            yield Row("as a PID", ", ".join(f"{k} {getattr(self, k):.4g}" for k in pid))
         if self.Ti:
             yield Row("Ti", number(self.Ti), "s")
         if self.notch:

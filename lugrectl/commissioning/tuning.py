@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import control as ct
@@ -13,13 +14,14 @@ from ..core.errors import InputError, Refused
 from ..core.provenance import stamped
 from ..core.validation import flag, positive
 from ..hunting import LimitCycles, limit_cycles
+from ..hunting.gains import edge
 from ..linear import stability_check
 from .loop_axis import axis_of
 from .loop_shapes import STRUCTURES, Cascade, Gains, Search, Shape
 from .tuned import Tuning
 
 FEWER, LEAST = 0.25, 1e-4  # shares of the integral action: how they fall, and the last
-HALVINGS = 3  # between the one that hunts and the one that does not
+NEARLY = 1.2  # ratio of the one that hunts and the one that does not
 NONE = (
     "no gains keep the distance 1/Ms to -1: the axis is not known well enough, or Ms is too near 1."
 )
@@ -215,24 +217,19 @@ def _outcome(found: LimitCycles | None) -> str:
 def _quiet(search: Search, shape: Shape) -> tuple[Search, Shape, LimitCycles | None]:
     """The same with the largest share of the integral action at which nothing hunts."""
 
+    @cache
     def tried(share: float) -> tuple[Search, Shape, LimitCycles | None]:
         made = replace(search, share=share)
         now = made.placed(shape)
         return made, now, _cycles(made, now)
 
-    high, best = 1.0, tried(FEWER)
-    while not best[2]:
-        high = best[0].share
-        best = tried(FEWER * high if FEWER * high > LEAST else 0.0)
-        if not best[0].share:
-            return best
-    for _ in range(HALVINGS):
-        now = tried(float(np.sqrt(best[0].share * high)))
-        if now[2]:
-            best = now
-        else:
-            high = now[0].share
-    return best
+    def is_quiet(share: float) -> bool:
+        return bool(tried(share)[2])
+
+    share = FEWER
+    while share and not is_quiet(share):
+        share = FEWER * share if FEWER * share > LEAST else 0.0
+    return tried(edge(is_quiet, share, share / FEWER, NEARLY)[0] if share else 0.0)
 
 
 def _quieter(search: Search, shape: Shape, before: float) -> str:

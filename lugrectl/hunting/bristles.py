@@ -108,7 +108,7 @@ class Bristles:
         if made is None:
             return None
         size, period, turn = made
-        return Cycle(size, period, bool(np.abs(turn[0]) < 1.0), tuple(turn.real.tolist()))
+        return Cycle(size, period, bool(np.abs(turn[0]) < 1.0), tuple(np.real(turn).tolist()))
 
     def bent(self, v: float) -> np.ndarray:
         """z in steady sliding, found from that of the speed before."""

@@ -1,4 +1,4 @@
-"""Sampled loops about drawn drives: poles, sweeps, optima and friction in time.
+"""Sampled loops about drawn drives: poles, sweeps and optima.
 
 Written beside the package: nothing of it is used.
 """
@@ -6,7 +6,6 @@ Written beside the package: nothing of it is used.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from . import drives
 
@@ -84,9 +83,7 @@ def optimum(drive, structure, Ms):
     G, z = drive.response(w) / (1j * w), np.exp(1j * w * dt)
     best = 0.0
     for mean in np.geomspace(0.05, 2.0, 22):
-        for zeta in {"P-PI": (1.0, 1.15, 1.4, 1.8), "PID": (0.7, 0.8, 1.0, 1.4), "PI": (1.0,)}[
-            structure
-        ]:
+        for zeta in ZETA[structure]:
             c = 3.0
             while True:
                 gains = _gains(structure, J, c, mean, zeta, dt)
@@ -113,10 +110,8 @@ def width(drive, structure, gains, kv, notched=None):
     w = w[w > 0]
     z = np.exp(1j * w * dt)
     L = drive.response(w) / (1j * w) * controller(gains, z, dt) * notch(notched, z, dt)
-    whole, slope = dt / 2 * (z + 1) / (z - 1), (1 - 1 / z) / dt
-    on_r = {"PI": 1.0, "P-PI": kv / (kv + slope)}.get(structure)
-    if on_r is None:
-        on_r = (kp + ki * whole) / (kp + ki * whole + kd * slope)
+    slope, on_e = (1 - 1 / z) / dt, controller((kp, ki, 0), z, dt)
+    on_r = {"PI": 1.0, "P-PI": kv / (kv + slope)}.get(structure, on_e / (on_e + kd * slope))
     return w[np.flatnonzero(np.abs(L / (1 + L) * on_r) < 10 ** (-3 / 20))[0]]
 
 
@@ -124,27 +119,3 @@ def bandwidth(gains, J):
     """The asymptote that the search makes as high as it can."""
     kp, ki, _ = gains
     return (ki / J) ** (1 / 3) if ki else (kp / J) ** 0.5
-
-
-@njit(cache=True)
-def rests(kp, ki, kd, dt, late, J, Fc, Fs, vs, Fv, start, n):
-    """The span of theta in the last third of n samples of a rigid axis with Coulomb and Stribeck
-    friction that sticks, from an error in a stick that is about to break away."""
-    sub, theta, w, u = 40, start, 0.0, 0.0
-    h, before = dt / sub, start
-    whole = (Fs - kp * start) / ki if ki > 0 else 0.0
-    line = np.full(late + 1, kp * start + ki * whole)
-    low, high = np.inf, -np.inf
-    for k in range(n):
-        whole += dt / 2 * (theta + before) if k else 0.0
-        line[k % (late + 1)] = -(kp * theta + ki * whole + kd * (theta - before) / dt)
-        before = theta
-        u = line[(k + 1) % (late + 1)]
-        for _ in range(sub):
-            level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
-            free = w + h / J * (u - Fv * w)
-            w = np.sign(free) * max(abs(free) - h / J * level, 0.0)
-            theta += h * w
-        if k > 2 * n // 3:
-            low, high = min(low, theta), max(high, theta)
-    return high - low
