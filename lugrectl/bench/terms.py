@@ -93,7 +93,7 @@ class Terms:
     ) -> dict[str, np.ndarray]:
         """Return the signals of a sampled drive by name; ``fastest``: the largest speed of its
         reference. Raises Diverged."""
-        task = Task(self.model, kind, {})
+        task = Task(self.model, kind, {}, noisy=False)
         loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
         with interpreted():  # each loop runs a few times only
             return loop.run(rows)
