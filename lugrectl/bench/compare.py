@@ -14,6 +14,7 @@ import numpy as np
 
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members
+from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
 from ..blocks.swapped import model_first
@@ -429,7 +430,8 @@ class Bench:
             warnings.simplefilter("ignore")  # a loop that does not work is a result here
             done = simulate(system, t, given, x0, params=values)
         self.last = np.asarray(done.states)[..., -1]
-        return dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
+        out = dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
+        return out | {"e": out[MEASURED[kind]] - given["r"]}  # of the motion, not of its sensor
 
     def _believed(self, factor: float) -> dict[str, float]:
         """Return the levels of friction that the observer believes, by the keys of its block."""

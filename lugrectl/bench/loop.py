@@ -33,13 +33,14 @@ TURNS = {"velocity": "rad/s", "position": "rad"}
 
 @dataclass(frozen=True)
 class Task:
-    """The parts common to several loops: drive model, kind of loop, gains of the controller, and a
-    table that acts on the drive."""
+    """The parts common to several loops: drive model, kind of loop, gains of the controller, a
+    table that acts on the drive, and whether there is noise of the torque."""
 
     model: Model
     kind: str
     controller: Mapping[str, float]
     table: Table | None = None
+    noisy: bool = True
 
     def control(
         self, believed: Model | None, observer: str | None = None, gains: Any = None
@@ -65,16 +66,16 @@ class Task:
 
     def body(self, model: Model, command: str = "u") -> ct.InterconnectedSystem:
         """Return a drive, from the command and its noise n_u to what its sensors see."""
-        parts = [
-            plant(model, inputs=["u_act", "d"]),
-            sensor(model, outputs=["w_s", "theta_s"]),
-            controllers.compensation(name="command", inputs=[command], outputs=["u_act"]),
-            controllers.compensation(name="torque_noise", inputs=["n_u"], outputs=["u_act"]),
-            *self._acting(),
+        entry = "u_act" if self.noisy else command
+        parts = [plant(model, inputs=[entry, "d"]), sensor(model, outputs=["w_s", "theta_s"])]
+        parts += [
+            controllers.compensation(name=name, inputs=[signal], outputs=[entry])
+            for name, signal in (("command", command), ("torque_noise", "n_u"))
+            if self.noisy
         ]
-        return connected(
-            parts, [command, "n_u", "d"], ["theta", "w", "theta_s", "w_s"], "drive_body"
-        )
+        inputs = [command, *["n_u"] * self.noisy, "d"]
+        outputs = ["theta", "w", "theta_s", "w_s"]
+        return connected([*parts, *self._acting()], inputs, outputs, "drive_body")
 
     def _acting(self) -> list[Any]:
         return [] if self.table is None else [self.table.block()]

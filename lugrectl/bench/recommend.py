@@ -204,9 +204,7 @@ def _stand(model: Model, said: Mapping[str, Any], gains: Mapping[str, Any]) -> S
     spec = completed(said, known)
     kind = "velocity" if "w" in spec.measured else "position"
     terms = Terms(model, correction(known, spec.bandwidth), True, gains, ahead=True)
-    stand = Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
-    stand.t  # noqa: B018  a reference that takes too many samples is said at once
-    return stand
+    return Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
 
 
 Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certificate by name

@@ -12,7 +12,7 @@ import numpy as np
 from ..blocks.drive import dead_time
 from ..blocks.model import Model
 from ..blocks.observers import observer_block
-from ..blocks.plant import plant
+from ..blocks.plant import plant, sensor
 from ..engine.runtime.sampled_run import interpreted
 from ..loops.compensated import Control, read_of
 from ..loops.parts import connected
@@ -75,8 +75,9 @@ class Terms:
         parts = [
             plant(self.model, inputs=["u_late", "d"]),
             dead_time(0.0, inputs=["u"], outputs=["u_late"]),
-            ct.summing_junction(["theta", "n_theta"], "theta_m", name="encoder"),
-            ct.summing_junction(["w", "n_w"], "w_m", name="speed"),
+            sensor(self.model, outputs=["w_s", "theta_s"]),
+            ct.summing_junction(["theta_s", "n_theta"], "theta_m", name="encoder"),
+            ct.summing_junction(["w_s", "n_w"], "w_m", name="speed"),
             *self.control(name, kind, gains, {}),
         ]
         inputs = [*read_of(parts), "n_theta", "n_w", "d"]
@@ -92,7 +93,7 @@ class Terms:
     ) -> dict[str, np.ndarray]:
         """Return the signals of a sampled drive by name; ``fastest``: the largest speed of its
         reference. Raises Diverged."""
-        task = Task(self.model, kind, {})
+        task = Task(self.model, kind, {}, noisy=False)
         loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
         with interpreted():  # each loop runs a few times only
             return loop.run(rows)

@@ -130,10 +130,13 @@ def cascade_loop(
     p, believed = models(p, observer_parameters, observer)
     measured = _measured(p, feedback)
     estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
-    before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)
     held = Limit(limit, tracking).held(kp, ki, "cascade_loop")
-    torque, shaping = _chain(before, "u_cmd", "u")
-    _, actuating = _chain(behind, "u", "u_motor")
+    before: list[Stage] = [] if notch is None else [(notch_block, _notch_values(notch), [])]
+    before += [] if limit is None else [(limiter, [limit], ["excess"])]
+    late = ((dead_time, delay), (current_lag, lag))
+    behind: list[Stage] = [(make, [x], []) for make, x in late if real(x) != 0.0]
+    torque, shaping = _in_series("u_cmd", "u", before)
+    _, actuating = _in_series("u", "u_motor", behind)
     motor = "u_motor" if actuating else "u"
     parts = [
         plant(p, inputs=[motor, "d"]),
@@ -171,19 +174,6 @@ def _measured(p: Model, feedback: str) -> str:
     return signal
 
 
-Maker = Callable[[list[str], str], Any]
-
-
-def _before_the_drive(given: Any, limit: float | None) -> list[Maker]:
-    """The notch and the limit, each made with its input and its output."""
-    made: list[Maker] = []
-    if given is not None:
-        made.append(lambda i, o: notch_block(*_notch_values(given), inputs=i, outputs=[o]))
-    if limit is not None:
-        made.append(lambda i, o: limiter(limit, inputs=i, outputs=[o, "excess"]))
-    return made
-
-
 def _notch_values(given: Any) -> tuple[Any, ...]:
     """Frequency, damping and depth, as far as they are given."""
     own = {"frequency": None, "damping": 0.5, "depth": 0.1}
@@ -198,20 +188,16 @@ def _notch_values(given: Any) -> tuple[Any, ...]:
     return tuple(values)
 
 
-def _behind_the_drive(lag: float, delay: float) -> list[Maker]:
-    """The dead time and the current loop, those that are not 0."""
-    made: list[Maker] = []
-    if real(delay) != 0.0:
-        made.append(lambda i, o: dead_time(delay, inputs=i, outputs=[o]))
-    if real(lag) != 0.0:
-        made.append(lambda i, o: current_lag(lag, inputs=i, outputs=[o]))
-    return made
+Stage = tuple[Callable[..., Any], Sequence[Any], Sequence[str]]  # factory, values, more outputs
 
 
-def _chain(makers: Sequence[Maker], first: str, last: str) -> tuple[str, list[Any]]:
-    """Blocks in series from one signal to another, and the name at the start of the chain."""
-    if not makers:
+def _in_series(first: str, last: str, stages: Sequence[Stage]) -> tuple[str, list[Any]]:
+    """Return the name at the start of a chain of blocks from one signal to another, and them."""
+    if not stages:
         return last, []
-    names = [first, *(f"{first}_{k}" for k in range(1, len(makers))), last]
-    pairs = zip(makers, names, names[1:], strict=False)
-    return first, [make([i], o) for make, i, o in pairs]
+    names = [first, *(f"{first}_{k}" for k in range(1, len(stages))), last]
+    ends = zip(stages, names, names[1:], strict=False)
+    return first, [
+        make(*values, inputs=[enters], outputs=[leaves, *more])
+        for (make, values, more), enters, leaves in ends
+    ]

@@ -67,13 +67,16 @@ class Limit:
     torque: float | None = None
     tracking: float | None = None
 
+    def check(self, loop: str) -> None:
+        if self.torque is None and self.tracking is not None:
+            raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+
     def held(self, kp: Any, ki: Any, loop: str) -> dict[str, Any]:
         """Return the time of the back-calculation, none without a limit."""
-        if self.torque is not None:
-            return {"tracking": controllers.tracking_time(kp, ki, self.tracking, loop)}
-        if self.tracking is not None:
-            raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
-        return {}
+        self.check(loop)
+        if self.torque is None:
+            return {}
+        return {"tracking": controllers.tracking_time(kp, ki, self.tracking, loop)}
 
     def blocks(self) -> list[Any]:
         return [] if self.torque is None else [limiter(self.torque)]
@@ -107,9 +110,8 @@ class Controller:
             raise InputError(
                 f"{strange[0]} is a gain of {usual}; give those of {name} in controller_gains."
             )
-        if self.limit.torque is None:
-            self.limit.held(0.0, 0.0, f"{self.kind}_loop")
-        elif self.limit.tracking is not None:
+        self.limit.check(f"{self.kind}_loop")
+        if self.limit.tracking is not None:
             raise InputError(
                 f"tracking holds back the integral of {usual}; leave it out with {name}."
             )
