@@ -15,12 +15,12 @@ from ..blocks.controllers import MEASURED
 from ..blocks.model import Model, values_of
 from ..blocks.observers import observer_block
 from ..core.errors import InputError, Refused
+from ..core.jobs import JobError, run_jobs
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.validation import number, positive, share, shown, whole
 from ..design import design_gains
 from ..design.observer_rules import RULES
 from ..estimates.members import Belief, Members
-from ..parallel.jobs import JobError, run_jobs
 from ..simulation.encoder import Sensing
 from .assured import Assurance
 from .believed import believed
