@@ -9,10 +9,18 @@ import numpy as np
 
 
 def user_block(
-    update: Any, output: Any, inputs: Any, outputs: Any, states: Any = None, **more: Any
+    update: Any,
+    output: Any,
+    inputs: Any,
+    outputs: Any,
+    states: Any = None,
+    name: str | None = None,
+    **more: Any,
 ) -> Any:
-    """A block of functions of t, x, u, params; ``more`` are name, dt and params."""
-    return ct.nlsys(update, output, inputs=inputs, outputs=outputs, states=states, **more)
+    """A block of functions of t, x, u, params; ``more`` are its dt and its parameters."""
+    time = {"dt": more.pop("dt")} if "dt" in more else {}
+    names = {"inputs": inputs, "outputs": outputs, "states": states, "name": name}
+    return ct.nlsys(update, output, params=more, **names, **time)
 
 
 def row(response: Any, label: str) -> np.ndarray:

@@ -84,15 +84,7 @@ def test_static_friction_laws_through_zero_speed(law: str) -> None:
 
 def lag_block() -> ct.NonlinearIOSystem:
     """dx/dt = a (u - x): a step of length h is x + (1 - e^(-a h)) (u - x)."""
-    return user_block(
-        lambda t, x, u, p: p["a"] * (u[0] - x[0]),
-        None,
-        "u",
-        "x",
-        "x",
-        params={"a": 40.0},
-        name="lag",
-    )
+    return user_block(lambda t, x, u, p: p["a"] * (u[0] - x[0]), None, "u", "x", "x", "lag", a=40.0)
 
 
 def test_correction_is_made_before_the_interval(backend: str) -> None:
@@ -145,8 +137,8 @@ def test_a_step_in_time_counts_by_its_share(backend: str) -> None:
         0,
         "x",
         "x",
-        params={"t0": 0.0},
-        name="late",
+        "late",
+        t0=0.0,
     )
     lanes = Lanes(block, backend=backend)
     late = np.array([0.0, 0.0031, 0.00425, 0.005, 1.0])
@@ -156,13 +148,7 @@ def test_a_step_in_time_counts_by_its_share(backend: str) -> None:
 
 def test_one_lane_that_blows_up_leaves_the_others_alone(backend: str) -> None:
     block = user_block(
-        lambda t, x, u, p: p["a"] * x[0] ** 3 + u[0],
-        None,
-        "u",
-        "x",
-        "x",
-        params={"a": -1.0},
-        name="cubic",
+        lambda t, x, u, p: p["a"] * x[0] ** 3 + u[0], None, "u", "x", "x", "cubic", a=-1.0
     )
     lanes = Lanes(block, backend=backend)
     p = np.array([[-1.0], [1e6], [-1.0]])
@@ -183,8 +169,8 @@ def test_a_run_without_hope_gives_up_its_error_control() -> None:
         0,
         "x",
         "x",
-        params={"a": 0.0},
-        name="noise",
+        "noise",
+        a=0.0,
     )
     lanes = Lanes(block, backend="numpy")
     before = time.process_time()
@@ -210,9 +196,7 @@ def test_friction_that_no_machine_has_ends_in_time() -> None:
 
 def test_order_four_without_step_control(backend: str) -> None:
     """dx/dt = -x^2 cos t has x = 1/(1 + sin t): halving the step divides the error by 16."""
-    block = user_block(
-        lambda t, x, u, p: -(x[0] ** 2) * np.cos(t), None, 0, "x", "x", name="riccati"
-    )
+    block = user_block(lambda t, x, u, p: -(x[0] ** 2) * np.cos(t), None, 0, "x", "x", "riccati")
     lanes = Lanes(block, backend=backend)
     errors = []
     for substeps in (1, 2, 4):

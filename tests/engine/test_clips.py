@@ -14,7 +14,7 @@ R = 3 * np.sin(6 * T)
 
 
 def static(name, inputs, outputs, function):
-    return user_block(None, function, inputs, outputs, name=name, dt=None)
+    return user_block(None, function, inputs, outputs, None, name, dt=None)
 
 
 def clip(t, x, u, params):
@@ -30,7 +30,7 @@ def loop(law, gain):
     return [
         static("law", ["a"], ["b"], law),
         static("sum", ["r", "b"], ["a"], lambda t, x, u, p: u[0] - gain * u[1]),
-        user_block(lambda t, x, u, p: u - x, None, ["b"], ["y"], 1, name="lag"),
+        user_block(lambda t, x, u, p: u - x, None, ["b"], ["y"], 1, "lag"),
     ]
 
 
@@ -76,7 +76,7 @@ def test_absolute_values_and_two_unknowns_at_once():
 @pytest.mark.filterwarnings("ignore:block relay:RuntimeWarning")
 def test_an_if_that_chatters_ends_with_a_sentence(method, hold):
     relay = user_block(
-        lambda t, x, u, p: [-1.0 if x[0] > u[0] else 1.0], None, ["u"], ["x"], 1, name="relay"
+        lambda t, x, u, p: [-1.0 if x[0] > u[0] else 1.0], None, ["u"], ["x"], 1, "relay"
     )
     with pytest.raises(Diverged, match=r"relay: a comparison .* near t = 0\.5"):
         lg.simulate(relay, T, 0 * T, [0.5], method=method, hold=hold)

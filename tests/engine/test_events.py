@@ -32,7 +32,7 @@ def turning(rate: Signal) -> ct.NonlinearIOSystem:
     def update(t: Any, x: Any, u: Any, p: Any) -> Any:
         return np.array([x[1], -W * W * x[0], rate(t, x)])
 
-    return user_block(update, None, 0, 3, 3, name="turning")
+    return user_block(update, None, 0, 3, 3, "turning")
 
 
 def last(rate: Signal, t: np.ndarray, rtol: float = 1e-9) -> float:
@@ -160,7 +160,7 @@ def test_every_run_ends(pieces: list, matrix: list, x0: list, points: int) -> No
             rates[i % 3] = rates[i % 3] + gain * _piece(name, x[j], x[k] - 0.5 * gain, t)
         return np.array(rates)
 
-    system = user_block(update, None, 0, 3, 3, name="random")
+    system = user_block(update, None, 0, 3, 3, "random")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         engine = adaptive_run.Adaptive(trace(system), "python")
@@ -190,7 +190,7 @@ def test_a_root_of_a_magnitude_is_no_nan_beyond_its_switch(name: str) -> None:
     def update(t: Any, x: Any, u: Any, p: Any) -> Any:
         return np.array([u[0] - ROOTS[name](x[0])])
 
-    system = user_block(update, None, 1, 1, 1, name=name.replace(" ", "_"))
+    system = user_block(update, None, 1, 1, 1, name.replace(" ", "_"))
     t = np.linspace(0.0, 2.2, 221)
     u = np.sin(3.0 * t) + 0.1
     found = lg.simulate(system, t, u, rtol=1e-8).states

@@ -33,7 +33,7 @@ def drive(side: Callable[[Any], Any] = np.sign) -> ct.NonlinearIOSystem:
         "u",
         ["angle", "speed", "friction"],
         ["theta", "w"],
-        name="drive",
+        "drive",
     )
 
 
@@ -74,7 +74,7 @@ def test_a_sine_above_Fc_rests_twice_a_period() -> None:
     """Moves from a = arcsin(Fc/A) to where A (cos a - cos t) = Fc (t - a), rests to pi + a."""
     A, t = 0.75, np.linspace(0.0, 2 * np.pi, 201)
     swing = user_block(
-        lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, None, 0, 1, 1, name="swing"
+        lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, None, 0, 1, 1, "swing"
     )
     w = lg.simulate(swing, t, rtol=1e-9).states[0]
     a = np.arcsin(FC / A)
@@ -103,7 +103,7 @@ def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:
         level = np.where(np.abs(slip) < narrow, Fs, Fk)
         return np.array([x[1], (-k * x[0] - level * np.sign(slip)) / m])
 
-    belt = user_block(update, None, 0, 2, 2, name="belt")
+    belt = user_block(update, None, 0, 2, 2, "belt")
     tau = np.sqrt(2 * m * narrow / k / v)
     x1 = Fs / k + v * tau
     phi = np.arctan2(v * np.sqrt(m * k), k * x1 - Fk)
@@ -123,7 +123,7 @@ def test_bodies_that_grip_each_other_move_as_one() -> None:
         F = FC * np.sign(x[0] - x[1])
         return np.array([(u[0] - F) / J1, F / J2])
 
-    grip = user_block(update, None, 1, 2, 2, name="grip")
+    grip = user_block(update, None, 1, 2, 2, "grip")
     t = np.linspace(0.0, 2.0, 21)
     w = lg.simulate(grip, t, 0.2, [1.0, 0.0]).states
     together = 1.0 / (FC / J1 + FC / J2 - 0.2 / J1)
@@ -134,7 +134,7 @@ def test_bodies_that_grip_each_other_move_as_one() -> None:
 
 def test_a_relay_follows_a_moving_input() -> None:
     """dx/dt = 3 sign(u - x), |du/dt| < 3: x = u once it is there."""
-    relay = user_block(lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), None, 1, 1, 1, name="r")
+    relay = user_block(lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), None, 1, 1, 1, "r")
     t = np.linspace(0.0, 4.0, 81)
     u = np.sin(t)
     x = lg.simulate(relay, t, u, 0.5).states[0]
@@ -151,7 +151,7 @@ def test_two_relays_that_act_on_each_other() -> None:
     t = np.linspace(0.0, 6.0, 61)
     u = 1.1 * np.exp(-0.3 * t) * np.sin(2.0 * t)
     sharp, smooth = (
-        user_block(rates(side), None, 1, 2, 2, name="shafts")
+        user_block(rates(side), None, 1, 2, 2, "shafts")
         for side in (np.sign, lambda w: np.tanh(w / 1e-5))
     )
     ours = lg.simulate(sharp, t, u, [0.3, -0.2], rtol=1e-8).states
@@ -173,7 +173,7 @@ def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) 
         def update(t: Any, x: Any, u: Any, p: Any) -> Any:
             return A @ x + b @ np.array([side(c[0] @ x), side(c[1] @ x)]) + g * u[0]
 
-        return user_block(update, None, 1, 3, 3, name="relays")
+        return user_block(update, None, 1, 3, 3, "relays")
 
     t = np.linspace(0.0, 4.0, 41)
     u = 1.5 * np.sin(2.3 * t) + 0.3
@@ -200,7 +200,7 @@ def test_rest_takes_few_steps_and_stays_through_a_loop(way: str) -> None:
         "speed",
         "u",
         "q",
-        name="pi",
+        "pi",
     )
     loop = ct.interconnect(
         [drive(), pi], inputs=[], outputs=["speed", "u", "friction"], check_unused=False

@@ -15,7 +15,7 @@ T = np.arange(0, 0.3, 1e-3)
 
 
 def static(name, inputs, output, function, **params):
-    return user_block(None, function, inputs, [output], name=name, params=params)
+    return user_block(None, function, inputs, [output], None, name, **params)
 
 
 def last(response, label):
@@ -31,7 +31,7 @@ def two_channels():
         ["b"],
         ["y"],
         ["x"],
-        name="i2",
+        "i2",
     )
     inner = ct.interconnect([through, lag], inputs=["a", "b"], outputs=["p", "y"], name="inner")
     pass_on = static("g", ["p"], "b", lambda t, x, u, params: u[0])
@@ -47,7 +47,7 @@ def switched():
         ["v"],
         ["y"],
         ["x"],
-        name="limited",
+        "limited",
     )
     return [limited, static("cmp", ["y", "r"], "v", lambda t, x, u, params: u[1] - u[0])]
 
@@ -131,7 +131,7 @@ def test_a_loop_beside_a_block_that_cannot_be_traced():
         ["y"],
         ["late"],
         ["late"],
-        name="slow",
+        "slow",
     )
     t = T[:40]
     found = last(simulate([*lags(), slow], t, {"r": 1.0}), "y")
@@ -148,11 +148,11 @@ def test_sampled_loops_are_solved_too(samples):
         ["v"],
         ["y"],
         ["q"],
-        name="lag",
+        "lag",
         dt=0.1,
     )
     minus = user_block(
-        None, lambda t, x, u, params: u[1] - u[0], ["y", "r"], ["v"], name="m", dt=0.1
+        None, lambda t, x, u, params: u[1] - u[0], ["y", "r"], ["v"], None, "m", dt=0.1
     )
     system = ct.interconnect([lag, minus], inputs=["r"], outputs=["v"])
     v = simulate(system, 0.1 * np.arange(samples), 1.0).outputs
@@ -172,14 +172,14 @@ def test_two_channels_between_sampled_and_continuous_blocks(traced):
         ["a", "b"],
         ["p", "q"],
         ["x"],
-        name="two",
+        "two",
     )
     back = static("back", ["q"], "a", lambda t, x, u, params: u[0])
 
     def drive(t, x, u, params):
         return np.array([1.0 - u[0] if traced or u[0] > -1e9 else 0.0])
 
-    held = user_block(None, drive, ["p"], ["b"], name="held", dt=0.1)
+    held = user_block(None, drive, ["p"], ["b"], None, "held", dt=0.1)
     response = simulate([held, back, two], 0.1 * np.arange(4))
     q = response.outputs[list(response.output_labels).index("q")]
     assert q == pytest.approx(1 - 0.9 ** np.arange(4))
@@ -221,7 +221,7 @@ def test_a_value_that_exists_at_large_signals_only_is_no_fault(recwarn):
         ["v"],
         ["x"],
         ["x"],
-        name="narrow",
+        "narrow",
     )
     response = simulate(block, [0.0, 0.5, 1.0], 100.0 + np.e, 1.0)
     assert response.outputs == pytest.approx(np.exp([0.0, -0.5, -1.0]), rel=1e-5)

@@ -23,7 +23,7 @@ A = np.r_[np.random.default_rng(4).uniform(-3, 3, 200), XP]
 
 
 def _table(function: Any, **options: Any) -> ct.NonlinearIOSystem:
-    return user_block(function, None, 0, ["x"], ["x"], name="table", params=options)
+    return user_block(function, None, 0, ["x"], ["x"], "table", **options)
 
 
 @pytest.mark.parametrize(

@@ -32,8 +32,8 @@ def lag(limit: Any, name: str = "lag", dt: Any = None) -> ct.NonlinearIOSystem:
         "u",
         "y",
         "y",
-        name=name,
-        **{"dt": dt} if dt else {},
+        name,
+        **({"dt": dt} if dt else {}),
     )
 
 
@@ -64,7 +64,7 @@ class Schedule:
 
 
 def called(function: Any) -> Any:
-    return user_block(function, None, "u", "y", "y", name="called")
+    return user_block(function, None, "u", "y", "y", "called")
 
 
 def by_closure() -> Any:
@@ -234,13 +234,7 @@ def test_a_branch_that_a_new_value_opens_is_followed_or_said():
 
 def test_a_parameter_that_becomes_a_list_is_read_again():
     system = user_block(
-        lambda t, x, u, p: p["table"][0] * u[0] - x,
-        None,
-        "u",
-        "y",
-        "y",
-        params={"table": [1.0]},
-        name="listed",
+        lambda t, x, u, p: p["table"][0] * u[0] - x, None, "u", "y", "y", "listed", table=[1.0]
     )
     for system.params["table"][0] in (1.0, 2.0):
         np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
@@ -266,8 +260,9 @@ def test_a_sampled_drive_sees_a_new_value(delay):
         lambda t, x, u, p: np.clip(5.0 * (u[1] - u[0]), -values[0], values[0]),
         ["y", "r"],
         "u",
+        None,
+        "law",
         dt=0.1,
-        name="law",
     )
     ends = []
     for values[0] in (1.0, 2.0):
@@ -331,9 +326,7 @@ def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
 
 
 def test_threads_do_not_see_each_other_s_parameters():
-    system = user_block(
-        lambda t, x, u, p: -p["rate"] * x, None, "u", "y", "y", params={"rate": 1.0}, name="decay"
-    )
+    system = user_block(lambda t, x, u, p: -p["rate"] * x, None, "u", "y", "y", "decay", rate=1.0)
     rates = np.tile([0.5, 1.0, 2.0, 4.0], 10)
 
     def end(rate: float) -> float:

@@ -55,12 +55,7 @@ def test_the_value_is_that_of_numpy(function):
 def test_its_integral_is_right_and_no_warning_is_given(function):
     """x' = f(t - 1): the same sum by fine steps."""
     block = user_block(
-        lambda t, x, u, p: np.array([function(t - 1.0) + 0.0 * x[0]]),
-        None,
-        "u",
-        "y",
-        "y",
-        name="rounds",
+        lambda t, x, u, p: np.array([function(t - 1.0) + 0.0 * x[0]]), None, "u", "y", "y", "rounds"
     )
     fine = (np.arange(300_000) + 0.5) * 1e-5
     right = 1e-5 * sum(float(function(np.float64(v))) for v in fine[::10] - 1.0) * 10
@@ -75,7 +70,7 @@ def quantised():
         "u",
         ["x", "v"],
         ["x", "v"],
-        name="coarse",
+        "coarse",
     )
 
 
@@ -104,8 +99,8 @@ def test_a_sampled_block_that_rounds_is_traced():
         "v",
         "q",
         "q",
+        "adc",
         dt=0.1,
-        name="adc",
     )
     t = 0.1 * np.arange(1200)
     found = lg.simulate(held, t, np.sin(t)).outputs

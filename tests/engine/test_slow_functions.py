@@ -21,7 +21,7 @@ def odd(**options):
         time.sleep(0.02)
         return [u[0] + np.spacing(u[0])]
 
-    return user_block(None, out, ["v"], ["u"], name="odd", **options)
+    return user_block(None, out, ["v"], ["u"], None, "odd", **options)
 
 
 def loop():
@@ -63,6 +63,6 @@ def test_of_another_function_it_says_what_compiles():
     def out(t, x, u, params):
         return [np.spacing(u[0])]
 
-    block = user_block(None, out, ["v"], ["u"], name="odd")
+    block = user_block(None, out, ["v"], ["u"], None, "odd")
     with pytest.warns(RuntimeWarning, match=r"np.spacing of a signal .* write it with arithmetic"):
         lg.simulate([block, PLANT], T, {"v": 0.1})

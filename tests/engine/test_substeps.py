@@ -20,8 +20,8 @@ def lone(rate, name="lone", **params):
         ["v"],
         ["y"],
         ["x"],
-        name=name,
-        params=params,
+        name,
+        **params,
     )
 
 

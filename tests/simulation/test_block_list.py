@@ -30,19 +30,13 @@ def swing():
 
 def law(function, inputs, output, dt, name):
     """A block that answers at once, at its ticks where dt > 0."""
-    return user_block(None, lambda t, x, u, p: function(*u), inputs, output, dt=dt, name=name)
+    return user_block(None, lambda t, x, u, p: function(*u), inputs, output, None, name, dt=dt)
 
 
 def summed(dt, source, target, name):
     """target[k] = sum of source over the ticks before k."""
     return user_block(
-        lambda t, x, u, p: x + u,
-        lambda t, x, u, p: x,
-        [source],
-        [target],
-        ["sum"],
-        dt=dt,
-        name=name,
+        lambda t, x, u, p: x + u, lambda t, x, u, p: x, [source], [target], ["sum"], name, dt=dt
     )
 
 
@@ -168,9 +162,10 @@ def test_parameters_stay_arguments(monkeypatch):
         lambda t, x, u, p: p["gain.k"] * u[0],
         ["y"],
         ["u"],
+        None,
+        "gain",
         dt=0.1,
-        params={"gain.k": -1.0},
-        name="gain",
+        **{"gain.k": -1.0},
     )
     blocks, t = [swing(), gain], np.linspace(0, 1, 11)
     simulate(blocks, t, x0=[1.0, 0.0])
@@ -196,7 +191,7 @@ def test_a_loop_through_a_tick_that_is_not_linear_names_its_blocks(wrap, dt):
 @pytest.mark.parametrize("wrap", [lambda f: f, untraceable])
 def test_what_is_no_number_names_block_signal_and_time(wrap):
     root = law(wrap(lambda y: np.sqrt(y)), ["y"], "u", 0.1, "root")
-    down = user_block(lambda t, x, u, p: -1.0 + 0 * u, None, ["u"], ["y"], 1, name="down")
+    down = user_block(lambda t, x, u, p: -1.0 + 0 * u, None, ["u"], ["y"], 1, "down")
     with pytest.raises(Diverged, match="output u of block root is nan at t = 0.6 s"):
         simulate([down, root], [0.0, 1.0], x0=0.55)
 
@@ -209,7 +204,7 @@ def test_a_loop_that_runs_away_is_named():
 
 def test_a_continuous_block_with_a_branch_goes_to_lsoda():
     odd = user_block(
-        lambda t, x, u, p: u[0] - x[0] if x[0] > -9 else 0.0, None, ["u"], ["y"], 1, name="odd"
+        lambda t, x, u, p: u[0] - x[0] if x[0] > -9 else 0.0, None, ["u"], ["y"], 1, "odd"
     )
     hold = law(lambda r: r, ["r"], "u", 0.1, "hold")
     t = np.linspace(0, 1, 11)
@@ -253,8 +248,8 @@ def test_a_long_discrete_system_is_python_controls():
         ["u"],
         ["y"],
         ["x"],
+        "lag",
         dt=0.1,
-        name="lag",
     )
     t = 0.1 * np.arange(1500)
     u = np.random.default_rng(0).standard_normal(1500)

@@ -21,7 +21,7 @@ def integrator(inputs="v", outputs="x"):
 
 def static(function, inputs, outputs, name="static"):
     return user_block(
-        None, lambda t, x, u, p: np.array([function(u)]), inputs, outputs, name=name, dt=None
+        None, lambda t, x, u, p: np.array([function(u)]), inputs, outputs, None, name, dt=None
     )
 
 
@@ -96,7 +96,7 @@ def test_beside_a_sampled_controller_it_is_exact():
     dt, late, gain = 0.01, 0.0137, 4.0
     plant = ct.ss([[-1]], [[1]], [[1]], [[0]], inputs="ud", outputs="y", name="P")
     controller = user_block(
-        None, lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", name="C", dt=dt
+        None, lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", None, "C", dt=dt
     )
     blocks = [plant, controller, lg.dead_time(late, inputs=["u"], outputs=["ud"])]
     t = dt * np.arange(101)

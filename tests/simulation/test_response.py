@@ -26,7 +26,7 @@ _kept: dict[str, Any] = {}  # what another tool found, once for all backends
 
 
 def block(update, output=None, *, inputs=0, outputs=1, states=1, name="block", **options):
-    return user_block(update, output, inputs, outputs, states, name=name, **options)
+    return user_block(update, output, inputs, outputs, states, name, **options)
 
 
 def reference(system, t, u, x0=0.0, *, jump: float = math.inf, method="LSODA", params=None):
@@ -232,8 +232,8 @@ def test_wrong_use_is_said_in_one_sentence() -> None:
 
 def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
     """python-control calls a NaN inside an interconnection an algebraic loop."""
-    root = user_block(None, lambda t, x, u, p: np.sqrt(u[0]), "x", "v", name="root", dt=None)
-    drain = user_block(lambda t, x, u, p: -u[0], None, "v", "x", "x", name="drain")
+    root = user_block(None, lambda t, x, u, p: np.sqrt(u[0]), "x", "v", None, "root", dt=None)
+    drain = user_block(lambda t, x, u, p: -u[0], None, "v", "x", "x", "drain")
     tank = ct.interconnect([root, drain], outputs="x")
     x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
     np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)

@@ -110,8 +110,8 @@ def test_a_tanh_of_ones_own_is_no_sign(a):
         "u",
         "y",
         "y",
-        params={"a": a},
-        name="own",
+        "own",
+        a=a,
     )
     t = np.linspace(0.0, 1.0, 51)
     ours = lg.simulate(own, t, 0.0, 1e-3).outputs

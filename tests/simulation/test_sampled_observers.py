@@ -29,7 +29,7 @@ def along(block, seconds=0.2):
     known = dict(zip(MOTION, motion(t), strict=True))
     F = simulate(lg.friction("lugre"), t, known["w"]).outputs
     known["u"] = F + P.J * known["ddr"]
-    source = user_block(None, lambda t, x, u, p: motion(t), [], list(MOTION), name="motion")
+    source = user_block(None, lambda t, x, u, p: motion(t), [], list(MOTION), None, "motion")
     held, rows = [k for k in ("u",) if k in block.input_labels], list(block.output_labels)
     wired = ct.interconnect(
         [source, block], inputs=held, outputs=rows, params={}, check_unused=False

@@ -24,14 +24,14 @@ def integrator():
         ["u", "d"],
         ["w"],
         ["w"],
-        name="integrator",
+        "integrator",
     )
 
 
 def gain(k):
     """u = k (r - w)."""
     return user_block(
-        None, lambda t, x, u, p: np.array([k * (u[0] - u[1])]), ["r", "w"], ["u"], name="gain"
+        None, lambda t, x, u, p: np.array([k * (u[0] - u[1])]), ["r", "w"], ["u"], None, "gain"
     )
 
 
@@ -162,7 +162,8 @@ def test_an_algebraic_loop_is_refused():
         lambda t, x, u, p: np.array([u[1] - 2.0 * np.tanh(u[0])]),
         ["u", "w"],
         ["u"],
-        name="again",
+        None,
+        "again",
     )
     with pytest.raises(lg.InputError, match="depends on itself"):
         simulate_sampled(integrator(), [again], DT * np.arange(5), x0=[1.0])
@@ -171,7 +172,7 @@ def test_an_algebraic_loop_is_refused():
 def test_an_untraceable_drive_block_is_fine():
     """A quantiser with a Python branch: discrete blocks are called, not traced."""
     bang = user_block(
-        None, lambda t, x, u, p: np.array([-1.0 if u[0] > 0 else 1.0]), ["w"], ["u"], name="bang"
+        None, lambda t, x, u, p: np.array([-1.0 if u[0] > 0 else 1.0]), ["w"], ["u"], None, "bang"
     )
     w = row(simulate_sampled(integrator(), [bang], 0.1 * np.arange(9), x0=[0.25]), "w")
     assert w == pytest.approx([0.25, 0.15, 0.05, -0.05, 0.05, -0.05, 0.05, -0.05, 0.05])

@@ -59,7 +59,7 @@ def car_rate(t, x, u, params):
 
 
 def car(rate=car_rate, **options):
-    return user_block(rate, None, ["throttle", "slope"], ["v"], ["v"], name="car", **options)
+    return user_block(rate, None, ["throttle", "slope"], ["v"], ["v"], "car", **options)
 
 
 def cruise(body):
@@ -70,8 +70,9 @@ def cruise(body):
         ["v_ref", "v"],
         ["throttle"],
         ["sum"],
-        params={"kp": 0.5, "ki": 0.1},
-        name="control",
+        "control",
+        kp=0.5,
+        ki=0.1,
     )
     return ct.interconnect(
         [control, body],
@@ -172,7 +173,7 @@ def hunt(t, x, u, params):
 
 
 def woods():
-    return user_block(hunt, None, ["food"], ["H", "L"], ["H", "L"], name="woods")
+    return user_block(hunt, None, ["food"], ["H", "L"], ["H", "L"], "woods")
 
 
 def test_hares_and_lynxes_with_feedback():
@@ -182,8 +183,9 @@ def test_hares_and_lynxes_with_feedback():
         lambda t, x, u, params: np.where(u[0] < 30, 0.02 * (u[1] - np.maximum(u[0], 10)), 0.0),
         ["L", "goal"],
         ["food"],
+        None,
+        "keeper",
         dt=None,
-        name="keeper",
     )
     whole = ct.interconnect(
         [woods(), keeper], inputs=["goal"], outputs=["H", "L"], params={}, name="park"
@@ -202,7 +204,7 @@ def pendulum(sine=np.sin, cosine=np.cos):
         swing = m * 9.8 * length * sine(x[0]) - damping * x[1] + length * cosine(x[0]) * u[0]
         return [x[1], swing / total]
 
-    return user_block(rate, None, ["u"], ["th", "om"], 2, name="pendulum")
+    return user_block(rate, None, ["u"], ["th", "om"], 2, "pendulum")
 
 
 def balanced(body):
@@ -211,8 +213,9 @@ def balanced(body):
         lambda t, x, u, params: np.clip(-8.0 * (u[0] - u[2]) - 1.0 * u[1], -2.0, 2.0),
         ["th", "om", "goal"],
         ["u"],
+        None,
+        "control",
         dt=None,
-        name="control",
     )
     return ct.interconnect([body, control], inputs=["goal"], outputs=["th", "u"], params={})
 
@@ -248,7 +251,7 @@ def vehicle():
         ["v", "steer"],
         ["x", "y"],
         ["px", "py", "heading"],
-        name="vehicle",
+        "vehicle",
     )
 
 
@@ -259,7 +262,7 @@ def test_a_vehicle_that_changes_lane():
         ["y", "lane"],
         ["steer"],
         ["filtered", "sum"],
-        name="driver",
+        "driver",
     )
     whole = ct.interconnect(
         [vehicle(), lane], inputs=["v", "lane"], outputs=["x", "y", "steer"], params={}, name="road"

@@ -18,7 +18,7 @@ WRONG = pytest.mark.filterwarnings("ignore:.*has the wrong sign:RuntimeWarning")
 
 def textbook():
     """e = reference - measured, the sign of every textbook and not of this package."""
-    return user_block(None, lambda t, x, u, p: u[0] - u[1], ["r", "w"], ["e"], name="compare")
+    return user_block(None, lambda t, x, u, p: u[0] - u[1], ["r", "w"], ["e"], None, "compare")
 
 
 def parts(pi=None, error=None):

@@ -206,7 +206,7 @@ def test_progress_and_reduce() -> None:
 
 def static() -> ct.NonlinearIOSystem:
     """y = a u: nothing to step."""
-    return user_block(None, lambda t, x, u, p: p["a"] * u[0], 1, ["y"], params={"a": 1.0}, name="s")
+    return user_block(None, lambda t, x, u, p: p["a"] * u[0], 1, ["y"], None, "s", a=1.0)
 
 
 def test_a_stream_holds_a_chunk_only() -> None:
@@ -238,8 +238,8 @@ def test_a_system_that_cannot_be_traced_goes_one_by_one() -> None:
         0,
         ["y", "minus"],
         1,
-        params={"k": 1.0},
-        name="branching",
+        "branching",
+        k=1.0,
     )
     rates = np.array([1.0, 2.0])
     with pytest.warns(RuntimeWarning, match="branching.*one by one") as said:
@@ -255,8 +255,8 @@ def test_a_parameter_that_decides_which_equations_there_are() -> None:
         0,
         1,
         ["x"],
-        params={"order": 1},
-        name="staged",
+        "staged",
+        order=1,
     )
     one = lg.sweep(staged, T, None, {"order": [2, 2]}, x0=1.0, states=True)
     assert np.allclose(one["x"], np.exp(-2 * T), rtol=1e-5)
@@ -266,7 +266,7 @@ def test_a_parameter_that_decides_which_equations_there_are() -> None:
 
 
 def test_a_key_without_default_and_a_first_member_out_of_range() -> None:
-    bare = user_block(lambda t, x, u, p: -p["rate"] * x[0], None, 0, 1, ["x"], name="bare")
+    bare = user_block(lambda t, x, u, p: -p["rate"] * x[0], None, 0, 1, ["x"], "bare")
     s = lg.sweep(bare, T, None, {"rate": [1.0, 3.0]}, x0=1.0, states=True)
     assert np.allclose(s["x"], np.exp(-np.array([[1], [3]]) * T), rtol=1e-5)
     with pytest.warns(RuntimeWarning, match="1 of 2 members failed; member 0"):
@@ -303,8 +303,8 @@ def test_a_relay_that_does_not_settle_is_said() -> None:
         0,
         2,
         ["x", "v"],
-        params={"a": 1.0},
-        name="relay",
+        "relay",
+        a=1.0,
     )
     with pytest.warns(RuntimeWarning, match="relay: in 2 members a sign"):
         s = lg.sweep(relay, T, None, {"a": [1.0, 2.0]}, x0=[1e-6, 0.0])
