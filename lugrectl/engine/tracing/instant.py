@@ -74,7 +74,7 @@ def settled(
     """
     places = [(i, j) for i, many in enumerate(counts) for j in range(many)]
     opened = [graph.symbol(f"o{len(graph.nodes)}") for _ in places]
-    rows = respond(_rows(counts, opened))
+    rows = respond(by_block(counts, opened))
     fresh = [rows[i][j] for i, j in places]
     number = {node.index: k for k, node in enumerate(opened)}
     reads = [[number[n.index] for n in reachable([f]) if n.index in number] for f in fresh]
@@ -87,10 +87,11 @@ def settled(
             if own is None:
                 raise Unsolved(sorted({places[k][0] for k in group}))
         final.update(zip(group, own, strict=True))
-    return _rows(counts, [final[k] for k in range(len(places))])
+    return by_block(counts, [final[k] for k in range(len(places))])
 
 
-def _rows(counts: Sequence[int], flat: Sequence[Node]) -> Rows:
+def by_block(counts: Sequence[int], flat: Sequence[Node]) -> Rows:
+    """The nodes in a row for each block, of so many each."""
     ends = np.cumsum([0, *counts])
     return [list(flat[a:b]) for a, b in zip(ends, ends[1:], strict=False)]
 
