@@ -107,3 +107,19 @@ def there(backend: str | None) -> str | None:
 def backend(request: pytest.FixtureRequest) -> str | None:
     """Each way to run lanes."""
     return there(request.param)
+
+
+@pytest.fixture
+def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulations run in plain Python, from nothing that was kept: nothing to compile."""
+    for place in ("adaptive_run", "sampled_run"):
+        monkeypatch.setattr(f"lugrectl.engine.runtime.{place}.compiler", lambda: None)
+    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
+
+
+@pytest.fixture(params=["c", "numba", "python"])
+def way(request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Each way to run a single system."""
+    made_by = None if request.param == "python" else there(request.param)
+    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: made_by)
+    return request.param

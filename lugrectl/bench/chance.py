@@ -16,13 +16,13 @@ from scipy import stats
 from ..blocks.model import Model
 from ..core.display import Row, Shown
 from ..core.errors import InputError, Refused
+from ..core.jobs import JobError, run_jobs
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, plain
 from ..core.validation import whole
 from ..core.views import view
 from ..estimates.members import Members
 from ..hunting import limit_cycles
-from ..parallel.jobs import JobError, run_jobs
 from .believed import believed
 from .member_runs import HUNTS, RESTS, UNDECIDED
 

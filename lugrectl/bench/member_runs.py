@@ -14,8 +14,8 @@ import numpy as np
 from ..blocks import controllers
 from ..blocks.model import Model
 from ..core.errors import Diverged, Refused
+from ..core.jobs import JobError, run_jobs
 from ..core.progress import Progress
-from ..parallel.jobs import JobError, run_jobs
 from ..simulation.encoder import Sensing
 from .loop import FASTEST, SampledLoop, Task
 from .reference import PERIODS, SETTLED, samples, sine

@@ -11,9 +11,9 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from ..core.blas_threads import BLAS
 from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError, NotLoaded
 from ..core.option_names import on_command_line
-from ..parallel.blas_threads import BLAS
 from .options import parser
 from .output import check_picture, say
 

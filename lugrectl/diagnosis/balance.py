@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from ..core.blas_threads import one_blas_thread
 from ..core.errors import Refused
 from ..estimates.balance import Balance
-from ..parallel.blas_threads import one_blas_thread
 from .asked import Asked
 
 

@@ -13,6 +13,7 @@ from ..blocks import AUTO
 from ..blocks.aliases import listed
 from ..blocks.block import members, unit_for
 from ..blocks.model import Model, as_model, changed
+from ..core.blas_threads import one_blas_thread
 from ..core.deadline import within
 from ..core.display import Grid, grid_html, grid_text, number
 from ..core.errors import InputError, Refused
@@ -21,7 +22,6 @@ from ..core.regression import paired
 from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import positive, share, shown
 from ..engine.runtime.threads import each_beside
-from ..parallel.blas_threads import one_blas_thread
 from ..torque_balance.base import alone
 from ..torque_balance.constants import ALPHA, SCALE
 from .asked import Asked, judged_by

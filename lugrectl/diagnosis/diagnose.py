@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.blas_threads import one_blas_thread
 from ..core.deadline import within
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
@@ -15,7 +16,6 @@ from ..core.validation import positive, share
 from ..estimates.comparison import Comparison
 from ..estimates.findings import Candidate, Estimate, Finding
 from ..estimates.members import Belief
-from ..parallel.blas_threads import one_blas_thread
 from ..torque_balance.budget import comparison, refuse_unjudged, signals
 from ..torque_balance.constants import ALPHA, FLOOR
 from ..torque_balance.model_values import completed

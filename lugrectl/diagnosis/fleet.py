@@ -18,15 +18,15 @@ from ..blocks import AUTO
 from ..blocks.aliases import block_named, name_of
 from ..blocks.model import Model, as_model
 from ..blocks.sent_model import Sent
+from ..core.blas_threads import one_thread_each
 from ..core.display import Row, Shown
 from ..core.errors import InputError, Refused
+from ..core.jobs import JobError, run_jobs
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, plain
 from ..core.validation import positive, share, shown
 from ..core.views import view
-from ..parallel.blas_threads import one_thread_each
-from ..parallel.jobs import JobError, run_jobs
 from ..record import Record, read_log
 from ..record.as_record import is_last, is_record, record_files, there
 from ..record.columns.table import is_table, source_of

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..blocks.model import Model
+from ..core.blas_threads import one_blas_thread
 from ..core.display import Row, estimated
 from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
 from ..estimates.fitted import Fitted
-from ..parallel.blas_threads import one_blas_thread
 from ..torque_balance.base import alone
 from ..torque_balance.constants import FLOOR
 from .asked import Asked, judged_by

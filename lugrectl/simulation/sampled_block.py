@@ -137,19 +137,19 @@ def sampled(
         raise InputError(f"substep = {longest:g} s is less than dt/{MOST:g}.")
     step = _Step(system, float(dt), tuple(s in keep for s in labels), float(longest))
     step.substeps.affine(system.params)  # what cannot be evaluated is refused here
-    return in_steps(step, _Answer(step), name)
+    return in_steps(step, name)
 
 
-def in_steps(step: Any, answer: Any, name: str | None = None) -> ct.NonlinearIOSystem:
+def in_steps(step: Any, name: str | None = None) -> ct.NonlinearIOSystem:
     """The discrete block of a step of a continuous one.
 
     ``step`` has the ``system``, ``dt`` in s, and ``state(t, s, v, params)``, the system's states
-    at the sample that is being taken; ``answer`` is the output function.
+    at the sample that is being taken.
     """
     system = step.system
     return BlockSystem(
         _Moved(step),
-        answer,
+        _Answer(step),
         inputs=list(system.input_labels),
         outputs=list(system.output_labels),
         states=[*system.state_labels, *(f"last_{s}" for s in system.input_labels), "begun"],
@@ -197,9 +197,12 @@ class _Step:
         """The states of the system at the sample that is being taken."""
         n = int(self.system.nstates)
         s, v = np.asanyarray(s), np.asanyarray(v)
+
+        def rates(x: Any, inputs: Any) -> Any:
+            return signals(self.system.updfcn(inputs[0], x, inputs[1:], params))
+
         before = signals([t - self.dt, *s[n:-1]])
         now = signals([t, *np.where(np.array(self.held, dtype=bool), s[n:-1], v)])
-        rates = _functions(self.system)(params)[0]
         if object in (before.dtype, now.dtype):  # the engine follows the equations
             self.substeps.again()
             if not self.substeps.affine(params):
@@ -248,8 +251,10 @@ class _Answer(OfStep):
     """The output function of a sampled block."""
 
     def __call__(self, t: float, s: Any, v: Any, params: Any) -> np.ndarray:
-        _, outputs = _functions(self.step.system)(params)
-        return outputs(self.step.state(t, s, v, params), np.array([t, *v]))
+        system, x = self.step.system, self.step.state(t, s, v, params)
+        if system.outfcn is None:
+            return x[: system.noutputs]
+        return signals(system.outfcn(t, x, signals(v), params))
 
 
 def advance(
@@ -430,23 +435,6 @@ def _phi(x: Any) -> tuple[Any, Any]:
     one = np.expm1(far) / far
     two = np.where(small, 0.5 + near * three, (one - 1.0) / far)
     return np.where(small, 1.0 + near * two, one), two
-
-
-def _functions(system: Any) -> Callable[[Any], tuple[Any, Any]]:
-    """Rates and outputs as functions of the states and the inputs; the first input is time."""
-
-    def evaluate(params: Any) -> tuple[Any, Any]:
-        def rates(x: Any, v: Any) -> Any:
-            return signals(system.updfcn(v[0], x, v[1:], params))
-
-        def outputs(x: Any, v: Any) -> Any:
-            if system.outfcn is None:
-                return x[: system.noutputs]
-            return signals(system.outfcn(v[0], x, v[1:], params))
-
-        return rates, outputs
-
-    return evaluate
 
 
 def signals(values: Any) -> np.ndarray:

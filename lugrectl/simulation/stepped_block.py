@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..engine.runtime.substeps import Substeps
-from .sampled_block import OfStep, in_steps, sampled, signals, usually_held
+from .sampled_block import in_steps, sampled, signals, usually_held
 
 MOST = 24  # Runge-Kutta steps in a sample
 REACH = 1.2  # of a rate times the length of a step; the method is stable up to 2.7
@@ -32,7 +32,7 @@ def at_samples(block: Any, dt: float, points: Sequence[Mapping[str, float]]) -> 
         return sampled(block, dt)
     held = usually_held(block)
     step = _Step(block, dt, max(steps, 2), tuple(s in held for s in block.input_labels))
-    return in_steps(step, _Answer(step))
+    return in_steps(step)
 
 
 def _rate(block: Any, points: Sequence[Mapping[str, float]]) -> float:
@@ -79,11 +79,3 @@ class _Step:
             k4 = rates(x + h * k3, end)
             x = x + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         return signals(np.where(signals(s[-1:])[0] < 0.5, start, x))
-
-
-class _Answer(OfStep):
-    """The output function."""
-
-    def __call__(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
-        state = self.step.state(t, s, v, params)
-        return self.step.system.outfcn(t, state, signals(v), params)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..parallel.jobs import JobError
+from ..core.jobs import JobError
 from .prepare import Prepared
 from .sweep_result import Sweep
 from .worker import Block

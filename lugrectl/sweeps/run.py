@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from ..core import validation
 from ..core.errors import InputError
+from ..core.jobs import JobError, Progress, run_jobs
 from ..core.progress import Bar, Wanted, bar_for, reporter, shows_progress
 from ..engine.runtime.backend import threads
-from ..parallel.jobs import JobError, Progress, run_jobs
 from .gather import Gathered
 from .prepare import Prepared, prepare, sendable
 from .sweep_result import Sweep

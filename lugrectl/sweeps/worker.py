@@ -11,10 +11,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..core.errors import Diverged, InputError
+from ..core.jobs import JobError
 from ..engine.runtime.adaptive_run import Portable
 from ..engine.runtime.course import Accuracy, Course
 from ..engine.runtime.endings import bounded, first_bad
-from ..parallel.jobs import JobError
 from ..simulation import arguments
 from ..simulation.response import simulate
 

@@ -152,7 +152,7 @@ def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
     w = 0.1 * np.sin(20 * t)
     given = np.array([w, 0.3 * np.sign(w)])
     fine, quick = (lg.simulate(b, t, given).outputs[0] for b in (lg.sampled(block, 1e-3), made))
-    assert type(made.outfcn).__module__ == "lugrectl.simulation.stepped_block"
+    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.stepped_block"
     assert np.abs(fine).max() > 0.2
     assert np.abs(fine - quick).max() < 1e-3
 

@@ -8,8 +8,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
+from lugrectl.core.jobs import run_jobs
 from lugrectl.core.option_names import on_command_line, option
-from lugrectl.parallel.jobs import run_jobs
 
 from ..cases.logs import machine
 

@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY, P
 from lugrectl.blocks.sent_model import Sent
+from lugrectl.core import blas_threads
+from lugrectl.core.blas_threads import one_thread_each
 from lugrectl.core.errors import InputError, Refused
 from lugrectl.diagnosis import fleet as fleet_module
 from lugrectl.diagnosis.fleet import Outcome, run_each
 from lugrectl.diagnosis.result import VERDICTS
-from lugrectl.parallel import blas_threads
-from lugrectl.parallel.blas_threads import one_thread_each
 from lugrectl.record.as_record import record_files
 from lugrectl.report import fleet_page
 

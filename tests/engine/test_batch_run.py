@@ -17,8 +17,8 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import InputError
 from lugrectl.engine import Lanes
-from lugrectl.engine.runtime import disk_cache
 
+from ..cases.own import user_block
 from ..cases.systems import DT, full_model, torque, velocity_loop
 
 
@@ -84,15 +84,7 @@ def test_static_friction_laws_through_zero_speed(law: str) -> None:
 
 def lag_block() -> ct.NonlinearIOSystem:
     """dx/dt = a (u - x): a step of length h is x + (1 - e^(-a h)) (u - x)."""
-    return ct.nlsys(
-        lambda t, x, u, p: p["a"] * (u[0] - x[0]),
-        None,
-        inputs="u",
-        outputs="x",
-        states="x",
-        params={"a": 40.0},
-        name="lag",
-    )
+    return user_block(lambda t, x, u, p: p["a"] * (u[0] - x[0]), None, "u", "x", "x", "lag", a=40.0)
 
 
 def test_correction_is_made_before_the_interval(backend: str) -> None:
@@ -139,14 +131,14 @@ def test_rows_for_substeps_and_input_sets(backend: str) -> None:
 
 def test_a_step_in_time_counts_by_its_share(backend: str) -> None:
     """dx/dt = 1 from t0 on: the integral is exact for any t0 in the step."""
-    block = ct.nlsys(
+    block = user_block(
         lambda t, x, u, p: np.where(t >= p["t0"], 1.0, 0.0) + 0.0 * x[0],
         None,
-        inputs=0,
-        outputs="x",
-        states="x",
-        params={"t0": 0.0},
-        name="late",
+        0,
+        "x",
+        "x",
+        "late",
+        t0=0.0,
     )
     lanes = Lanes(block, backend=backend)
     late = np.array([0.0, 0.0031, 0.00425, 0.005, 1.0])
@@ -155,14 +147,8 @@ def test_a_step_in_time_counts_by_its_share(backend: str) -> None:
 
 
 def test_one_lane_that_blows_up_leaves_the_others_alone(backend: str) -> None:
-    block = ct.nlsys(
-        lambda t, x, u, p: p["a"] * x[0] ** 3 + u[0],
-        None,
-        inputs="u",
-        outputs="x",
-        states="x",
-        params={"a": -1.0},
-        name="cubic",
+    block = user_block(
+        lambda t, x, u, p: p["a"] * x[0] ** 3 + u[0], None, "u", "x", "x", "cubic", a=-1.0
     )
     lanes = Lanes(block, backend=backend)
     p = np.array([[-1.0], [1e6], [-1.0]])
@@ -177,14 +163,14 @@ def test_one_lane_that_blows_up_leaves_the_others_alone(backend: str) -> None:
 
 def test_a_run_without_hope_gives_up_its_error_control() -> None:
     """Its right side is noise at any step: 10,000 steps a sample would be four million here."""
-    block = ct.nlsys(
+    block = user_block(
         lambda t, x, u, p: p["a"] * np.where(np.cos(1e9 * x[0]) > 0.0, 1.0, -1.0) - x[0],
         None,
-        inputs=0,
-        outputs="x",
-        states="x",
-        params={"a": 0.0},
-        name="noise",
+        0,
+        "x",
+        "x",
+        "noise",
+        a=0.0,
     )
     lanes = Lanes(block, backend="numpy")
     before = time.process_time()
@@ -210,14 +196,7 @@ def test_friction_that_no_machine_has_ends_in_time() -> None:
 
 def test_order_four_without_step_control(backend: str) -> None:
     """dx/dt = -x^2 cos t has x = 1/(1 + sin t): halving the step divides the error by 16."""
-    block = ct.nlsys(
-        lambda t, x, u, p: -(x[0] ** 2) * np.cos(t),
-        None,
-        inputs=0,
-        outputs="x",
-        states="x",
-        name="riccati",
-    )
+    block = user_block(lambda t, x, u, p: -(x[0] ** 2) * np.cos(t), None, 0, "x", "x", "riccati")
     lanes = Lanes(block, backend=backend)
     errors = []
     for substeps in (1, 2, 4):
@@ -278,18 +257,3 @@ def test_a_second_process_finds_the_compiled_code(tmp_path) -> None:
     ]
     assert counts == [["0", "1"], ["1", "0"]]
     assert [path.suffix for path in tmp_path.glob("*.p*")] == [".py"]
-
-
-def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch) -> None:
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
-    assert disk_cache.cache_dir().is_dir()
-
-
-def test_a_full_cache_drops_its_older_half(tmp_path) -> None:
-    for age in range(6):
-        path = tmp_path / f"lugrectl_numba_{age}.py"
-        path.write_text("")
-        os.utime(path, (age, age))
-    disk_cache.make_room(tmp_path, most=6)
-    assert sorted(p.stem[-1] for p in tmp_path.iterdir()) == ["3", "4", "5"]

@@ -19,7 +19,7 @@ import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
 from lugrectl.engine.codegen.python_source import summed
-from lugrectl.engine.runtime import c_compiler, disk_cache
+from lugrectl.engine.runtime import c_compiler
 from lugrectl.engine.runtime.c_compiler import Native, has_compiler
 
 needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
@@ -181,20 +181,6 @@ def test_a_long_sum_is_not_deep() -> None:
 def test_arrays_in_another_order_are_refused() -> None:
     with pytest.raises(TypeError, match="argument 0"):
         Native("def run(a):\n    pass\n")(np.zeros((3, 2)).T)
-
-
-def test_an_array_comes_with_its_lengths() -> None:
-    text = c_code("def run(a, b):\n    a[1, 2] = b\n", [Kind("d", ("m", "n")), NUMBER])
-    assert "double *restrict a_, int64_t m, int64_t n, double b_" in text
-    assert "a_[(1 * n + 2)] = b_;" in text
-
-
-def test_a_full_cache_drops_libraries_too(tmp_path) -> None:
-    for age, name in enumerate(("lugrectl_a.c", "lugrectl_a.so", "lugrectl_b.py")):
-        (tmp_path / name).write_text("")
-        os.utime(tmp_path / name, (age, age))
-    disk_cache.make_room(tmp_path, most=2)
-    assert [p.name for p in tmp_path.iterdir()] == ["lugrectl_b.py"]
 
 
 def test_threads_write_c_at_the_same_time(often_interrupted) -> None:

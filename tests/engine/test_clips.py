@@ -1,6 +1,5 @@
 """Loops through clips, and an if that chatters."""
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -8,12 +7,14 @@ import lugrectl as lg
 from lugrectl.core.errors import Diverged
 from lugrectl.engine import AlgebraicLoop
 
+from ..cases.own import user_block
+
 T = np.linspace(0, 1, 41)
 R = 3 * np.sin(6 * T)
 
 
 def static(name, inputs, outputs, function):
-    return ct.nlsys(None, function, inputs=inputs, outputs=outputs, name=name, dt=None)
+    return user_block(None, function, inputs, outputs, None, name, dt=None)
 
 
 def clip(t, x, u, params):
@@ -29,7 +30,7 @@ def loop(law, gain):
     return [
         static("law", ["a"], ["b"], law),
         static("sum", ["r", "b"], ["a"], lambda t, x, u, p: u[0] - gain * u[1]),
-        ct.nlsys(lambda t, x, u, p: u - x, None, inputs=["b"], outputs=["y"], states=1, name="lag"),
+        user_block(lambda t, x, u, p: u - x, None, ["b"], ["y"], 1, "lag"),
     ]
 
 
@@ -74,13 +75,8 @@ def test_absolute_values_and_two_unknowns_at_once():
 )
 @pytest.mark.filterwarnings("ignore:block relay:RuntimeWarning")
 def test_an_if_that_chatters_ends_with_a_sentence(method, hold):
-    relay = ct.nlsys(
-        lambda t, x, u, p: [-1.0 if x[0] > u[0] else 1.0],
-        None,
-        inputs=["u"],
-        outputs=["x"],
-        states=1,
-        name="relay",
+    relay = user_block(
+        lambda t, x, u, p: [-1.0 if x[0] > u[0] else 1.0], None, ["u"], ["x"], 1, "relay"
     )
     with pytest.raises(Diverged, match=r"relay: a comparison .* near t = 0\.5"):
         lg.simulate(relay, T, 0 * T, [0.5], method=method, hold=hold)

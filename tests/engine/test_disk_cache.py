@@ -90,6 +90,22 @@ def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypa
     assert len(said) == 1
 
 
+def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
+    assert disk_cache.cache_dir().is_dir()
+
+
+def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
+    for age, name in enumerate("a.c b.py c.c d.py".split()):
+        for file in (f"lugrectl_{name}", f"lugrectl_{name[0]}.so"):
+            (tmp_path / file).write_text("")
+            os.utime(tmp_path / file, (age, age))
+    disk_cache.make_room(tmp_path, most=4)
+    left = sorted(p.name for p in tmp_path.iterdir())
+    assert left == ["lugrectl_c.c", "lugrectl_c.so", "lugrectl_d.py", "lugrectl_d.so"]
+
+
 def run(folder):
     there = dict(os.environ) | {"LUGRECTL_CACHE": str(folder)}
     return subprocess.Popen([sys.executable, "-c", USE], env=there, stdout=subprocess.PIPE)

@@ -12,6 +12,7 @@ import lugrectl as lg
 from lugrectl.engine.runtime.memo import compiled_system
 
 from ..benchmarks import item
+from ..cases.own import user_block
 
 T = np.linspace(0, 5, 11)
 
@@ -30,7 +31,7 @@ def exact(start, t):
 @pytest.mark.parametrize("start", [1.0, 1e3, 1e6, -3e6])
 @pytest.mark.parametrize("points", [3, 11, 501])
 def test_a_small_motion_after_a_large_start_is_right(start, points):
-    system = ct.nlsys(lag, None, inputs="u", outputs="y", states="y", name="lag")
+    system = user_block(lag, None, "u", "y", "y", "lag")
     t = np.linspace(0, 5, points)
     late = t >= 1.0
     error = lg.simulate(system, t, 0.0, [start]).outputs - exact(start, t)
@@ -40,13 +41,13 @@ def test_a_small_motion_after_a_large_start_is_right(start, points):
 @pytest.mark.parametrize("plateau", [1e3, 1e6])
 def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
     """The stay may be long: what counts is how fast the state fell."""
-    pulled = ct.nlsys(
+    pulled = user_block(
         lambda t, x, u, p: np.array([-50 * (x[0] - u[0] - np.sin(20 * t))]),
         None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        name="pulled",
+        "u",
+        "y",
+        "y",
+        "pulled",
     )
     t = np.linspace(0, 8, 801)
     y = lg.simulate(pulled, t, np.where(t < 3, plateau, 0.0), hold=True).outputs
@@ -69,13 +70,13 @@ def test_a_zero_crossing_does_not_shorten_the_steps():
 def test_beside_a_large_state_a_small_one_is_right():
     """Two lags with states of 1e6 and 1e-3: both to about rtol."""
     size = np.array([1e6, 1e-3])
-    both = ct.nlsys(
+    both = user_block(
         lambda t, x, u, p: np.array([size[k] * np.cos(3 * t) - x[k] for k in (0, 1)]),
         None,
-        inputs="u",
-        outputs=["a", "b"],
-        states=["a", "b"],
-        name="both",
+        "u",
+        ["a", "b"],
+        ["a", "b"],
+        "both",
     )
     t = np.linspace(0, 6, 61)
     right = 0.1 * (np.cos(3 * t) + 3 * np.sin(3 * t) - np.exp(-t))
@@ -92,13 +93,13 @@ def test_atol_is_the_error_near_zero():
         return np.array([-math.atan(x[0]) - 400 * x[1], x[0]])  # math: LSODA runs it
 
     names = ["y", "z"]
-    system = ct.nlsys(counted, None, inputs="u", outputs=names, states=names, name="swing")
+    system = user_block(counted, None, "u", names, names, "swing")
     for atol in (None, 1e-3):
         calls.append(0)
         with pytest.warns(RuntimeWarning, match="LSODA"):
             lg.simulate(system, T, 0.0, [1e-2, 0.0], atol=atol)
     assert calls[1] < 0.5 * calls[0]
-    traced = ct.nlsys(lag, None, inputs="u", outputs="y", states="y", name="lag")
+    traced = user_block(lag, None, "u", "y", "y", "lag")
     loose = lg.simulate(traced, T, 0.0, [1.0], atol=0.1).outputs - exact(1.0, T)
     fine = lg.simulate(traced, T, 0.0, [1.0]).outputs - exact(1.0, T)
     assert np.abs(fine).max() < 1e-6 < np.abs(loose).max()
@@ -106,16 +107,14 @@ def test_atol_is_the_error_near_zero():
 
 @pytest.mark.parametrize("atol", [-1.0, 0.0, math.nan, "x"])
 def test_a_wrong_atol_is_one_sentence(atol):
-    system = ct.nlsys(lag, None, inputs="u", outputs="y", states="y", name="lag")
+    system = user_block(lag, None, "u", "y", "y", "lag")
     with pytest.raises(lg.InputError, match="atol"):
         lg.simulate(system, T, 0.0, atol=atol)
 
 
 @pytest.mark.parametrize("blocks", [lambda b: b, lambda b: [b]])
 def test_a_block_without_states_that_cannot_be_traced_answers(blocks):
-    soft = ct.nlsys(
-        None, lambda t, x, u, p: np.array([math.tanh(u[0])]), inputs="v", outputs="y", name="soft"
-    )
+    soft = user_block(None, lambda t, x, u, p: np.array([math.tanh(u[0])]), "v", "y", None, "soft")
     t = np.linspace(0, 1, 11)
     with pytest.warns(RuntimeWarning, match="turned into a number"):
         found = lg.simulate(blocks(soft), t, {"v": t})
@@ -131,15 +130,10 @@ def test_a_memory_is_noticed_beside_a_stiff_block_as_alone(rate):
         memory["n"] += not hasattr(u[0], "op")
         return 0.1 * u[0] + 1e-3 * (memory["n"] % 2)
 
-    stiff = ct.nlsys(
-        lambda t, x, u, p: np.array([-rate * (x[0] - u[0])]),
-        None,
-        inputs="u",
-        outputs="v",
-        states="v",
-        name="stiff",
+    stiff = user_block(
+        lambda t, x, u, p: np.array([-rate * (x[0] - u[0])]), None, "u", "v", "v", "stiff"
     )
-    toggles = ct.nlsys(None, flips, inputs="v", outputs="y", name="flips")
+    toggles = user_block(None, flips, "v", "y", None, "flips")
     loop = ct.interconnect([stiff, toggles], inputs="u", outputs="y")
     with pytest.warns(RuntimeWarning, match="flips: the traced equation of y differs"):
         try:
@@ -150,12 +144,12 @@ def test_a_memory_is_noticed_beside_a_stiff_block_as_alone(rate):
 
 def test_terms_that_cancel_are_no_memory():
     """Two large terms of different order of addition: rounding, no difference."""
-    gain = ct.nlsys(
+    gain = user_block(
         lambda t, x, u, p: np.array([1e9 * (x[0] + 0.3) - 1e9 * x[0] - 3e8 + u[0]]),
         None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        name="cancels",
+        "u",
+        "y",
+        "y",
+        "cancels",
     )
     lg.simulate(gain, np.linspace(0, 1, 5), 1.0)

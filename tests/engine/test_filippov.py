@@ -11,30 +11,14 @@ import pytest
 from scipy.optimize import brentq
 
 import lugrectl as lg
-from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.adaptive_run import Adaptive
 from lugrectl.engine.tracing.tracer import trace
 
-from ..conftest import there
+from ..cases.own import user_block
+
+pytestmark = pytest.mark.usefixtures("interpreted")
 
 J, FC = 0.3, 0.7
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plain Python where a test does not ask for both backends: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
-
-
-@pytest.fixture(params=["python", "numba", "c"])
-def backend(
-    request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch
-) -> str:
-    """Each way to run a single system."""
-    made_by = None if request.param == "python" else there(request.param)
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
-    return request.param
 
 
 def two_conditions(w: Any) -> Any:
@@ -43,18 +27,18 @@ def two_conditions(w: Any) -> Any:
 
 def drive(side: Callable[[Any], Any] = np.sign) -> ct.NonlinearIOSystem:
     """J dw/dt = u - Fc sign(w), dtheta/dt = w; puts out theta, w and the friction."""
-    return ct.nlsys(
+    return user_block(
         lambda t, x, u, p: np.array([x[1], (u[0] - FC * side(x[1])) / J]),
         lambda t, x, u, p: np.array([x[0], x[1], FC * side(x[1])]),
-        states=["theta", "w"],
-        inputs="u",
-        outputs=["angle", "speed", "friction"],
-        name="drive",
+        "u",
+        ["angle", "speed", "friction"],
+        ["theta", "w"],
+        "drive",
     )
 
 
 @pytest.mark.parametrize("side", [np.sign, two_conditions])
-def test_a_ramped_torque_breaks_away_at_Fc(backend: str, side: Callable[[Any], Any]) -> None:
+def test_a_ramped_torque_breaks_away_at_Fc(way: str, side: Callable[[Any], Any]) -> None:
     """u = c t: at rest to t0 = Fc/c, then w = c (t - t0)^2 / 2 J; the friction holds u."""
     c, t = 0.5, np.linspace(0.0, 3.0, 32)
     ours = lg.simulate(drive(side), t, c * t)
@@ -89,13 +73,8 @@ def test_a_held_torque_frees_it_at_once() -> None:
 def test_a_sine_above_Fc_rests_twice_a_period() -> None:
     """Moves from a = arcsin(Fc/A) to where A (cos a - cos t) = Fc (t - a), rests to pi + a."""
     A, t = 0.75, np.linspace(0.0, 2 * np.pi, 201)
-    swing = ct.nlsys(
-        lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J,
-        None,
-        states=1,
-        inputs=0,
-        outputs=1,
-        name="swing",
+    swing = user_block(
+        lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, None, 0, 1, 1, "swing"
     )
     w = lg.simulate(swing, t, rtol=1e-9).states[0]
     a = np.arcsin(FC / A)
@@ -124,7 +103,7 @@ def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:
         level = np.where(np.abs(slip) < narrow, Fs, Fk)
         return np.array([x[1], (-k * x[0] - level * np.sign(slip)) / m])
 
-    belt = ct.nlsys(update, None, states=2, inputs=0, outputs=2, name="belt")
+    belt = user_block(update, None, 0, 2, 2, "belt")
     tau = np.sqrt(2 * m * narrow / k / v)
     x1 = Fs / k + v * tau
     phi = np.arctan2(v * np.sqrt(m * k), k * x1 - Fk)
@@ -144,7 +123,7 @@ def test_bodies_that_grip_each_other_move_as_one() -> None:
         F = FC * np.sign(x[0] - x[1])
         return np.array([(u[0] - F) / J1, F / J2])
 
-    grip = ct.nlsys(update, None, states=2, inputs=1, outputs=2, name="grip")
+    grip = user_block(update, None, 1, 2, 2, "grip")
     t = np.linspace(0.0, 2.0, 21)
     w = lg.simulate(grip, t, 0.2, [1.0, 0.0]).states
     together = 1.0 / (FC / J1 + FC / J2 - 0.2 / J1)
@@ -155,9 +134,7 @@ def test_bodies_that_grip_each_other_move_as_one() -> None:
 
 def test_a_relay_follows_a_moving_input() -> None:
     """dx/dt = 3 sign(u - x), |du/dt| < 3: x = u once it is there."""
-    relay = ct.nlsys(
-        lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), None, states=1, inputs=1, outputs=1, name="r"
-    )
+    relay = user_block(lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), None, 1, 1, 1, "r")
     t = np.linspace(0.0, 4.0, 81)
     u = np.sin(t)
     x = lg.simulate(relay, t, u, 0.5).states[0]
@@ -174,7 +151,7 @@ def test_two_relays_that_act_on_each_other() -> None:
     t = np.linspace(0.0, 6.0, 61)
     u = 1.1 * np.exp(-0.3 * t) * np.sin(2.0 * t)
     sharp, smooth = (
-        ct.nlsys(rates(side), None, states=2, inputs=1, outputs=2, name="shafts")
+        user_block(rates(side), None, 1, 2, 2, "shafts")
         for side in (np.sign, lambda w: np.tanh(w / 1e-5))
     )
     ours = lg.simulate(sharp, t, u, [0.3, -0.2], rtol=1e-8).states
@@ -196,7 +173,7 @@ def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) 
         def update(t: Any, x: Any, u: Any, p: Any) -> Any:
             return A @ x + b @ np.array([side(c[0] @ x), side(c[1] @ x)]) + g * u[0]
 
-        return ct.nlsys(update, None, states=3, inputs=1, outputs=3, name="relays")
+        return user_block(update, None, 1, 3, 3, "relays")
 
     t = np.linspace(0.0, 4.0, 41)
     u = 1.5 * np.sin(2.3 * t) + 0.3
@@ -215,20 +192,20 @@ def test_friction_models_of_the_library_come_near_it() -> None:
     np.testing.assert_allclose(ours, lugre, atol=1e-3 * np.max(lugre))
 
 
-def test_rest_takes_few_steps_and_stays_through_a_loop(backend: str) -> None:
+def test_rest_takes_few_steps_and_stays_through_a_loop(way: str) -> None:
     """A PI that winds up against Coulomb friction: long rests, each sample in one step."""
-    pi = ct.nlsys(
+    pi = user_block(
         lambda t, x, u, p: 0.2 - u[0],
         lambda t, x, u, p: 2.0 * x[0] + 0.5 * (0.2 - u[0]),
-        inputs="speed",
-        outputs="u",
-        states="q",
-        name="pi",
+        "speed",
+        "u",
+        "q",
+        "pi",
     )
     loop = ct.interconnect(
         [drive(), pi], inputs=[], outputs=["speed", "u", "friction"], check_unused=False
     )
-    engine, t = Adaptive(trace(loop), backend), np.linspace(0.0, 20.0, 401)
+    engine, t = Adaptive(trace(loop), way), np.linspace(0.0, 20.0, 401)
     x0, none = np.array([0.0, -0.5, 0.0]), np.empty((0, len(t)))
     run = engine.run(t, none, x0, np.empty(0), hold=True, rtol=1e-6)
     assert np.isnan(run.unsettled) and run.steps < 1500

@@ -9,11 +9,13 @@ from lugrectl.engine.expression.affine import affine, solve
 from lugrectl.engine.expression.graph import Graph, evaluate
 from lugrectl.simulation.response import simulate
 
+from ..cases.own import user_block
+
 T = np.arange(0, 0.3, 1e-3)
 
 
 def static(name, inputs, output, function, **params):
-    return ct.nlsys(None, function, inputs=inputs, outputs=[output], name=name, params=params)
+    return user_block(None, function, inputs, [output], None, name, **params)
 
 
 def last(response, label):
@@ -23,13 +25,13 @@ def last(response, label):
 def two_channels():
     """dy/dt = (y + r) - y = r: p passes at once, y follows b through a state."""
     through = static("i1", ["a"], "p", lambda t, x, u, params: u[0])
-    lag = ct.nlsys(
+    lag = user_block(
         lambda t, x, u, params: [u[0] - x[0]],
         lambda t, x, u, params: [x[0]],
-        inputs=["b"],
-        outputs=["y"],
-        states=["x"],
-        name="i2",
+        ["b"],
+        ["y"],
+        ["x"],
+        "i2",
     )
     inner = ct.interconnect([through, lag], inputs=["a", "b"], outputs=["p", "y"], name="inner")
     pass_on = static("g", ["p"], "b", lambda t, x, u, params: u[0])
@@ -39,13 +41,13 @@ def two_channels():
 
 def switched():
     """Feed-through only where |x| is beyond 1e9."""
-    limited = ct.nlsys(
+    limited = user_block(
         lambda t, x, u, params: [-x[0] + u[0]],
         lambda t, x, u, params: [np.where(np.abs(x[0]) > 1e9, u[0], x[0])],
-        inputs=["v"],
-        outputs=["y"],
-        states=["x"],
-        name="limited",
+        ["v"],
+        ["y"],
+        ["x"],
+        "limited",
     )
     return [limited, static("cmp", ["y", "r"], "v", lambda t, x, u, params: u[1] - u[0])]
 
@@ -123,13 +125,13 @@ def test_every_solver_takes_a_loop_that_has_an_answer(method, hold):
 
 @pytest.mark.filterwarnings("ignore:block slow:RuntimeWarning")
 def test_a_loop_beside_a_block_that_cannot_be_traced():
-    slow = ct.nlsys(
+    slow = user_block(
         lambda t, x, u, params: [u[0] - x[0] if u[0] > -1e3 else 0.0],
         None,
-        inputs=["y"],
-        outputs=["late"],
-        states=["late"],
-        name="slow",
+        ["y"],
+        ["late"],
+        ["late"],
+        "slow",
     )
     t = T[:40]
     found = last(simulate([*lags(), slow], t, {"r": 1.0}), "y")
@@ -140,22 +142,17 @@ def test_a_loop_beside_a_block_that_cannot_be_traced():
 @pytest.mark.parametrize("samples", [50, 3000])
 def test_sampled_loops_are_solved_too(samples):
     """A discrete system on its own, called or traced: q+ = 0.5 q + v, v = r - 0.5 (v + q)."""
-    lag = ct.nlsys(
+    lag = user_block(
         lambda t, x, u, params: [0.5 * x[0] + u[0]],
         lambda t, x, u, params: [0.5 * (u[0] + x[0])],
-        inputs=["v"],
-        outputs=["y"],
-        states=["q"],
-        name="lag",
+        ["v"],
+        ["y"],
+        ["q"],
+        "lag",
         dt=0.1,
     )
-    minus = ct.nlsys(
-        None,
-        lambda t, x, u, params: u[1] - u[0],
-        inputs=["y", "r"],
-        outputs=["v"],
-        name="m",
-        dt=0.1,
+    minus = user_block(
+        None, lambda t, x, u, params: u[1] - u[0], ["y", "r"], ["v"], None, "m", dt=0.1
     )
     system = ct.interconnect([lag, minus], inputs=["r"], outputs=["v"])
     v = simulate(system, 0.1 * np.arange(samples), 1.0).outputs
@@ -169,20 +166,20 @@ def test_sampled_loops_are_solved_too(samples):
 @pytest.mark.parametrize("traced", [True, False])
 def test_two_channels_between_sampled_and_continuous_blocks(traced):
     """w = u1 at once, u1 = w2 at once, w2 through a state: a chain through one block twice."""
-    two = ct.nlsys(
+    two = user_block(
         lambda t, x, u, params: [u[1]],
         lambda t, x, u, params: [u[0], x[0]],
-        inputs=["a", "b"],
-        outputs=["p", "q"],
-        states=["x"],
-        name="two",
+        ["a", "b"],
+        ["p", "q"],
+        ["x"],
+        "two",
     )
     back = static("back", ["q"], "a", lambda t, x, u, params: u[0])
 
     def drive(t, x, u, params):
         return np.array([1.0 - u[0] if traced or u[0] > -1e9 else 0.0])
 
-    held = ct.nlsys(None, drive, inputs=["p"], outputs=["b"], name="held", dt=0.1)
+    held = user_block(None, drive, ["p"], ["b"], None, "held", dt=0.1)
     response = simulate([held, back, two], 0.1 * np.arange(4))
     q = response.outputs[list(response.output_labels).index("q")]
     assert q == pytest.approx(1 - 0.9 ** np.arange(4))
@@ -218,13 +215,13 @@ def test_a_gain_of_the_call_that_leaves_no_answer_is_refused():
 
 def test_a_value_that_exists_at_large_signals_only_is_no_fault(recwarn):
     """log(v - 100): nothing to compare at usual sizes, so larger ones are tried."""
-    block = ct.nlsys(
+    block = user_block(
         lambda t, x, u, params: [-np.log(u[0] - 100.0) * x[0]],
         lambda t, x, u, params: [x[0]],
-        inputs=["v"],
-        outputs=["x"],
-        states=["x"],
-        name="narrow",
+        ["v"],
+        ["x"],
+        ["x"],
+        "narrow",
     )
     response = simulate(block, [0.0, 0.5, 1.0], 100.0 + np.e, 1.0)
     assert response.outputs == pytest.approx(np.exp([0.0, -0.5, -1.0]), rel=1e-5)

@@ -8,32 +8,26 @@ import pytest
 
 from lugrectl.core.errors import Diverged
 from lugrectl.engine import AlgebraicLoop
-from lugrectl.engine.runtime import adaptive_run
 from lugrectl.simulation.response import simulate
 
+from ..cases.own import user_block
 
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
+pytestmark = pytest.mark.usefixtures("interpreted")
 
 
 def _log_of_a_fall(branch: bool) -> ct.NonlinearIOSystem:
     """x falls from 1 to 0 in one second; its logarithm is scaled by a block behind."""
-    first = ct.nlsys(
-        lambda t, x, u, p: -1.0 + 0 * x, None, inputs=0, outputs=["x"], states=1, name="fall"
-    )
-    curve = ct.nlsys(
+    first = user_block(lambda t, x, u, p: -1.0 + 0 * x, None, 0, ["x"], 1, "fall")
+    curve = user_block(
         None,
         lambda t, x, u, p: np.sqrt(u[0]) if not branch or u[0] < 9 else 0.0,
-        inputs=["x"],
-        outputs=["y"],
+        ["x"],
+        ["y"],
+        None,
+        "curve",
         dt=None,
-        name="curve",
     )
-    gain = ct.nlsys(
-        None, lambda t, x, u, p: 2 * u[0], inputs=["y"], outputs=["v"], dt=None, name="gain"
-    )
+    gain = user_block(None, lambda t, x, u, p: 2 * u[0], ["y"], ["v"], None, "gain", dt=None)
     return ct.interconnect([first, curve, gain], outputs=["v"], inputs=False, name="chain")
 
 
@@ -50,15 +44,13 @@ def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list: bool)
     """python-control's first pass gives zeros to blocks that the system never gives them."""
 
     def static(name, inputs, outputs, function):
-        return ct.nlsys(None, function, inputs=inputs, outputs=outputs, name=name, dt=None)
+        return user_block(None, function, inputs, outputs, None, name, dt=None)
 
     blocks = [
         static("inverter", ["duty", "V"], ["v"], lambda t, x, u, p: u[0] * u[1]),
         static("share", ["u", "V"], ["duty"], lambda t, x, u, p: u[0] / u[1]),
         static("supply", 0, ["V"], lambda t, x, u, p: 24.0 - 2.0 * np.sin(t)),
-        ct.nlsys(
-            lambda t, x, u, p: u, None, inputs=["v"], outputs=["y"], states=1, name="sum", dt=0
-        ),
+        user_block(lambda t, x, u, p: u, None, ["v"], ["y"], 1, "sum", dt=0),
     ]
     system = blocks if as_list else ct.interconnect(blocks, inputs=["u"], outputs=["y"])
     t = np.linspace(0, 2, 41)
@@ -70,7 +62,7 @@ def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list: bool)
 @pytest.mark.filterwarnings("ignore:block one:RuntimeWarning")
 def test_an_algebraic_loop_is_named_without_a_trace() -> None:
     def gain(name, source, target, function):
-        return ct.nlsys(None, function, inputs=source, outputs=target, name=name, dt=None)
+        return user_block(None, function, source, target, None, name, dt=None)
 
     loop = ct.interconnect(
         [

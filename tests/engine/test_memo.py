@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from types import SimpleNamespace
 from typing import Any
 
 import control as ct
@@ -14,31 +13,26 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY, P
 from lugrectl.blocks.declaration import block
-from lugrectl.engine.runtime import adaptive_run
 from lugrectl.torque_balance.driven_states import driven
+
+from ..cases.own import user_block
+
+pytestmark = pytest.mark.usefixtures("interpreted")
 
 T = np.linspace(0.0, 1.0, 11)
 U = 3.0 * np.cos(4.0 * T)
 LIMIT = 1.0
-VALUES: dict[str, Any] = {"limit": 1.0}
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is kept is the same without numba, which takes seconds to compile."""
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.sampled_run.compiler", lambda: None)
 
 
 def lag(limit: Any, name: str = "lag", dt: Any = None) -> ct.NonlinearIOSystem:
     """dx/dt = clip(u) - x; ``limit`` is called for the limit."""
-    return ct.nlsys(
+    return user_block(
         lambda t, x, u, p: np.clip(u[0], -limit(), limit()) - (0.5 if dt else 1.0) * x,
         None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        name=name,
+        "u",
+        "y",
+        "y",
+        name,
         **({"dt": dt} if dt else {}),
     )
 
@@ -70,7 +64,7 @@ class Schedule:
 
 
 def called(function: Any) -> Any:
-    return ct.nlsys(function, None, inputs="u", outputs="y", states="y", name="called")
+    return user_block(function, None, "u", "y", "y", "called")
 
 
 def by_closure() -> Any:
@@ -85,30 +79,6 @@ def by_closure() -> Any:
 
 def by_global() -> Any:
     return lag(lambda: LIMIT), lambda: globals().update(LIMIT=2.0)
-
-
-def by_dictionary() -> Any:
-    return lag(lambda: VALUES["limit"]), lambda: VALUES.update(limit=2.0)
-
-
-def by_list() -> Any:
-    values = [0.0, [1.0]]
-    return lag(lambda: values[1][0]), lambda: values[1].__setitem__(0, 2.0)
-
-
-def by_attribute() -> Any:
-    drive = SimpleNamespace(motor=SimpleNamespace(limit=1.0))
-    return lag(lambda: drive.motor.limit), lambda: setattr(drive.motor, "limit", 2.0)
-
-
-def by_property() -> Any:
-    schedule = Schedule(1.0)
-    return lag(lambda: schedule.bound), lambda: setattr(schedule, "limit", 2.0)
-
-
-def by_array() -> Any:
-    table = np.array([0.3, 1.0])
-    return lag(lambda: table[1]), lambda: table.__setitem__(1, 2.0)
 
 
 def by_default_argument() -> Any:
@@ -126,18 +96,6 @@ def by_partial() -> Any:
 def by_callable_object() -> Any:
     schedule = Schedule(1.0)
     return called(schedule), lambda: setattr(schedule, "limit", 2.0)
-
-
-def by_class_attribute() -> Any:
-    class Limits:
-        limit = 1.0
-
-    return lag(lambda: Limits.limit), lambda: setattr(Limits, "limit", 2.0)
-
-
-def by_other_function() -> Any:
-    steps = {"limit": lambda: 1.0}
-    return lag(lambda: steps["limit"]()), lambda: steps.update(limit=lambda: 2.0)
 
 
 def by_update_function() -> Any:
@@ -185,35 +143,39 @@ def by_a_sampled_block() -> Any:
     return lg.sampled(lag(lambda: values[0]), 0.1), lambda: values.__setitem__(0, 2.0)
 
 
-WAYS = [
-    by_closure,
-    by_global,
-    by_dictionary,
-    by_list,
-    by_attribute,
-    by_property,
-    by_array,
-    by_default_argument,
-    by_partial,
-    by_callable_object,
-    by_class_attribute,
-    by_other_function,
-    by_update_function,
-    by_matrix,
-    by_parameters,
-    by_wiring,
-    by_gain_of_an_observer,
-    by_a_block_inside,
-    in_discrete_time,
-    by_a_sampled_block,
-]
+def held(holder: Any, read: Any, change: Any) -> Any:
+    """A block that reads its limit from an object."""
+    return lambda: (lag(lambda: read(holder)), lambda: change(holder))
 
 
-@pytest.mark.parametrize("way", WAYS)
+WAYS = {
+    "dictionary": held({"limit": 1.0}, lambda h: h["limit"], lambda h: h.update(limit=2.0)),
+    "list": held([0.0, [1.0]], lambda h: h[1][0], lambda h: h[1].__setitem__(0, 2.0)),
+    "array": held(np.array([0.3, 1.0]), lambda h: h[1], lambda h: h.__setitem__(1, 2.0)),
+    "attribute": held(Schedule(1.0), lambda h: h.limit, lambda h: setattr(h, "limit", 2.0)),
+    "property": held(Schedule(1.0), lambda h: h.bound, lambda h: setattr(h, "limit", 2.0)),
+    "class": held(type("C", (), {"a": 1.0}), lambda h: h.a, lambda h: setattr(h, "a", 2.0)),
+    "function": held([lambda: 1.0], lambda h: h[0](), lambda h: h.__setitem__(0, lambda: 2.0)),
+    "closure": by_closure,
+    "global": by_global,
+    "default argument": by_default_argument,
+    "partial": by_partial,
+    "callable object": by_callable_object,
+    "update function": by_update_function,
+    "matrix": by_matrix,
+    "parameters": by_parameters,
+    "wiring": by_wiring,
+    "gain of an observer": by_gain_of_an_observer,
+    "a block inside": by_a_block_inside,
+    "discrete time": in_discrete_time,
+    "sampled block": by_a_sampled_block,
+}
+
+
+@pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 def test_the_new_value_counts(way, monkeypatch):
     monkeypatch.setattr("lugrectl.simulation.net_run.LONG", 0)  # discrete systems are traced too
     monkeypatch.setitem(globals(), "LIMIT", 1.0)
-    monkeypatch.setitem(VALUES, "limit", 1.0)
     system, change = way()
     before = ours(system)
     np.testing.assert_allclose(before, own(system), atol=2e-5, rtol=1e-4)
@@ -271,14 +233,8 @@ def test_a_branch_that_a_new_value_opens_is_followed_or_said():
 
 
 def test_a_parameter_that_becomes_a_list_is_read_again():
-    system = ct.nlsys(
-        lambda t, x, u, p: p["table"][0] * u[0] - x,
-        None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        params={"table": [1.0]},
-        name="listed",
+    system = user_block(
+        lambda t, x, u, p: p["table"][0] * u[0] - x, None, "u", "y", "y", "listed", table=[1.0]
     )
     for system.params["table"][0] in (1.0, 2.0):
         np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
@@ -299,13 +255,14 @@ def test_names_that_change_are_those_of_the_answer():
 def test_a_sampled_drive_sees_a_new_value(delay):
     values = [1.0]
     plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y", name="plant")
-    law = ct.nlsys(
+    law = user_block(
         None,
         lambda t, x, u, p: np.clip(5.0 * (u[1] - u[0]), -values[0], values[0]),
-        inputs=["y", "r"],
-        outputs="u",
+        ["y", "r"],
+        "u",
+        None,
+        "law",
         dt=0.1,
-        name="law",
     )
     ends = []
     for values[0] in (1.0, 2.0):
@@ -369,15 +326,7 @@ def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
 
 
 def test_threads_do_not_see_each_other_s_parameters():
-    system = ct.nlsys(
-        lambda t, x, u, p: -p["rate"] * x,
-        None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        params={"rate": 1.0},
-        name="decay",
-    )
+    system = user_block(lambda t, x, u, p: -p["rate"] * x, None, "u", "y", "y", "decay", rate=1.0)
     rates = np.tile([0.5, 1.0, 2.0, 4.0], 10)
 
     def end(rate: float) -> float:

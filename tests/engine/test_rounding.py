@@ -12,6 +12,7 @@ import lugrectl as lg
 from lugrectl.engine import Adaptive, trace
 from lugrectl.engine.expression.graph import Graph, evaluate
 
+from ..cases.own import user_block
 from ..conftest import there
 
 T = np.linspace(0, 3, 31)
@@ -53,13 +54,8 @@ def test_the_value_is_that_of_numpy(function):
 @pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 def test_its_integral_is_right_and_no_warning_is_given(function):
     """x' = f(t - 1): the same sum by fine steps."""
-    block = ct.nlsys(
-        lambda t, x, u, p: np.array([function(t - 1.0) + 0.0 * x[0]]),
-        None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        name="rounds",
+    block = user_block(
+        lambda t, x, u, p: np.array([function(t - 1.0) + 0.0 * x[0]]), None, "u", "y", "y", "rounds"
     )
     fine = (np.arange(300_000) + 0.5) * 1e-5
     right = 1e-5 * sum(float(function(np.float64(v))) for v in fine[::10] - 1.0) * 10
@@ -68,13 +64,13 @@ def test_its_integral_is_right_and_no_warning_is_given(function):
 
 def quantised():
     """Speed control on a coarse encoder: u = -4 round(x / q) q, q = 0.1, and a push."""
-    return ct.nlsys(
+    return user_block(
         lambda t, x, u, p: np.array([x[1], -0.5 * np.round(x[0] / 0.1) * 0.1 - 0.4 * x[1] + u[0]]),
         None,
-        inputs="u",
-        outputs=["x", "v"],
-        states=["x", "v"],
-        name="coarse",
+        "u",
+        ["x", "v"],
+        ["x", "v"],
+        "coarse",
     )
 
 
@@ -97,14 +93,14 @@ def test_every_backend_rounds_alike(backend):
 
 
 def test_a_sampled_block_that_rounds_is_traced():
-    held = ct.nlsys(
+    held = user_block(
         lambda t, x, u, p: np.array([np.round(10 * u[0]) / 10]),
         lambda t, x, u, p: np.array([x[0]]),
-        inputs="v",
-        outputs="q",
-        states="q",
+        "v",
+        "q",
+        "q",
+        "adc",
         dt=0.1,
-        name="adc",
     )
     t = 0.1 * np.arange(1200)
     found = lg.simulate(held, t, np.sin(t)).outputs

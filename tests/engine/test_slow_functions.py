@@ -10,6 +10,8 @@ import pytest
 import lugrectl as lg
 from lugrectl.engine.runtime import endings
 
+from ..cases.own import user_block
+
 PLANT = lg.plant(lg.table1())
 T = np.arange(0.0, 0.02, 1e-3)
 
@@ -19,7 +21,7 @@ def odd(**options):
         time.sleep(0.02)
         return [u[0] + np.spacing(u[0])]
 
-    return ct.NonlinearIOSystem(None, out, inputs=["v"], outputs=["u"], name="odd", **options)
+    return user_block(None, out, ["v"], ["u"], None, "odd", **options)
 
 
 def loop():
@@ -61,6 +63,6 @@ def test_of_another_function_it_says_what_compiles():
     def out(t, x, u, params):
         return [np.spacing(u[0])]
 
-    block = ct.NonlinearIOSystem(None, out, inputs=["v"], outputs=["u"], name="odd")
+    block = user_block(None, out, ["v"], ["u"], None, "odd")
     with pytest.warns(RuntimeWarning, match=r"np.spacing of a signal .* write it with arithmetic"):
         lg.simulate([block, PLANT], T, {"v": 0.1})

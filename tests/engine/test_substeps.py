@@ -8,19 +8,20 @@ import lugrectl as lg
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 
+from ..cases.own import user_block
 from ..cases.sampled import DT, P, sine_error, step_response
 
 
 def lone(rate, name="lone", **params):
     """dx/dt = rate(x, v, params), y = x."""
-    return ct.nlsys(
+    return user_block(
         lambda t, x, u, p: [rate(x[0], u[0], p)],
         lambda t, x, u, p: [x[0]],
-        inputs=["v"],
-        outputs=["y"],
-        states=["x"],
-        name=name,
-        params=params,
+        ["v"],
+        ["y"],
+        ["x"],
+        name,
+        **params,
     )
 
 

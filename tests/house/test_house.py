@@ -17,7 +17,7 @@ from .arrows import PACKAGE, ROOT, arrows, parsed, room
 FLOORS = {  # of each folder, from the ground up: a room imports from lower floors only
     ".": [
         {"core"},
-        {"blocks", "engine", "parallel", "record"},
+        {"blocks", "engine", "record"},
         {"linear", "loops", "estimates", "simulation"},
         {"design", "hunting", "sweeps", "torque_balance"},
         {"bench", "bench_tests", "report"},

@@ -15,17 +15,13 @@ from lugrectl.engine import AlgebraicLoop
 from lugrectl.engine.runtime import memo, sampled_run
 from lugrectl.simulation.response import simulate
 
+from ..cases.own import row, user_block
 from ..conftest import there
+
+pytestmark = pytest.mark.usefixtures("interpreted")
 
 P, DT = lg.table1(), 1e-3
 A, B = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [4.0]])
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: None)
-    monkeypatch.setattr(sampled_run, "compiler", lambda: None)
-    monkeypatch.setattr(memo, "_traced", {})
 
 
 def swing():
@@ -34,26 +30,14 @@ def swing():
 
 def law(function, inputs, output, dt, name):
     """A block that answers at once, at its ticks where dt > 0."""
-    return ct.nlsys(
-        None, lambda t, x, u, p: function(*u), inputs=inputs, outputs=output, dt=dt, name=name
-    )
+    return user_block(None, lambda t, x, u, p: function(*u), inputs, output, None, name, dt=dt)
 
 
 def summed(dt, source, target, name):
     """target[k] = sum of source over the ticks before k."""
-    return ct.nlsys(
-        lambda t, x, u, p: x + u,
-        lambda t, x, u, p: x,
-        inputs=[source],
-        outputs=[target],
-        states=["sum"],
-        dt=dt,
-        name=name,
+    return user_block(
+        lambda t, x, u, p: x + u, lambda t, x, u, p: x, [source], [target], ["sum"], name, dt=dt
     )
-
-
-def row(resp, name):
-    return np.atleast_2d(resp.outputs)[resp.output_labels.index(name)]
 
 
 def untraceable(function):
@@ -173,14 +157,15 @@ def test_the_unit_true_takes_the_others_sample_time():
 
 
 def test_parameters_stay_arguments(monkeypatch):
-    gain = ct.nlsys(
+    gain = user_block(
         None,
         lambda t, x, u, p: p["gain.k"] * u[0],
-        inputs=["y"],
-        outputs=["u"],
+        ["y"],
+        ["u"],
+        None,
+        "gain",
         dt=0.1,
-        params={"gain.k": -1.0},
-        name="gain",
+        **{"gain.k": -1.0},
     )
     blocks, t = [swing(), gain], np.linspace(0, 1, 11)
     simulate(blocks, t, x0=[1.0, 0.0])
@@ -206,9 +191,7 @@ def test_a_loop_through_a_tick_that_is_not_linear_names_its_blocks(wrap, dt):
 @pytest.mark.parametrize("wrap", [lambda f: f, untraceable])
 def test_what_is_no_number_names_block_signal_and_time(wrap):
     root = law(wrap(lambda y: np.sqrt(y)), ["y"], "u", 0.1, "root")
-    down = ct.nlsys(
-        lambda t, x, u, p: -1.0 + 0 * u, None, inputs=["u"], outputs=["y"], states=1, name="down"
-    )
+    down = user_block(lambda t, x, u, p: -1.0 + 0 * u, None, ["u"], ["y"], 1, "down")
     with pytest.raises(Diverged, match="output u of block root is nan at t = 0.6 s"):
         simulate([down, root], [0.0, 1.0], x0=0.55)
 
@@ -220,13 +203,8 @@ def test_a_loop_that_runs_away_is_named():
 
 
 def test_a_continuous_block_with_a_branch_goes_to_lsoda():
-    odd = ct.nlsys(
-        lambda t, x, u, p: u[0] - x[0] if x[0] > -9 else 0.0,
-        None,
-        inputs=["u"],
-        outputs=["y"],
-        states=1,
-        name="odd",
+    odd = user_block(
+        lambda t, x, u, p: u[0] - x[0] if x[0] > -9 else 0.0, None, ["u"], ["y"], 1, "odd"
     )
     hold = law(lambda r: r, ["r"], "u", 0.1, "hold")
     t = np.linspace(0, 1, 11)
@@ -264,14 +242,14 @@ def test_what_does_not_fit_is_said(call, said):
 
 def test_a_long_discrete_system_is_python_controls():
     """Where it is traced: the same labels, shapes and values."""
-    lag = ct.nlsys(
+    lag = user_block(
         lambda t, x, u, p: 0.9 * x + 0.1 * np.tanh(u),
         lambda t, x, u, p: x + 0.1 * u,
-        inputs=["u"],
-        outputs=["y"],
-        states=["x"],
+        ["u"],
+        ["y"],
+        ["x"],
+        "lag",
         dt=0.1,
-        name="lag",
     )
     t = 0.1 * np.arange(1500)
     u = np.random.default_rng(0).standard_normal(1500)

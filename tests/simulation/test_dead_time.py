@@ -10,6 +10,8 @@ import pytest
 
 import lugrectl as lg
 
+from ..cases.own import row, user_block
+
 LATE = 0.15  # s
 
 
@@ -18,18 +20,9 @@ def integrator(inputs="v", outputs="x"):
 
 
 def static(function, inputs, outputs, name="static"):
-    return ct.nlsys(
-        None,
-        lambda t, x, u, p: np.array([function(u)]),
-        inputs=inputs,
-        outputs=outputs,
-        name=name,
-        dt=None,
+    return user_block(
+        None, lambda t, x, u, p: np.array([function(u)]), inputs, outputs, None, name, dt=None
     )
-
-
-def row(response, label):
-    return np.atleast_2d(response.outputs)[list(response.output_labels).index(label)]
 
 
 def steps(t, gain):
@@ -102,13 +95,8 @@ def test_beside_a_sampled_controller_it_is_exact():
     """P control of 1/(s + 1): the torque changes in the middle of a sample."""
     dt, late, gain = 0.01, 0.0137, 4.0
     plant = ct.ss([[-1]], [[1]], [[1]], [[0]], inputs="ud", outputs="y", name="P")
-    controller = ct.nlsys(
-        None,
-        lambda t, x, u, p: gain * (u[0] - u[1]),
-        inputs=["r", "y"],
-        outputs="u",
-        name="C",
-        dt=dt,
+    controller = user_block(
+        None, lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", None, "C", dt=dt
     )
     blocks = [plant, controller, lg.dead_time(late, inputs=["u"], outputs=["ud"])]
     t = dt * np.arange(101)

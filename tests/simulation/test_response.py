@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import replace
 from typing import Any
 
 import control as ct
@@ -15,42 +14,19 @@ from scipy.linalg import expm
 
 import lugrectl as lg
 from lugrectl.core.errors import Diverged, InputError
-from lugrectl.engine import AlgebraicLoop
-from lugrectl.engine.runtime import adaptive_run
 from lugrectl.simulation.response import simulate
 
-from ..cases.systems import pi, velocity_loop
-from ..conftest import there
+from ..cases.own import user_block
+from ..cases.systems import velocity_loop
+
+pytestmark = pytest.mark.usefixtures("interpreted")
 
 TIGHT = {"rtol": 1e-9, "atol": 1e-13}
 _kept: dict[str, Any] = {}  # what another tool found, once for all backends
 
 
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plain Python where a test does not ask for both backends: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
-
-
-@pytest.fixture(params=["c", "numba", "python"])
-def backend(
-    request: pytest.FixtureRequest, interpreted: None, monkeypatch: pytest.MonkeyPatch
-) -> str:
-    """Each way to run a single system."""
-    made_by = None if request.param == "python" else there(request.param)
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
-    return request.param
-
-
-# numba runs such a loop in tests/engine/test_accuracy.py
-few = pytest.mark.parametrize("backend", ["c", "python"], indirect=True)
-
-
 def block(update, output=None, *, inputs=0, outputs=1, states=1, name="block", **options):
-    return ct.nlsys(
-        update, output, inputs=inputs, outputs=outputs, states=states, name=name, **options
-    )
+    return user_block(update, output, inputs, outputs, states, name, **options)
 
 
 def reference(system, t, u, x0=0.0, *, jump: float = math.inf, method="LSODA", params=None):
@@ -79,8 +55,7 @@ def worst(a, b) -> float:
     return float(np.max(np.max(np.abs(a - b), axis=1) / np.max(np.abs(b), axis=1)))
 
 
-@few
-def test_velocity_loop_as_python_control_sees_it(backend: str) -> None:
+def test_velocity_loop_as_python_control_sees_it(way: str) -> None:
     loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.1, 1e-3)
     r, x0 = np.sin(2 * np.pi * 10 * t), np.array([0.0, 0.0, 2e-4, 0.0])
     ours = simulate(loop, t, r, x0)
@@ -101,8 +76,7 @@ MANY = (
 )
 
 
-@few
-def test_many_effects_in_the_plant(backend: str) -> None:
+def test_many_effects_in_the_plant(way: str) -> None:
     loop, t = velocity_loop(lg.plant(MANY)), np.arange(0, 0.1, 1e-3)
     r = np.sin(2 * np.pi * 10 * t)
     assert worst(simulate(loop, t, r, rtol=1e-8).states, _many(loop, t, r)) < 1e-6
@@ -117,14 +91,14 @@ def _many(loop, t, r) -> np.ndarray:
 
 def test_a_static_block() -> None:
     t = np.linspace(0, 1, 5)
-    static = ct.nlsys(None, lambda t, x, u, p: np.tanh(u) + t, inputs=1, outputs=1, dt=None)
+    static = user_block(None, lambda t, x, u, p: np.tanh(u) + t, 1, 1, dt=None)
     ours, theirs = simulate(static, t, t**2), ct.input_output_response(static, t, t**2)
     np.testing.assert_allclose(ours.outputs, theirs.outputs)
     assert ours.output_labels == theirs.output_labels
 
 
 @pytest.mark.parametrize("hold", [False, True])
-def test_linear_system_in_closed_form(backend: str, hold: bool) -> None:
+def test_linear_system_in_closed_form(way: str, hold: bool) -> None:
     """dx/dt = A x + B u with held or linear input, on uneven times, by matrix exponentials."""
     a, b = np.array([[0.0, 1.0], [-400.0, -3.0]]), np.array([[0.0], [1.0]])
     system = ct.ss(a, b, np.eye(2), 0)
@@ -142,51 +116,7 @@ def test_linear_system_in_closed_form(backend: str, hold: bool) -> None:
     assert worst(ours.states, np.array(states).T) < 1e-7
 
 
-def test_matched_loop_with_exact_observer_is_linear() -> None:
-    """Fhat = F from equal parameters and states: T(s) = (kp s + ki)/(J s^2 + kp s + ki)."""
-    p, kp, ki = lg.table1(), 1.6, 0.16
-
-    def rate(t, x, u, q):
-        w, z = u
-        h = p.Fc + (p.Fs - p.Fc) * np.exp(-((w / p.vs) ** 2))
-        return w - p.sigma0 * np.abs(w) / h * x[0]
-
-    def torque(t, x, u, q):
-        return p.sigma0 * x[0] + p.sigma1 * rate(t, x, [u[0], 0], q) + p.Fv * u[0]
-
-    observer = ct.nlsys(
-        lambda t, x, u, q: rate(t, x, [u[0], 0], q),
-        torque,
-        inputs="w",
-        outputs="u",
-        states="zhat",
-        name="observer",
-    )
-    error = ct.summing_junction(["w", "-r"], "e", name="error")
-    loop = ct.interconnect(
-        [lg.plant(p), pi(), observer, error],
-        inputs="r",
-        outputs=["w", "e"],
-        params={},
-        check_unused=False,
-    )
-    t = np.arange(0, 1, 1e-3)
-    r = np.sin(2 * np.pi * t)
-    linear = ct.tf([kp, ki], [p.J, kp, ki])
-    exact = ct.forced_response(linear, t, r).outputs
-    assert worst(simulate(loop, t, r).outputs[0], exact) < 1e-6
-
-
-@pytest.mark.parametrize("amplitude", [1.2, 3.0])
-def test_textbook_lugre_needs_no_tuning(amplitude: float) -> None:
-    """In presliding (below Fs) and beyond."""
-    stiff = lg.Parameters(J=1.0, sigma0=1e5, sigma1=316.0, Fc=1.0, Fs=1.5, Fv=0.4, vs=1e-3)
-    plant, t = lg.plant(stiff), np.arange(0, 0.1, 1e-3)
-    u = np.vstack([amplitude * np.sin(2 * np.pi * 15 * t), 0 * t])
-    assert worst(simulate(plant, t, u).states, reference(plant, t, u, method="Radau")) < 5e-6
-
-
-def test_events_are_met_exactly(backend: str) -> None:
+def test_events_are_met_exactly(way: str) -> None:
     """dx/dt = sign(t - 0.3371) + 2 (t >= 0.6): corners of the integral on and off the grid."""
     system = block(
         lambda t, x, u, p: np.sign(t - 0.3371) + 2.0 * (t >= p["t0"]), params={"t0": 0.6}
@@ -219,7 +149,7 @@ def test_a_relay_that_sticks_stays() -> None:
     np.testing.assert_allclose(x[[3, -1]], [0.15, 0.0], atol=1e-12)
 
 
-def test_a_relay_that_never_settles_is_said(backend: str) -> None:
+def test_a_relay_that_never_settles_is_said(way: str) -> None:
     """The swings of x'' = -sign(x) - sign(x')/2 shrink by 3 each: endless by t = 5.5."""
     swing = block(
         lambda t, x, u, p: np.array([x[1], -np.sign(x[0]) - 0.5 * np.sign(x[1])]),
@@ -243,25 +173,6 @@ def test_other_parameters_need_no_new_code() -> None:
     assert ours.params == changed
 
 
-def test_a_changed_block_is_traced_again() -> None:
-    gain = [1.0]
-    system = block(lambda t, x, u, p: -gain[0] * x[0])
-    first = simulate(system, [0.0, 1.0], x0=1.0).states[0, -1]
-    gain[0] = 2.0
-    second = simulate(system, [0.0, 1.0], x0=1.0).states[0, -1]
-    assert (first, second) == (
-        pytest.approx(np.exp(-1), rel=1e-5),
-        pytest.approx(np.exp(-2), rel=1e-5),
-    )
-
-
-def test_a_branch_falls_back_with_a_warning() -> None:
-    odd = block(lambda t, x, u, p: -x[0] if x[0] > 0 else x[0], name="odd")
-    with pytest.warns(RuntimeWarning, match=r"block odd.*test_response.py line \d+.*LSODA"):
-        x = simulate(odd, np.linspace(0, 1, 5), x0=1.0).states[0]
-    np.testing.assert_allclose(x, np.exp(-np.linspace(0, 1, 5)), rtol=1e-5)
-
-
 @pytest.mark.parametrize("method", ["RK45", "Radau"])
 def test_scipy_methods_linear_and_held(method: str) -> None:
     lag, t = ct.ss([[-2.0]], [[2.0]], [[1.0]], [[0.0]]), np.linspace(0, 1, 11)
@@ -272,13 +183,7 @@ def test_scipy_methods_linear_and_held(method: str) -> None:
         np.testing.assert_allclose(ours.outputs, theirs.outputs, atol=1e-5)
 
 
-def test_discrete_time_is_python_controls() -> None:
-    system, t = ct.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=0.1), np.arange(5) * 0.1
-    ours, theirs = simulate(system, t, np.ones(5)), ct.input_output_response(system, t, np.ones(5))
-    np.testing.assert_array_equal(ours.outputs, theirs.outputs)
-
-
-def test_blow_up_names_state_and_time(backend: str) -> None:
+def test_blow_up_names_state_and_time(way: str) -> None:
     """dx/dt = x^2 from 1 ends at t = 1; exp overflows in plain Python."""
     for rate in (
         lambda t, x, u, p: np.array([x[0] ** 2, 0.0]),
@@ -298,7 +203,7 @@ def test_nan_names_signal_and_time() -> None:
         simulate(log, np.linspace(0, 2, 9), x0=1.0)
 
 
-def test_a_guarded_division_is_no_error(backend: str) -> None:
+def test_a_guarded_division_is_no_error(way: str) -> None:
     """The branch not taken may divide by zero, in a rate and in a condition."""
     safe = block(
         lambda t, x, u, p: np.where(
@@ -327,33 +232,11 @@ def test_wrong_use_is_said_in_one_sentence() -> None:
 
 def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
     """python-control calls a NaN inside an interconnection an algebraic loop."""
-    root = ct.nlsys(
-        None, lambda t, x, u, p: np.sqrt(u[0]), inputs="x", outputs="v", name="root", dt=None
-    )
-    drain = ct.nlsys(
-        lambda t, x, u, p: -u[0], None, inputs="v", outputs="x", states="x", name="drain"
-    )
+    root = user_block(None, lambda t, x, u, p: np.sqrt(u[0]), "x", "v", None, "root", dt=None)
+    drain = user_block(lambda t, x, u, p: -u[0], None, "v", "x", "x", "drain")
     tank = ct.interconnect([root, drain], outputs="x")
     x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
     np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)
-
-
-def test_an_algebraic_loop_names_its_blocks() -> None:
-    def gain(name, source, target):
-        return ct.nlsys(
-            None,
-            lambda t, x, u, p: 0.5 * np.tanh(u[0]),
-            inputs=source,
-            outputs=target,
-            name=name,
-            dt=None,
-        )
-
-    loop = ct.interconnect(
-        [gain("one", "a", "b"), gain("two", "b", "a")], inputs="a", outputs="b", check_unused=False
-    )
-    with pytest.raises(AlgebraicLoop, match="through one, two;"):
-        simulate(loop, [0.0, 1.0], 1.0)
 
 
 def test_inputs_in_every_form_of_python_control() -> None:
@@ -363,23 +246,6 @@ def test_inputs_in_every_form_of_python_control() -> None:
     for form in ([wave, 0.1], [wave, np.full(20, 0.1)], [np.vstack([wave, wave * 0 + 0.1])]):
         np.testing.assert_array_equal(simulate(plant, t, form).states, expected)
     np.testing.assert_array_equal(simulate(plant, t).states, simulate(plant, t, 0.0).states)
-
-
-def test_two_drives_of_unequal_friction_in_one_loop() -> None:
-    p = lg.table1()
-    off = replace(p, sigma0=234.0, Fc=0.2565, Fs=0.3015)
-    second = lg.plant(off, name="second", inputs=["u", "d2"], outputs=["th2", "w2", "F2"])
-    error = ct.summing_junction(["w", "-r"], "e", name="error")
-    loop = ct.interconnect(
-        [lg.plant(p), second, pi(), error],
-        inputs="r",
-        outputs=["w", "w2"],
-        params={},
-        check_unused=False,
-    )
-    t = np.arange(0, 0.1, 1e-3)
-    r = 0.3 * np.sin(2 * np.pi * 12 * t)
-    assert worst(simulate(loop, t, r).states, reference(loop, t, r)) < 5e-6
 
 
 def test_inputs_by_name() -> None:

@@ -7,18 +7,13 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime import adaptive_run
 from lugrectl.simulation.response import simulate
 
 from ..cases.systems import velocity_loop
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 TIGHT = {"rtol": 1e-9, "atol": 1e-13}
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 def test_labels_shapes_and_squeezing_are_python_controls() -> None:

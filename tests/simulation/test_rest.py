@@ -7,6 +7,8 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 
+from ..cases.own import user_block
+
 HOUR = np.linspace(0.0, 3600.0, 721)
 LAWS = {
     "a slow direct drive": (20.0, {"model": "coulomb", "Fc": 2.0, "Fv": 1500.0}, 1.5),
@@ -102,14 +104,14 @@ def test_both_solvers_agree_where_a_drive_sticks_and_slides(law):
 @pytest.mark.parametrize("a", [-2.0, -1e-9, 0.5])
 def test_a_tanh_of_ones_own_is_no_sign(a):
     """Only a declared width smooths a sign, whatever the value of another parameter."""
-    own = ct.nlsys(
+    own = user_block(
         lambda t, x, u, p: -np.tanh(x / p["a"]) / (1.0 + np.abs(1.0 / p["a"])),
         None,
-        inputs="u",
-        outputs="y",
-        states="y",
-        params={"a": a},
-        name="own",
+        "u",
+        "y",
+        "y",
+        "own",
+        a=a,
     )
     t = np.linspace(0.0, 1.0, 51)
     ours = lg.simulate(own, t, 0.0, 1e-3).outputs

@@ -237,44 +237,6 @@ def test_a_sampled_loop_with_fast_reversals_gains_by_its_observer():
         assert np.abs(helped).max() < 1.01 * np.abs(none).max()
 
 
-# What is not enough.
-
-
-@pytest.mark.parametrize("share", [0.98, 1.02])
-def test_explicit_euler_fails_above_its_limit(share):
-    """|1 - sigma0 |w| dt/h| > 1 above 2 h(w)/(sigma0 dt), 2.19 rad/s; the sampled form is quiet."""
-    limit = 2 * h(3.0) / (P.sigma0 * DT)
-    assert limit == pytest.approx(2.19, abs=0.01)
-    w = share * limit
-    natural, z = lg.natural_observer(P), 1e-3
-    for _ in range(1500):
-        z += DT * natural.dynamics(0.0, [z], [w])[0]
-    end = h(w) / P.sigma0
-    assert (abs(z - end) > 1e3) if share > 1 else (abs(z - end) < 1e-9)
-    quiet = step_response(sampled(natural, DT), np.full((1, 1500), w), [1e-3], 1500)[1]
-    assert quiet[-1] == pytest.approx(end, rel=1e-9)
-
-
-@pytest.mark.parametrize("w", [0.0, 0.1, 1.0, 100.0])
-def test_holding_z_alone_is_not_enough(w):
-    """zhat exact, what by explicit Euler: its pole -(K2 - sigma1 K1)/J is 12.8 times 1/dt."""
-    observer = lg.proposed_observer(P)
-
-    def alone(x):
-        def rate(z):
-            return np.array(observer.dynamics(0.0, [z, x[1]], [w, 0.1]))
-
-        still, slope = rate(0.0), rate(1.0)[0] - rate(0.0)[0]
-        z = x[0] + DT * ramp_response(
-            np.array([[DT * slope]]), still[:1] + slope * x[0], np.zeros(1)
-        )
-        return np.array([z[0], x[1] + DT * rate(x[0])[1]])
-
-    matrix = np.column_stack([alone(unit) - alone(np.zeros(2)) for unit in np.eye(2)])
-    assert np.abs(np.linalg.eigvals(matrix)).max() > 10.0
-    assert np.abs(np.linalg.eigvals(transition(observer, w))).max() < 1.0
-
-
 # The block.
 
 

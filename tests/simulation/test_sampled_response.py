@@ -11,39 +11,33 @@ from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 from lugrectl.simulation.sampled_response import simulate_sampled
 
+from ..cases.own import row, user_block
+
 P, DT = lg.table1(), 1e-3
 
 
 def integrator():
     """dw/dt = u - d."""
-    return ct.nlsys(
+    return user_block(
         lambda t, x, u, p: np.array([u[0] - u[1]]),
         lambda t, x, u, p: np.array([x[0]]),
-        inputs=["u", "d"],
-        outputs=["w"],
-        states=["w"],
-        name="integrator",
+        ["u", "d"],
+        ["w"],
+        ["w"],
+        "integrator",
     )
 
 
 def gain(k):
     """u = k (r - w)."""
-    return ct.nlsys(
-        None,
-        lambda t, x, u, p: np.array([k * (u[0] - u[1])]),
-        inputs=["r", "w"],
-        outputs=["u"],
-        name="gain",
+    return user_block(
+        None, lambda t, x, u, p: np.array([k * (u[0] - u[1])]), ["r", "w"], ["u"], None, "gain"
     )
 
 
 def drive(dt, *observers):
     parts = [sampled(lg.pi(1.6, 0.16), dt), *(sampled(o, dt) for o in observers)]
     return [lg.error(), lg.compensation(), *parts]
-
-
-def row(resp, name):
-    return resp.outputs[resp.output_labels.index(name)]
 
 
 @pytest.mark.parametrize("k", [0.5, 1.5, 1.9])
@@ -163,12 +157,13 @@ def test_parts_that_do_not_fit_are_said(call, said):
 
 
 def test_an_algebraic_loop_is_refused():
-    again = ct.nlsys(
+    again = user_block(
         None,
         lambda t, x, u, p: np.array([u[1] - 2.0 * np.tanh(u[0])]),
-        inputs=["u", "w"],
-        outputs=["u"],
-        name="again",
+        ["u", "w"],
+        ["u"],
+        None,
+        "again",
     )
     with pytest.raises(lg.InputError, match="depends on itself"):
         simulate_sampled(integrator(), [again], DT * np.arange(5), x0=[1.0])
@@ -176,12 +171,8 @@ def test_an_algebraic_loop_is_refused():
 
 def test_an_untraceable_drive_block_is_fine():
     """A quantiser with a Python branch: discrete blocks are called, not traced."""
-    bang = ct.nlsys(
-        None,
-        lambda t, x, u, p: np.array([-1.0 if u[0] > 0 else 1.0]),
-        inputs=["w"],
-        outputs=["u"],
-        name="bang",
+    bang = user_block(
+        None, lambda t, x, u, p: np.array([-1.0 if u[0] > 0 else 1.0]), ["w"], ["u"], None, "bang"
     )
     w = row(simulate_sampled(integrator(), [bang], 0.1 * np.arange(9), x0=[0.25]), "w")
     assert w == pytest.approx([0.25, 0.15, 0.05, -0.05, 0.05, -0.05, 0.05, -0.05, 0.05])

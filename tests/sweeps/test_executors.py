@@ -12,19 +12,13 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.errors import InputError
-from lugrectl.engine.runtime import adaptive_run
 
 from ..cases.ensembles import T, lag, last, noise, ramp, step_response
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 GAINS, TAUS = np.linspace(0.5, 2, 7), np.linspace(0.05, 0.5, 7)
 TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 @pytest.fixture(scope="module")
@@ -109,29 +103,3 @@ def test_a_stream_that_is_interrupted_ends_with_the_interrupt() -> None:
         for part in lg.sweep_chunks(lag(), T, 1.0, TABLE, executor=Interrupted(), chunk=1):
             parts.append(part.members.tolist())
     assert parts == [[0], [1]]
-
-
-@pytest.mark.slow
-def test_a_cluster_of_dask() -> None:
-    distributed = pytest.importorskip("distributed")
-    import dask
-
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
-    quiet = {"distributed.worker.daemon": True, "distributed.admin.log-length": 0}
-    here = lg.sweep(lag(), T, noise, TABLE, seeds=7)
-    with (
-        dask.config.set(quiet),
-        distributed.LocalCluster(**options) as cluster,
-        distributed.Client(cluster) as client,
-    ):
-        executor = client.get_executor()
-        there = lg.sweep(lag(), T, noise, TABLE, seeds=7, executor=executor, chunk=2)
-        gain = 2.0  # Dask also sends functions that are not at the top of a module
-        own = lg.sweep(lag(), T, lambda i: gain * i, TABLE, executor=executor)
-        with pytest.warns(RuntimeWarning, match="1 of 7 members failed; member 3"):
-            failing = lg.sweep(lag(), T, ramp, TABLE, executor=executor, chunk=3)
-        parts = list(lg.sweep_chunks(lag(), T, 1.0, TABLE, executor=executor, chunk=3))
-    assert np.array_equal(here.y, there.y)
-    expected = step_response(2.0 * np.arange(7) * GAINS, TAUS)
-    assert np.allclose(own["y"], expected, atol=1e-4)
-    assert failing.ok.sum() == 6 and sorted(len(p) for p in parts) == [1, 3, 3]

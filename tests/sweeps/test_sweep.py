@@ -19,18 +19,14 @@ from lugrectl.engine.runtime import adaptive_run
 from lugrectl.sweeps import parameter_table
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
+from ..cases.own import user_block
 from ..cases.systems import velocity_loop
 from ..conftest import there
 
+pytestmark = pytest.mark.usefixtures("interpreted")
+
 GAINS, TAUS = np.linspace(0.5, 2, 7), np.linspace(0.05, 0.5, 7)
 TABLE = {"lag.gain": GAINS, "lag.tau": TAUS}
-
-
-@pytest.fixture(autouse=True)
-def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Plain Python: nothing to compile."""
-    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
-    monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 
 def test_step_responses_of_a_lag() -> None:
@@ -210,9 +206,7 @@ def test_progress_and_reduce() -> None:
 
 def static() -> ct.NonlinearIOSystem:
     """y = a u: nothing to step."""
-    return ct.nlsys(
-        None, lambda t, x, u, p: p["a"] * u[0], inputs=1, outputs=["y"], params={"a": 1.0}, name="s"
-    )
+    return user_block(None, lambda t, x, u, p: p["a"] * u[0], 1, ["y"], None, "s", a=1.0)
 
 
 def test_a_stream_holds_a_chunk_only() -> None:
@@ -238,14 +232,14 @@ def test_failures_in_a_stream_are_in_its_parts() -> None:
 
 
 def test_a_system_that_cannot_be_traced_goes_one_by_one() -> None:
-    branching = ct.nlsys(
+    branching = user_block(
         lambda t, x, u, p: -p["k"] * x[0] if x[0] > 0.1 else -0.1 * p["k"],
         lambda t, x, u, p: [x[0], -x[0]],
-        outputs=["y", "minus"],
-        inputs=0,
-        states=1,
-        params={"k": 1.0},
-        name="branching",
+        0,
+        ["y", "minus"],
+        1,
+        "branching",
+        k=1.0,
     )
     rates = np.array([1.0, 2.0])
     with pytest.warns(RuntimeWarning, match="branching.*one by one") as said:
@@ -255,14 +249,14 @@ def test_a_system_that_cannot_be_traced_goes_one_by_one() -> None:
 
 
 def test_a_parameter_that_decides_which_equations_there_are() -> None:
-    staged = ct.nlsys(
+    staged = user_block(
         lambda t, x, u, p: -x[0] if int(p["order"]) == 1 else -2 * x[0],
         None,
-        inputs=0,
-        outputs=1,
-        states=["x"],
-        params={"order": 1},
-        name="staged",
+        0,
+        1,
+        ["x"],
+        "staged",
+        order=1,
     )
     one = lg.sweep(staged, T, None, {"order": [2, 2]}, x0=1.0, states=True)
     assert np.allclose(one["x"], np.exp(-2 * T), rtol=1e-5)
@@ -272,9 +266,7 @@ def test_a_parameter_that_decides_which_equations_there_are() -> None:
 
 
 def test_a_key_without_default_and_a_first_member_out_of_range() -> None:
-    bare = ct.nlsys(
-        lambda t, x, u, p: -p["rate"] * x[0], None, inputs=0, outputs=1, states=["x"], name="bare"
-    )
+    bare = user_block(lambda t, x, u, p: -p["rate"] * x[0], None, 0, 1, ["x"], "bare")
     s = lg.sweep(bare, T, None, {"rate": [1.0, 3.0]}, x0=1.0, states=True)
     assert np.allclose(s["x"], np.exp(-np.array([[1], [3]]) * T), rtol=1e-5)
     with pytest.warns(RuntimeWarning, match="1 of 2 members failed; member 0"):
@@ -305,14 +297,14 @@ def test_lists_of_blocks() -> None:
 
 
 def test_a_relay_that_does_not_settle_is_said() -> None:
-    relay = ct.nlsys(
+    relay = user_block(
         lambda t, x, u, p: np.array([x[1], -p["a"] * (np.sign(x[0]) + 0.5 * np.sign(x[1]))]),
         None,
-        inputs=0,
-        outputs=2,
-        states=["x", "v"],
-        params={"a": 1.0},
-        name="relay",
+        0,
+        2,
+        ["x", "v"],
+        "relay",
+        a=1.0,
     )
     with pytest.warns(RuntimeWarning, match="relay: in 2 members a sign"):
         s = lg.sweep(relay, T, None, {"a": [1.0, 2.0]}, x0=[1e-6, 0.0])

@@ -1,20 +1,31 @@
-"""Signals at one instant: outputs that depend on outputs, in the right order or solved."""
+"""Signals at one instant: outputs that depend on outputs, in the right order or solved.
+
+In a loop through clips each minimum, maximum and absolute value follows one of its arguments. With
+every choice the equations are linear; where all their determinants have one sign, exactly one
+solution agrees with its choice (the determinant is linear in each choice, so it is nowhere zero
+between them).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from ...core.errors import InputError
 from ..expression.affine import affine, solve
-from ..expression.graph import Graph, Node, evaluate, reachable, rename
-from . import piecewise
+from ..expression.graph import Graph, Node, evaluate, reachable, rename, substitute, symbols_in
 
 Rows = list[list[Node]]
 TRIED = 0.7310585786300049  # in place of a symbol that is no parameter, where a divisor is tried
 LEAST = 1e-12  # a divisor below this counts as zero
+MOST = 6  # choices of a loop through clips; each doubles the equations
+
+
+class AlgebraicLoop(InputError):
+    """Outputs that depend on themselves without a state in between, and cannot be solved."""
 
 
 class Unsolved(Exception):
@@ -63,7 +74,7 @@ def settled(
     """
     places = [(i, j) for i, many in enumerate(counts) for j in range(many)]
     opened = [graph.symbol(f"o{len(graph.nodes)}") for _ in places]
-    rows = respond(_rows(counts, opened))
+    rows = respond(by_block(counts, opened))
     fresh = [rows[i][j] for i, j in places]
     number = {node.index: k for k, node in enumerate(opened)}
     reads = [[number[n.index] for n in reachable([f]) if n.index in number] for f in fresh]
@@ -76,10 +87,11 @@ def settled(
             if own is None:
                 raise Unsolved(sorted({places[k][0] for k in group}))
         final.update(zip(group, own, strict=True))
-    return _rows(counts, [final[k] for k in range(len(places))])
+    return by_block(counts, [final[k] for k in range(len(places))])
 
 
-def _rows(counts: Sequence[int], flat: Sequence[Node]) -> Rows:
+def by_block(counts: Sequence[int], flat: Sequence[Node]) -> Rows:
+    """The nodes in a row for each block, of so many each."""
     ends = np.cumsum([0, *counts])
     return [list(flat[a:b]) for a, b in zip(ends, ends[1:], strict=False)]
 
@@ -106,18 +118,93 @@ def _ordered(reads: Sequence[Sequence[int]]) -> list[list[int]]:
 def _solved(
     symbols: Sequence[Node], roots: Sequence[Node], values: Mapping[str, float]
 ) -> list[Node] | None:
+    """The values of the symbols for which each is its root; None if this is not known."""
     forms = [form for form in affine(roots, symbols) if form is not None]
     if len(forms) < len(roots):
-        return piecewise.solved(symbols, roots, values)
-    return solve(symbols, forms, lambda divisor: _usable(divisor, values))
+        return _by_choices(symbols, roots, values)
+
+    def usable(divisor: Node) -> bool:
+        return abs(_value(divisor, values)) > LEAST or not symbols_in([divisor]) <= {*values}
+
+    return solve(symbols, forms, usable)
 
 
-def _usable(divisor: Node, values: Mapping[str, float]) -> bool:
-    """Whether a divisor differs from zero, with the parameters as they are."""
-    names = {node.value for node in reachable([divisor]) if node.op == "symbol"}
-    found = float(evaluate([divisor], {k: values.get(k, TRIED) for k in names})[0])
-    return abs(found) > LEAST or not names <= {*values}
+def _value(divisor: Node, values: Mapping[str, float]) -> float:
+    """The value of a divisor with the parameters as they are, by which it differs from zero."""
+    known = {name: values.get(name, TRIED) for name in symbols_in([divisor])}
+    return float(evaluate([divisor], known)[0])
 
 
-class AlgebraicLoop(InputError):
-    """Outputs that depend on themselves without a state in between, and cannot be solved."""
+def _by_choices(
+    symbols: Sequence[Node], roots: Sequence[Node], values: Mapping[str, float]
+) -> list[Node] | None:
+    """The same of a loop through clips."""
+    kinks = _kinks(symbols, roots)
+    if not 0 < len(kinks) <= MOST:
+        return None
+    found, best, signs = list[Node](), None, set[float]()
+    for choice in product((0, 1), repeat=len(kinks)):
+        made = _chosen(symbols, roots, dict(zip(kinks, choice, strict=True)), values)
+        if made is None:
+            return None
+        own, agrees, sign = made
+        signs.add(sign)
+        if best is None:
+            found, best = own, agrees
+            continue
+        better = agrees > best
+        pairs = zip(own, found, strict=True)
+        found = [a.graph.make("where", better, a, b) for a, b in pairs]
+        best = best.graph.make("maximum", best, agrees)
+    return found if len(signs) == 1 else None
+
+
+def _kinks(symbols: Sequence[Node], roots: Sequence[Node]) -> list[int]:
+    inside = {s.index for s in symbols}
+    kinks = []
+    for node in reachable(roots):
+        if any(a.index in inside for a in node.args):
+            inside.add(node.index)
+            if node.op in ("minimum", "maximum", "absolute"):
+                kinks.append(node.index)
+    return kinks
+
+
+def _chosen(
+    symbols: Sequence[Node],
+    roots: Sequence[Node],
+    choice: Mapping[int, int],
+    values: Mapping[str, float],
+) -> tuple[list[Node], Node, float] | None:
+    """The solution with one choice, by how much it agrees with that, and the determinant's sign."""
+    margins = list[Node]()
+
+    def follow(node: Node, args: tuple[Node, ...]) -> Node | None:
+        if node.index not in choice:
+            return None
+        first = args[0]
+        second = -first if node.op == "absolute" else args[1]
+        more = second - first if node.op == "minimum" else first - second
+        margins.append(-more if choice[node.index] else more)
+        return second if choice[node.index] else first
+
+    forms = affine(substitute(roots, follow), symbols)
+    if None in forms:
+        return None
+    divisors = list[float]()
+
+    def usable(divisor: Node) -> bool:
+        if not symbols_in([divisor]) <= {*values}:
+            return False
+        divisors.append(_value(divisor, values))
+        return abs(divisors[-1]) > LEAST
+
+    own = solve(symbols, [form for form in forms if form is not None], usable)
+    if own is None:
+        return None
+    known = {s.index: node for s, node in zip(symbols, own, strict=True)}
+    agrees = rename(margins, known)
+    least = agrees[0]
+    for margin in agrees[1:]:
+        least = least.graph.make("minimum", least, margin)
+    return own, least, float(np.sign(np.prod(divisors)))

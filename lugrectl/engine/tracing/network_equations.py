@@ -8,7 +8,7 @@ from typing import Any
 
 from ..expression.graph import Graph, Node, rename
 from .equations import Program
-from .instant import AlgebraicLoop, Rows, Unsolved, settled
+from .instant import Rows
 from .network import Net
 from .tracer import _Tracer, single
 from .verify import check
@@ -144,25 +144,18 @@ class _NetTracer(_Tracer):
     def _answer(self, i: int, inputs: Sequence[Node]) -> list[Node]:
         return self._outputs(self.net.parts[i].block, self._own(i), inputs)
 
-    def _settle(
-        self, fixed: Sequence[list[Node] | None], answer: Answer
-    ) -> tuple[list[list[Node]], list[list[Node]]]:
+    def _settle(self, fixed: Sequence[list[Node] | None], answer: Answer) -> tuple[Rows, Rows]:
         """Inputs and outputs of all parts at one instant; ``fixed`` outputs do not change."""
-        parts = self.net.parts
 
-        def inputs(rows: Rows) -> list[list[Node]]:
-            return [[self._signal(label, rows) for label in part.inputs] for part in parts]
+        def inputs(rows: Rows) -> Rows:
+            return [[self._signal(k, rows) for k in part.inputs] for part in self.net.parts]
 
-        def respond(rows: Rows) -> Rows:
-            asked = zip(fixed, inputs(rows), strict=True)
-            return [answer(i, given) if f is None else f for i, (f, given) in enumerate(asked)]
+        def respond(i: int, given: Sequence[Node]) -> list[Node]:
+            held = fixed[i]
+            return answer(i, given) if held is None else held
 
-        try:
-            counts = [len(part.outputs) for part in parts]
-            outputs = settled(self.graph, counts, respond, self._numbers())
-        except Unsolved as error:
-            raise AlgebraicLoop(self.net.loop_message(error.blocks)) from None
-        return inputs(outputs), outputs
+        blocks = [part.block for part in self.net.parts]
+        return self._settled(self.net.name, blocks, inputs, respond)
 
     def _signal(self, label: str, outputs: Sequence[Sequence[Node]]) -> Node:
         """The sum of all outputs of a name, or the external input."""

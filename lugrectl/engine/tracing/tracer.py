@@ -11,6 +11,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from ...core.errors import InputError
 from ..expression.graph import Graph, Node, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
 from .equations import Program
-from .instant import AlgebraicLoop, Rows, Unsolved, loop_message, settled
+from .instant import AlgebraicLoop, Rows, Unsolved, by_block, loop_message, settled
 from .verify import check
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
@@ -176,41 +177,51 @@ class _Tracer:
         if not is_wired(system):
             return self._call(system, system.updfcn, x, u, system.nstates)
         inputs, _ = self._signals(system, x, u)
-        return [
-            rate
-            for block, own, held in _parts(system, x, inputs)
-            for rate in self._rates(block, own, held)
-        ]
+        parts = zip(system.syslist, _states(system, x), inputs, strict=True)
+        return [rate for block, own, given in parts for rate in self._rates(block, own, given)]
 
     def _outputs(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
         if is_wired(system):
             inputs, outputs = self._signals(system, x, u)
-            return self._linear(system.output_map, outputs + inputs)
+            return self._linear(system.output_map, [*chain(*outputs), *chain(*inputs)])
         if system.outfcn is None:
             return list(x[: system.noutputs])
         return self._call(system, system.outfcn, x, u, system.noutputs)
 
-    def _signals(
-        self, system: Any, x: Sequence[Node], u: Sequence[Node]
-    ) -> tuple[list[Node], list[Node]]:
+    def _signals(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> tuple[Rows, Rows]:
         """Inputs and outputs of all blocks of an interconnection."""
+        blocks, states = system.syslist, _states(system, x)
         external = self._linear(system.input_map, u)
 
-        def inputs(rows: Rows) -> list[Node]:
-            fed = self._linear(system.connect_map, [y for row in rows for y in row])
-            return [a + b for a, b in zip(fed, external, strict=True)]
+        def inputs(rows: Rows) -> Rows:
+            fed = self._linear(system.connect_map, [*chain(*rows)])
+            given = [a + b for a, b in zip(fed, external, strict=True)]
+            return by_block([block.ninputs for block in blocks], given)
+
+        def answer(i: int, given: Sequence[Node]) -> list[Node]:
+            return self._outputs(blocks[i], states[i], given)
+
+        return self._settled(system.name, blocks, inputs, answer)
+
+    def _settled(
+        self,
+        name: str,
+        blocks: Sequence[Any],
+        inputs: Callable[[Rows], Rows],
+        answer: Callable[[int, Sequence[Node]], list[Node]],
+    ) -> tuple[Rows, Rows]:
+        """Inputs and outputs of blocks that answer their inputs, which follow from all outputs."""
 
         def respond(rows: Rows) -> Rows:
-            parts = _parts(system, x, inputs(rows))
-            return [self._outputs(block, own, held) for block, own, held in parts]
+            return [answer(i, given) for i, given in enumerate(inputs(rows))]
 
         try:
-            counts = [block.noutputs for block in system.syslist]
-            rows = settled(self.graph, counts, respond, self._numbers())
+            counts = [block.noutputs for block in blocks]
+            outputs = settled(self.graph, counts, respond, self._numbers())
         except Unsolved as error:
-            names = ", ".join(system.syslist[i].name for i in error.blocks)
-            raise AlgebraicLoop(loop_message(system.name, names)) from None
-        return inputs(rows), [y for row in rows for y in row]
+            names = ", ".join(blocks[i].name for i in error.blocks)
+            raise AlgebraicLoop(loop_message(name, names)) from None
+        return inputs(outputs), outputs
 
     def _numbers(self) -> dict[str, float]:
         """The values of the parameters by symbol."""
@@ -299,14 +310,9 @@ def smooth_keys(system: Any) -> frozenset[str]:
     )
 
 
-def _parts(system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[tuple[Any, Any, Any]]:
-    """Each block with its states and inputs, in python-control's order."""
-    parts, first, entry = [], 0, 0
-    for block in system.syslist:
-        own, held = x[first : first + block.nstates], u[entry : entry + block.ninputs]
-        parts.append((block, own, held))
-        first, entry = first + block.nstates, entry + block.ninputs
-    return parts
+def _states(system: Any, x: Sequence[Node]) -> Rows:
+    """The states of each block, in python-control's order."""
+    return by_block([block.nstates for block in system.syslist], x)
 
 
 def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:

@@ -25,9 +25,9 @@ from itertools import islice
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
-from ..core.errors import UNEXPECTED, InputError
-from ..core.option_names import is_typed, speak_as
-from ..core.validation import whole
+from .errors import UNEXPECTED, InputError
+from .option_names import is_typed, speak_as
+from .validation import whole
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
-from lugrectl.parallel.blas_threads import one_blas_thread
+from lugrectl.core.blas_threads import one_blas_thread
 
 pools = pytest.importorskip("threadpoolctl")
 

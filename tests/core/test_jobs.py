@@ -11,7 +11,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 import pytest
 
 from lugrectl.core.errors import InputError, Refused
-from lugrectl.parallel.jobs import JobError, run_jobs
+from lugrectl.core.jobs import JobError, run_jobs
 
 
 def square(x: float) -> float:

@@ -1,1 +1,0 @@
-"""Independent jobs on threads, processes and clusters."""

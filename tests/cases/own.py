@@ -1,0 +1,28 @@
+"""What tests of simulations write again and again: a block of one's own, a signal of a response."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import control as ct
+import numpy as np
+
+
+def user_block(
+    update: Any,
+    output: Any,
+    inputs: Any,
+    outputs: Any,
+    states: Any = None,
+    name: str | None = None,
+    **more: Any,
+) -> Any:
+    """A block of functions of t, x, u, params; ``more`` are its dt and its parameters."""
+    time = {"dt": more.pop("dt")} if "dt" in more else {}
+    names = {"inputs": inputs, "outputs": outputs, "states": states, "name": name}
+    return ct.nlsys(update, output, params=more, **names, **time)
+
+
+def row(response: Any, label: str) -> np.ndarray:
+    """One output of a response."""
+    return np.atleast_2d(response.outputs)[list(response.output_labels).index(label)]
