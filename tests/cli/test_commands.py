@@ -1,6 +1,5 @@
 """The command line: exit codes, one JSON document, sentences instead of tracebacks."""
 
-import io
 import json
 import math
 import shutil
@@ -14,7 +13,6 @@ import pytest
 
 from lugrectl.blocks.model import Model, read_model, table1, write_model
 from lugrectl.cli import commands, main
-from lugrectl.cli.progress import Bar
 from lugrectl.core.errors import InputError, Refused
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.estimates.findings import Candidate, Estimate, Finding
@@ -339,7 +337,7 @@ def test_check_text_answers_first(name, capsys):
     assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
 
 
-# --- template, progress ------------------------------------------------------------------
+# --- template ------------------------------------------------------------------
 
 
 def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):
@@ -356,21 +354,3 @@ def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):
     (files / "full.toml").write_text("\n".join(filled))
     model = read_model(files / "full.toml")
     assert model.values() == MODEL.values() | {"gravity.amplitude": 0.2, "gravity.phase": 0.0}
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_progress_shows_on_a_terminal_and_leaves_nothing_behind():
-    shown = Terminal()
-    with Bar(shown) as bar:
-        bar(0.5, "refitting")
-        bar(1.0, "done")
-    assert "50 %  refitting" in shown.getvalue() and shown.getvalue().endswith("\r\x1b[K")
-    assert len(Bar.line(0.3, "long " * 99, 60)) == 60
-    silent = io.StringIO()
-    with Bar(silent) as bar:
-        bar(0.5, "refitting")
-    assert silent.getvalue() == ""

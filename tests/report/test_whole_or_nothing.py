@@ -14,7 +14,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.model import read_model
-from lugrectl.cli import plotting
+from lugrectl.cli import output
 from lugrectl.core import writing
 from lugrectl.report import FILES, check_folder
 
@@ -197,7 +197,7 @@ def test_a_full_disk_is_one_sentence_for_models_and_pictures_too(tmp_path):
         with pytest.raises(lg.InputError, match="m.toml cannot be written: File too large"):
             lg.write_model(model, tmp_path / "m.toml")
         with pytest.raises(lg.InputError, match="picture.png cannot be written"):
-            plotting.write(tmp_path / "picture.png", b"a" * 100, "--out")
+            output.write(tmp_path / "picture.png", b"a" * 100, "--out")
     assert (tmp_path / "m.toml").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 
