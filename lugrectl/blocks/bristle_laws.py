@@ -10,7 +10,7 @@ from .block import P
 from .declaration import block
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, bristle_torque, level, relaxation
 
-KAPPA = P(0.7, "1", 0.01, 0.99, usual=True)
+KAPPA: Any = P(0.7, "1", 0.01, 0.99, usual=True)
 SMALL = 1e-12  # added to a square, so that its powers have a slope at 0
 DAHL = "Dahl, A Solid Friction Model, Aerospace Corporation TOR-0158(3107-18)-1, 1968"
 DUPONT = (
@@ -58,9 +58,7 @@ def dahl(w, z, sigma0=SIGMA0, Fc=FC, Fv=FV, n: Any = P(1.0, "1", 0.3, 10.0, usua
 
 
 @block("friction", out="F", states="z", source=DUPONT)
-def elastoplastic(
-    w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, kappa: Any = KAPPA
-):
+def elastoplastic(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, kappa=KAPPA):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w (1 - alpha sigma0 z sign(w)/h(w)).
 
     LuGre with an elastic zone: alpha = 0 up to |z| = kappa Fc/sigma0 and after every reversal,
@@ -80,14 +78,14 @@ def two_state(
     w,
     z,
     lost,
-    sigma0: Any = SIGMA0,
+    sigma0=SIGMA0,
     sigma1=SIGMA1,
-    Fc: Any = FC,
-    Fs: Any = FS,
+    Fc=FC,
+    Fs=FS,
     Fv=FV,
     vs=VS,
     tau: Any = P(0.005, "s", 1e-6, 100.0, usual=True),
-    kappa: Any = KAPPA,
+    kappa=KAPPA,
 ):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w (1 - alpha sigma0 z sign(w)/g), g lags h(w).
 
@@ -109,8 +107,8 @@ def two_state(
 def bouc_wen(
     w,
     z,
-    sigma0: Any = SIGMA0,
-    Fc: Any = FC,
+    sigma0=SIGMA0,
+    Fc=FC,
     Fv=FV,
     beta: Any = P(0.5, "1", 0.5, 10.0, usual=True),
     n: Any = P(1.0, "1", 1.0, 20.0, usual=True),

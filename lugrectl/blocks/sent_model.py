@@ -6,8 +6,8 @@ import pickle
 from dataclasses import dataclass
 
 from ..core.errors import InputError
-from .block import found, is_ours, members
-from .extending import place
+from .block import is_ours, members
+from .extending import found, place
 from .model import Model
 
 

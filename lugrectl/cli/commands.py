@@ -54,7 +54,7 @@ def diagnose(a: Namespace) -> int:
 
 def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
     """The result of ``work``, with the control loop compensated by the model it found."""
-    from ..compensated_loop import compensate
+    from ..bench import compensate
 
     found = work(record, model, **options)
     if found.model is None:
@@ -181,7 +181,7 @@ def bode(a: Namespace) -> int:
     """
     if a.plan is not None:
         return _planned(a)
-    from ..axis_response import frequency_response
+    from ..commissioning import frequency_response
 
     _check_gains(a)
     model = declared(a)
@@ -229,7 +229,7 @@ def _with_gains(found: Any, a: Namespace, model: Model) -> tuple[Any, Refused | 
 
 
 def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
-    from ..axis_response import tune
+    from ..commissioning import tune
 
     known |= given(a, "dead_time") | ({} if a.ms is None else {"Ms": a.ms})
     known |= {} if a.bandwidth is None else {"bandwidth": 2.0 * math.pi * a.bandwidth}
@@ -238,8 +238,8 @@ def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
 
 def _planned(a: Namespace) -> int:
     """Write the references to record as CSV, and print how to play them."""
-    from ..axis_response import response_plan
     from ..blocks.model import read_model
+    from ..commissioning import response_plan
 
     if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
         raise InputError(
@@ -304,7 +304,7 @@ def _cycles(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
         from ..hunting import limit_cycles
 
         return limit_cycles(read_model(a.model), **loop, vary=vary, progress=True)
-    from ..compensated_loop import hunting_chance
+    from ..bench import hunting_chance
 
     if vary:
         raise InputError("--vary is for one drive: give --model instead of --report.")
@@ -325,7 +325,7 @@ def _range(text: str) -> tuple[str, tuple[float, float]]:
 
 def assure(a: Namespace) -> int:
     """0 once it is answered; whether the compensation is worth anything is in the answer."""
-    from ..compensated_loop import assure as work
+    from ..bench import assure as work
 
     names = "loop kp ki kd bandwidth rate dead_time counts speed frequency members seed jobs hunts"
     options = {k: getattr(a, k) for k in (*names.split(), "still")}

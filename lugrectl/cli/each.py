@@ -24,8 +24,7 @@ def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
     from ..diagnosis.fleet import run_each
     from ..record import parse_pairs
-    from ..record.as_record import record_files
-    from ..record.log_files import passed_over
+    from ..record.as_record import passed_over, record_files
     from ..report import content
 
     if a.holdout not in (None, "last"):

@@ -29,7 +29,7 @@ def searched(a: Namespace) -> dict[str, Any]:
 
 def files(names: Sequence[str]) -> list[str]:
     """The named files, those of a folder, and those of a pattern that the shell did not expand."""
-    from ..record.log_files import files_of
+    from ..record.as_record import files_of
 
     return [str(path) for name in names for path in files_of(name)]
 

@@ -24,7 +24,7 @@ from .certificate import (
     lyapunov,
 )
 from .dynamics import Drive, drive, slowest_pole
-from .observer_design import ObserverDesign, design_observer
+from .observer_rules import ObserverDesign, design_observer
 
 
 @dataclass(frozen=True, repr=False)

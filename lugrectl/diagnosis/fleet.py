@@ -28,9 +28,8 @@ from ..core.views import view
 from ..parallel.blas_threads import one_thread_each
 from ..parallel.jobs import JobError, run_jobs
 from ..record import Record, read_log
-from ..record.as_record import is_last, is_record, record_files
-from ..record.columns.arrays import is_table, source_of
-from ..record.log_files import there
+from ..record.as_record import is_last, is_record, record_files, there
+from ..record.columns.table import is_table, source_of
 from ..torque_balance.constants import ALPHA, FLOOR
 from .asked import judged_by, refuse_swapped
 from .diagnose import LIMIT, diagnose

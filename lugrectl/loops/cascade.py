@@ -6,19 +6,18 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
-
 from ..blocks import controllers
 from ..blocks.drive import current_lag, dead_time, limiter, proportional
 from ..blocks.drive import notch as notch_block
 from ..blocks.observers import Gain
 from ..blocks.plant import load_outputs, plant
 from ..core.errors import InputError
-from ..core.validation import flag, one_name, real, shown
-from .friction_loops import OUTPUTS, _models
-from .parts import OWN, error_s, loop_observer
+from ..core.validation import flag, real, shown
+from .parts import OUTPUTS, OWN, Limit, connected, error_s, loop_observer, models
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..blocks.model import Model, Parameters
 
 POSITION = {"motor": "theta", "load": "theta_load"}
@@ -128,10 +127,11 @@ def cascade_loop(
     >>> round(float(run.outputs[0, -1]), 2)
     0.1
     """
-    p, believed = _models(p, observer_parameters, observer)
+    p, believed = models(p, observer_parameters, observer)
     measured = _measured(p, feedback)
     estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
     before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)
+    held = Limit(limit, tracking).held(kp, ki, "cascade_loop")
     torque, shaping = _chain(before, "u_cmd", "u")
     _, actuating = _chain(behind, "u", "u_motor")
     motor = "u_motor" if actuating else "u"
@@ -141,7 +141,7 @@ def cascade_loop(
         controllers.error("position", inputs=["r", measured]),
         proportional(kv, math.inf if speed_limit is None else speed_limit),
         controllers.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
-        _velocity_controller(kp, ki, limit, tracking, torque),
+        controllers.pi(kp, ki, **held, inputs=["e_w", *["excess"] * bool(held)], outputs=[torque]),
         controllers.compensation(outputs=[torque]),
         *shaping,
         *actuating,
@@ -154,15 +154,9 @@ def cascade_loop(
             controllers.compensation(name="speed_feedforward", inputs=["dr"], outputs=["w_ref"]),
             controllers.feedforward(p, "position", outputs=[torque]),
         ]
-    return ct.interconnect(
-        parts,
-        inputs=["r", *["dr"] * (ahead or sliding), *["ddr"] * ahead, *["d"] * flag(load, "load")],
-        outputs=[*OUTPUTS, "w_ref", *["u_motor"] * bool(actuating), *load_outputs(p)],
-        # empty: else two loops in one system would share the values of the last one
-        params={},
-        check_unused=False,
-        name=one_name(name),
-    )
+    inputs = ["r", *["dr"] * (ahead or sliding), *["ddr"] * ahead, *["d"] * flag(load, "load")]
+    outputs = [*OUTPUTS, "w_ref", *["u_motor"] * bool(actuating), *load_outputs(p)]
+    return connected(parts, inputs, outputs, name)
 
 
 def _measured(p: Model, feedback: str) -> str:
@@ -175,17 +169,6 @@ def _measured(p: Model, feedback: str) -> str:
             "backlash."
         )
     return signal
-
-
-def _velocity_controller(
-    kp: float, ki: float, limit: float | None, tracking: float | None, torque: str
-) -> Any:
-    if limit is None:
-        if tracking is not None:
-            raise InputError("cascade_loop: tracking belongs to a limit: give limit in N m too.")
-        return controllers.pi(kp, ki, inputs=["e_w"], outputs=[torque])
-    time = controllers.tracking_time(kp, ki, tracking, "cascade_loop")
-    return controllers.pi(kp, ki, tracking=time, inputs=["e_w", "excess"], outputs=[torque])
 
 
 Maker = Callable[[list[str], str], Any]

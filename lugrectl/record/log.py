@@ -14,16 +14,13 @@ from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.validation import as_path, positive, shown
-from .columns.angle_units import check_angles
-from .columns.arrays import FORMS, is_table, table_of
 from .columns.options import check_used, factors, texts
+from .columns.raw_numbers import check_angles, signed
 from .columns.roles import Choice, choose_columns, idle_said, usual_said
 from .columns.streams import merged
-from .columns.table import Table
+from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .columns.units import Unit, parse_unit, role_unit, si_unit
-from .columns.unsigned import signed
 from .files.readers import read_stdin, read_table
-from .row_places import Places, TableRows
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 
@@ -78,7 +75,7 @@ def log_of_arrays(
     """Channels in SI units by role, t among them in s, as a log; rows are counted from 0."""
     others = {role: values for role, values in channels.items() if role != "t"}
     labels: dict[str, str | None] = {**dict.fromkeys(channels), "t": "s"}
-    return Log(source, channels["t"], others, TableRows(), labels, motion, cuts=cuts)
+    return Log(source, channels["t"], others, row_number, labels, motion, cuts=cuts)
 
 
 def rows_of(
@@ -140,8 +137,7 @@ def rows_of(
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
     labels = {role: unit.name if unit else None for role, unit in found.items()}
-    where = Places(table.where, len(t))
-    return Log(table.source, t, channels, where, labels, drive, tuple(said), file=file)
+    return Log(table.source, t, channels, table.where, labels, drive, tuple(said), file=file)
 
 
 def _opened(path: Any, named: Mapping[str, str]) -> tuple[Table, SourceFile | None]:

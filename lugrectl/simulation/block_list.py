@@ -1,74 +1,31 @@
-"""Continuous blocks together with sampled ones, which hold their outputs between updates."""
+"""Systems and lists of continuous and sampled blocks as one net, and the times of its updates."""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..core.errors import Diverged, InputError
-from ..engine.runtime.delayed_net_run import run_late
-from ..engine.runtime.growth import bounded
-from ..engine.runtime.sampled_run import Course, Held, Track
-from ..engine.runtime.select import compiled_net, engine
+from ..core.errors import InputError
+from ..engine.runtime.course import Course
 from ..engine.tracing.network import Net, Part
-from ..engine.tracing.network_equations import state_labels
 from . import arguments
-from .dead_time_warning import warn_if_approximate
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
 
 
-def simulate_blocks(
-    blocks: Sequence[Any],
-    t: np.ndarray,
-    inputs: Any,
-    x0: Any,
-    *,
-    params: Mapping[str, Any] | None,
-    method: str | None,
-    hold: bool,
-    rtol: float,
-    atol: float | None,
-    squeeze: bool | None,
-) -> ct.TimeResponseData:
-    """The list form of :func:`lugrectl.simulate`."""
-    net, periods = wired(blocks)
-    u = arguments.inputs(net.name, net.outside, t, inputs)
-    start = arguments.start(net.name, net.count(True) + net.count(False), x0)
-    course = _course(t, u, periods, hold)
-    track = followed(net, course, start, params, method, rtol, atol)
-    return ct.TimeResponseData(
-        t,
-        track.y,
-        in_order(net, track.x, track.q),
-        u,
-        params=dict(params) if params else None,
-        issiso=len(net.outside) == len(net.signals) == 1,
-        output_labels=list(net.signals),
-        input_labels=list(net.outside),
-        state_labels=list(state_labels(net)),
-        sysname=net.name,
-        title="Input/output response for " + net.name,
-        squeeze=squeeze,
-    )
+def net_of(system: Any) -> tuple[Net, list[float]]:
+    """The net of a system or of a list of blocks, and the sample times of a list.
 
-
-def simulate_discrete(
-    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Mapping[str, Any] | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """States and outputs of a discrete-time system at its samples t; TraceError if it cannot."""
-    part = Part(system, tuple(system.input_labels), tuple(system.output_labels), 0)
-    net = Net(system.name, (part,), part.inputs, 1)
-    held = compiled_net(net, params)
-    course = Course(t, u, np.ones((1, len(t))), np.arange(len(t)), True)
-    p = held.hybrid.flow.arguments(params)
-    track = held.run(course, np.zeros(0), x0, p, 1.0)
-    return track.q, track.y
+    A list of continuous blocks becomes one system, their interconnection.
+    """
+    if not isinstance(system, (list, tuple)):
+        return Net.of(arguments.system(system)), []
+    net, periods = wired(system)
+    return (net, periods) if periods else (Net.of(together(system)), [])
 
 
 def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]]:
@@ -91,14 +48,10 @@ def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]
         )
     rates = [_rate(b, systems) for b in systems]
     periods = sorted({rate for rate in rates if rate is not None})
+    groups = [None if rate is None else periods.index(rate) for rate in rates]
     parts = [
-        Part(
-            b,
-            tuple(b.input_labels),
-            tuple(b.output_labels),
-            None if rate is None else periods.index(rate),
-        )
-        for b, rate in zip(systems, rates, strict=True)
+        Part(b, tuple(b.input_labels), tuple(b.output_labels), group)
+        for b, group in zip(systems, groups, strict=True)
     ]
     return Net(name, tuple(parts), _outside(parts), len(periods)), periods
 
@@ -161,7 +114,7 @@ def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
 
 
-def _course(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
+def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
     """Updates at the multiples of each sample time, between the first and the last time."""
     near, updates = NEAR * min(periods), sum((t[-1] - t[0]) / dt for dt in periods)
     if updates > MOST:
@@ -200,63 +153,3 @@ def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:
     left = right - 1
     right = np.minimum(right, len(grid) - 1)
     return np.where(times - grid[left] <= grid[right] - times, left, right)
-
-
-def followed(
-    net: Net,
-    course: Course,
-    start: np.ndarray,
-    params: Mapping[str, Any] | None,
-    method: str | None,
-    rtol: float,
-    atol: float | None = None,
-) -> Track:
-    """The simulated track of a net from its initial states, one block after the other."""
-    chosen, p = engine(net, params, method)
-    sampled = is_sampled(net)
-    starts = start[~sampled], start[sampled]
-    if not isinstance(chosen, Held):
-        warn_if_approximate([part.block for part in net.parts], params)
-    track = run_late(chosen, net, course, *starts, params, rtol, atol)
-    track = track or chosen.run(course, *starts, p, rtol, atol)
-    if np.isfinite(track.unsettled):
-        warnings.warn(
-            f"{net.name}: a sign or comparison switches without end near t = "
-            f"{track.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
-            "np.sign(w).",
-            RuntimeWarning,
-            stacklevel=4,
-        )
-    t = course.grid[course.kept]
-    _all_finite(net, t, track.y)
-    labels = [state_labels(net, sampled=kind) for kind in (False, True)]
-    labels = [
-        *([f"state {k}" for k in row] for row in labels),
-        [f"output {k}" for k in net.signals],
-    ]
-    driven, looped = [course.given, start], len(net.parts) > 1
-    bounded(net.name, t, [track.x, track.q, track.y], labels, driven, looped=looped)
-    return track
-
-
-def is_sampled(net: Net) -> np.ndarray:
-    """For each state in the blocks' order, whether it belongs to a sampled block."""
-    return np.array([part.sampled for part in net.parts for _ in range(part.nstates)], dtype=bool)
-
-
-def in_order(net: Net, x: np.ndarray, q: np.ndarray) -> np.ndarray:
-    sampled = is_sampled(net)
-    states = np.empty((len(sampled), x.shape[1]))
-    states[~sampled], states[sampled] = x, q
-    return states
-
-
-def _all_finite(net: Net, t: np.ndarray, y: np.ndarray) -> None:
-    bad = np.argwhere(~np.isfinite(y.T))
-    if len(bad):
-        k, i = bad[0]
-        label = net.signals[i]
-        names = ", ".join(net.parts[j].block.name for j, _ in net.sources[label])
-        raise Diverged(
-            f"{net.name}: output {label} of block {names} is {y[i, k]} at t = {t[k]:.6g} s."
-        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,8 @@ from ..core.validation import array, positive
 from ..engine.codegen.python_source import Emitter, indent
 from ..engine.expression.derivative import derivatives
 from ..engine.expression.graph import Graph, Node, substitute
-from ..engine.runtime.backend import compiler, load, threads
+from ..engine.runtime.backend import compiler, load
+from ..engine.runtime.threads import each_beside
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters
@@ -153,15 +153,8 @@ def _coefficients_along(
             blocks = range(0, len(part), BLOCK)
             return [coefficients(part[i : i + BLOCK], values, dt) for i in blocks]
 
-    begins = range(0, len(w), CHUNK)
-    workers = min(threads(), len(begins)) if compiler() else 1
-    if workers < 2:
-        for begin in begins:
-            yield from chunk(begin)
-        return
-    with ThreadPoolExecutor(workers) as pool:
-        for blocks in pool.map(chunk, begins):
-            yield from blocks
+    for blocks in each_beside(chunk, range(0, len(w), CHUNK)):
+        yield from blocks
 
 
 def _by_lapack(less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:

@@ -2,33 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import control as ct
-import numpy as np
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
-from ..core.errors import Diverged, InputError
+from ..core.errors import InputError
 from ..core.validation import positive
-from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.chatter import Chatter
-from ..engine.runtime.delayed_run import delayed
-from ..engine.runtime.growth import bounded, quiet, stopped
-from ..engine.runtime.memo import compiled
-from ..engine.runtime.slow_functions import said_if_slow
-from ..engine.tracing.locate_fault import Instant, culprit
+from ..engine.runtime.course import Accuracy, Course
 from . import arguments
-from .block_list import simulate_blocks, simulate_discrete, together, wired
-from .dead_time_warning import warn_if_approximate
-from .wiring_warnings import warn_of_interconnection, warn_of_wiring
-
-LONG = (
-    1000  # a discrete system is traced from this many samples on: python-control takes 12 us each
-)
-_respond: Any = ct.input_output_response  # its type annotations do not include arrays
+from .block_list import course_of, net_of, wired
+from .net_run import Run, followed, response
+from .wiring_warnings import warn_of_wiring
 
 
 def simulate(
@@ -153,255 +139,24 @@ def simulate(
     True
     """
     rtol = arguments.settings(rtol, hold, method, squeeze)
-    atol = None if atol is None else positive(atol, "atol")
-    options = {"params": params, "hold": hold, "rtol": rtol, "atol": atol, "squeeze": squeeze}
+    accuracy = Accuracy(rtol, None if atol is None else positive(atol, "atol"))
     times = arguments.times(t, timepts)
     if x0 is not None and initial_state is not None:
         raise InputError("the initial states are given twice: give x0 or initial_state.")
-    x0 = initial_state if x0 is None else x0
-    if isinstance(system, (list, tuple)):
-        system = [arguments.system(block, "a block") for block in system]
-        arguments.parameters(system, params)
-        warn_of_wiring(wired(system)[0], inputs, params)
-        if any(block.dt not in (None, 0) for block in system):
-            return simulate_blocks(system, times, inputs, x0, method=method, **options)
-        system = together(system)
+    listed = isinstance(system, (list, tuple))
+    what = "a block" if listed else "system"
+    blocks = [arguments.system(one, what) for one in (system if listed else [system])]
+    arguments.parameters(blocks, params)
+    net, periods = wired(blocks) if listed else net_of(blocks[0])
+    warn_of_wiring(net, inputs, params)
+    if listed and not periods:
+        net, _ = net_of(blocks)
+    u = arguments.inputs(net.name, net.outside, times, inputs)
+    states = net.count(False) + net.count(True)
+    start = arguments.start(net.name, states, initial_state if x0 is None else x0)
+    if periods:
+        course = course_of(times, u, periods, hold)
     else:
-        system = arguments.system(system)
-        arguments.parameters([system], params)
-        warn_of_interconnection(system, params)
-    u = arguments.inputs(system.name, system.input_labels, times, inputs)
-    start = arguments.start(system.name, system.nstates, x0)
-    if system.isdtime(strict=True):
-        states, y = _discrete(system, times, u, start, params)
-    else:
-        states, y = _continuous(system, times, u, start, params, method, hold, rtol, atol)
-    _bounded(system, times, u, start, states, y)
-    return _response(system, times, y, states, u, params, squeeze)
-
-
-def _bounded(system: Any, t: Any, u: np.ndarray, x0: np.ndarray, states: Any, y: Any) -> None:
-    n, looped = int(system.nstates or 0), isinstance(system, ct.InterconnectedSystem)
-    rows = [np.asarray(states) if n else np.empty((0, len(t))), np.asarray(y)]
-    labels = [[f"state {k}" for k in (system.state_labels or ())][:n]]
-    labels.append([f"output {k}" for k in system.output_labels])
-    bounded(system.name, t, rows, labels, [u, x0], looped=looped)
-
-
-def _response(
-    system: Any, t: np.ndarray, y: Any, states: Any, u: np.ndarray, params: Any, squeeze: Any
-) -> ct.TimeResponseData:
-    """The response, built from its first sample and given the arrays: python-control copies."""
-    y, x = np.asarray(y), np.asarray(states) if system.nstates else None
-    response = ct.TimeResponseData(
-        t[:1],
-        y[:, :1],
-        None if x is None else x[:, :1],
-        u[:, :1],
-        params=params,
-        issiso=system.issiso(),
-        output_labels=system.output_labels,
-        input_labels=system.input_labels,
-        state_labels=system.state_labels if system.nstates else None,
-        sysname=system.name,
-        title="Input/output response for " + system.name,
-        squeeze=squeeze,
-    )
-    response.t, response.y, response.x, response.u = t, y, x, u
-    return response
-
-
-def _discrete(
-    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any
-) -> tuple[Any, np.ndarray]:
-    """python-control's loop; the traced one for many samples."""
-    steady = system.dt is not True and np.allclose(np.diff(t), system.dt, rtol=1e-6, atol=0.0)
-    if steady and len(t) > LONG:
-        try:
-            return simulate_discrete(system, t, u, x0, params)
-        except TraceError:
-            pass
-    try:
-        with np.errstate(all="ignore"):
-            response = _respond(system, t, u, x0, params=params, squeeze=False)
-        return _of(system, response)
-    except RuntimeError:
-        return _updated(system, t, u, x0, params)
-
-
-def _of(system: Any, response: Any) -> tuple[np.ndarray | None, np.ndarray]:
-    """States and outputs; python-control has no answer for the states where there are none."""
-    states = np.asarray(response.states) if system.nstates else None
-    return states, np.asarray(response.outputs)
-
-
-def _updated(
-    system: Any, t: np.ndarray, u: np.ndarray, x0: np.ndarray, params: Any
-) -> tuple[np.ndarray, np.ndarray]:
-    """States and outputs at the samples, where python-control reports a loop that has an answer."""
-    system._update_params(params)
-    at, states, y = Instant(system), [x0], []
-    for now, held in zip(t, u.T, strict=True):
-        y.append(at.outputs(now, states[-1], held))
-        states.append(at.rates(now, states[-1], held))
-    return np.array(states[:-1]).T, np.array(y).T
-
-
-def _continuous(
-    system: Any,
-    t: np.ndarray,
-    u: np.ndarray,
-    x0: np.ndarray,
-    params: Mapping[str, Any] | None,
-    method: str | None,
-    hold: bool,
-    rtol: float,
-    atol: float | None,
-) -> tuple[np.ndarray | None, np.ndarray]:
-    """States and outputs in continuous time."""
-    why = ""
-    if method in (None, "rosenbrock"):
-        try:
-            return _by_rosenbrock(system, t, u, x0, params, hold, rtol, atol)
-        except TraceError as error:
-            why = str(error)
-            warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=3)
-    warn_if_approximate([system], params)
-    with (
-        said_if_slow(why),
-        quiet(),
-        np.errstate(all="ignore"),
-    ):  # what is not finite is reported by name
-        return _by_scipy(system, t, u, x0, params, hold, rtol, atol, method or "LSODA")
-
-
-def _by_rosenbrock(
-    system: Any,
-    t: np.ndarray,
-    u: np.ndarray,
-    x0: np.ndarray,
-    params: Mapping[str, Any] | None,
-    hold: bool,
-    rtol: float,
-    atol: float | None,
-) -> tuple[np.ndarray, np.ndarray]:
-    engine = compiled(system, params)
-    p = engine.program.arguments(params)
-    states = x0[:, None]
-    exact = delayed(engine, system, t, params)
-    y = None
-    if exact is not None:
-        run, y = exact.run(t, u, x0, params, hold=hold, rtol=rtol, atol=atol)
-        states = run.states
-        _settled(system, run.unsettled)
-    elif system.nstates and len(t) > 1:
-        run = engine.run(t, u, x0, p, hold=hold, rtol=rtol, atol=atol)
-        states = run.states
-        _settled(system, run.unsettled)
-    elif not system.nstates:
-        states = np.empty((0, len(t)))
-    if y is None:
-        y = engine.outputs(t, states, u, p)
-    _all_finite(system, t, states, u, y)
-    return states, y
-
-
-def _settled(system: Any, unsettled: float) -> None:
-    if np.isfinite(unsettled):
-        warnings.warn(
-            f"{system.name}: a sign or comparison switches without end near t = "
-            f"{unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
-            "np.sign(w).",
-            RuntimeWarning,
-            stacklevel=5,
-        )
-
-
-def _all_finite(system: Any, t: np.ndarray, states: Any, u: np.ndarray, y: np.ndarray) -> None:
-    if np.isfinite(y).all():
-        return
-    k, i = np.argwhere(~np.isfinite(y.T))[0]
-    x = np.zeros(0) if states is None else states[:, k]
-    first = culprit(system, float(t[k]), x, u[:, k])
-    label = system.output_labels[i]
-    if not isinstance(system, ct.InterconnectedSystem) or not first:
-        first = f"output {label} is {y[i, k]}"
-    raise Diverged(f"{system.name}: {first} at t = {t[k]:.6g} s.")
-
-
-def _by_scipy(
-    system: Any,
-    t: np.ndarray,
-    u: np.ndarray,
-    x0: np.ndarray,
-    params: Mapping[str, Any] | None,
-    hold: bool,
-    rtol: float,
-    atol: float | None,
-    method: str,
-) -> tuple[np.ndarray | None, np.ndarray]:
-    """python-control's simulation; sample by sample if the input is held or a loop is solved."""
-    options = {"method": method, "rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
-    options["events"] = Chatter(system.name, t[-1] - t[0])
-    try:
-        if hold and system.nstates:
-            states, y = _stepped(system, t, u, x0, params, hold, options)
-        else:
-            given = {k: v for k, v in options.items() if k != "method"}
-            response = _respond(
-                system,
-                t,
-                u,
-                x0,
-                params=params,
-                solve_ivp_method=method,
-                solve_ivp_kwargs=given,
-                squeeze=False,
-            )
-            states, y = _of(system, response)
-    except Diverged:
-        raise
-    except RuntimeError as error:
-        try:  # block by block: it names what is not a number, and solves a loop that is linear
-            states, y = _stepped(system, t, u, x0, params, hold, options)
-        except RuntimeError:
-            said = f"{system.name}: python-control's simulation failed: {error}."
-            raise Diverged(said) from error
-    _all_finite(system, t, states, u, y)
-    return states, y
-
-
-def _stepped(
-    system: Any,
-    t: np.ndarray,
-    u: np.ndarray,
-    x0: np.ndarray,
-    params: Mapping[str, Any] | None,
-    hold: bool,
-    options: Mapping[str, Any],
-) -> tuple[np.ndarray, np.ndarray]:
-    """solve_ivp from sample to sample, with inputs that are held or linear in between."""
-    system._update_params(params)
-    at = Instant(system)
-    states = np.empty((system.nstates, len(t)))
-    states[:, 0] = x0
-    at.outputs(t[0], x0, u[:, 0])
-    for k in range(len(t) - 1 if system.nstates else 0):
-        slope = 0.0 * u[:, k] if hold else (u[:, k + 1] - u[:, k]) / (t[k + 1] - t[k])
-
-        def rates(now: float, x: np.ndarray, k: int = k, slope: Any = slope) -> np.ndarray:
-            return at.rates(now, x, u[:, k] + (now - t[k]) * slope)
-
-        part = solve_ivp(rates, (t[k], t[k + 1]), states[:, k], **options)
-        if not part.success:
-            raise stopped(
-                system.name,
-                system.state_labels,
-                part.t[-1],
-                part.y[:, -1],
-                part.message,
-                looped=isinstance(system, ct.InterconnectedSystem),
-            )
-        states[:, k + 1] = part.y[:, -1]
-    y = [at.outputs(now, x, held) for now, x, held in zip(t, states.T, u.T, strict=True)]
-    return states, np.array(y).reshape(len(t), -1).T
+        course = Course.along(times, u, net.groups, hold)
+    run = Run(net, course, start, params, method, accuracy)
+    return response(run, followed(run), u, squeeze)

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.validation import array, whole
-from ..engine.runtime.sampled_run import Course
+from ..engine.runtime.course import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
-from .block_list import followed
+from .net_run import Run, followed
 from .wiring_warnings import warn_of_wiring
 
 LATE = " after the delay"
@@ -90,21 +90,29 @@ def simulate_sampled(
     True
     """
     rtol = arguments.settings(rtol)
-    plant, drive = arguments.system(plant, "plant"), _drive(drive)
-    parts = _parts(plant, drive, whole(delay, "delay"))
+    plant, listed = arguments.system(plant, "plant"), isinstance(drive, (list, tuple))
+    what, given = "a block of the drive" if listed else "drive", drive if listed else [drive]
+    blocks = [arguments.system(block, what) for block in given]  # pyright: ignore
+    parts = _parts(plant, blocks, whole(delay, "delay"))
     arguments.parameters([part.block for part in parts], params)
-    net = Net(plant.name, parts, _outside(parts, plant), 1, earlier=True)
+    net = Net(plant.name, parts, _outside(parts), 1, earlier=True)
     times = _grid(t, parts)
     warn_of_wiring(net, {} if inputs is None else inputs, None)
     u = _inputs(net, times, inputs)
-    held = u if u.size else np.zeros((len(net.outside), len(times)))
-    flags, column = np.ones((1, len(times))), np.arange(len(times))
-    starts = [_start(plant, x0), _drive_start(drive, parts, drive_x0)]
-    track = followed(
-        net, Course(times, held, flags, column, True), np.concatenate(starts), params, None, rtol
-    )
+    own = [_states(part) for part in parts[1 : 1 + len(blocks)]]
+    labels = [
+        f"drive_{block.name}_{k}" if listed else f"drive_{k}"
+        for block, names in zip(blocks, own, strict=True)
+        for k in names
+    ]
+    start = arguments.start(plant.name, parts[0].nstates, x0)
+    name = "drive" if listed else blocks[0].name
+    driven = arguments.start(name, len(labels), drive_x0, "drive_x0")
+    delayed = np.zeros(net.count(True) - len(labels))  # of the delay, 0 at the start
+    course = Course.along(times, u, 1, True)
+    states = np.concatenate([start, driven, delayed])
+    track = followed(Run(net, course, states, params, None, Accuracy(rtol)))
     shown = [i for i, label in enumerate(net.signals) if not label.endswith(LATE)]
-    labels = _drive_states(drive, parts)
     return ct.TimeResponseData(
         times,
         track.y[shown],
@@ -113,22 +121,18 @@ def simulate_sampled(
         issiso=False,
         output_labels=[net.signals[i] for i in shown],
         input_labels=list(net.outside),
-        state_labels=[*_states(plant), *labels],
+        state_labels=[*_states(parts[0]), *labels],
         sysname=plant.name,
         title=f"Sampled response of {plant.name}",
     )
 
 
-def _drive(given: Any) -> Any:
-    """The drive's block or list of blocks."""
-    if isinstance(given, (list, tuple)):
-        return [arguments.system(block, "a block of the drive") for block in given]
-    return arguments.system(given, "drive")
+def _states(part: Part) -> list[str]:
+    return list(part.block.state_labels) if part.nstates else []
 
 
-def _parts(plant: Any, drive: Any, delay: int) -> tuple[Part, ...]:
+def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
     """The plant, the drive's blocks, and the delay between them."""
-    blocks = [drive] if isinstance(drive, ct.NonlinearIOSystem) else list(drive)
     _fit(blocks)
     logic = [Part(b, tuple(b.input_labels), tuple(b.output_labels), 0) for b in blocks]
     made = {k for part in logic for k in part.outputs}
@@ -146,11 +150,11 @@ def _parts(plant: Any, drive: Any, delay: int) -> tuple[Part, ...]:
     late = LATE if delay else ""
     entries = tuple(k + late if k in acting else k for k in plant.input_labels)
     first = Part(plant, entries, tuple(plant.output_labels))
-    last = [_delay_part(acting, delay, blocks)] if delay else []
+    last = [_delay_part(acting, delay)] if delay else []
     return (first, *logic, *last)
 
 
-def _delay_part(acting: Sequence[str], samples: int, blocks: Sequence[Any]) -> Part:
+def _delay_part(acting: Sequence[str], samples: int) -> Part:
     n = len(acting)
     line = ct.nlsys(
         _Delay(n, moves=True),
@@ -189,7 +193,7 @@ def _fit(blocks: Sequence[Any]) -> None:
         raise InputError(f"the drive's blocks have different sample times: {sorted(rates)} s.")
 
 
-def _outside(parts: Sequence[Part], plant: Any) -> tuple[str, ...]:
+def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
     """Signals that no block outputs: first those the drive reads, then those of the plant only."""
     made = {k for part in parts for k in part.outputs}
     ordered = [k for part in (*parts[1:], parts[0]) for k in part.inputs]
@@ -223,26 +227,3 @@ def _grid(t: Any, parts: Sequence[Part]) -> np.ndarray:
     if len(step) and np.max(np.abs(step - wanted)) > 1e-6 * float(wanted or 1.0):
         raise InputError(f"t must increase in steps of the drive's sample time, {wanted:g} s.")
     return times
-
-
-def _states(system: Any) -> list[str]:
-    return list(system.state_labels or ()) if system.nstates else []
-
-
-def _drive_states(drive: Any, parts: Sequence[Part]) -> list[str]:
-    if isinstance(drive, ct.NonlinearIOSystem):
-        return [f"drive_{k}" for k in _states(drive)]
-    blocks = [p.block for p in parts[1:] if not p.outputs[0].endswith(LATE)]
-    return [f"drive_{b.name}_{k}" for b in blocks for k in _states(b)]
-
-
-def _drive_start(drive: Any, parts: Sequence[Part], x0: Any) -> np.ndarray:
-    """The drive's states, then those of the delay, which are 0 at the start."""
-    count, own = sum(p.nstates for p in parts[1:]), len(_drive_states(drive, parts))
-    single = isinstance(drive, ct.NonlinearIOSystem)
-    start = arguments.start(drive.name if single else "drive", own, x0, "drive_x0")
-    return np.concatenate([start, np.zeros(count - own)])
-
-
-def _start(system: Any, x0: Any) -> np.ndarray:
-    return arguments.start(system.name, int(system.nstates or 0), x0)

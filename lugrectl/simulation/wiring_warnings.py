@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import control as ct
 import numpy as np
 
 from ..engine.tracing.network import Net, Part
@@ -18,7 +17,16 @@ TINY = 1e-6  # step of the differences
 
 
 def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> None:
-    """Warn of inputs that nothing feeds, and of a feedback with the wrong sign."""
+    """Warn of inputs that nothing feeds, and of a feedback with the wrong sign.
+
+    In a list of blocks, and within an interconnection.
+    """
+    if net.alone:
+        system = net.parts[0].block
+        if net.looped:
+            matrix = np.asarray(system.connect_map, dtype=float)
+            _warn_of_sign(net.name, list(system.syslist), matrix, params)
+        return
     if isinstance(given, Mapping):
         for label in net.outside:
             if label not in given and label not in OPTIONAL and (said := _unfed(net, label)):
@@ -30,13 +38,6 @@ def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> No
         rows.append(np.zeros(len(ends)))
         rows[-1][[column[end] for end in net.sources.get(label, [])]] = 1.0
     _warn_of_sign(net.name, [part.block for part in net.parts], np.array(rows), params)
-
-
-def warn_of_interconnection(system: Any, params: Mapping[str, Any] | None) -> None:
-    """Warn of a feedback with the wrong sign among the blocks of an interconnection."""
-    if isinstance(system, ct.InterconnectedSystem):
-        matrix = np.asarray(system.connect_map, dtype=float)
-        _warn_of_sign(system.name, list(system.syslist), matrix, params)
 
 
 def _unfed(net: Net, label: str) -> str:

@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Adaptive
-from ..engine.runtime.delay_steps import lates
-from ..engine.runtime.memo import compiled
-from ..engine.runtime.portable import Portable
+from ..engine.runtime.adaptive_run import Adaptive, Portable
+from ..engine.runtime.delays import lates
+from ..engine.runtime.memo import compiled_system
+from ..engine.tracing.network import Net
 from ..engine.tracing.tracer import widths
 from ..simulation import arguments
+from ..simulation.block_list import net_of
 from . import parameter_table
-from .member import Face
 from .worker import OneByOne, Plan, Solver, Task, Traced
 
 _BLOCK = 32e6  # bytes of results in one task, about
@@ -93,28 +93,46 @@ def prepare(
 ) -> Prepared:
     """Check the arguments and trace the system. Raises InputError."""
     rtol = arguments.settings(rtol, hold)
-    times, columns, face = arguments.times(t), parameter_table.columns(params), Face.of(system)
+    times, columns = arguments.times(t), parameter_table.columns(params)
+    net, _ = net_of(system)
+    blocks = [part.block for part in net.parts]
     if reduce is not None and not callable(reduce):
         raise InputError(f"reduce must be a function of t and y, not {shown(reduce)}.")
     given = inputs
     if not callable(inputs):
-        given = arguments.inputs(face.name, face.inputs, times, inputs)
-    starts, drawn = _starts(face, x0), _seeds(seeds, inputs)
+        given = arguments.inputs(net.name, net.outside, times, inputs)
+    starts, drawn = _starts(net, x0), _seeds(seeds, inputs)
     count = parameter_table.members(_lengths(columns, starts, drawn))
-    wanted = face.chosen("output", outputs)
-    kept = face.chosen("state", None if states is True else [] if states is False else states)
+    wanted = _chosen(net, "output", outputs)
+    kept = _chosen(net, "state", None if states is True else [] if states is False else states)
     full = {k: np.ascontiguousarray(np.broadcast_to(v, (count,))) for k, v in columns.items()}
-    blocks = face.system if isinstance(face.system, list) else [face.system]
     for key, values in full.items():
         numbers = values[~np.isnan(values)]  # a member that is NaN fails alone
         for value in {numbers.min(), numbers.max()} if len(numbers) else ():
             arguments.parameters(blocks, {key: value})
-    solver, rows = _solver(face, times, wanted, full, hold, rtol)
-    keep = tuple(face.states.index(k) for k in kept) if kept else None
+    alone = OneByOne(
+        blocks[0] if net.alone else list(system), tuple(full), wanted, times, hold, rtol
+    )
+    solver, rows = _solver(net, alone, full)
+    keep = tuple(net.states().index(k) for k in kept) if kept else None
     shape = (len(wanted), len(times))
-    plan = Plan(solver, face.name, face.inputs, given, keep, reduce, shape, rows.names, times)
+    plan = Plan(solver, net.name, net.outside, given, keep, reduce, shape, rows.names, times)
     carried = isinstance(solver, Traced)
     return Prepared(plan, times, wanted, kept, full, starts, rows, drawn, count, carried)
+
+
+def _chosen(net: Net, what: str, names: Sequence[str] | str | None) -> tuple[str, ...]:
+    """The names of outputs or states (``what``), all for None; InputError if one is unknown."""
+    has = net.signals if what == "output" else net.states()
+    try:
+        chosen = tuple(has if names is None else [names] if isinstance(names, str) else names)
+    except TypeError:
+        raise InputError(f"{what}s must be a list of names, not {shown(names)}.") from None
+    unknown = [name for name in chosen if name not in has]
+    if unknown:
+        there = ", ".join(has) or "none"
+        raise InputError(f"{net.name} has no {what} '{unknown[0]}'; it has {there}.")
+    return chosen
 
 
 def sendable(prepared: Prepared, executor: Executor | None, processes: bool) -> None:
@@ -146,24 +164,17 @@ class _Rows:
         return rows
 
 
-def _solver(
-    face: Face,
-    t: np.ndarray,
-    outputs: tuple[str, ...],
-    columns: Mapping[str, np.ndarray],
-    hold: bool,
-    rtol: float,
-) -> tuple[Solver, _Rows]:
-    system = face.system
-    if not face.sampled:
+def _solver(net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]) -> tuple[Solver, _Rows]:
+    """By generated code where a continuous system has some, else member by member."""
+    if not net.groups:
         try:
-            engine, fixed = _engine(system, columns)
-            portable = Portable.of(engine, outputs)
+            engine, fixed = _engine(alone.system, columns)
             keys, defaults = engine.program.keys, engine.program.arguments(fixed)
             places = {i: columns[k] for i, k in enumerate(keys) if k in columns}
-            if _late(engine, defaults, places):
-                return _one_by_one(system, face, t, outputs, columns, hold, rtol)
-            return Traced(portable, t, hold, rtol), _Rows(tuple(keys), defaults, places)
+            if not _late(engine, defaults, places):
+                portable = Portable.of(engine, alone.outputs)
+                made = Traced(portable, alone.t, alone.hold, alone.rtol)
+                return made, _Rows(tuple(keys), defaults, places)
         except TraceError as error:
             warnings.warn(
                 f"{error}; the members are simulated one by one in this process, traced "
@@ -171,7 +182,7 @@ def _solver(
                 RuntimeWarning,
                 stacklevel=4,
             )
-    return _one_by_one(system, face, t, outputs, columns, hold, rtol)
+    return alone, _Rows(alone.names, np.zeros(len(columns)), dict(enumerate(columns.values())))
 
 
 def _late(engine: Adaptive, defaults: np.ndarray, columns: Mapping[int, np.ndarray]) -> bool:
@@ -180,21 +191,6 @@ def _late(engine: Adaptive, defaults: np.ndarray, columns: Mapping[int, np.ndarr
     for at, values in columns.items():
         p[at] = np.nanmax(values, initial=-np.inf)
     return any(delay > 0.0 for delay in lates(engine.program, p).values())
-
-
-def _one_by_one(
-    system: Any,
-    face: Face,
-    t: np.ndarray,
-    outputs: tuple[str, ...],
-    columns: Mapping[str, np.ndarray],
-    hold: bool,
-    rtol: float,
-) -> tuple[Solver, _Rows]:
-    names = tuple(columns)
-    rows = _Rows(names, np.zeros(len(names)), dict(enumerate(columns.values())))
-    places = tuple(face.outputs.index(name) for name in outputs)
-    return OneByOne(system, names, places, t, hold, rtol), rows
 
 
 def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
@@ -208,12 +204,8 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
     first = {k: float(v[0]) for k, v in columns.items()} | wide
     for given in (wide, first):
         try:
-            engine = compiled(system, given)
-        except TraceError:
-            if given == first:
-                raise
-            continue
-        except KeyError:  # a block reads a key that has no default
+            engine = compiled_system(system, given)
+        except (TraceError, KeyError):  # a block reads a key that has no default
             if given == first:
                 raise
             continue
@@ -230,17 +222,16 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
     raise TraceError(f"{system.name}: cannot be traced with the parameters {', '.join(first)}")
 
 
-def _starts(face: Face, x0: Any) -> np.ndarray:
+def _starts(net: Net, x0: Any) -> np.ndarray:
     try:
         rows: Any = array(0.0 if x0 is None else x0, "x0")
     except InputError:  # parts, as python-control takes them
         rows = np.zeros(1)
+    many = len(net.states())
     if rows.ndim != 2:
-        return arguments.start(face.name, len(face.states), 0.0 if x0 is None else x0)[None]
-    if rows.shape[1] != len(face.states):
-        raise InputError(
-            f"x0 has the shape {rows.shape}; {face.name} needs (members, {len(face.states)})."
-        )
+        return arguments.start(net.name, many, x0)[None]
+    if rows.shape[1] != many:
+        raise InputError(f"x0 has the shape {rows.shape}; {net.name} needs (members, {many}).")
     return np.array(rows)
 
 

@@ -11,8 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..core.errors import Diverged, InputError
-from ..engine.runtime.growth import bounded
-from ..engine.runtime.portable import Portable
+from ..engine.runtime.adaptive_run import Portable
+from ..engine.runtime.course import Accuracy, Course
+from ..engine.runtime.endings import bounded, first_bad
 from ..parallel.jobs import JobError
 from ..simulation import arguments
 from ..simulation.response import simulate
@@ -37,24 +38,19 @@ class Traced:
     rtol: float
 
     def ready(self) -> Solve:
-        loaded = self.portable.loaded()
+        loaded, name, outputs = self.portable.loaded(), self.portable.name, self.portable.outputs
+        labels, accuracy, none = [f"output {k}" for k in outputs], Accuracy(self.rtol), np.zeros(0)
 
         def solve(u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
-            answer = loaded.response(self.t, u, x0, p, self.hold, self.rtol)
-            self._finite(answer[1])
-            labels = [[f"output {k}" for k in self.portable.outputs]]
-            driven = [u, x0]
-            bounded(self.portable.name, self.t, [answer[1]], labels, driven, looped=False)
-            return answer
+            course = Course.along(self.t, u, 0, self.hold)
+            track = loaded.follow(course, x0, none, p, accuracy)
+            bad = first_bad(self.t, track.y)
+            if bad is not None:
+                raise Diverged(f"{name}: {labels[bad[0]]} is {bad[2]}")
+            bounded(name, self.t, [track.y], [labels], [u, x0], looped=False)
+            return track.x, track.y, track.unsettled
 
         return solve
-
-    def _finite(self, y: np.ndarray) -> None:
-        if np.all(np.isfinite(y)):
-            return
-        k, i = np.argwhere(~np.isfinite(y.T))[0]
-        name, label = self.portable.name, self.portable.outputs[i]
-        raise Diverged(f"{name}: output {label} is {y[i, k]} at t = {self.t[k]:.6g} s.")
 
 
 @dataclass(frozen=True)
@@ -62,8 +58,8 @@ class OneByOne:
     """Simulates by ``simulate``, for systems without portable code; stays in this process."""
 
     system: Any
-    names: tuple[str, ...]
-    rows: tuple[int, ...]
+    names: tuple[str, ...]  # of the parameters
+    outputs: tuple[str, ...]
     t: np.ndarray
     hold: bool
     rtol: float
@@ -79,7 +75,9 @@ class OneByOne:
             response = simulate(self.system, self.t, u, x0, params=params, **options)
         states = response.states
         states = np.empty((0, len(self.t))) if states is None else np.atleast_2d(states)
-        return states, np.asarray(response.outputs)[list(self.rows)], np.nan
+        labels = list(response.output_labels or ())
+        rows = [labels.index(name) for name in self.outputs]
+        return states, np.asarray(response.outputs)[rows], np.nan
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime import sampled_run, select
+from lugrectl.engine import TraceError
+from lugrectl.engine.runtime import memo, sampled_run
 
 from ..conftest import there
 from .timing import milliseconds
@@ -28,12 +29,12 @@ def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
     """Against the same net whose sampled blocks are called at their ticks."""
     made_by = None if way == "python" else there(way)
     monkeypatch.setattr(sampled_run, "compiler", lambda: made_by)
-    monkeypatch.setattr(select, "_compiled", {})
+    monkeypatch.setattr(memo, "_traced", {})
     net, t = blocks(), DT * np.arange(10_001)
     r = {"r": np.sin(2 * np.pi * t)}
     fast = lg.simulate(net, t, r)
     spent = milliseconds(lambda: lg.simulate(net, t, r), 7)
-    monkeypatch.setattr(select, "compiled_net", _cannot)
+    monkeypatch.setattr("lugrectl.simulation.net_run.compiled", _cannot)
     slow = lg.simulate(net, t[:1001], {"r": r["r"][:1001]})
     ratio = 10 * milliseconds(lambda: lg.simulate(net, t[:1001], {"r": r["r"][:1001]}), 1) / spent
     np.testing.assert_allclose(fast.outputs[:, :1001], slow.outputs, rtol=1e-6, atol=1e-9)
@@ -43,4 +44,4 @@ def test_ten_seconds_at_1_khz(way, target, monkeypatch, record_property):
 
 
 def _cannot(*_):
-    raise select.TraceError("not asked for")
+    raise TraceError("not asked for")

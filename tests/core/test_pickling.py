@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.bench.feedforward import effects_torque
 from lugrectl.blocks.block import REGISTRY, Block, P, members
 from lugrectl.blocks.declaration import block
 from lugrectl.blocks.plant import assemble
-from lugrectl.compensated_loop.feedforward import effects_torque
 from lugrectl.core.errors import InputError
 from lugrectl.core.pickling import NotPicklable
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.memo import compiled
+from lugrectl.engine.runtime.memo import compiled_system
 
 from ..benchmarks import item
 
@@ -57,7 +57,7 @@ def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
 def test_a_zero_crossing_does_not_shorten_the_steps():
     """The velocity loop of Table 1: one step for each sample and few more."""
     loop = item.loop()
-    engine = compiled(loop, None)
+    engine = compiled_system(loop)
     p = engine.program.arguments(None)
     u = item.r[None, :]
     run = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-6)

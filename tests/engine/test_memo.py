@@ -211,7 +211,7 @@ WAYS = [
 
 @pytest.mark.parametrize("way", WAYS)
 def test_the_new_value_counts(way, monkeypatch):
-    monkeypatch.setattr("lugrectl.simulation.response.LONG", 0)  # discrete systems are traced too
+    monkeypatch.setattr("lugrectl.simulation.net_run.LONG", 0)  # discrete systems are traced too
     monkeypatch.setitem(globals(), "LIMIT", 1.0)
     monkeypatch.setitem(VALUES, "limit", 1.0)
     system, change = way()
@@ -363,7 +363,7 @@ def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
     """Nothing that they read can change: the second call costs no trace."""
     loop = lg.velocity_loop(lg.table1(), "proposed")
     lg.simulate(loop, T, 0.1)
-    for name in ("runtime.memo.traced", "tracing.ingredients.single"):
+    for name in ("runtime.memo.traced_net", "tracing.ingredients.single"):
         monkeypatch.setattr(f"lugrectl.engine.{name}", None)
     lg.simulate(loop, T, 0.2)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime import slow_functions
+from lugrectl.engine.runtime import endings
 
 PLANT = lg.plant(lg.table1())
 T = np.arange(0.0, 0.02, 1e-3)
@@ -35,7 +35,7 @@ SYSTEMS = {
 
 @pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 def test_a_slow_simulation_names_the_block_the_function_and_what_to_do(monkeypatch, system):
-    monkeypatch.setattr(slow_functions, "AFTER", 0.05)
+    monkeypatch.setattr(endings, "AFTER", 0.05)
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         lg.simulate(system(), T, {"v": 0.1} if isinstance(system(), list) else 0.1)
@@ -51,7 +51,7 @@ def test_a_quick_simulation_says_nothing_of_it():
 
 
 def test_errors_of_warnings_do_not_break_the_timer(monkeypatch):
-    monkeypatch.setattr(slow_functions, "AFTER", 0.01)
+    monkeypatch.setattr(endings, "AFTER", 0.01)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert lg.simulate([odd(dt=1e-3), PLANT], T, {"v": 0.1}).t[-1] == T[-1]

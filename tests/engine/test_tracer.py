@@ -260,7 +260,7 @@ def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
     block = ct.nlsys(counting, None, states=1, inputs=1, outputs=1, name="again", params=params)
     t = np.linspace(0, 1, 5)
     simulate(block, t, 1.0, params={"a": 1.5})
-    monkeypatch.setattr("lugrectl.engine.runtime.memo.Adaptive", None)  # compiling would fail
+    monkeypatch.setattr("lugrectl.engine.runtime.memo.made_of", None)  # compiling would fail
     simulate(block, t, 1.0, params={"a": 2.5})
 
 

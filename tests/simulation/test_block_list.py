@@ -12,7 +12,7 @@ from scipy.linalg import expm
 import lugrectl as lg
 from lugrectl.core.errors import Diverged
 from lugrectl.engine import AlgebraicLoop
-from lugrectl.engine.runtime import sampled_run, select
+from lugrectl.engine.runtime import memo, sampled_run
 from lugrectl.simulation.response import simulate
 
 from ..conftest import there
@@ -25,7 +25,7 @@ A, B = np.array([[0.0, 1.0], [-9.0, -0.6]]), np.array([[0.0], [4.0]])
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: None)
     monkeypatch.setattr(sampled_run, "compiler", lambda: None)
-    monkeypatch.setattr(select, "_compiled", {})
+    monkeypatch.setattr(memo, "_traced", {})
 
 
 def swing():
@@ -109,7 +109,7 @@ def test_compiled_code_says_the_same(way, monkeypatch):
     plain = simulate(blocks, t, np.sin(t))
     monkeypatch.setattr(sampled_run, "compiler", lambda: made_by)
     monkeypatch.setattr(sampled_run, "FEW", 0)
-    monkeypatch.setattr(select, "_compiled", {})
+    monkeypatch.setattr(memo, "_traced", {})
     compiled = simulate(blocks, t, np.sin(t))
     np.testing.assert_allclose(compiled.outputs, plain.outputs, rtol=1e-9, atol=1e-12)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..expression.graph import Node, rename, symbols_in
+from ..expression.graph import Node, rename
 from ..tracing.equations import Program
 from .events import (
     HELPERS,
@@ -18,7 +18,7 @@ from .events import (
     turns,
 )
 from .filippov import exactly_at_zero, names, settle, sliding
-from .python_source import Emitter, early_first, indent, reciprocals, summed
+from .python_source import Section, early_first, indent, reciprocals, summed
 from .rosenbrock import Equations, step
 from .switching import freeze_modes
 
@@ -139,29 +139,30 @@ def adaptive_code(program: Program, kind: str) -> str:
     nodes = parts.step
     if kind == "compiled":
         nodes = early_first(reciprocals(nodes), parts.states)
-    step_code = _Section(_names("ne", len(parts.states)), nodes, "b", fixed)
-    start = _Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
-    end = _Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
+    step_code = Section(_names("ne", len(parts.states)), nodes, "b", fixed)
+    start = Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
+    end = Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
     rest, after = _rests(program, parts, fixed)
     sections = (step_code, start, end, rest, after)
-    write = _Section.plain if kind == "compiled" else _Section.guarded
+    guarded = kind != "compiled"
+    near = nearest_zero(parts, after.lines(guarded))
     return _RUN.format(
         helpers=HELPERS + (REST if parts.slides.parts else ""),
-        robust="" if kind == "compiled" else "".join(part.robust() for part in sections),
+        robust="".join(part.robust() for part in sections) if guarded else "",
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
         sizes_before=indent(_sizes(len(parts.states), after=False), 1),
         sizes_after=indent(_sizes(len(parts.states), after=True), 1),
         interval=indent(_interval(parts), 2),
         nesting=nesting(parts.leads),
-        sides=indent(write(start) + start_sides(parts), 3),
+        sides=indent(start.lines(guarded) + start_sides(parts), 3),
         sizes=indent(start_sizes(parts), 2),
-        settle=indent(settle(parts.slides, parts.states, write(rest)), 3),
-        step=indent(write(step_code), 3),
+        settle=indent(settle(parts.slides, parts.states, rest.lines(guarded)), 3),
+        step=indent(step_code.lines(guarded), 3),
         weights=indent(_weights(len(parts.states)), 3),
         error=summed([f"g{i} * g{i}" for i in range(len(parts.states))]),
         blame=indent(_blame(len(parts.states)), 5),
-        leads=indent(_end_inputs(parts) + write(end) + nearest_zero(parts, write(after)), 3),
+        leads=indent(_end_inputs(parts) + end.lines(guarded) + near, 3),
         before=indent(nearest_before(parts), 4),
         flip_at_start=indent(turns(parts, at_start=True), 4),
         accept=indent(_accept(parts), 3),
@@ -171,41 +172,6 @@ def adaptive_code(program: Program, kind: str) -> str:
 
 def _names(letters: str, count: int) -> list[str]:
     return [f"{letter}{i}" for letter in letters for i in range(count)]
-
-
-class _Section:
-    """Code that leaves the values of nodes in named variables."""
-
-    def __init__(
-        self, names: list[str], nodes: Sequence[Node], prefix: str, fixed: Sequence[str]
-    ) -> None:
-        self.names, self.nodes, self.prefix = names, nodes, prefix
-        self.emitter = Emitter("scalar", prefix, fixed)
-        self.codes = self.emitter.write(nodes)
-
-    def plain(self) -> list[str]:
-        pairs = zip(self.names, self.codes, strict=True)
-        return self.emitter.body + [f"{name} = {code}" for name, code in pairs]
-
-    def guarded(self) -> list[str]:
-        """In plain Python an overflow raises; the values are then computed by NumPy's rules."""
-        if not self.names:
-            return []
-        again = f"{', '.join(self.names)}, = robust_{self.prefix}({', '.join(self._arguments())})"
-        tried = ["    " + line for line in self.plain()]
-        return ["try:", *tried, "except (ArithmeticError, ValueError):", f"    {again}"]
-
-    def robust(self) -> str:
-        """The same code as a function that returns inf or nan where ``math`` would raise."""
-        emitter = Emitter("array", self.prefix)
-        values = "".join(f"{code}, " for code in emitter.write(self.nodes))
-        lines = [f"{name} = np.float64({name})" for name in self._arguments()]
-        lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
-        head = f"def robust_{self.prefix}({', '.join(self._arguments())}):\n"
-        return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n\n"
-
-    def _arguments(self) -> list[str]:
-        return sorted(symbols_in(self.nodes))
 
 
 def _parts(program: Program) -> Parts:
@@ -225,7 +191,7 @@ def _parts(program: Program) -> Parts:
     )
 
 
-def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[_Section, _Section]:
+def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[Section, Section]:
     """The code that decides whether jumps rest, before a step and after it."""
     slides = parts.slides
     weights = [*slides.parts.values(), *slides.steps.values()]
@@ -233,8 +199,8 @@ def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[_Secti
     begin = [*names(slides), *(name for name, _ in moves)]
     late = _at_end(program, weights[: len(slides.parts)])
     return (
-        _Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed),
-        _Section(names(slides, "end_")[: len(late)], late, "late", fixed),
+        Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed),
+        Section(names(slides, "end_")[: len(late)], late, "late", fixed),
     )
 
 

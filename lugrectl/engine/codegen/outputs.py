@@ -46,9 +46,9 @@ def output_code(program: Program) -> str:
     made = sliding(program, smooth, leads, wanted)
     seen = symbols_in(smooth[len(program.x) :])
     if not any(f"m{i}" in seen for i in made.parts):
-        code = [*_unpack(program), *_write(program.y, "v", _targets(program))]
+        code = [*unpacked(program), *_write(program.y, "v", _targets(program))]
         return _BLOCKS.format(scales="scales = ()", code=indent(code, 1))
-    code = [*_unpack(program), *_sides(leads)]
+    code = [*unpacked(program), *_sides(leads)]
     values = "".join(f"a{i}, " for i in made.parts)
     return _BLOCKS.format(
         scales="scales = [np.nanmax(abs(a)) for a in leads(t, x, u, p)]",
@@ -56,7 +56,8 @@ def output_code(program: Program) -> str:
     ) + _LEADS.format(code=indent([*code, f"return {values}"], 1))
 
 
-def _unpack(program: Program) -> list[str]:
+def unpacked(program: Program) -> list[str]:
+    """Code that gives the rows of the arguments their names."""
     lines = [f"{x.value} = x[{i}]" for i, x in enumerate(program.x)]
     lines += [f"{u.value} = u[{i}]" for i, u in enumerate(program.u)]
     return lines + [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]

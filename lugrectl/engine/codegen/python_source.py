@@ -6,7 +6,7 @@ import heapq
 from collections import Counter
 from collections.abc import Iterable, Sequence
 
-from ..expression.graph import Node, reachable, substitute
+from ..expression.graph import Node, reachable, substitute, symbols_in
 from ..expression.operations import OPS
 
 SCALAR_HEADER = """from math import (
@@ -97,6 +97,55 @@ class Emitter:
         template = op.array if self.kind == "array" else op.scalar
         template = _OWN.get((self.kind, node.op), template)
         return template.format(*(text[a.index] for a in node.args))
+
+
+class Section:
+    """Code that leaves the values of nodes in named variables.
+
+    ``at_once``: none is set before all are computed, because they are computed from each other.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        nodes: Sequence[Node],
+        prefix: str,
+        fixed: Iterable[str] = (),
+        *,
+        at_once: bool = False,
+    ) -> None:
+        self.names, self.nodes, self.prefix, self.at_once = names, nodes, prefix, at_once
+        self.emitter = Emitter("scalar", prefix, fixed)
+        self.codes = self.emitter.write(nodes)
+
+    def lines(self, guarded: bool = False) -> list[str]:
+        """The code. In plain Python an overflow raises; ``guarded`` code then computes the values
+        by NumPy's rules, with :meth:`robust`."""
+        if not self.names:
+            return self.emitter.body
+        left = ", ".join(self.names)
+        if self.at_once:
+            lines = [*self.emitter.body, f"{left}, = {', '.join(self.codes)},"]
+        else:
+            pairs = zip(self.names, self.codes, strict=True)
+            lines = [*self.emitter.body, *(f"{name} = {code}" for name, code in pairs)]
+        if not guarded:
+            return lines
+        again = f"    {left}, = robust_{self.prefix}({', '.join(self._arguments())})"
+        tried = ["    " + line for line in lines]
+        return ["try:", *tried, "except (ArithmeticError, ValueError):", again]
+
+    def robust(self) -> str:
+        """The same code as a function that returns inf or nan where ``math`` would raise."""
+        emitter = Emitter("array", self.prefix)
+        values = "".join(f"{code}, " for code in emitter.write(self.nodes))
+        lines = [f"{name} = np.float64({name})" for name in self._arguments()]
+        lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
+        head = f"def robust_{self.prefix}({', '.join(self._arguments())}):\n"
+        return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n\n"
+
+    def _arguments(self) -> list[str]:
+        return sorted(symbols_in(self.nodes))
 
 
 def reciprocals(roots: Sequence[Node]) -> list[Node]:

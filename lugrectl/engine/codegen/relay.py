@@ -147,24 +147,6 @@ class Relays:
         pull = make("maximum", make("maximum", up, -down), 0.0)
         return make("where", self._symbol(f"free{relay.place}") > 0.0, 0.0, h * pull)
 
-    def turned(self) -> dict[int, dict[int, tuple[Node, Node]]]:
-        """For each relay, by state: the rates before and after its zero, at the new states."""
-        graph, program = self.program.graph, self.program
-        begin = graph.symbol("begin").index
-        at: dict[int, Node] = {x.index: graph.symbol(f"n{i}") for i, x in enumerate(program.x)}
-        at |= {program.t.index: program.t + graph.symbol("h"), begin: program.t}
-        result = {}
-        for relay in self.every:
-            up, down = rename([relay.up, relay.down], at)
-            side, free = self._symbol(relay.side), self._symbol(f"free{relay.place}")
-            held = graph.make("where", down < 0.0, -1.0, 0.0)
-            new = graph.make("where", up > 0.0, 1.0, held)
-            which = [i for i, r in enumerate(self.rates) if relay.side in symbols_in([r])]
-            first = rename([self.rates[i] for i in which], at)
-            last = rename(first, {side.index: new, free.index: abs(new)})
-            result[relay.place] = dict(zip(which, zip(first, last, strict=True), strict=True))
-        return result
-
     def _symbol(self, name: str) -> Node:
         return self.program.graph.symbol(name)
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from ..expression.graph import symbols_in
 from ..tracing.network_equations import Hybrid, Tick
 from .adaptive_step import adaptive_code
-from .python_source import Emitter, indent, summed
+from .outputs import unpacked
+from .python_source import Emitter, Section, indent, summed
 
 # x are the continuous states, q the sampled ones, u the external inputs followed by the values
 # held between updates (ticks). column[k] is where the grid point is stored, -1: not stored.
@@ -75,17 +73,17 @@ for i in range(1, size - 1):
 def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
     """The function ``alternate``, with the ``run`` of the flow; ``kind`` "compiled" or
     "python"."""
-    fixed = [node.value for node in hybrid.flow.p] if kind == "compiled" else []
-    emitter = Emitter("scalar", "c", fixed)
-    codes = emitter.write(tick.new_q + tick.new_h)
+    guarded = kind == "python"
+    fixed = [] if guarded else [node.value for node in hybrid.flow.p]
     targets = _targets(hybrid, tick)
+    updates = Section(targets, hybrid.ticked, "k", fixed, at_once=True)
     text = _RUN.format(
-        robust="" if kind == "compiled" else _robust(hybrid, tick),
+        robust=updates.robust() if guarded else "",
         unpack=indent(_unpack(hybrid, tick), 1),
-        head=indent(emitter.head, 1),
+        head=indent(updates.emitter.head, 1),
         before=indent(_store("q", hybrid) + _store("b", hybrid), 3),
         read=indent(_read(hybrid, tick), 3),
-        tick=indent(_tick(hybrid, tick, emitter.body, codes, kind), 3),
+        tick=indent(updates.lines(guarded), 3),
         total=summed([f"0.0 * {name}" for name in targets]),
         keep=indent(_keep(hybrid, tick), 4),
         keep_last=indent(_keep(hybrid, tick), 3),
@@ -114,35 +112,6 @@ def _read(hybrid: Hybrid, tick: Tick) -> list[str]:
     lines = [f"{x.value} = x[{i}]" for i, x in enumerate(hybrid.flow.x)]
     lines += [f"u{i} = given{i}[k]" for i in range(len(hybrid.net.outside))]
     return lines + [f"{g.value} = flags[{i}][k]" for i, g in enumerate(tick.g)]
-
-
-def _tick(
-    hybrid: Hybrid, tick: Tick, body: Sequence[str], codes: Sequence[str], kind: str
-) -> list[str]:
-    """All new values at once; if plain Python raises on overflow, NumPy's rules are used."""
-    targets = _targets(hybrid, tick)
-    if not targets:
-        return []
-    left = "".join(f"{name}, " for name in targets)
-    lines = [*body, f"{left}= {''.join(f'{code}, ' for code in codes)}"]
-    if kind == "compiled":
-        return lines
-    arguments = ", ".join(_arguments(tick))
-    again = f"    {left}= robust_tick({arguments})"
-    return ["try:", *(f"    {x}" for x in lines), "except (ArithmeticError, ValueError):", again]
-
-
-def _arguments(tick: Tick) -> list[str]:
-    return sorted(symbols_in(tick.new_q + tick.new_h))
-
-
-def _robust(hybrid: Hybrid, tick: Tick) -> str:
-    emitter = Emitter("array", "c")
-    values = "".join(f"{code}, " for code in emitter.write(tick.new_q + tick.new_h))
-    lines = [f"{name} = np.float64({name})" for name in _arguments(tick)]
-    lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
-    head = f"def robust_tick({', '.join(_arguments(tick))}):\n"
-    return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n"
 
 
 def _keep(hybrid: Hybrid, tick: Tick) -> list[str]:
@@ -184,17 +153,9 @@ def _flow(hybrid: Hybrid, kind: str) -> list[str]:
 
 def signal_code(hybrid: Hybrid) -> str:
     """The function ``signals``: all signals along the kept grid points."""
-    emitter = Emitter("array")
-    codes = emitter.write(hybrid.y)
-    flow = hybrid.flow
-    lines = [f"{x.value} = x[{i}]" for i, x in enumerate(flow.x)]
-    lines += [f"{u.value} = u[{i}]" for i, u in enumerate(flow.u)]
-    lines += [f"{p.value} = p[{i}]" for i, p in enumerate(flow.p)]
-    lines += _before(hybrid)
+    flow, emitter = hybrid.flow, Emitter("array")
+    codes = emitter.write(flow.y)
+    count = len(hybrid.net.held) if hybrid.net.earlier else 0
+    lines = unpacked(flow) + [f"b{i} = b[{i}]" for i in range(count)]
     lines += emitter.body + [f"y[{i}] = {code}" for i, code in enumerate(codes)]
     return f"def signals(t, x, u, b, p, y):\n{indent(lines, 1)}\n"
-
-
-def _before(hybrid: Hybrid) -> list[str]:
-    count = len(hybrid.net.held) if hybrid.net.earlier else 0
-    return [f"b{i} = b[{i}]" for i in range(count)]

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from ...core.errors import Diverged
+from ...core.errors import InputError
 from ..codegen.adaptive_step import adaptive_code
 from ..codegen.outputs import output_code
 from ..tracing.equations import Program
 from .backend import compiler, kind_of, load, load_steps
+from .course import Accuracy, Course, Now, Track
+from .endings import no_bound
 
 
 @dataclass(frozen=True)
@@ -22,11 +26,6 @@ class Run:
     states: np.ndarray
     steps: int
     unsettled: float
-
-
-def floor_of(rtol: float, atol: float | None) -> float:
-    """The value of a state below which its error is absolute."""
-    return 1e-9 if atol is None else float(atol) / float(rtol)
 
 
 def chosen_backend() -> str:
@@ -46,10 +45,18 @@ class Adaptive:
     """
 
     def __init__(self, program: Program, backend: str | None = None) -> None:
-        self.program = program
         self.backend = backend or chosen_backend()
-        self._run = load_steps(adaptive_code(program, kind_of(self.backend)), self.backend).run
-        self._outputs = load(output_code(program), "numpy").outputs
+        code = adaptive_code(program, kind_of(self.backend)), output_code(program)
+        self._load(program, *code)
+
+    def _load(self, program: Any, run_code: str, output_code: str) -> None:
+        self.program = program
+        self._run = load_steps(run_code, self.backend).run
+        self._outputs = load(output_code, "numpy").outputs
+
+    @property
+    def flow(self) -> Program:
+        return self.program
 
     def of(self, program: Program) -> Adaptive:
         """The same code for a program of the same outline, which may have other defaults."""
@@ -86,7 +93,7 @@ class Adaptive:
         status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], [] if sizes is None else sizes)
         arguments = [np.require(a, float, ["C", "W"]) for a in (t, u, x0, p)]
         grid, inputs, start, values = arguments
-        accuracy = float(rtol), floor_of(rtol, atol)
+        accuracy = float(rtol), Accuracy(rtol, atol).floor
         if self.backend != "python":
             states = np.empty(shape)
             good = self._run(grid, inputs, bool(hold), start, values, *accuracy, states, status)
@@ -96,14 +103,30 @@ class Adaptive:
             good = self._run(grid, inputs, bool(hold), start, values, *accuracy, lists, status)
             states = np.array(lists).reshape(shape)
         if not good:
-            label = self.program.states[int(status[2])]
-            raise Diverged(
-                f"{self.program.name}: state {label} grows without bound, is not a number, or "
-                f"changes faster than steps can follow, at t = {status[1]:.6g} s."
-            )
+            raise no_bound(self.program.name, self.program.states, status)
         if sizes is not None:
             sizes[:] = status[5:]
         return Run(states, int(status[4]), float(status[3]))
+
+    def part(
+        self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy
+    ) -> tuple[list[np.ndarray], float]:
+        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.part`, without sampled blocks."""
+        states, unsettled, none = now.x[:, None], np.nan, np.empty((0, len(course.grid)))
+        if len(now.x) and len(course.grid) > 1:
+            options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
+            run = self.run(course.grid, course.given, now.x, p, **options, sizes=now.sizes)
+            states, unsettled = run.states, run.unsettled
+            now.x[:] = states[:, -1]
+        return [states if len(states) else none, none, none, none], unsettled
+
+    def follow(
+        self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, accuracy: Accuracy
+    ) -> Track:
+        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
+        rows, unsettled = self.part(course, Now.start(x, q, 0), p, accuracy)
+        y = self.outputs(course.grid, rows[0], course.given, p)
+        return Track(rows[0], rows[1], y, unsettled)
 
     def outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Outputs (ny, N) at the times t, all at once."""
@@ -111,3 +134,63 @@ class Adaptive:
         with np.errstate(all="ignore"):
             self._outputs(t, x, u, p, y)
         return y
+
+    def signals(
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, b: np.ndarray, p: np.ndarray
+    ) -> np.ndarray:
+        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.signals`: the outputs."""
+        return self.outputs(t, x, u, p)
+
+
+@dataclass(frozen=True)
+class Portable:
+    """The generated code of an adaptive run, with its labels; always picklable.
+
+    Functions of a user may not pickle, and expression graphs are deep. A worker needs only the
+    code: it compiles it, or loads its machine code from the cache on disk.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    backend: str
+    run_code: str
+    output_code: str
+
+    @classmethod
+    def of(cls, engine: Adaptive, outputs: Sequence[str] | None = None) -> Portable:
+        """The code of a compiled system; ``outputs``: only these are computed."""
+        program = chosen_outputs(engine.program, outputs)
+        labels = program.name, program.states, program.inputs, program.outputs
+        run_code = adaptive_code(program, kind_of(engine.backend))
+        return cls(*labels, engine.backend, run_code, output_code(program))
+
+    def loaded(self) -> Adaptive:
+        """The run, ready to use; fast after the first call.
+
+        A worker compiles with what it has, which may be another compiler. The GIL is released
+        while compiled code runs.
+        """
+        return _Loaded(self)
+
+
+class _Loaded(Adaptive):
+    """An adaptive run from its code: of a program it reads only the name and the labels."""
+
+    def __init__(self, portable: Portable) -> None:
+        alike = portable.backend == "python"
+        self.backend = portable.backend if alike else compiler() or portable.backend
+        self._load(portable, portable.run_code, portable.output_code)
+
+
+def chosen_outputs(program: Program, outputs: Sequence[str] | None) -> Program:
+    """The program with these outputs alone, in this order; None: all."""
+    if outputs is None:
+        return program
+    unknown = [name for name in outputs if name not in program.outputs]
+    if unknown:
+        has = ", ".join(program.outputs) or "none"
+        raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {has}.")
+    y = tuple(program.y[program.outputs.index(name)] for name in outputs)
+    return replace(program, outputs=tuple(outputs), y=y)

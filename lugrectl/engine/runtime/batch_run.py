@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,16 +13,18 @@ from ...core.errors import InputError
 from ..codegen.fixed_step import lane_code
 from ..codegen.simd import is_wide, wide_code
 from ..expression.operations import WIDTH
-from ..tracing.equations import Program
 from ..tracing.tracer import trace
+from .adaptive_run import chosen_outputs
 from .backend import compiler, load, threads
 from .c_compiler import has_wide
+from .threads import beside
 
 if TYPE_CHECKING:
     import control as ct
 
 Rounding = tuple[np.ndarray, np.ndarray]
 
+MANY = 20_000  # substeps: fewer are not worth a thread
 LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after another
 
 
@@ -62,7 +62,7 @@ class Lanes:
         outputs: Sequence[str] | None = None,
     ) -> None:
         self.backend = backend or compiler() or "numpy"
-        program = _chosen(trace(system), outputs)
+        program = chosen_outputs(trace(system), outputs)
         self.program = program.sharpened(of=program.x)
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
@@ -161,77 +161,26 @@ class Lanes:
         function of the parameters, has noise of about 1e-7 of its range: finite differences need
         much larger steps.
         """
-        given = self.arguments(
-            x0, start, length, u, p, dt=dt, substeps=substeps, t0=t0, series=series, y=y, seen=seen,
-            gain=gain, rounding=rounding, per_substep=per_substep, rtol=rtol, floor=floor,
-        )  # fmt: skip
-        count = len(given[0])
-        y_hat = np.empty((count, length, len(self.outputs)))
-        x_end = np.empty((count, len(self.states)))
-        wide = self._wide if count >= LEAST_WIDE and length else None
-        given = (*given, y_hat, x_end)
-        steps, block = count * length * substeps, WIDTH if wide else 1
-        self.spread(wide or self._run, given, count, steps, block)
-        return y_hat, x_end
-
-    def arguments(
-        self,
-        x0: np.ndarray,
-        start: np.ndarray,
-        length: int,
-        u: np.ndarray,
-        p: np.ndarray,
-        *,
-        dt: float,
-        substeps: int,
-        t0: float | np.ndarray,
-        series: np.ndarray | None,
-        y: np.ndarray | None,
-        seen: np.ndarray | None,
-        gain: np.ndarray | None,
-        rounding: Rounding | None,
-        per_substep: bool,
-        rtol: float,
-        floor: np.ndarray | float,
-    ) -> tuple:
-        """The arguments of a loop over lanes, from those of :meth:`run`: checked, in one layout."""
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
         u, stride = self._inputs(u, substeps if per_substep else 1)
-        count, samples = len(x0), u.shape[1] // stride
-        start = _indices(start, count, samples - length, "start")
-        series = _indices(0 if series is None else series, count, len(u) - 1, "series")
-        y, gain = self._correction(y, gain, count, samples)
-        seen = _indices(0 if seen is None else seen, count, max(len(y) - 1, 0), "seen")
+        count, samples, ny = len(x0), u.shape[1] // stride, len(self.outputs)
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
-        ny = len(self.outputs)
+        start = _indices(start, count, samples - length, "start")
+        series = _indices(series, count, len(u) - 1, "series")
+        y, gain = self._correction(y, gain, count, samples)
+        seen = _indices(seen, count, max(len(y) - 1, 0), "seen")
         dull, half = (np.empty((0, ny)), np.zeros(ny)) if rounding is None else rounding
-        fixed = (x0, start, int(length), u, stride, series, p, y, seen, gain, gain.size > 0)
-        fixed = (*fixed, _plain(dull), _plain(half))
-        clock = _plain(np.broadcast_to(np.asarray(t0, dtype=float), (count,)))
-        least = _plain(np.broadcast_to(np.asarray(floor, dtype=float), (len(self.states),)))
-        return (*fixed, clock, float(dt), int(substeps), float(rtol), least)
-
-    def spread(
-        self, loop: Callable[..., None], arguments: tuple, count: int, steps: int, block: int = 1
-    ) -> None:
-        """All lanes in one call, or in chunks of whole blocks on threads (compiled code releases
-        the GIL)."""
-        workers = threads() if self.compiled and steps > 20_000 else 1
-        blocks = -(-count // block)
+        y_hat, x_end = np.empty((count, length, ny)), np.empty((count, len(self.states)))
+        correction = (y, seen, gain, gain.size > 0, _plain(dull), _plain(half))
+        steps = (float(dt), int(substeps), float(rtol), _repeated(floor, len(self.states)))
+        given = (x0, start, int(length), u, stride, series, p, *correction)
+        given = (*given, _repeated(t0, count), *steps, y_hat, x_end)
+        wide = self._wide if count >= LEAST_WIDE and length else None
+        block, spread = WIDTH if wide else 1, self.compiled and count * length * substeps > MANY
         with np.errstate(all="ignore"):
-            if min(workers, blocks) < 2:
-                loop(*arguments, 0, count)
-                return
-            edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
-            edges = np.minimum(edges, count).tolist()
-            with ThreadPoolExecutor(workers) as pool:
-                jobs = [
-                    pool.submit(loop, *arguments, a, b)
-                    for a, b in zip(edges, edges[1:], strict=False)
-                ]
-                for job in jobs:
-                    job.result()
+            _spread(wide or self._run, given, count, block, threads() if spread else 1)
+        return y_hat, x_end
 
     def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
         rows = _plain(np.atleast_2d(values))
@@ -269,18 +218,27 @@ def _plain(values: np.ndarray, kind: type = float) -> np.ndarray:
     return np.require(values, kind, ["C", "W"])
 
 
-def _indices(values: np.ndarray | int, count: int, highest: int, label: str) -> np.ndarray:
-    whole = _plain(np.broadcast_to(np.asarray(values), (count,)), np.int64)
+def _repeated(values: np.ndarray | float, count: int) -> np.ndarray:
+    return _plain(np.broadcast_to(np.asarray(values, dtype=float), (count,)))
+
+
+def _spread(
+    loop: Callable[..., None], given: tuple[Any, ...], count: int, block: int, workers: int
+) -> None:
+    """All lanes in one call, or in chunks of whole blocks on threads (compiled code releases the
+    GIL)."""
+    blocks = -(-count // block)
+    if min(workers, blocks) < 2:
+        loop(*given, 0, count)
+        return
+    edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
+    edges = np.minimum(edges, count).tolist()
+    beside(lambda part: loop(*given, *part), zip(edges, edges[1:], strict=False))
+
+
+def _indices(values: Any, count: int, highest: int, label: str) -> np.ndarray:
+    given = np.asarray(0 if values is None else values)
+    whole = _plain(np.broadcast_to(given, (count,)), np.int64)
     if np.any(whole < 0) or np.any(whole > highest):
         raise InputError(f"{label} must be between 0 and {highest}: else a lane leaves the record.")
     return whole
-
-
-def _chosen(program: Program, outputs: Sequence[str] | None) -> Program:
-    if outputs is None:
-        return program
-    unknown = [name for name in outputs if name not in program.outputs]
-    if unknown:
-        raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {program.outputs}.")
-    y = tuple(program.y[program.outputs.index(name)] for name in outputs)
-    return replace(program, outputs=tuple(outputs), y=y)

@@ -10,14 +10,14 @@ from scipy.integrate import solve_ivp
 
 from ...core.errors import Diverged
 from ..tracing.instant import AlgebraicLoop, Unsolved
+from ..tracing.locate_fault import Instant
 from ..tracing.network import Net
-from ..tracing.network_equations import state_labels, trace_net
+from ..tracing.network_equations import trace_net
 from ..tracing.pointwise import settled_values
 from .adaptive_run import Adaptive
-from .chatter import Chatter
-from .growth import quiet, stopped
-from .sampled_run import Course, Track, not_finite
-from .slow_functions import said_if_slow
+from .course import Accuracy, Course, Track
+from .endings import Chatter, quiet, said_if_slow, stopped
+from .sampled_run import not_finite
 
 Rows = list[np.ndarray]
 Advance = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, float]]
@@ -47,53 +47,39 @@ class Called:
     ) -> None:
         self.net, self.params, self.method, self.why = net, params, method, why
         self._loops: dict[int, np.ndarray] = {}
+        self._at = [Instant(part.block) for part in net.parts]
         flowing = method is None and net.count(False) > 0
         self.engine = Adaptive(trace_net(net, params, ticks=False).flow) if flowing else None
 
-    def run(
-        self,
-        course: Course,
-        x: np.ndarray,
-        q: np.ndarray,
-        p: np.ndarray | None,
-        rtol: float,
-        atol: float | None = None,
-    ) -> Track:
-        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.run`."""
+    def follow(self, course: Course, x: np.ndarray, q: np.ndarray, accuracy: Accuracy) -> Track:
+        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
         how = "at each of its updates" if self.engine is not None else ""
-        with said_if_slow(self.why, how):
-            return self._run(course, x, q, rtol, atol)
+        with said_if_slow(self.why, how), np.errstate(all="ignore"):
+            return self._followed(course, x, q, self._advance(course, accuracy))
 
-    def _run(
-        self, course: Course, x: np.ndarray, q: np.ndarray, rtol: float, atol: float | None
-    ) -> Track:
+    def _followed(self, course: Course, x: np.ndarray, q: np.ndarray, advance: Advance) -> Track:
         for part in self.net.parts:
             part.block._update_params(self.params)
-        advance = self._advance(course, rtol, atol)
         states, signals, unsettled = [], [], [np.nan]
         h, x, q = np.zeros(len(self.net.held)), x.copy(), q.copy()
         ticks, grid = course.ticks, course.grid
-        with np.errstate(all="ignore"):
-            for k, t in enumerate(grid):
-                u = course.given[:, k]
-                before = self._outputs(t, x, h, u)
-                outputs, start = before, q
-                if ticks[k]:
-                    h, q, outputs = self._tick(t, x, q, before, u, course.flags[:, k])
-                if course.column[k] >= 0:
-                    states.append(np.concatenate([x, start]))
-                    signals.append(self._signals(before if self.net.earlier else outputs, h))
-                if k + 1 < len(grid) and len(x):
-                    held = np.repeat(h[:, None], 2, axis=1)
-                    rows = np.vstack([course.given[:, k : k + 2], held])
-                    x, relay = advance(grid[k : k + 2], rows, x)
-                    unsettled.append(relay)
+        for k, t in enumerate(grid):
+            u = course.given[:, k]
+            before = self._outputs(t, x, h, u)
+            outputs, start = before, q
+            if ticks[k]:
+                h, q, outputs = self._tick(t, x, q, before, u, course.flags[:, k])
+            if course.column[k] >= 0:
+                states.append(np.concatenate([x, start]))
+                signals.append(self._signals(before if self.net.earlier else outputs, h))
+            if k + 1 < len(grid) and len(x):
+                held = np.repeat(h[:, None], 2, axis=1)
+                rows = np.vstack([course.given[:, k : k + 2], held])
+                x, relay = advance(grid[k : k + 2], rows, x)
+                unsettled.append(relay)
         whole, n = np.array(states).T, len(x)
-        late = np.array(unsettled)
-        late = late[np.isfinite(late)]
-        return Track(
-            whole[:n], whole[n:], np.array(signals).T, float(late[0]) if len(late) else np.nan
-        )
+        first = next((t for t in unsettled if np.isfinite(t)), np.nan)
+        return Track(whole[:n], whole[n:], np.array(signals).T, float(first))
 
     def _outputs(self, t: float, x: np.ndarray, h: np.ndarray, u: np.ndarray) -> Rows:
         """Outputs of all parts between updates."""
@@ -110,8 +96,8 @@ class Called:
         return rows
 
     def _of(self, i: int, t: float, states: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        part, own = self.net.parts[i], states[self.net.places[i]]
-        return lambda inputs: np.asarray(part.block._out(t, own, inputs), dtype=float).reshape(-1)
+        at, own = self._at[i], states[self.net.places[i]]
+        return lambda inputs: np.asarray(at.outputs(t, own, inputs), dtype=float).reshape(-1)
 
     def _tick(
         self, t: float, x: np.ndarray, q: np.ndarray, before: Rows, u: np.ndarray, flags: np.ndarray
@@ -125,9 +111,10 @@ class Called:
                 answers.append(self._of(i, t, q) if flags[part.group] > 0.25 else None)
         inputs, outputs = self._settle([row.copy() for row in before], answers, u)
         h, fresh = np.array([outputs[i][j] for i, j in self.net.held]), q.copy()
-        for part, place, given in zip(self.net.parts, self.net.places, inputs, strict=True):
+        for i, part in enumerate(self.net.parts):
             if part.group is not None and part.nstates and flags[part.group] > 0.75:
-                fresh[place] = np.reshape(part.block._rhs(t, q[place], given), -1)
+                place = self.net.places[i]
+                fresh[place] = np.reshape(self._at[i].rates(t, q[place], inputs[i]), -1)
         if not np.all(np.isfinite(np.concatenate([h, fresh]))):
             raise Diverged(not_finite(self.net, fresh, h, t))
         return h, fresh, outputs
@@ -187,55 +174,49 @@ class Called:
         none = np.zeros(len(self.net.outside))
         return np.array([self._signal(label, rows, none) for label in self.net.signals])
 
-    def _advance(self, course: Course, rtol: float, atol: float | None) -> Advance:
-        hold = course.hold
+    def _advance(self, course: Course, accuracy: Accuracy) -> Advance:
         if self.engine is not None:
-            engine = self.engine
-            p = engine.program.arguments(self.params)
+            engine, p = self.engine, self.engine.program.arguments(self.params)
+            options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
 
             def traced(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-                part = engine.run(t, rows, x, p, hold=hold, rtol=rtol, atol=atol)
+                part = engine.run(t, rows, x, p, **options)
                 return part.states[:, -1], part.unsettled
 
             return traced
-
         chatter = Chatter(self.net.name, course.grid[-1] - course.grid[0])
+        given: Any = {"method": self.method or "LSODA", **accuracy.scipy, "events": chatter}
 
         def called(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-            return self._by_scipy(t, rows, x, hold, rtol, atol, chatter), np.nan
+            return self._by_scipy(t, rows, x, course.hold, given), np.nan
 
         return called
 
     def _by_scipy(
-        self,
-        t: np.ndarray,
-        rows: np.ndarray,
-        x: np.ndarray,
-        hold: bool,
-        rtol: float,
-        atol: float | None,
-        chatter: Chatter,
+        self, t: np.ndarray, rows: np.ndarray, x: np.ndarray, hold: bool, given: Any
     ) -> np.ndarray:
         m = len(self.net.outside)
         slope = 0.0 * rows[:, 0] if hold else (rows[:, 1] - rows[:, 0]) / (t[1] - t[0])
 
         def rates(now: float, state: np.ndarray) -> np.ndarray:
             u = rows[:, 0] + (now - t[0]) * slope
+            if self.net.alone:
+                return self._at[0].rates(now, state, u)
             outputs = self._outputs(now, state, u[m:], u[:m])
-            parts = [
-                np.reshape(part.block._rhs(now, state[place], self._inputs(part, outputs, u)), -1)
-                for part, place in zip(self.net.parts, self.net.places, strict=True)
-                if not part.sampled and part.nstates
-            ]
-            return np.concatenate(parts)
+            parts = zip(self.net.parts, self._at, self.net.places, strict=True)
+            return np.concatenate(
+                [
+                    np.reshape(at.rates(now, state[place], self._inputs(part, outputs, u)), -1)
+                    for part, at, place in parts
+                    if not part.sampled and part.nstates
+                ]
+            )
 
         with quiet():
-            options: Any = {"rtol": rtol, "atol": 1e-4 * rtol if atol is None else atol}
-            options["events"] = chatter
-            done = solve_ivp(rates, t, x, method=self.method or "LSODA", **options)
+            done = solve_ivp(rates, t, x, **given)
         last = done.y[:, -1]
         if not done.success or not np.all(np.isfinite(last)):
-            labels, looped = state_labels(self.net, sampled=False), len(self.net.parts) > 1
+            labels, looped = self.net.states(sampled=False), self.net.looped
             raise stopped(self.net.name, labels, done.t[-1], last, done.message, looped=looped)
         return last
 

@@ -8,75 +8,94 @@ from typing import Any
 
 from ...core.errors import InputError
 from ..expression.graph import symbols_in
-from ..tracing.equations import Program
-from ..tracing.tracer import smooth_keys, traced
-from ..tracing.verify import AGAIN, check
+from ..tracing.ingredients import described, is_number, numbers_alone
+from ..tracing.network import Net
+from ..tracing.network_equations import Hybrid, traced_net
+from ..tracing.tracer import smooth_keys
+from ..tracing.verify import AGAIN
 from .adaptive_run import Adaptive, chosen_backend
+from .sampled_run import Held
 
-MOST = 200  # of each kind of compiled code that is kept
+Engine = Adaptive | Held
+MOST = 400  # compiled codes that are kept
 ALONE = threading.RLock()  # a system holds the parameters that it is asked with
 
-_traced: dict[Any, Adaptive] = {}
+_traced: dict[Any, Engine] = {}
 
 
-def compiled(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
-    """The compiled system, as it is at this moment.
+def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
+    """The compiled net, as it is at this moment: :class:`Adaptive` of a continuous system alone.
 
-    Code of an earlier call serves again where the equations are the same: the system is
-    :func:`described` as it was then, or a new trace of it gives them again. Whatever the
-    functions of a user read, they read it again.
+    Code of an earlier call serves again where the equations are the same: the blocks are
+    :func:`described` as they were then, or a new trace of them gives the same equations again.
+    Whatever the functions of a user read, they read it again.
     """
     with ALONE:
-        return _compiled(system, dict(params or {}))
+        return _compiled(net, dict(params or {}))
 
 
-def _compiled(system: Any, given: Mapping[str, Any]) -> Adaptive:
-    from ..tracing.ingredients import described, numbers_alone  # it loads python-control
+def compiled_system(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
+    """The same of a continuous system."""
+    made = compiled(Net.of(system), params)
+    assert isinstance(made, Adaptive)
+    return made
 
-    backend, plain = chosen_backend(), None
-    system._update_params(given)
-    if numbers_alone(given):
-        plain = described(system)
-    known = (backend, frozenset(given), smooth_keys(system), plain)
-    ready = None if plain is None else _traced.get(known)
+
+def made_of(hybrid: Hybrid, backend: str | None) -> Engine:
+    """The code of equations."""
+    return Adaptive(hybrid.flow, backend) if hybrid.tick is None else Held(hybrid, backend)
+
+
+def _compiled(net: Net, given: Mapping[str, Any]) -> Engine:
+    blocks = [part.block for part in net.parts]
+    for block in blocks:
+        block._update_params(given)
+    backend = None if net.groups else chosen_backend()
+    plain = tuple(map(described, blocks)) if numbers_alone(given) else (None,)
+    widths = frozenset[str]().union(*map(smooth_keys, blocks))
+    known = (backend, frozenset(given), widths, net.wiring, plain)
+    ready = None if None in plain else _traced.get(known)
     if ready is not None:
         return ready
-    program = traced(system, given)
-    sharp = program.sharpened(given)
+    hybrid = traced_net(net, given)
+    sharp = hybrid.sharpened(given)
     key = (backend, sharp.outline())
     before = _traced.get(key)
-    check(program, system, given, *([AGAIN] if before else []))
-    _no_unknown(system, program, given)
-    engine = before.of(sharp) if before else Adaptive(sharp)
-    keep(_traced, key, engine)
-    if plain is not None and not program.fixed:
-        keep(_traced, known, engine)
-    return engine
+    hybrid.check(given, *([AGAIN] if before else []))
+    _no_unknown(hybrid, given)
+    if before is None:
+        made: Engine = made_of(sharp, backend)
+    else:
+        made = before.of(sharp.flow) if isinstance(before, Adaptive) else before.of(sharp)
+    _keep(key, made)
+    if None not in plain and not hybrid.flow.fixed:
+        _keep(known, made)
+    return made
 
 
-def keep(kept: dict[Any, Any], key: Any, value: Any) -> None:
+def _keep(key: Any, value: Engine) -> None:
     """Enter a value as the youngest; the oldest go."""
-    with ALONE:
-        kept.pop(key, None)
-        kept[key] = value
-        for old in [*kept][:-MOST]:
-            del kept[old]
+    _traced.pop(key, None)
+    _traced[key] = value
+    for old in [*_traced][:-MOST]:
+        del _traced[old]
 
 
-def _no_unknown(system: Any, program: Program, given: Mapping[str, Any]) -> None:
+def _no_unknown(hybrid: Hybrid, given: Mapping[str, Any]) -> None:
     """python-control ignores a parameter that no block reads; here it is an error."""
-    seen = symbols_in([*program.xdot, *program.y])
-    read = {k for k, p in zip(program.keys, program.p, strict=True) if p.value in seen}
-    known = read | set(program.fixed) | default_keys(system)
-    unknown = [k for k, v in given.items() if k not in known and isinstance(v, (int, float))]
+    flow = hybrid.flow
+    seen = symbols_in([*flow.xdot, *flow.y, *hybrid.ticked])
+    read = {k for k, p in zip(flow.keys, flow.p, strict=True) if p.value in seen}
+    known = read.union(flow.fixed, *(_defaults(part.block) for part in hybrid.net.parts))
+    unknown = [k for k, v in given.items() if k not in known and is_number(v)]
     if unknown:
         raise InputError(
-            f"{system.name}: no block reads the parameter '{unknown[0]}'; "
+            f"{hybrid.net.name}: no block reads the parameter '{unknown[0]}'; "
             f"there are {', '.join(sorted(known)) or 'none'}."
         )
 
 
-def default_keys(system: Any) -> set[str]:
+def _defaults(system: Any) -> set[str]:
     """The keys of all parameters that have a default."""
     own = set(system.params)
-    return own.union(*(default_keys(block) for block in getattr(system, "syslist", ())))
+    return own.union(*(_defaults(block) for block in getattr(system, "syslist", ())))

@@ -6,17 +6,18 @@ import contextlib
 import threading
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ...core.errors import Diverged
 from ..codegen.sampled_data import held_code, signal_code
+from ..tracing.equations import Program
 from ..tracing.network import Net
 from ..tracing.network_equations import Hybrid
-from .adaptive_run import floor_of
 from .backend import compiler, kind_of, load, load_steps
+from .course import Accuracy, Course, Now, Track
+from .endings import no_bound
 
 _HERE = threading.local()
 FEW = 2000  # grid points; 25 times as many if there are no continuous states
@@ -30,68 +31,6 @@ def interpreted() -> Iterator[None]:
         yield
     finally:
         _HERE.plain = before
-
-
-@dataclass(frozen=True)
-class Course:
-    """The times at which a net is stepped, the updates there, and the points to keep.
-
-    Parameters
-    ----------
-    grid : (N,) ndarray
-        Times of updates and requested times.
-    given : (m, N) ndarray
-        External inputs.
-    flags : (groups, N) ndarray
-        1 for an update of a sample time, 0.5 if only its outputs are requested.
-    column : (N,) ndarray of int
-        Index among the kept points, -1: not kept.
-    hold : bool
-        Inputs are held between grid points.
-    """
-
-    grid: np.ndarray
-    given: np.ndarray
-    flags: np.ndarray
-    column: np.ndarray
-    hold: bool
-
-    @property
-    def ticks(self) -> np.ndarray:
-        return np.asarray((self.flags > 0.0).any(axis=0))
-
-    @property
-    def kept(self) -> np.ndarray:
-        return np.flatnonzero(self.column >= 0)
-
-
-@dataclass(frozen=True)
-class Track:
-    """Continuous states, sampled states and signals at the kept points; ``unsettled`` as in
-    :class:`lugrectl.engine.runtime.adaptive_run.Run`."""
-
-    x: np.ndarray
-    q: np.ndarray
-    y: np.ndarray
-    unsettled: float
-
-
-@dataclass(frozen=True)
-class Now:
-    """Where a run is: continuous states, sampled states, held values, and the sizes of the
-    continuous states (``Adaptive.run``)."""
-
-    x: np.ndarray
-    q: np.ndarray
-    h: np.ndarray
-    sizes: np.ndarray
-
-    @classmethod
-    def start(cls, hybrid: Hybrid, x: np.ndarray, q: np.ndarray) -> Now:
-        return cls(x.copy(), q.copy(), np.zeros(len(hybrid.net.held)), np.zeros(3 * len(x)))
-
-    def copy(self) -> Now:
-        return Now(self.x.copy(), self.q.copy(), self.h.copy(), self.sizes.copy())
 
 
 class Held:
@@ -112,6 +51,10 @@ class Held:
         self._runs: dict[str, Any] = {}
         self._signals = load(signal_code(self.hybrid), "numpy").signals
 
+    @property
+    def flow(self) -> Program:
+        return self.hybrid.flow
+
     def of(self, hybrid: Hybrid) -> Held:
         """The same code for equations of the same outline, which may have other defaults."""
         made = copy(self)
@@ -122,17 +65,11 @@ class Held:
         if getattr(_HERE, "plain", False):
             return "python"
         self._points += points
-        few = FEW if self.hybrid.flow.x else 25 * FEW
+        few = FEW if self.flow.x else 25 * FEW
         return self.backend or (self._points > few and compiler()) or "python"
 
-    def run(
-        self,
-        course: Course,
-        x: np.ndarray,
-        q: np.ndarray,
-        p: np.ndarray,
-        rtol: float,
-        atol: float | None = None,
+    def follow(
+        self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, accuracy: Accuracy
     ) -> Track:
         """The track that starts at the states x, q.
 
@@ -141,38 +78,28 @@ class Held:
         Diverged
             Names the state, or the sampled block and its output or state, and the time.
         """
-        now = Now.start(self.hybrid, x, q)
-        kept, (states, before, h, b), unsettled = (
-            course.kept,
-            *self.part(course, now, p, rtol, atol),
-        )
-        y = self.signals(course.grid[kept], states, np.vstack([course.given[:, kept], h]), b, p)
+        kept, now = course.kept, Now.start(x, q, len(self.hybrid.net.held))
+        (states, before, h, b), unsettled = self.part(course, now, p, accuracy)
+        u = np.vstack([course.given[:, kept], h])
+        y = self.signals(course.grid[kept], states, u, b, p)
         return Track(states, before, y, unsettled)
 
     def part(
-        self, course: Course, now: Now, p: np.ndarray, rtol: float, atol: float | None
+        self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy
     ) -> tuple[list[np.ndarray], float]:
         """A part of a run from ``now``, which is moved to its end: at the kept points the
         continuous states, the sampled ones, the held values after and before the update; and
-        when a sign did not settle. Raises as :meth:`run` does."""
-        net, kept = self.hybrid.net, course.kept
-        many = len(now.h)
+        when a sign did not settle. Raises as :meth:`follow` does."""
+        net, many = self.hybrid.net, len(now.h)
         counts = (len(now.x), len(now.q), many, many if net.earlier else 0)
-        out = [np.empty((count, len(kept))) for count in counts]
+        out = [np.empty((count, len(course.kept))) for count in counts]
         status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], now.sizes)
         fixed = (course.grid, course.given, course.ticks, course.flags, course.column)
-        accuracy = (float(rtol), floor_of(rtol, atol))
-        backend = self._chosen(len(course.grid))
-        code = self._call(
-            backend, (*fixed, course.hold, p, *accuracy), [now.x, now.q, now.h], out, status
-        )
+        given = (*fixed, course.hold, p, float(accuracy.rtol), accuracy.floor)
+        code = self._call(self._chosen(len(course.grid)), given, [now.x, now.q, now.h], out, status)
         now.sizes[:] = status[5:]
         if code == 1:
-            label = self.hybrid.flow.states[int(status[2])]
-            raise Diverged(
-                f"{net.name}: state {label} grows without bound, is not a number, or changes "
-                f"faster than steps can follow, at t = {status[1]:.6g} s."
-            )
+            raise no_bound(net.name, self.flow.states, status)
         if code == 2:
             raise Diverged(not_finite(net, now.q, now.h, status[1]))
         return out, float(status[3])
@@ -181,7 +108,7 @@ class Held:
         self, t: np.ndarray, x: np.ndarray, u: np.ndarray, b: np.ndarray, p: np.ndarray
     ) -> np.ndarray:
         """All signals (k, N) for states x, inputs and held values u, held values before b."""
-        y = np.empty((len(self.hybrid.y), len(t)))
+        y = np.empty((len(self.flow.outputs), len(t)))
         with np.errstate(all="ignore"):
             self._signals(t, x, u, b, p, y)
         return y

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,6 +18,7 @@ from ..tracing.ingredients import described, is_number
 from ..tracing.tracer import trace
 from .adaptive_run import Adaptive
 from .backend import compiler
+from .endings import warn_unsettled
 from .memo import ALONE
 
 RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each state
@@ -112,14 +112,7 @@ class Substeps:
             return self._by_scipy(x, grid, own)
         engine, p = kind.engine(kind.program), kind.program.arguments(own)
         run = engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL)
-        if np.isfinite(run.unsettled):
-            warnings.warn(
-                f"{self.system.name}: a sign or comparison switches without end near t = "
-                f"{run.unsettled:.6g} s; the result there is coarse: write np.tanh(w/eps) for "
-                "np.sign(w).",
-                RuntimeWarning,
-                stacklevel=2,
-            )
+        warn_unsettled(self.system.name, run.unsettled, 2)
         return run.states[:, -1]
 
     def _by_scipy(self, x: np.ndarray, grid: np.ndarray, own: Mapping[str, Any]) -> np.ndarray:

@@ -53,19 +53,12 @@ class Program:
 
         ``of`` are the nodes x of which this is done, None: all.
         """
-        roots, n = self.signs([*self.xdot, *self.y], params, of), len(self.x)
-        return replace(self, xdot=tuple(roots[:n]), y=tuple(roots[n:]))
-
-    def signs(
-        self,
-        roots: Sequence[Node],
-        params: Mapping[str, Any] | None,
-        of: Sequence[Node] | None = None,
-    ) -> list[Node]:
-        """As :meth:`sharpened`, of any roots."""
         rows = zip(self.p, self.widths, self.arguments(params), strict=True)
         narrow = [node for node, width, value in rows if 0.0 < value <= width]
-        return sharp(roots, narrow, of) if narrow else list(roots)
+        if not narrow:
+            return self
+        roots, n = sharp([*self.xdot, *self.y], narrow, of), len(self.x)
+        return replace(self, xdot=tuple(roots[:n]), y=tuple(roots[n:]))
 
     def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
         """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""

@@ -37,6 +37,7 @@ class Net:
 
     ``earlier``: at an update the sampled parts read the values of the others just before it, like
     a converter that measures before it sets its output; otherwise all values are simultaneous.
+    ``alone``: the net of one system, whose names it has.
     """
 
     name: str
@@ -44,6 +45,14 @@ class Net:
     outside: tuple[str, ...]
     groups: int
     earlier: bool = False
+    alone: bool = False
+
+    @classmethod
+    def of(cls, system: Any) -> Net:
+        """Return the net of one system, in continuous or in discrete time."""
+        group = 0 if system.isdtime(strict=True) else None
+        part = Part(system, tuple(system.input_labels), tuple(system.output_labels), group)
+        return cls(system.name, (part,), part.inputs, int(part.sampled), alone=True)
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
@@ -79,11 +88,25 @@ class Net:
             slices.append(slice(begin, begin + part.nstates))
         return slices
 
+    def states(self, *, sampled: bool | None = None) -> tuple[str, ...]:
+        """``block_state``, of the continuous parts, the sampled ones, or all in their order."""
+        return tuple(
+            label if self.alone else f"{part.block.name}_{label}"
+            for part in self.parts
+            if part.nstates and sampled in (None, part.sampled)
+            for label in part.block.state_labels
+        )
+
+    @property
+    def looped(self) -> bool:
+        """Whether there are several blocks, which may feed each other back."""
+        return len(self.parts) > 1 or any(hasattr(p.block, "syslist") for p in self.parts)
+
     @property
     def wiring(self) -> tuple[Any, ...]:
         """All but the blocks themselves."""
         parts = tuple((part.inputs, part.outputs, part.group) for part in self.parts)
-        return parts, self.outside, self.groups, self.earlier, self.name
+        return parts, self.outside, self.groups, self.earlier, self.alone, self.name
 
     def count(self, sampled: bool) -> int:
         """The number of states of the continuous or the sampled parts."""

@@ -6,8 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
 from ..expression.graph import Graph, Node, rename
 from .equations import Program
 from .instant import AlgebraicLoop, Rows, Unsolved, settled
@@ -34,18 +32,22 @@ class Tick:
 
 @dataclass(frozen=True, eq=False)
 class Hybrid:
-    """Flow, tick (None: not requested) and all signals of a net; one parameter vector.
+    """Flow and tick (None: not requested, or a system alone) of a net; one parameter vector.
 
-    The signals ``y`` depend on t, x, u and, if the net reads earlier values, on the held values
-    before the tick, ``b0``, ``b1``, ... ``blocks`` holds the traced blocks, each with its own
-    equations.
+    The outputs of the flow are all signals. They depend on t, x, u and, if the net reads earlier
+    values, on the held values before the tick, ``b0``, ``b1``, ... ``blocks`` holds the traced
+    blocks, each with its own equations.
     """
 
     net: Net
     flow: Program
-    y: tuple[Node, ...]
     tick: Tick | None
     blocks: tuple[tuple[Program, Any], ...]
+
+    @property
+    def ticked(self) -> tuple[Node, ...]:
+        """What a tick computes."""
+        return self.tick.new_q + self.tick.new_h if self.tick else ()
 
     def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
         """Compare each block with its own equations: :func:`.verify.check`."""
@@ -54,15 +56,13 @@ class Hybrid:
 
     def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
         """The flow and the signals as :meth:`.equations.Program.sharpened`."""
-        roots = self.flow.signs([*self.flow.xdot, *self.y], params)
-        n = len(self.flow.x)
-        return replace(self, flow=replace(self.flow, xdot=tuple(roots[:n])), y=tuple(roots[n:]))
+        return replace(self, flow=self.flow.sharpened(params))
 
     def outline(self) -> tuple[Any, ...]:
         """The equations as a hashable value: :meth:`.equations.Program.outline`."""
         names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
         tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
-        return self.net.wiring, names, self.flow.outline(self.y, *tick)
+        return self.net.wiring, names, self.flow.outline(*tick)
 
 
 def trace_net(net: Net, params: Mapping[str, Any] | None = None, *, ticks: bool = True) -> Hybrid:
@@ -87,12 +87,15 @@ def traced_net(
 
     The continuous states ``exact`` of dead times are the delayed signals: :class:`.graph.Graph`.
     """
-    blocks = []
     for part in net.parts:
         part.block._update_params(params)
-        if ticks or not part.sampled:
-            blocks.append((single(part.block), part.block))
-    return _NetTracer(net, exact).hybrid(ticks, tuple(blocks))
+    if net.alone and not net.groups:
+        system = net.parts[0].block
+        program = single(system, exact)
+        return Hybrid(net, program, None, ((program, system),))
+    own = [part.block for part in net.parts if ticks or not part.sampled]
+    blocks = tuple((single(block), block) for block in own)
+    return _NetTracer(net, exact).hybrid(ticks, blocks)
 
 
 class _NetTracer(_Tracer):
@@ -120,8 +123,10 @@ class _NetTracer(_Tracer):
         ]
         tick = self._tick(outputs) if ticks else None
         y = self._signals_of(outputs)
+        net, held = self.net, [self.net.parts[i].outputs[j] for i, j in self.net.held]
+        labels = net.states(sampled=False), (*net.outside, *held), net.signals
         roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
-        return Hybrid(self.net, self._flow(xdot, roots), tuple(y), tick, blocks)
+        return Hybrid(net, self._named(net.name, labels, xdot, y, roots), tick, blocks)
 
     def _own(self, i: int) -> Sequence[Node]:
         return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]
@@ -203,36 +208,3 @@ class _NetTracer(_Tracer):
             self.graph.total(outputs[i][j] for i, j in self.net.sources[label])
             for label in self.net.signals
         ]
-
-    def _flow(self, xdot: Sequence[Node], roots: Sequence[Node]) -> Program:
-        slots = self._free_slots(roots)
-        keys = [slot.key for slot in slots]
-        held = [f"{self.net.parts[i].outputs[j]}" for i, j in self.net.held]
-        return Program(
-            name=self.net.name,
-            states=state_labels(self.net, sampled=False),
-            inputs=(*self.net.outside, *held),
-            outputs=(),
-            parameters=tuple(slot.label(keys) for slot in slots),
-            keys=tuple(keys),
-            defaults=np.array([slot.value for slot in slots]),
-            widths=tuple(slot.width for slot in slots),
-            fixed=self.fixed,
-            graph=self.graph,
-            t=self.t,
-            x=self.x,
-            u=self.u,
-            p=tuple(slot.node for slot in slots),
-            xdot=tuple(xdot),
-            y=(),
-        )
-
-
-def state_labels(net: Net, *, sampled: bool | None = None) -> tuple[str, ...]:
-    """``block_state``, of the continuous parts, the sampled ones, or all in their order."""
-    return tuple(
-        f"{part.block.name}_{label}"
-        for part in net.parts
-        if part.nstates and sampled in (None, part.sampled)
-        for label in part.block.state_labels
-    )

@@ -133,15 +133,29 @@ class _Tracer:
         return [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
 
     def program(self) -> Program:
-        xdot = self._rates(self.system, self.x, self.u)
-        y = self._outputs(self.system, self.x, self.u)
-        slots = self._free_slots(xdot + y)
+        system = self.system
+        xdot = self._rates(system, self.x, self.u)
+        y = self._outputs(system, self.x, self.u)
+        labels = system.state_labels, system.input_labels, system.output_labels
+        return self._named(system.name, labels, xdot, y, xdot + y)
+
+    def _named(
+        self,
+        name: str,
+        labels: Sequence[Sequence[str]],
+        xdot: Sequence[Node],
+        y: Sequence[Node],
+        roots: Sequence[Node],
+    ) -> Program:
+        """The program of these equations; ``labels`` of states, inputs and outputs."""
+        slots = self._free_slots(roots)
         keys = [slot.key for slot in slots]
+        states, inputs, outputs = map(tuple, labels)
         return Program(
-            name=self.system.name,
-            states=tuple(self.system.state_labels),
-            inputs=tuple(self.system.input_labels),
-            outputs=tuple(self.system.output_labels),
+            name=name,
+            states=states,
+            inputs=inputs,
+            outputs=outputs,
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),

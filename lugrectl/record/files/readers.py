@@ -25,7 +25,7 @@ from ..columns.table import Table, array_table
 from . import child_process
 from .mat_file import Damaged, Opaque, read_mat
 from .nested import columns_of
-from .text_table import lines_table, read_text
+from .text import lines_table, read_text
 
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()

@@ -1,0 +1,167 @@
+"""Runs that end badly: what grows without bound, is no number, never settles, or takes long."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from collections.abc import Iterator, Sequence
+from threading import Timer
+
+import numpy as np
+
+from ...core.errors import Diverged
+
+BOUND = 1e15  # of what starts and drives a run: beyond it no digit of a double is about the start
+HALVED = 1e-4  # in the first half of the run at most this part: it grows like an exponential
+SIGN = (
+    " Does the feedback have the right sign? The controllers here act on e = measured - reference."
+)
+AFTER = 4.0  # s of wall clock
+LONG = "this simulation takes long, because a block is not compiled: {}. Python calls it instead{}."
+STEPS = 5000  # of a solver that may be held at one time
+TURNS = 0.1  # of the steps: a smooth oscillation takes at least ten to turn back
+LITTLE = 0.01  # of the whole time
+
+
+def bounded(
+    name: str,
+    t: np.ndarray,
+    rows: Sequence[np.ndarray],
+    labels: Sequence[Sequence[str]],
+    driven: Sequence[np.ndarray],
+    *,
+    looped: bool,
+) -> None:
+    """Raise Diverged, with signal and time, where a row grows without bound or is not a number.
+
+    Parameters
+    ----------
+    rows, labels : lists of arrays (n, N) and of their names
+        States first: the earliest one of the first array in which a row grows is named.
+    driven : arrays
+        Inputs and initial states: their largest value, at least 1, is the size of the run.
+    looped : bool
+        Several blocks: the message then mentions the sign of the feedback.
+    """
+    size = max([1.0, *(float(np.max(np.abs(part))) for part in driven if np.size(part))])
+    for group, names in zip(rows, labels, strict=True):
+        if not np.size(group) or np.abs(group).max() <= BOUND * size:
+            continue
+        found = []
+        for row, label in zip(group, names, strict=True):
+            k = _beyond(t, row, BOUND * size)
+            if k is not None:
+                found.append((k, label, row[k]))
+        if found:
+            k, label, value = min(found, key=lambda one: one[0])
+            said = f"{name}: {label} grows without bound: it is {value:.3g} at t = {t[k]:.6g} s."
+            raise Diverged(said + (SIGN if looped else ""))
+
+
+def _beyond(t: np.ndarray, row: np.ndarray, bound: float) -> int | None:
+    """The first sample beyond the bound, of a row that grows like an exponential."""
+    beyond = ~(np.abs(row) <= bound)
+    if not beyond.any():
+        return None
+    k = int(np.argmax(beyond))
+    if not np.isfinite(row).all():
+        return k
+    early = np.abs(row[t <= 0.5 * (t[0] + t[-1])]).max()
+    return k if early <= HALVED * np.abs(row).max() else None
+
+
+def no_bound(name: str, states: Sequence[str], status: np.ndarray) -> Diverged:
+    """Return the error of generated code that gives up at a state and a time."""
+    return Diverged(
+        f"{name}: state {states[int(status[2])]} grows without bound, is not a number, or changes "
+        f"faster than steps can follow, at t = {status[1]:.6g} s."
+    )
+
+
+def stopped(
+    name: str, labels: Sequence[str], t: float, x: np.ndarray, message: str, *, looped: bool
+) -> Diverged:
+    """Return the error where a solver of SciPy gives up: its largest state, the time and why."""
+    i = int(np.argmax(np.where(np.isfinite(x), np.abs(x), np.inf)))
+    said = f"{name}: the solver stops at t = {t:.6g} s, where state {labels[i]} is {x[i]:.3g}: "
+    return Diverged(said + message.rstrip(".") + "." + (SIGN if looped else ""))
+
+
+def first_bad(t: np.ndarray, y: np.ndarray) -> tuple[int, int, str] | None:
+    """Return row, sample and "nan at t = 1 s" of the earliest value that is not finite."""
+    if np.isfinite(y).all():
+        return None
+    k, i = np.argwhere(~np.isfinite(y.T))[0]
+    return int(i), int(k), f"{y[i, k]} at t = {t[k]:.6g} s."
+
+
+def warn_unsettled(name: str, when: float, stacklevel: int) -> None:
+    """Warn of a sign that switches without end near a time (nan: none does)."""
+    if np.isfinite(when):
+        warnings.warn(
+            f"{name}: a sign or comparison switches without end near t = {when:.6g} s; the result "
+            "there is coarse: write np.tanh(w/eps) for np.sign(w).",
+            RuntimeWarning,
+            stacklevel=stacklevel + 1,
+        )
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Without the warnings of LSODA on convergence: the error names state and time."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "lsoda", UserWarning)
+        yield
+
+
+class Chatter:
+    """An event function for ``solve_ivp`` that never occurs: it sees every step.
+
+    Raises
+    ------
+    Diverged
+        Where a comparison in a block holds the solver at one time: a state turns back again and
+        again while the time hardly moves.
+    """
+
+    terminal = False
+
+    def __init__(self, name: str, seconds: float) -> None:
+        self.name, self.seconds = name, seconds
+        self.steps, self.begun = 0, -np.inf
+        self.last = self.move = self.turns = np.zeros(0)
+
+    def __call__(self, t: float, x: np.ndarray) -> float:
+        if not self.steps:
+            self.begun, self.last, self.move, self.turns = t, x.copy(), 0.0 * x, 0.0 * x
+        move = x - self.last
+        self.turns = self.turns + (move * self.move < 0.0)
+        self.steps, self.last, self.move = self.steps + 1, x.copy(), move
+        if self.steps > STEPS:
+            self.steps = 0
+            if t - self.begun < LITTLE * self.seconds and self.turns.max() > TURNS * STEPS:
+                raise Diverged(
+                    f"{self.name}: a comparison (an if) in a block switches without end near "
+                    f"t = {t:.6g} s: write np.where for it, or np.tanh(x/eps) for a sign."
+                )
+        return 1.0
+
+
+@contextlib.contextmanager
+def said_if_slow(why: str, how: str = "") -> Iterator[None]:
+    """Warn once, after a few seconds, why what runs inside is slow; nothing without a ``why``."""
+    timer = Timer(AFTER, _say, (LONG.format(why, f", {how}" if how else ""),))
+    timer.daemon = True
+    if why:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+def _say(sentence: str) -> None:
+    try:
+        warnings.warn(sentence, RuntimeWarning, stacklevel=1)
+    except RuntimeWarning:  # the user made errors of warnings, which stop no other thread
+        pass

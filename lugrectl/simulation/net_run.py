@@ -1,0 +1,214 @@
+"""The run of a net, however it can be run, and the check of what came out."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..blocks.dead_times import dead_times
+from ..core.errors import Diverged
+from ..engine.expression.numpy_protocol import TraceError
+from ..engine.runtime.course import Accuracy, Course, Track
+from ..engine.runtime.delays import run_late
+from ..engine.runtime.endings import (
+    Chatter,
+    bounded,
+    first_bad,
+    quiet,
+    said_if_slow,
+    warn_unsettled,
+)
+from ..engine.runtime.interpreted_run import Called
+from ..engine.runtime.memo import compiled
+from ..engine.tracing.locate_fault import culprit
+from ..engine.tracing.network import Net
+
+# a discrete system is traced from this many samples on: python-control takes 12 us each
+LONG = 1000
+_respond: Any = ct.input_output_response  # its type annotations do not include arrays
+
+
+@dataclass(frozen=True)
+class Run:
+    """What is run and how; ``start`` are the states of one block after the other."""
+
+    net: Net
+    course: Course
+    start: np.ndarray
+    params: Mapping[str, Any] | None
+    method: Any
+    accuracy: Accuracy
+
+    @property
+    def starts(self) -> tuple[np.ndarray, np.ndarray]:
+        """The continuous states and the sampled ones."""
+        sampled = is_sampled(self.net)
+        return self.start[~sampled], self.start[sampled]
+
+    @property
+    def discrete(self) -> bool:
+        """Whether it is a discrete-time system."""
+        return self.net.alone and self.net.groups > 0
+
+    @property
+    def traced(self) -> bool:
+        """Whether the engine is to run it if its equations are known."""
+        if not self.discrete:
+            return self.method in (None, "rosenbrock")
+        t, dt = self.course.grid, self.net.parts[0].block.dt
+        steady = dt is not True and np.allclose(np.diff(t), dt, rtol=1e-6, atol=0.0)
+        return len(t) > LONG and bool(steady)
+
+
+def is_sampled(net: Net) -> np.ndarray:
+    """For each state in the blocks' order, whether it belongs to a sampled block."""
+    return np.array([part.sampled for part in net.parts for _ in range(part.nstates)], dtype=bool)
+
+
+def followed(run: Run) -> Track:
+    """The track of a run, checked: Diverged where a signal grows without bound or is no number."""
+    net, course, track = run.net, run.course, _track(run)
+    warn_unsettled(net.name, track.unsettled, 4)
+    t, u = course.grid[course.kept], course.given[:, course.kept]
+    if not run.discrete:  # of which the first state that grows is named
+        _all_finite(net, t, u, track)
+    labels = [[f"state {k}" for k in net.states(sampled=kind)] for kind in (False, True)]
+    labels += [[f"output {k}" for k in net.signals]]
+    driven = [course.given, run.start]
+    bounded(net.name, t, [track.x, track.q, track.y], labels, driven, looped=net.looped)
+    return track
+
+
+def _track(run: Run) -> Track:
+    method, why, called = run.method, "", None
+    if run.traced:
+        try:
+            return _by_equations(run)
+        except TraceError as error:
+            method, why = "LSODA", str(error)
+    if run.discrete:
+        return _by_python_control(run, None)
+    if why and not run.net.alone:
+        try:  # a sampled block that cannot be traced is called at its updates
+            called = Called(run.net, run.params, why=why)
+        except TraceError as error:
+            why = str(error)
+    if why and called is None:
+        warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
+    _warn_if_approximate(run)
+    if run.net.alone:
+        with said_if_slow(why), quiet():
+            return _by_python_control(run, method)
+    called = called or Called(run.net, run.params, method, why)
+    return called.follow(run.course, *run.starts, run.accuracy)
+
+
+def _by_equations(run: Run) -> Track:
+    """By the traced equations, with exact dead times. TraceError where there are none."""
+    engine = compiled(run.net, run.params)
+    late = run_late(engine, run.net, run.course, run.starts, run.params, run.accuracy)
+    p = engine.flow.arguments(run.params)
+    return late or engine.follow(run.course, *run.starts, p, run.accuracy)
+
+
+def _warn_if_approximate(run: Run) -> None:
+    """Warn of the first block with a dead time, where a run cannot keep the past of a signal."""
+    late = [one for part in run.net.parts for one in dead_times(part.block, run.params)]
+    for one in [one for one in late if one.seconds > 0.0][:1]:
+        warnings.warn(
+            f"{one.block}: in this run its dead time of {one.seconds:g} s is the Pade "
+            "approximation of order 2; it is exact where lg.simulate compiles all blocks, "
+            "with its own method.",
+            RuntimeWarning,
+            stacklevel=5,
+        )
+
+
+def _by_python_control(run: Run, method: Any) -> Track:
+    """A system as python-control simulates it; sample by sample if its input is held, or if a
+    loop has to be solved or a block that is not a number to be named."""
+    net, course = run.net, run.course
+    called = Called(net, run.params, method or "LSODA")
+    if method and course.hold and net.count(False):
+        options = None
+    else:
+        events = Chatter(net.name, course.grid[-1] - course.grid[0])
+        given = {**run.accuracy.scipy, "events": events}
+        options = {"solve_ivp_method": method, "solve_ivp_kwargs": given} if method else {}
+    try:
+        if options is not None:
+            return _responded(run, options)
+        return called.follow(course, *run.starts, run.accuracy)
+    except Diverged:
+        raise
+    except RuntimeError as error:
+        try:
+            return called.follow(course, *run.starts, run.accuracy)
+        except RuntimeError:
+            said = f"{net.name}: python-control's simulation failed: {error}."
+            raise Diverged(said) from error
+
+
+def _responded(run: Run, options: Mapping[str, Any]) -> Track:
+    system, course = run.net.parts[0].block, run.course
+    with np.errstate(all="ignore"):  # what is not finite is reported by name
+        found = _respond(
+            system,
+            course.grid,
+            course.given,
+            run.start,
+            params=run.params,
+            squeeze=False,
+            **options,
+        )
+    none = np.empty((0, len(course.grid)))  # python-control gives no states where there are none
+    states = np.asarray(found.states) if system.nstates else none
+    x, q = (none, states) if run.discrete else (states, none)
+    return Track(x, q, np.asarray(found.outputs), np.nan)
+
+
+def _all_finite(net: Net, t: np.ndarray, u: np.ndarray, track: Track) -> None:
+    bad = first_bad(t, track.y)
+    if bad is None:
+        return
+    i, k, value = bad
+    label, where = net.signals[i], ""
+    if net.alone and net.looped:
+        where = culprit(net.parts[0].block, float(t[k]), track.x[:, k], u[:, k])
+    elif not net.alone:
+        names = ", ".join(net.parts[j].block.name for j, _ in net.sources[label])
+        where = f"output {label} of block {names} is {track.y[i, k]}"
+    where = where or f"output {label} is {track.y[i, k]}"
+    raise Diverged(f"{net.name}: {where} at t = {t[k]:.6g} s.")
+
+
+def response(
+    run: Run, track: Track, u: np.ndarray, squeeze: bool | None = None
+) -> ct.TimeResponseData:
+    """The response, built from its first sample and given the arrays: python-control copies."""
+    net, t = run.net, run.course.grid[run.course.kept]
+    states = np.empty((len(run.start), len(t)))
+    sampled = is_sampled(net)
+    states[~sampled], states[sampled] = track.x, track.q
+    x = None if net.alone and not len(states) else states
+    found = ct.TimeResponseData(
+        t[:1],
+        track.y[:, :1],
+        None if x is None else x[:, :1],
+        u[:, :1],
+        params=run.params,
+        issiso=len(net.outside) == len(net.signals) == 1,
+        output_labels=list(net.signals),
+        input_labels=list(net.outside),
+        state_labels=None if x is None else list(net.states()),
+        sysname=net.name,
+        title="Input/output response for " + net.name,
+        squeeze=squeeze,
+    )
+    found.t, found.y, found.x, found.u = t, track.y, x, u
+    return found
