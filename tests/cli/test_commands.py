@@ -7,7 +7,6 @@ import subprocess
 import sys
 from types import ModuleType
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -260,38 +259,6 @@ def test_a_reader_that_leaves_a_pipe_is_no_error():
 
 
 # --- check -------------------------------------------------------------------------------
-
-
-def test_bandwidth_of_the_paper_loops(capsys):
-    code, out, _ = run(capsys, "check bandwidth --json")
-    loop = ct.tf([1.6, 0.16], [0.0022, 1.6, 0.16])
-    document = one_document(out)
-    assert code == 0 and document["loop"] == "velocity" and document["holds"]
-    assert document["bandwidth"] == pytest.approx(ct.bandwidth(loop), rel=1e-3)
-    assert document["hertz"] == pytest.approx(115.5, abs=0.05)
-    code, out, _ = run(capsys, "check bandwidth --position")
-    assert code == 1 and out.startswith("unstable loop") and "poles +0.05" in out
-
-
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ("", 1),  # the paper's PI: an integrator is never SPR
-        ("--kp 15", 1),
-        ("--kp 15 --kd 5.08e-6", 0),
-        ("--kp 15 --kd 5.06e-6", 1),
-        ("--velocity --kp 1.6", 0),
-        ("--velocity", 1),
-    ],
-)
-def test_spr_on_both_sides_of_its_condition(files, capsys, options, code):
-    """PD on position: SPR iff sigma1 Kd > sigma0 J; here sigma0 J / sigma1 = 5.07e-6."""
-    J = 5.07e-6 * 0.6 / 260.0
-    write_model(MODEL.with_values({"J": J}), files / "light.toml")
-    got, out, _ = run(capsys, f"check spr --model light.toml {options} --json")
-    document = one_document(out)
-    assert got == code and document["holds"] == (code == 0)
-    assert document["loop"] == ("velocity" if "--velocity" in options else "position")
 
 
 def test_l2_gain_and_its_gains(capsys):
