@@ -55,7 +55,7 @@ def _run(argv: Sequence[str] | None) -> int:
     try:
         arguments = parser().parse_args(argv)
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
-        blocks = getattr(arguments, "blocks", ())
+        blocks = getattr(arguments, "blocks", None) or ()
         _load(blocks)
         if getattr(arguments, "plot", None) is not None:
             check_picture(arguments.plot)

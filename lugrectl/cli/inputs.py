@@ -63,7 +63,7 @@ def with_holdout(a: Namespace, model: Model) -> tuple[list[Log], Any]:
     training = logs(a, model.motion)
     if not apart:
         return training, a.holdout
-    return training, *logs(Namespace(**vars(a) | {"records": [a.holdout]}), model.motion)
+    return training, logs(Namespace(**vars(a) | {"records": [a.holdout]}), model.motion)[0]
 
 
 def declared(a: Namespace) -> Model:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -194,7 +195,8 @@ def at_samples(balance: Balance, one: Stretch) -> dict[str, np.ndarray]:
     if len(t) < 3:
         return unknown
     known, order = (one.w, 0) if one.theta is None else (one.theta, 1)
-    w, a = (savgol_filter(known, width, 3, deriv=order + k, delta=dt) for k in (0, 1))
+    smooth: Any = partial(savgol_filter, known, width, 3, delta=dt)
+    w, a = smooth(deriv=order), smooth(deriv=order + 1)
     fast = one.u - balance.values().get("J", 0.0) * a - friction(balance, w, np.sign(w))
     total, edges = np.r_[0.0, np.cumsum(fast) * dt], np.r_[one.t, one.t[-1] + dt]
     half = float(np.median(np.diff(t)))

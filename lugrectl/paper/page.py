@@ -248,10 +248,11 @@ def _drawn(o: Outcome) -> Figure:
 
 def sweep(o: Outcome, ax: Axes) -> Axes:
     """RMS error over the error of the observer's parameters, logarithmic."""
+    x = np.array([row.x for row in o.rows], dtype=float)
     for c in o.study.compensations:
         mark = {} if c.observer is None else {"marker": "o", "ms": 3}
         values = [1e3 * row.rms[c.name] for row in o.rows]
-        ax.plot([row.x for row in o.rows], values, lw=1.5, **mark, **LINES[c.name], label=c.name)
+        ax.plot(x, values, lw=1.5, **mark, **LINES[c.name], label=c.name)
     unit = o.rows[0].measure.unit
     ax.set(yscale="log", ylabel=f"RMS error [m{unit}]")
     ax.set_xlabel("error of the observer's parameters [%]")

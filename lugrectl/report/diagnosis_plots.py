@@ -192,12 +192,12 @@ class Residual:
 
 def residual(d: Any) -> Residual | None:
     """The residual torque against the signal that explains it; None without traces."""
-    traces = getattr(d, "traces", None)
+    traces: Any = getattr(d, "traces", None)
     before = None if traces is None else traces.residual.get("refitted")
     if before is None or not np.isfinite(before).any():
         return None
     times = _times(d)
-    x, *how = _explaining(d, times)
+    x, label, span, cycles = _explaining(d, times)
     after = traces.residual.get("augmented")
     sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
     good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
@@ -207,7 +207,6 @@ def residual(d: Any) -> Residual | None:
     good = good & traces.held_out if held_out else good
     if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
         after = None
-    label, span, cycles = how
     before, after = (None if y is None else y[good] * sign[good] for y in (before, after))
     return Residual(x[good], label, before, after, times, held_out, span, cycles)
 

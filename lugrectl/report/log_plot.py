@@ -156,7 +156,7 @@ def _between_runs(balance: Balance, ax: Axes) -> None:
 @drawn
 def remarks(balance: Balance, ax: Axes) -> Axes:
     """What was noticed while the log was read, as text."""
-    bullet = {"initial_indent": "- ", "subsequent_indent": "  "}
+    bullet: Any = {"initial_indent": "- ", "subsequent_indent": "  "}
     lines = [line for note in balance.said for line in textwrap.wrap(note, _COLUMNS, **bullet)]
     if len(lines) > _LINES:
         lines = [*lines[: _LINES - 1], "  ..."]

@@ -4,11 +4,11 @@ import json
 from types import SimpleNamespace
 
 import pytest
-from lugrectl.cli.progress import Bar
 
 from lugrectl.blocks.model import Model, table1, write_model
 from lugrectl.cli import each, main
 from lugrectl.core.errors import InputError
+from lugrectl.core.progress import Terminal
 from lugrectl.report import FILES, fleet_page
 
 from ..cases.logs import csv as log
@@ -195,7 +195,7 @@ def test_processes_read_and_refuse_by_themselves(files, capsys):
 
 def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):
     said = []
-    monkeypatch.setattr(Bar, "__call__", lambda self, part, what="": said.append((part, what)))
+    monkeypatch.setattr(Terminal, "__call__", lambda self, part, what="": said.append((part, what)))
     run(capsys, "left right --each")
     assert said[0] == (0.0, "0 of 3") and said[-1] == (1.0, "3 of 3")
 

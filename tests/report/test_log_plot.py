@@ -5,10 +5,11 @@ import json
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from lugrectl.cli.plotting import NO_SCREEN, has_screen
 
 import lugrectl as lg
 from lugrectl.cli import main
+from lugrectl.cli.commands import NO_SCREEN
+from lugrectl.cli.output import has_screen
 from lugrectl.estimates.balance import at_samples
 
 from ..cases.logs import csv, machine

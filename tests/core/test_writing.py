@@ -14,8 +14,9 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.model import read_model
-from lugrectl.cli import plotting
+from lugrectl.cli import output
 from lugrectl.core import writing
+from lugrectl.engine.runtime.disk_cache import keep
 from lugrectl.report import FILES, check_folder
 
 from ..cases.made_up import bare
@@ -197,7 +198,7 @@ def test_a_full_disk_is_one_sentence_for_models_and_pictures_too(tmp_path):
         with pytest.raises(lg.InputError, match="m.toml cannot be written: File too large"):
             lg.write_model(model, tmp_path / "m.toml")
         with pytest.raises(lg.InputError, match="picture.png cannot be written"):
-            plotting.write(tmp_path / "picture.png", b"a" * 100, "--out")
+            output.write(tmp_path / "picture.png", b"a" * 100, "--out")
     assert (tmp_path / "m.toml").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 
@@ -218,3 +219,31 @@ def test_a_folder_that_only_reads_is_one_sentence(tmp_path, monkeypatch):
 def test_a_folder_that_is_no_path_is_refused():
     with pytest.raises(lg.InputError, match="the folder must be a path, not None"):
         bare().save(None)
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from lugrectl.core.writing import unfinished
+part = unfinished(Path(sys.argv[1]))
+part.mkdir() if sys.argv[2] == "folder" else part.write_text("half")
+os.kill(os.getpid(), 9)
+"""
+WAYS = {
+    "model or picture": lambda folder: writing.write_whole(folder / "m.toml", b"whole"),
+    "code": lambda folder: keep(folder / "a.c", "whole"),
+    "report": lambda folder: writing.write_together({"a.html": "whole"}, folder, "{}"),
+}
+
+
+@posix
+@pytest.mark.parametrize("kind", ["folder", "file"])
+def test_whoever_writes_next_removes_what_a_killed_process_left(tmp_path, kind):
+    for number, write in enumerate(WAYS.values()):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        subprocess.run([sys.executable, "-c", KILLED, str(folder), kind])
+        assert [p.name[:10] for p in folder.iterdir()] == [".lugrectl-"]
+        write(folder)
+        (made,) = folder.iterdir()
+        assert made.read_text() == "whole"
