@@ -123,6 +123,8 @@ def _regular(log: Stamped) -> Record:
         dt=dt,
         motion=log.motion,
         source=log.source,
+        file=None,
+        log=None,
         dropped=log.dropped + filled,
         messages=(*log.said, *(said if filled else ())),
         gaps=tuple(int(g) for g in np.cumsum([len(t) for t in times])[:-1]),
