@@ -78,6 +78,7 @@ def _piece(t: np.ndarray, u: np.ndarray, at: slice, span: float, step: float) ->
 FEWEST = 30  # rows of a test
 WINDOWS = (3, 5, 9, 17, 33, 65, 129)  # rows over which a speed is a slope
 SMOOTH = 0.01  # of the top speed, to which its noise is brought down
+LEVELS = 12  # of u: of fewer no register is known
 FEW = 16  # rows, for which a speed may stay the same before it is stale
 CLEAR = 5.0  # standard deviations of the speed's noise from which the axis moves
 SLOW = 0.01  # of the top speed below which the axis rests
@@ -195,7 +196,8 @@ def _motion(rows: Stamped, part: slice) -> Motion | None:
         return None
     dt = float(np.median(np.diff(t)))
     values = {k: x[good] for k, x in taken.items()}
-    u, step = values["u"], quantum(values["u"])
+    u = values["u"]
+    step = quantum(u) if len(np.unique(u)) > LEVELS else 0.0
     every = np.ones(len(t), bool)
     if "theta" in values:
         x = values["theta"]

@@ -123,9 +123,9 @@ class Record(Shown):
             made = made if values is None else crc32(values, crc32(role.encode(), made))
         return made
 
-    def read_from(self, log: Log) -> Record:
+    def read_from(self, log: Log | None) -> Record:
         """The same record, with the log that it was read from."""
-        return replace(self, log=replace(log, of=self.checksum()))
+        return self if log is None else replace(self, log=replace(log, of=self.checksum()))
 
     def _title(self) -> str:
         return f"Record {self.source}: {self.motion}"

@@ -123,6 +123,8 @@ def _regular(log: Stamped) -> Record:
         dt=dt,
         motion=log.motion,
         source=log.source,
+        file=None,
+        log=None,
         dropped=log.dropped + filled,
         messages=(*log.said, *(said if filled else ())),
         gaps=tuple(int(g) for g in np.cumsum([len(t) for t in times])[:-1]),
@@ -264,9 +266,19 @@ def _open_time(labels: Mapping[str, str | None], dt: float) -> bool:
 def refuse_unlikely_time(record: Record) -> None:
     """Raise Refused, with the unit to state, for a log of :func:`unlikely_time`, and for one that
     is too short in its stated unit because no drive writes a log at that rate."""
-    if record.log is not None:
-        _refuse_stated_time(record, record.log.labels)
-        refuse_open_time(record.source, record.log.labels, record.dt)
+    if record.log is None:
+        return
+    label, seconds = record.log.labels.get("t"), record.samples * record.dt
+    if label is not None and not plausible(record.dt) and seconds < _TO_JUDGE[1]:
+        other = _unit_of_time(record.dt / UNITS[label].factor)
+        if other is not None:
+            raise Refused(
+                f"{record.source}: t is stated in {label}, which gives a sampling rate of "
+                f"{record.rate:.6g} Hz and a record of {seconds:.3g} s: give "
+                f"{option('units', f't={other}')} if t is in {other}. If not, it is too short.",
+                f"Write the unit of t into the header, as in t [{other}].",
+            )
+    refuse_open_time(record.source, record.log.labels, record.dt)
 
 
 def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
@@ -274,8 +286,7 @@ def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -
     the log by role."""
     if not _open_time(labels, dt):
         return
-    finer = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
-    unit = next((u.name for u in finer if plausible(dt * u.factor)), "ms")
+    unit = _unit_of_time(dt, below=1.0) or "ms"
     raise Refused(
         f"{source}: t has no unit, and read as s it gives a sampling rate of "
         f"{1.0 / dt:.6g} Hz, at which no drive writes a log: give "
@@ -284,18 +295,7 @@ def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -
     )
 
 
-def _refuse_stated_time(record: Record, labels: Mapping[str, str | None]) -> None:
-    label = labels.get("t")
-    seconds = record.samples * record.dt
-    if label is None or plausible(record.dt) or seconds >= _TO_JUDGE[1]:
-        return
-    times = [u for u in UNITS.values() if u.quantity == "time"]
-    taken = next(u.factor for u in times if u.name == label)
-    other = next((u.name for u in times if plausible(record.dt * u.factor / taken)), None)
-    if other is not None:
-        raise Refused(
-            f"{record.source}: t is stated in {label}, which gives a sampling rate of "
-            f"{record.rate:.6g} Hz and a record of {seconds:.3g} s: give "
-            f"{option('units', f't={other}')} if t is in {other}. If not, it is too short.",
-            f"Write the unit of t into the header, as in t [{other}].",
-        )
+def _unit_of_time(step: float, below: float = np.inf) -> str | None:
+    """Return a unit, smaller than ``below`` s, in which a step is that of a log."""
+    times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < below]
+    return next((u.name for u in times if plausible(step * u.factor)), None)

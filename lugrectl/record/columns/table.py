@@ -146,10 +146,13 @@ def array_table(
     epoch = epochs(plain, units, arrays)
     units = [epoch.get(i, unit) for i, unit in enumerate(units)]
 
+    def numbers(i: int) -> np.ndarray:
+        if number_of is None or i in epoch:
+            return as_float(arrays[i])
+        return number_of(i)
+
     def load(indices: Sequence[int]) -> Columns:
-        plainly = [number_of is None or i in epoch for i in indices]
-        chosen = [as_float(arrays[i]) if easy else number_of(i)
-                  for i, easy in zip(indices, plainly, strict=True)]  # fmt: skip
+        chosen = [numbers(i) for i in indices]
         if len({one.size for one in chosen}) > 1:
             pairs = zip(indices, chosen, strict=True)
             sizes = ", ".join(f"{names[i]} {one.size}" for i, one in pairs)

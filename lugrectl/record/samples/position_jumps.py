@@ -3,7 +3,7 @@ stands still in the log while the drive goes on left out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,8 +41,8 @@ class Jumps:
 
     def only(self, which: np.ndarray) -> Jumps:
         """Return some of them."""
-        some = (x[which] for x in (self.a, self.b, self.size, self.steady, self.pace))
-        return Jumps(*some, self.resolution)
+        some = {k: getattr(self, k)[which] for k in ("a", "b", "size", "steady", "pace")}
+        return replace(self, **some)
 
     @property
     def margin(self) -> np.ndarray:
