@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..blocks.bristle_laws import along
 from ..blocks.friction import level
-from ..blocks.measured_bristle import along
 from .load_side import LoadMotion
 from .runs import FINER, Run, means
 

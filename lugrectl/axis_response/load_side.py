@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..blocks.measured_bristle import strokes
+from ..blocks.bristle_laws import strokes
 from .modes import Mechanics
 from .runs import FINER, Run
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
 
-from ..blocks.measured_bristle import strokes
+from ..blocks.bristle_laws import strokes
 from ..record import Record
 from ..record.record import smallest_step
 

@@ -9,10 +9,9 @@ import control as ct
 
 from ..blocks import controllers
 from ..blocks.drive import limiter
-from ..blocks.model import as_model
+from ..blocks.model import as_model, model_first
 from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import plant
-from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive
 from .parts import (

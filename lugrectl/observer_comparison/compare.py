@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members
-from ..blocks.model import as_model
+from ..blocks.model import as_model, model_first
 from ..blocks.observers import observer_block
-from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.validation import flag, names, number, positive, share, shown

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.model import Model, as_model
+from ..blocks.model import Model, as_model, model_first
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
-from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.progress import Wanted, part_of, reporter, shows_progress
 from ..core.result import plain

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..blocks.dead_times import dead_times
+from ..blocks.drive import dead_times
 
 
 def warn_if_approximate(systems: Sequence[Any], params: Mapping[str, Any] | None) -> None:
