@@ -15,9 +15,8 @@ import numpy as np
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members
 from ..blocks.controllers import MEASURED
-from ..blocks.model import Model, Parameters, as_model
+from ..blocks.model import Model, Parameters, as_model, model_first
 from ..blocks.observers import observer_block
-from ..blocks.swapped import model_first
 from ..core.display import Grid, grid_html, grid_text
 from ..core.display import number as figure
 from ..core.errors import Diverged, InputError

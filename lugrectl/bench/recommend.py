@@ -12,10 +12,9 @@ import numpy as np
 from ..blocks.aliases import meant
 from ..blocks.block import unit_for
 from ..blocks.controllers import MEASURED
-from ..blocks.model import Model, as_model
+from ..blocks.model import Model, as_model, model_first
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
-from ..blocks.swapped import model_first
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress

@@ -7,8 +7,9 @@ other names. The proportional position controller puts out the speed reference.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -291,3 +292,43 @@ class _Late(_Steady):
         if self.part:
             late = (1.0 - self.part) * late + self.part * known[self.whole + 1]
         return np.array([late])
+
+
+class DeadTime(NamedTuple):
+    """A dead time of ``seconds`` in a block; its two states are at ``place`` of the system's."""
+
+    block: str
+    seconds: float
+    place: int
+
+
+def dead_times(
+    system: Any, params: Mapping[str, Any] | None = None, place: int = 0
+) -> Iterator[DeadTime]:
+    """The dead times of the package's continuous blocks, their own or those of a model inside."""
+    inside = getattr(system, "syslist", None)
+    if inside is None:
+        yield from _own(system, params or {}, place)
+        return
+    for one in inside:
+        yield from dead_times(one, params, place)
+        place += one.nstates
+
+
+def _own(block: Any, params: Mapping[str, Any], place: int) -> Iterator[DeadTime]:
+    answer: Any = getattr(block, "outfcn", None)
+    made = getattr(answer, "block", None)
+    if made is None or block.isdtime(strict=True):
+        return
+    parts = getattr(made.function, "parts", ())
+    named = [("", made), *((part.prefix, part) for part in parts)]
+    keys = [(f"{prefix}delay", of.states) for prefix, of in named if _is_delay(of)]
+    for key, states in keys:
+        name = answer.keys.get(key)
+        if name is not None:
+            at = place + made.states.index(states[0])
+            yield DeadTime(block.name, float(params.get(name, block.params[name])), at)
+
+
+def _is_delay(of: Any) -> bool:
+    return getattr(of, "block", of).name == input_delay.name

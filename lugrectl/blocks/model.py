@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,7 +23,7 @@ from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
 from .declared_values import Stated, check_keys, holding, refuse_crossed, stated
-from .extending import files_of_blocks, load_named
+from .extending import files_of_blocks, found, load_named, place
 from .friction import J as J_DECLARATION
 from .friction import form_keys, formed, usual_values, with_usual, written_form
 from .model_files import quoted, read_toml, rows, seen_from
@@ -707,3 +708,47 @@ def values_of(p: Any, what: str = "p") -> Any:
     if isinstance(p, (Model, str, os.PathLike, Mapping)):
         return SimpleNamespace(**as_model(p, what).values())
     return p
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A model for another process, with the names of the user's own effects to load there."""
+
+    packed: bytes
+    effects: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, model: Model) -> Sent:
+        own = [(b.name, place(b.home)) for b in members("effect").values()]
+        return cls(pickle.dumps(model), tuple(e for e in own if not is_ours(e[1])))
+
+    def open(self) -> Model:
+        """The model; raises InputError if one of the user's blocks is not known here."""
+        for name, home in self.effects:
+            if found("effect", name, home) is None:
+                raise InputError(
+                    f"the effect '{name}' is not known in the worker processes; define it in a "
+                    "module that can be imported, or use jobs=1."
+                )
+        return pickle.loads(self.packed)
+
+
+def model_first(p: Any, other: Any, what: str, name: str = "p") -> None:
+    """InputError where ``other``, the argument ``what``, is a model, and ``p`` rather not one."""
+    if _how_surely(other) > _how_surely(p):
+        raise InputError(f"{name} is {_called(p)} and {what} is a model: swap them.")
+
+
+def _called(p: Any) -> str:
+    if is_file(p):
+        return f"'{p}'"
+    return "a log" if isinstance(p, Mapping) and holds_samples(p) else shown(p)
+
+
+def _how_surely(given: Any) -> int:
+    """2 for a model or a result that holds one, 1 for a dict that may be one, else 0."""
+    if is_file(given):
+        return 2 * (Path(given).suffix.lower() == ".toml")
+    if isinstance(given, (Model, Parameters)) or isinstance(getattr(given, "model", None), Model):
+        return 2
+    return int(isinstance(given, Mapping) and not holds_samples(given))

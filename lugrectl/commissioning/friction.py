@@ -30,8 +30,8 @@ from operator import attrgetter
 
 import numpy as np
 
+from ..blocks.bristle_laws import along, strokes
 from ..blocks.friction import level
-from ..blocks.measured_bristle import along, strokes
 from .local_response import Shape
 from .mechanics import Mechanics, quadratic
 from .runs import FINER, Run, Spacing, Window, means, windows

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
 
-from ..blocks.measured_bristle import strokes
+from ..blocks.bristle_laws import strokes
 from ..record import Record
 from ..record.signal_noise import smallest_step
 

@@ -16,8 +16,7 @@ from typing import Any, cast
 
 from ..blocks import AUTO
 from ..blocks.aliases import block_named, name_of
-from ..blocks.model import Model, as_model
-from ..blocks.sent_model import Sent
+from ..blocks.model import Model, Sent, as_model
 from ..core.blas_threads import one_thread_each
 from ..core.display import Row, Shown
 from ..core.errors import InputError, Refused

@@ -9,8 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.model import values_of
-from ..blocks.swapped import model_first
+from ..blocks.model import model_first, values_of
 from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer

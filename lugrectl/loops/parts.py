@@ -10,10 +10,9 @@ from ..blocks import controllers
 from ..blocks.aliases import VARIANTS, meant, name_of
 from ..blocks.block import Block, members
 from ..blocks.drive import limiter
-from ..blocks.model import as_model
+from ..blocks.model import as_model, model_first
 from ..blocks.observers import believed, observer_block
 from ..blocks.sliding_control import sliding_error
-from ..blocks.swapped import model_first
 from ..core.errors import InputError
 from ..core.validation import one_name, real, shown
 

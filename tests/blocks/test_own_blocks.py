@@ -15,8 +15,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks import extending
 from lugrectl.blocks.block import REGISTRY
-from lugrectl.blocks.model import own_files
-from lugrectl.blocks.sent_model import Sent
+from lugrectl.blocks.model import Sent, own_files
 from lugrectl.cli import main
 from lugrectl.cli.options import parser
 from lugrectl.core.errors import NotLoaded
