@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ..drives import messy
+from ..drives import bench, messy
 from ..drives.damage import DAMAGES, damage
 from ..held_out import questions
 from . import drawn
@@ -188,3 +188,12 @@ def test_a_damage_changes_a_copy(kind):
     assert all(np.array_equal(hurt[k], again[k], equal_nan=True) for k in log)
     assert len({len(v) for v in hurt.values()}) == 1
     assert not all(np.array_equal(hurt[k], log[k]) for k in log)
+
+
+@pytest.mark.parametrize("kind", bench.KINDS)
+def test_a_bench_test_is_drawn_alike_again_and_recognised(kind):
+    one, two = bench.draw(5, kind), bench.draw(5, kind)
+    assert one.values == two.values and len(one.more) == len(two.more)
+    assert all(np.array_equal(one.record[k], two.record[k]) for k in one.record)
+    row = drawn.judged(5, kind, "bench", "bench")
+    assert kind in row.answer.effects
