@@ -56,9 +56,9 @@ def small_things(rng, rig: Rig, c: dict, taken: set) -> dict:
     return out
 
 
-def share(rig: Rig, o: dict, nom: dict) -> float:
+def share(rig: Rig, o: dict, nom: dict, refit: bool = False) -> float:
     """The rms torque left over by the plain description, of the friction level."""
-    rest, level, _ = leftover(rig, o, nom)
+    rest, level, _ = leftover(rig, o, nom, refit)
     return float(np.sqrt(np.mean(rest**2)) / level) if rest.size else np.inf
 
 
@@ -109,7 +109,8 @@ def draw_effect(seed: int, name: str | None = None):
     """A log of a real rig with one clear hidden effect, and the truth about it.
 
     As `draw`; besides, the truth's "effect" has a name, its values, whether it is `listed`
-    among the usual ones and its share: rms torque by the friction level.
+    among the usual ones, its share: rms torque by the friction level, and what is visible:
+    the share that no other values of the plain description take over.
     """
     return _draw_effect(seed, name)[:2]
 
@@ -140,6 +141,7 @@ def _draw_effect(seed: int, name: str | None):
     truth = truth_of(rig, motion, nom, level, about, small)
     truth["left_over"] = share(rig, o, nom)
     truth["effect"] = {"name": name, "values": given, "share": size, "listed": name in CLEAR}
+    truth["effect"]["visible"] = share(rig, o, nom, refit=True)
     return log, truth, rig, o, (refs, noise)
 
 

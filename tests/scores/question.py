@@ -58,8 +58,8 @@ class Question:
     hidden: float = 0.0
     friction: float = 0.0
     alike: frozenset[str] = frozenset()
-    more: tuple[dict[str, np.ndarray], ...] = ()
     about: dict[str, Any] = field(default_factory=dict)
+    more: tuple[dict[str, np.ndarray], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -159,6 +159,8 @@ def test_a_report_becomes_an_answer():
 
 def shrug(logs, model) -> Answer:
     """A judge that finds nothing."""
+    ((log, options),) = logs
+    assert {"t", "u"} < log.keys() and not options and model["plant"]
     return Answer("adequate", parameters={"J": (5.0, 0.0, 10.0)})
 
 
