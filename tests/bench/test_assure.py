@@ -141,19 +141,19 @@ def true_figures(n, seed, seconds, counts, dt, noise):
     t, u, theta = drives.logged(truth, dt, seconds, random, counts, noise)
     rows = []
     for i in range(n):
-        one = {k: truth[k][i : i + 1] for k in drives.NAMES}
+        one = {k: getattr(truth[i], k) for k in drives.NAMES}
         kind = ("velocity", "position")[i % 2]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            known = declared({k: float(v[0]) for k, v in one.items()}, random)
+            known = declared(one, random)
             fit = lg.identify({"t": t, "u": u[:, i], "theta": theta[:, i]}, known)
             found = lg.assure(fit, loop=kind, observers="natural", hunts=1.0, seed=i)
-        own = {k: np.array([v]) for k, v in fit.model.known().items()} | found.controller
+        own = fit.model.known() | found.controller
         given = (kind, found.drive["speed"], dt, counts)
 
-        def error(believed, share, one=one, given=given):
+        def error(believed, share, one=truth[i], given=given):
             kind, *rest = given
-            return float(drives.missed(one, believed, kind, share, *rest)[0])
+            return float(drives.missed(one, believed, kind, share, *rest))
 
         best = min(error(one | found.controller, share) for share in ALL)
         error_of = error(own, found.scale), error(own, 0.0), best

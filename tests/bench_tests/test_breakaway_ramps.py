@@ -7,10 +7,10 @@ import pytest
 
 import lugrectl as lg
 
-from .drive import Drive, Torque, kept
+from ..drives.bench import Drive, kept
 
 
-def ramps(rate: float, travel: float, pause: int, dt: float) -> Torque:
+def ramps(rate: float, travel: float, pause: int, dt: float):
     """The torque rises until the axis has moved so far, is 0 for a while, then rises back."""
     now = {"row": 0, "from": 0.0, "side": 1.0, "off": False}
 

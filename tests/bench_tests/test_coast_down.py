@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from .drive import Drive, kept, stale
+from ..drives.bench import Drive, kept, stale
 
 DRIVE = Drive(Fs=0.15)
 PER = {"Fc/J": DRIVE.Fc / DRIVE.J, "Fv/J": DRIVE.Fv / DRIVE.J}

@@ -6,7 +6,7 @@ import numpy as np
 
 from lugrectl.bench_tests.edge_times import angle_of
 
-from .drive import Drive, held, stale
+from ..drives.bench import Drive, held, stale
 
 
 def test_the_angle_to_a_count():

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from .drive import Drive, kept
+from ..drives.bench import Drive, kept
 
 DRIVE = Drive(J=0.02, Fc=0.004, Fs=0.005, Fv=0.002, gravity=0.5)
 RIGHT = {

@@ -10,7 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.report import plain_text
 
-from .drive import Drive, held, kept, speed_loop
+from ..drives.bench import Drive, held, kept, speed_loop
 
 
 def wandering(t: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from .drive import Drive, kept, speed_loop
+from ..drives.bench import Drive, kept, speed_loop
 
 DRIVE = Drive(cogging=0.04)
 V = 1.5

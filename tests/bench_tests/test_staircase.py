@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from .drive import Drive, kept, speed_loop
+from ..drives.bench import Drive, kept, speed_loop
 
 DRIVE = Drive(vs=0.5, counts=65536)
 

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from .drive import Drive, held, kept, stale
+from ..drives.bench import Drive, held, kept, stale
 
 DRIVE = Drive()
 LEVELS = [0.5, 0.0, -0.5, 0.0, 0.35, -0.35, 0.0]

@@ -44,7 +44,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--cache", type=Path, help="folder that keeps the records: diagnoses alone")
     p.add_argument("--retry", action="store_true", help="do again what crashed")
     p.add_argument("--summary", type=Path, metavar="FILE", help="print a results file, run nothing")
-    p.add_argument("--markdown", action="store_true", help="print the block for the README only")
     return p
 
 
@@ -124,7 +123,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(argv)
     if args.summary:
         lines = read(args.summary)
-        print(page.markdown(lines) if args.markdown else page.text(lines))
+        print(page.text(lines))
         return 0
     work.one_thread()
     args.out.mkdir(parents=True, exist_ok=True)
@@ -141,9 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             print(f"{i}/{len(todo)} {line['key']}: {_said(line)}", file=sys.stderr, flush=True)
     wanted = {t.key for t in plan}
     lines = [x for x in read(path) if x["key"] in wanted]
-    if not args.markdown:
-        print(page.text(lines), end="\n\n")
-    print(page.markdown(lines))
+    print(page.text(lines))
     return 0
 
 

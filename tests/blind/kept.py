@@ -5,7 +5,7 @@ Drawing a record takes longer than judging it, so a folder keeps those that were
 
 from __future__ import annotations
 
-import json
+import pickle
 import tempfile
 import traceback
 import warnings
@@ -36,43 +36,26 @@ def kept(task: Task, cache: Path | None) -> Kept:
     """The record of a task, from the folder ``cache`` where it is there."""
     path = None if cache is None else place(task, cache)
     if path is not None and path.exists():
-        return _load(path)
+        return pickle.loads(path.read_bytes())
     case = work.case_of(task)
     others = tuple(Kept(c.columns, c.model) for c in case.more)
     made = Kept(case.columns, case.model, work.truth(case, task), list(problems(case)), others)
     if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        save(made, path, task.key)
+        save(made, path)
     return made
 
 
 def place(task: Task, cache: Path) -> Path:
     """The file of a task's record."""
-    return cache / f"{sha1(task.key.encode()).hexdigest()[:10]}.npz"
+    return cache / f"{sha1(task.key.encode()).hexdigest()[:10]}.pickle"
 
 
-def save(made: Kept, path: Path, key: str) -> None:
+def save(made: Kept, path: Path) -> None:
     """Write a record, whole or not at all."""
-    said = {"key": key, "model": made.model, "truth": made.truth, "problems": made.problems}
-    runs = [made, *made.more]
-    samples = {f"{i} {k}": x for i, run in enumerate(runs) for k, x in run.columns.items()}
-    part = path.with_suffix(".part.npz")
-    np.savez_compressed(part, said=np.array(json.dumps(said, default=float)), **samples)  # pyright: ignore
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_suffix(".part")
+    part.write_bytes(pickle.dumps(made))
     part.replace(path)
-
-
-def _load(path: Path) -> Kept:
-    with np.load(path) as data:
-        said = json.loads(str(data["said"]))
-        runs: dict[int, dict[str, np.ndarray]] = {}
-        for name in data.files:
-            if name != "said":
-                i, _, k = name.partition(" ")
-                runs.setdefault(int(i), {})[k] = data[name]
-    first, *others = (runs[i] for i in sorted(runs))
-    model = said["model"]
-    more = tuple(Kept(columns, model) for columns in others)
-    return Kept(first, model, said["truth"], said["problems"], more)
 
 
 def line(task: Task, *, cache: Path | None = None) -> dict[str, Any]:

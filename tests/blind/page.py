@@ -1,4 +1,4 @@
-"""The results as text for a terminal and as a block of markdown."""
+"""The results as text for a terminal."""
 
 from __future__ import annotations
 
@@ -162,13 +162,3 @@ def _failures(lines: Sequence[Line]) -> list[str]:
         elif x["answer"]["verdict"] == "refused":
             rows.append(f"    {x['key']}: refused: {x['answer']['reason']}")
     return ["", "no answer", *rows] if rows else []
-
-
-def markdown(lines: Sequence[Line]) -> str:
-    """A block for the README, with the date of the newest record."""
-    date = max((x["at"][:10] for x in lines), default="never")
-    seeds = sorted({x["seed"] for x in lines})
-    span = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "no seeds"
-    rows = [f"| {what} | {value} |" for what, value in figures(lines).items()]
-    head = f"Blind benchmark of {date}, {len(lines)} records, {span}:"
-    return "\n".join([head, "", "| what | measured |", "|---|---|", *rows])

@@ -423,7 +423,9 @@ def step(t, h, command, delayed, same, x, m, on, p):
     th_m, w_m, acc_m = sensed(theta, w, x[ACC], x, on, p)
     x[WS] = w + (x[WS] - w) * half
     x[TH] += h * (x[W] + 0.5 * h * x[ACC])
-    x[W] += h * x[ACC]
+    before, x[W] = x[W], x[W] + h * x[ACC]
+    if m[LAW] == STATIC and abs(x[W]) < 1e-12 * abs(before):
+        x[W] = 0.0  # stopped: the rest is rounding
     nominal = friction if same else declared_friction(x, w_m, friction, m, h)
     # what the declared structure cannot account for along the measured motion
     effect = command - m[J] * acc_m - nominal - load_torque(th_m, m)

@@ -56,30 +56,27 @@ def small_things(rng, rig: Rig, c: dict, taken: set) -> dict:
     return out
 
 
-def share(rig: Rig, o: dict, nom: dict) -> float:
+def share(rig: Rig, o: dict, nom: dict, refit: bool = False) -> float:
     """The rms torque left over by the plain description, of the friction level."""
-    rest, level, _ = leftover(rig, o, nom)
+    rest, level, _ = leftover(rig, o, nom, refit)
     return float(np.sqrt(np.mean(rest**2)) / level) if rest.size else np.inf
 
 
-def truth_of(rig: Rig, motion: str, nom: dict, level: float, about: dict, hidden: dict) -> dict:
+def truth_of(rig: Rig, motion: str, nom: dict, level: float, offset: float, hidden: dict) -> dict:
     """All that the log does not say."""
     out = {name: nom[name] for name in ("J", "Fc", "Fv")}
     out |= {"const": nom["const"], "gravity": (nom["grav"], nom["grav_ph"])}
-    out |= {"Fs": max(nom["Fs"], nom["Fc"]), "vs": nom["vs"], "s0": nom["s0"], "s1": nom["s1"]}
-    out |= {f"{name}_late": about[name]["late"] for name in ("u", "theta", "w") if name in about}
-    out |= {"u_offset": about["u"]["offset"], "delay": nom["delay"], "level": level}
+    out |= {"Fs": max(nom["Fs"], nom["Fc"]), "vs": nom["vs"], "u_offset": offset, "level": level}
     out |= {"machine": rig.name, "friction": rig.model, "motion": motion, "fs": rig.fs}
-    return out | {"channels": about, "control": dict(rig.control), "hidden": hidden}
+    return out | {"hidden": hidden}
 
 
 def draw(seed: int, kind: str = "plain"):
     """A log and the truth about it.
 
     The motion obeys J dw/dt = u - Fc sgn(w) - Fv w - const - g sin(theta + phase), with
-    (g, phase) the truth's gravity, until it stops; Fs and vs shape a Stribeck peak, s0 and
-    s1 the bristles. A channel x of the log shows x at t - x_late (plus offset and noise);
-    a negative one is ahead. Of kind "real", `hidden` names small things beside that.
+    (g, phase) the truth's gravity, until it stops; Fs and vs shape a Stribeck peak. The torque of
+    the log has an offset. Of kind "real", `hidden` names small things beside that.
     """
     return _draw(seed, kind)[:2]
 
@@ -99,8 +96,8 @@ def _draw(seed: int, kind: str):
         left = share(rig, o, nom)
         if left < 0.03:
             break
-    log, about = write(rng, rig, o, level, kind)
-    truth = truth_of(rig, motion, nom, level, about, hidden)
+    log, offset = write(rng, rig, o, level, kind)
+    truth = truth_of(rig, motion, nom, level, offset, hidden)
     truth["left_over"] = left
     return log, truth, rig, o, (refs, noise)
 
@@ -108,8 +105,9 @@ def _draw(seed: int, kind: str):
 def draw_effect(seed: int, name: str | None = None):
     """A log of a real rig with one clear hidden effect, and the truth about it.
 
-    As `draw`; besides, the truth's "effect" has a name, its values, whether it is `listed`
-    among the usual ones and its share: rms torque by the friction level.
+    As `draw`; besides, the truth's "effect" has a name, its values, its share: rms torque by the
+    friction level, and what is visible: the share that no other values of the plain description
+    take over.
     """
     return _draw_effect(seed, name)[:2]
 
@@ -136,10 +134,11 @@ def _draw_effect(seed: int, name: str | None):
         if found is not None:
             break
     rig, o, given, size = found
-    log, about = write(rng, rig, o, level, "real", need=NEEDS.get(name, ""))
-    truth = truth_of(rig, motion, nom, level, about, small)
+    log, offset = write(rng, rig, o, level, "real", need=NEEDS.get(name, ""))
+    truth = truth_of(rig, motion, nom, level, offset, small)
     truth["left_over"] = share(rig, o, nom)
-    truth["effect"] = {"name": name, "values": given, "share": size, "listed": name in CLEAR}
+    truth["effect"] = {"name": name, "values": given, "share": size}
+    truth["effect"]["visible"] = share(rig, o, nom, refit=True)
     return log, truth, rig, o, (refs, noise)
 
 

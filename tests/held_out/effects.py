@@ -125,22 +125,6 @@ def elastic(rng, rig, c):
     return at
 
 
-def resonance(rng, rig, c):
-    J, f, zeta = rig.values["J"], between(rng, 3, 25), rng.uniform(0.01, 0.06)
-
-    def at(s):
-        part = min(0.5 * s, 0.4)
-        k = part * J * (2 * np.pi * f) ** 2
-        return {
-            "J": J * (1 - part),
-            "JL": J * part,
-            "kc": k,
-            "cc": 2 * zeta * np.sqrt(k * J * part),
-        }
-
-    return at
-
-
 def backlash(rng, rig, c):
     J, Fc, part, dry = (
         rig.values["J"],
@@ -242,7 +226,6 @@ CLEAR = {
 }
 OUTSIDE = {
     "torque bumps": bumps,
-    "resonance": resonance,
     "random load": random_load,
     "hysteresis cable": cable,
     "load-dependent friction": load_dependent,

@@ -58,8 +58,11 @@ def lagged(x, tau: float, Tc: float):
     return lfilter([1 - keep], [1, -keep], x, zi=[keep * x[0]])[0]
 
 
-def leftover(rig: Rig, o: dict, nom: dict):
-    """Torque that the plain description leaves over, where the drive slides; and the level."""
+def leftover(rig: Rig, o: dict, nom: dict, refit: bool = False):
+    """Torque that the plain description leaves over, where the drive slides; and the level.
+
+    ``refit``: the description with other values, as they fit best.
+    """
     w = as_seen(rig, o)
     dw, w0, th = np.diff(w) / rig.Tc, 0.5 * (w[1:] + w[:-1]), o["theta"][:-1]
     u = held(o["cmd"], nom["delay"], rig.Tc)[:-1]
@@ -75,6 +78,12 @@ def leftover(rig: Rig, o: dict, nom: dict):
         slides &= np.abs(th - th[start]) > 8 * nom["Fc"] / nom["s0"]
     slides[: int(3 * (nom["delay"] / rig.Tc + 1))] = False
     level = float(np.mean(np.abs(friction[slides]))) if slides.any() else nom["Fc"]
+    if refit and slides.any():
+        shapes = [dw, w0, np.sign(w0), dry * np.sign(w0)]
+        shapes += [np.sin(mid), np.cos(mid)] if nom["grav"] else []
+        shapes += [np.ones_like(w0)] if nom["const"] else []
+        A = np.column_stack([x[slides] / (np.abs(x).max() + 1e-30) for x in shapes])
+        rest[slides] -= A @ np.linalg.lstsq(A, rest[slides], rcond=None)[0]
     return rest[slides], level, float(slides.mean())
 
 

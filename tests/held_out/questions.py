@@ -47,6 +47,7 @@ OUTSIDE = {  # sets of signals that are a right answer
     "random load": (frozenset({"t"}),),
     "constant torque step": (frozenset({"t"}),),
 }
+SEEN = 0.025  # of friction: less of it cannot be seen
 ALIKE = (  # what no log of such a drive tells apart
     {"constant_torque", "coulomb_asymmetry"},
     {"input_delay", "actuator_lag", "velocity_sensor_lag"},
@@ -58,7 +59,10 @@ def draw(seed: int, kind: str) -> Question:
     """The question of a seed; the same one each time."""
     if kind in ("effect", "unknown"):
         names = list(NAMES if kind == "effect" else OUTSIDE)
-        log, truth = draw_effect(seed, names[seed % len(names)])
+        for attempt in range(20):
+            log, truth = draw_effect(seed + 100_000 * attempt, names[seed % len(names)])
+            if truth["effect"]["visible"] > SEEN:
+                break
     else:
         log, truth = draw_log(seed, "real" if kind == "none" else "plain")
     effect = truth.get("effect", {"name": "none", "values": {}, "share": 0.0})

@@ -8,14 +8,16 @@ import pytest
 import lugrectl as lg
 from lugrectl.core.numeric import top_speed
 
-from ..bench_tests.drawn import draw
+from ..drives.bench import draw
+
+DIFFERENCE = {"rate": 1000.0, "speed": "difference", "window": 10}
 
 
 @cache
-def plain(kind, seed):
+def plain(kind, seed, **sensing):
     """The plain answer of a drawn bench test, and what was said of rows left out."""
-    drawn = draw(kind, seed)
-    found = lg.balance([dict(run) for run in drawn.runs])
+    drawn = draw(seed, kind, **sensing)
+    found = lg.balance([dict(run) for run in (drawn.record, *drawn.more)])
     return drawn, found, [s for s in (*found.reading, *found.notes) if "left out" in s]
 
 
@@ -27,15 +29,15 @@ def test_rests_without_torque_and_peaks_at_breakaway_stay(seed):
 
 
 def test_the_torque_of_a_reversal_stays_and_shows_the_inertia():
-    drawn, found, said = plain("slow_scan", 4)
+    drawn, found, said = plain("slow_scan", 5, **DIFFERENCE)
     assert not [s for s in said if s.startswith("u ")]
     J = found.parameters.get("J") or found.uncertain.get("J")
-    assert J is None or J.may_be(drawn.known["plant"]["J"])
+    assert J is None or J.may_be(drawn.model["plant"]["J"])
 
 
 def test_a_lag_of_w_is_told_by_changes_of_speed():
     """A difference over 10 ms, at a constant speed but for two reversals: late by half of that."""
-    _, found, _ = plain("slow_scan", 4)
+    _, found, _ = plain("slow_scan", 5, **DIFFERENCE)
     assert found.parameters["w_lag"].value == pytest.approx(4.5e-3, abs=1e-3)
 
 

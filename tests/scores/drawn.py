@@ -24,8 +24,11 @@ from .points import false_names, points, table, value_summary, values
 from .question import Answer, Question
 
 RESULTS = Path(__file__).parents[2] / "notebooks" / "results"
-GENERATORS = {"drives": "tests.drives.messy", "held_out": "tests.held_out.questions"}
-KINDS = ("effect", "none", "unknown", "sound", "dip")
+GENERATORS = {
+    "drives": "tests.drives.messy",
+    "bench": "tests.drives.bench",
+    "held_out": "tests.held_out.questions",
+}
 
 
 @dataclass(frozen=True)
@@ -70,10 +73,11 @@ def judged(seed: int, kind: str, generator: str, judge: str, hurt: str | None = 
             question = replace(question, record=damage(question.record, hurt, seed))
         except ValueError:
             return None
+    logs = [(log, {}) for log in (question.record, *question.more)]
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            answer = timed(judge_named(judge), [(question.record, {})], question.model)
+            answer = timed(judge_named(judge), logs, question.model)
     except Exception as error:  # one record must not end the bench
         answer = Answer("error", reason=f"{type(error).__name__}: {error}")
     wrong = tuple(sorted(false_names(question, answer)))
@@ -124,10 +128,10 @@ def keep(path: Path, key: str, said: dict[str, Any]) -> None:
 
 def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="python -m tests.scores.drawn", description=__doc__)
-    p.add_argument("--kind", choices=KINDS, default="effect")
+    p.add_argument("--kind", default="effect", help="one of the generator's")
     p.add_argument("--seeds", default="100:140", help="FIRST:LAST, LAST not included")
     p.add_argument("--generator", default="drives", help=f"{', '.join(GENERATORS)} or a module")
-    p.add_argument("--judge", default="lugrectl", help="lugrectl, balance or MODULE:FUNCTION")
+    p.add_argument("--judge", default="lugrectl", help="lugrectl, balance, bench, MODULE:FN")
     p.add_argument("--damage", choices=list(DAMAGES), dest="hurt", help="hurt each log so")
     p.add_argument("--jobs", type=int, default=1)
     p.add_argument("--misses", action="store_true", help="print only what scores below 1")

@@ -19,12 +19,13 @@ Judge = Callable[[Logs, Mapping[str, Any]], Any]
 
 
 def judge_named(name: str) -> Judge:
-    """The judge of a name: "lugrectl", "balance" or "MODULE:FUNCTION"."""
-    if name in ("lugrectl", "balance"):
+    """The judge of a name: "lugrectl", "balance", "bench" or "MODULE:FUNCTION"."""
+    own = {"lugrectl": diagnosed, "balance": balanced, "bench": bench}
+    if name in own:
         import lugrectl
 
         _ = lugrectl.read_record, lugrectl.diagnose, lugrectl.balance  # before the clock runs
-        return diagnosed if name == "lugrectl" else balanced
+        return own[name]
     module, colon, function = name.partition(":")
     if not colon:
         raise SystemExit(f"--judge: {name} is neither a known judge nor MODULE:FUNCTION.")
@@ -65,6 +66,18 @@ def balanced(logs: Logs, model: Mapping[str, Any]) -> Answer:
     plain = lg.balance(_read(*logs[0], model), {"friction": "lugre"})
     known = plain.summary()["parameters"]
     return Answer("plain", parameters=_triples(known), reason=" ".join(plain.said))
+
+
+def bench(logs: Logs, model: Mapping[str, Any]) -> Answer:
+    """What the package's plain answer says of the bench tests that it recognises."""
+    import lugrectl as lg
+
+    said = lg.balance([_read(*log, model) for log in logs], dict(model)).summary()
+    tests = said.get("bench_tests") or []
+    known = _triples(said["parameters"])
+    for test in tests:
+        known |= _triples(test["values"])
+    return Answer("plain", tuple(test["kind"] for test in tests), parameters=known)
 
 
 def answer_of(said: Any) -> Answer:

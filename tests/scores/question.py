@@ -44,6 +44,7 @@ class Question:
     ``values``: true parameters by name (``J``, ``Fc``, ``Fv``, ``effect.parameter``).
     ``hidden``, ``friction``: RMS torque of the effect (0 where it is none) and of friction, N m.
     ``alike``: other names that explain this record as well, found with the generator's own physics.
+    ``more``: further runs.
     """
 
     seed: int
@@ -58,6 +59,7 @@ class Question:
     friction: float = 0.0
     alike: frozenset[str] = frozenset()
     about: dict[str, Any] = field(default_factory=dict)
+    more: tuple[dict[str, np.ndarray], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ..drives import messy
+from ..drives import bench, messy
 from ..drives.damage import DAMAGES, damage
 from ..held_out import questions
 from . import drawn
@@ -159,6 +159,8 @@ def test_a_report_becomes_an_answer():
 
 def shrug(logs, model) -> Answer:
     """A judge that finds nothing."""
+    ((log, options),) = logs
+    assert {"t", "u"} < log.keys() and not options and model["plant"]
     return Answer("adequate", parameters={"J": (5.0, 0.0, 10.0)})
 
 
@@ -188,3 +190,12 @@ def test_a_damage_changes_a_copy(kind):
     assert all(np.array_equal(hurt[k], again[k], equal_nan=True) for k in log)
     assert len({len(v) for v in hurt.values()}) == 1
     assert not all(np.array_equal(hurt[k], log[k]) for k in log)
+
+
+@pytest.mark.parametrize("kind", bench.KINDS)
+def test_a_bench_test_is_drawn_alike_again_and_recognised(kind):
+    one, two = bench.draw(5, kind), bench.draw(5, kind)
+    assert one.values == two.values and len(one.more) == len(two.more)
+    assert all(np.array_equal(one.record[k], two.record[k]) for k in one.record)
+    row = drawn.judged(5, kind, "bench", "bench")
+    assert kind in row.answer.effects
