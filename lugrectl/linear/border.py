@@ -97,7 +97,7 @@ class Axis:
 
     def has_outside(self, a: Poly) -> bool:
         """Return whether any root of a lies outside."""
-        return axis_roots(self.mapped(a, len(a) - 1))[1]
+        return not self.stable(a) and axis_roots(self.mapped(a, len(a) - 1))[1]
 
     def roots(self, a: Poly) -> tuple[complex, ...]:
         """Return the roots of a, the least stable first (floats: not for decisions)."""

@@ -10,11 +10,11 @@ from typing import Any
 
 import control as ct
 
-from .axis import signs, zeros
+from .axis import zeros
 from .border import Axis, border_of, says_hidden
 from .delayed import DelayedTransfer, reduced
 from .exact import Poly
-from .peaks import largest
+from .peaks import largest, level_signs
 from .quasi import Quasi
 from .realness import realness
 from .transfer import coefficients, require_siso
@@ -47,6 +47,11 @@ class ExactSystem:
     @cached_property
     def den(self) -> Quasi:
         return self.on_axis(self.given.den)
+
+    @property
+    def axis(self) -> DelayedTransfer:
+        """T in the variable whose imaginary axis the frequencies lie on."""
+        return DelayedTransfer(self.num, self.den)
 
     def on_axis(self, q: Quasi) -> Quasi:
         """q in the variable whose imaginary axis the frequencies lie on."""
@@ -115,8 +120,7 @@ class ExactSystem:
         top, bottom = self.num.taylor(0), self.den.taylor(0)
         if not top or not bottom:
             return Falls(math.inf if top else 0.0)
-        level = self.den.squared().scaled(-power * top**2)
-        found = signs(self.num.squared().scaled(bottom**2) + level).changes
+        found = level_signs(self.axis, power * (top / bottom) ** 2).changes
         at = tuple(map(self.border.frequency, found))
         return Falls(abs(float(top / bottom)), at, min(at, default=math.inf))
 
@@ -135,7 +139,7 @@ class ExactSystem:
 
     def largest(self) -> tuple[float, float]:
         """The largest |T(jw)| of a stable T, and the w at which it is; inf: as w grows."""
-        gain, v = largest(DelayedTransfer(self.num, self.den))
+        gain, v = largest(self.axis)
         return gain, self.border.frequency(v)
 
     def realness(self) -> Realness:

@@ -1,4 +1,4 @@
-"""Transfer functions of the friction-compensated loops, coefficients rounded once."""
+"""Transfer functions of the friction-compensated loops: exact, their coefficients rounded once."""
 
 from __future__ import annotations
 
@@ -14,11 +14,53 @@ import control as ct
 
 from ..blocks.model import values_of
 from ..core.errors import InputError
-from .controller import Controller, Ratio, read_controller
 from .delayed import DelayedTransfer, dead_time_of, reduced
-from .exact import Poly, add, mul, poly
+from .exact import Poly, add, divide, gcd, mul, poly, scale
 from .quasi import Quasi
-from .transfer import number, parameter, to_float
+from .transfer import number, parameter, read_transfer, to_float
+
+Ratio = tuple[Poly, Poly]
+
+
+@dataclass(frozen=True)
+class Controller:
+    """C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s), every number exact.
+
+    I(s) is Ki/(tau s + 1) if tau > 0, Ki/(s + leak) if leak > 0, else Ki/s. Td is
+    ``derivative_filter``; X is ``added``, any further term of C in lowest terms.
+    """
+
+    kp: Fraction
+    ki: Fraction
+    kd: Fraction
+    tau: Fraction
+    derivative_filter: Fraction
+    leak: Fraction
+    added: Ratio = ((), (1,))
+
+    @property
+    def integral(self) -> Ratio:
+        """I(s); without integral action 0/1, so that no common factor s appears."""
+        if not self.ki:
+            return (), (1,)
+        return poly([self.ki]), (1, self.tau) if self.tau else (self.leak, 1)
+
+    @property
+    def derivative(self) -> Ratio:
+        """Kd s/(Td s + 1)."""
+        if not self.kd:
+            return (), (1,)
+        return (0, self.kd), poly([1, self.derivative_filter])
+
+    @property
+    def on_error(self) -> Ratio:
+        """C(s) without the derivative action."""
+        num, den = _sum(self.integral, self.added)
+        return add(num, scale(den, self.kp)), den
+
+    @property
+    def pure_integral(self) -> bool:
+        return bool(self.ki) and not self.tau and not self.leak
 
 
 @dataclass(frozen=True)
@@ -62,8 +104,17 @@ def _gains(
     dead_time: float = 0.0,
 ) -> dict[str, Any]:
     """Read the arguments of the loops, from which each takes what it needs."""
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    delay = dead_time_of(dead_time)
+    gains = (number(kp, "kp"), number(ki, "ki"), number(kd, "kd"))
+    lag = _not_negative(tau, "tau", "s")
+    smoothing = _not_negative(derivative_filter, "derivative_filter", "s")
+    rate = _not_negative(leak, "leak", "1/s")
+    if lag and rate:
+        raise InputError(
+            "tau and leak are both given, but the integral action is Ki/(tau s + 1) or "
+            "Ki/(s + leak); give one of them."
+        )
+    added = ((), (1,)) if controller is None else read_transfer(controller, "C")[:2]
+    C, delay = Controller(*gains, lag, smoothing, rate, added), dead_time_of(dead_time)
     return {"p": values_of(p), "C": C, "dead_time": delay, "prefilter": prefilter}
 
 
@@ -385,3 +436,20 @@ def rounded(num: Poly, den: Poly) -> tuple[list[float], list[float]]:
     if not all(map(math.isfinite, top + bottom)):
         raise InputError("A coefficient of the loop is above 1e308; give smaller gains.")
     return top, bottom
+
+
+def _not_negative(value: Any, name: str, unit: str) -> Fraction:
+    exact = number(0 if value is None else value, name)
+    if exact < 0:
+        kind = "leak rate" if name == "leak" else "time constant"
+        raise InputError(f"{name} is {float(exact):g} {unit}, but a {kind} cannot be negative.")
+    return exact
+
+
+def _sum(a: Ratio, b: Ratio) -> Ratio:
+    """a + b over the least common denominator, so that no shared pole is counted twice."""
+    if not b[0]:
+        return a
+    shared = gcd(a[1], b[1])
+    left, right = divide(a[1], shared)[0], divide(b[1], shared)[0]
+    return add(mul(a[0], right), mul(b[0], left)), mul(a[1], right)

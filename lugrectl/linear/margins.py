@@ -21,7 +21,7 @@ from .axis import WINDOWS, Signs, settled, signs, zeros
 from .border import Axis
 from .delayed import DelayedTransfer
 from .exact_system import ExactSystem
-from .peaks import largest, limits
+from .peaks import largest, level_signs, limits
 from .quasi import Quasi
 from .state_system import StateSystem
 from .verdict import NONE, Margin, show_poles
@@ -81,7 +81,7 @@ class ExactLoop(Loop):
     @cached_property
     def L(self) -> DelayedTransfer:
         """L in the variable of the axis."""
-        return DelayedTransfer(self.system.num, self.system.den)
+        return self.system.axis
 
     @cached_property
     def counts(self) -> tuple[float, float, float]:
@@ -108,8 +108,8 @@ class ExactLoop(Loop):
 
     def crossovers(self) -> list[tuple[float, complex]]:
         """Where |L| = 1, crossing or touching: w in rad/s and L there."""
-        above = self.L.num.squared() + self.L.den.squared().scaled(-1)
-        return [(self.border.frequency(v), self.L(1j * v)) for v in _places(signs(above))]
+        places = _places(level_signs(self.L, Fraction(1)))
+        return [(self.border.frequency(v), self.L(1j * v)) for v in places]
 
     def real_crossings(self) -> list[tuple[float, float]]:
         """Where L is real and negative: w in rad/s and L there.
@@ -147,9 +147,7 @@ class ExactLoop(Loop):
     def _level(self, size: float) -> list[float]:
         """Where |L(jv)| = size."""
         try:
-            found = signs(
-                self.L.num.squared() + self.L.den.squared().scaled(-(Fraction(size) ** 2))
-            )
+            found = level_signs(self.L, Fraction(size) ** 2)
         except (InputError, OverflowError):  # |L| has this size again and again, or too far out
             return [math.inf]
         return [*found.changes] if found.complete else [math.inf]

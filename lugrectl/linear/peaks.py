@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
-from .axis import reach, signs
+from .axis import Signs, reach, signs
 from .delayed import DelayedTransfer
 from .exact import Poly, add, at, derivative, mul, odd_roots, positive_roots, real_product, scale
 from .transfer import to_float
@@ -46,6 +46,11 @@ def _extreme(N: Poly, D: Poly, sign: int) -> tuple[Fraction, float]:
     return size[w], w
 
 
+def level_signs(T: DelayedTransfer, square: Fraction) -> Signs:
+    """The signs of |T(jw)|^2 - square."""
+    return signs(T.num.squared() + T.den.squared().scaled(-square))
+
+
 def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
     """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows.
 
@@ -56,15 +61,13 @@ def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
     best, at = _higher((_size(T, 0.0), 0.0), (_limit(T), math.inf))
     if math.isinf(best):
         return best, at
-    N, D = T.num.squared(), T.den.squared()
-    w = np.append(near, np.geomspace(1e-6, 1.0, START) * (reach(D) or 1.0))
+    w = np.append(near, np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0))
     best, at = _higher((best, at), _top(T, w))
     for _ in range(LEVELS):
-        level = Fraction(best * (1 + RISE)) ** 2
-        found = signs(D.scaled(level) + N.scaled(-1))
+        found = level_signs(T, Fraction(best * (1 + RISE)) ** 2)
         ends = np.array([0.0, *found.changes])
         places = np.concatenate([np.sqrt(ends[1:-1] * ends[2:]), ends[-1:] * 2, found.touches])
-        if found.first > 0 and not found.changes and not found.touches:
+        if found.first < 0 and not found.changes and not found.touches:
             return best, at
         higher = _higher((best, at), _top(T, places))
         if higher[0] <= best * (1 + RISE):

@@ -10,7 +10,7 @@ from functools import cached_property, reduce
 
 import numpy as np
 
-from .exact import Poly, add, derivative, divide, gcd, mul, scale, shift
+from .exact import Poly, add, derivative, divide, gcd, mul, poly, real_product, scale, shift
 
 Term = tuple[Fraction | int, Poly]
 
@@ -26,7 +26,7 @@ class Quasi:
         """The sum of terms, those of one dead time together."""
         merged: dict[Fraction | int, Poly] = {}
         for late, p in terms:
-            merged[late] = add(merged.get(late, ()), p)
+            merged[late] = add(merged[late], p) if late in merged else poly(p)
         return cls(tuple(sorted((late, p) for late, p in merged.items() if p)))
 
     def __add__(self, other: Quasi) -> Quasi:
@@ -50,9 +50,17 @@ class Quasi:
         """q(-s): on the imaginary axis the conjugate of q."""
         return self.stretched(-1)
 
+    def real_product(self, other: Quasi) -> Quasi:
+        """Re(q(jw) conj other(jw)) as an even quasi-polynomial; |q(jw)|^2 when other is q."""
+        if self.rational and other.rational:
+            in_x = real_product(self.polynomial, other.polynomial)
+            return Quasi.of([(0, poly(c for k, x in enumerate(in_x) for c in (x * (-1) ** k, 0)))])
+        whole = self * other.mirror()
+        return (whole + whole.mirror()).scaled(Fraction(1, 2))
+
     def squared(self) -> Quasi:
         """|q(jw)|^2 as an even quasi-polynomial."""
-        return self * self.mirror()
+        return self.real_product(self)
 
     def stretched(self, unit: Fraction | int) -> Quasi:
         """q(unit s)."""

@@ -46,7 +46,7 @@ TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is fol
 
 def realness(T: ExactSystem) -> Realness:
     """How real T is, with the reason in words."""
-    real = _real_part(T.num, T.den)
+    real = T.num.real_product(T.den)
     found = signs(real)
     edge, remarks = _edge(T, found), [_rounding(T), f"; {T.hidden}" if T.hidden else ""]
     kind, why = "not PR", _why_not(T, found)
@@ -54,12 +54,6 @@ def realness(T: ExactSystem) -> Realness:
         kind, why = _how_real(T, real, found)
     margin = _margin(T) if kind == "SPR" else 0.0
     return Realness(kind, "".join([why, *remarks]), edge, margin)
-
-
-def _real_part(a: Quasi, b: Quasi) -> Quasi:
-    """Re(a(jw) conj b(jw)) as an even quasi-polynomial."""
-    whole = a * b.mirror()
-    return (whole + whole.mirror()).scaled(Fraction(1, 2))
 
 
 def _name(T: ExactSystem) -> str:
@@ -71,10 +65,8 @@ def _edge(T: ExactSystem, found: Signs) -> float:
     if not T.rational:
         first = [*found.changes[:1], *found.touches[:1]] if found.first > 0 else [0.0]
         return min(first, default=math.inf)
-    v, (num, den) = band_edge(*T.ratio), T.ratio
-    if math.isinf(v) and len(real_product(num, den)) == len(real_product(den, den)):
-        return v
-    return T.border.frequency(v)
+    v, falls_off = band_edge(*T.ratio), T.num.real_product(T.den).degree < 2 * T.den.degree
+    return T.border.frequency(v) if math.isfinite(v) or falls_off else v
 
 
 # --- why T is not positive real ------------------------------------------------------------
@@ -204,7 +196,7 @@ def _limit(T: ExactSystem) -> str:
     name = "w^2 Re T(jw)" if T.excess > 0 else "Re T(jw)"
     num, den = T.ratio
     if not T.rational:
-        strict = _real_part(T.num, T.den).degree == 2 * min(T.num.degree, T.den.degree)
+        strict = T.num.real_product(T.den).degree == 2 * min(T.num.degree, T.den.degree)
         return f"{name} {'stays above 0' if strict else 'tends to 0'} as w grows"
     real, full = real_product(num, den), min(len(num), len(den))
     value = Fraction(real[full - 1]) / den[-1] ** 2 if len(real) >= full else 0
@@ -254,7 +246,7 @@ def _delayed_margin(T: ExactSystem) -> float:
 
     def holds(eps: float) -> bool:
         moved = replace(T, given=DelayedTransfer(T.num.shifted(eps), T.den.shifted(eps)))
-        real = _real_part(moved.num, moved.den)
+        real = moved.num.real_product(moved.den)
         if (reach(moved.den) or math.inf) > most:
             return False  # short of a chain of poles: eps is too large, or so by about 1e-4
         try:

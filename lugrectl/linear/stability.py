@@ -15,10 +15,9 @@ from .delayed import DelayedTransfer
 from .exact_system import ExactSystem
 from .margins import ExactLoop, Intervals, StateLoop, gain_margins, lag, nearest
 from .measured import MeasuredLoop
-from .rounded import cleared
 from .state_system import StateSystem
 from .systems import has_many_states
-from .transfer import is_measured, require_siso
+from .transfer import cleared, is_measured, require_siso
 from .verdict import NONE, UNKNOWN, Margin, Verdict
 
 AXIS = "This is the response of an axis, and no loop: give its product with the controller, C * fr."

@@ -6,7 +6,7 @@ import math
 from decimal import Decimal
 from fractions import Fraction
 from numbers import Rational
-from typing import Any, NamedTuple
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -14,17 +14,14 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import shown
 from .exact import Poly, divide, gcd, poly
+from .pencil import EPS
 
+ROUNDED = (
+    "; a coefficient of L that only rounding keeps from 0 (a pole at s = 0, or none beside the "
+    "highest power) was taken for 0"
+)
 FREQUENT = 2  # least number of frequencies of a measured response
 TINY = 1e-9  # a root this near to the axis, relative to its size, is shown as not stable
-
-
-class Transfer(NamedTuple):
-    """T(s) = num / den in lowest terms; ``cancelled`` is the common factor that was removed."""
-
-    num: Poly
-    den: Poly
-    cancelled: Poly
 
 
 def roots(p: Poly) -> tuple[complex, ...]:
@@ -64,12 +61,13 @@ def parameter(p: Any, name: str) -> Fraction:
     return number(getattr(p, name), f"parameter {name}")
 
 
-def read_transfer(T: Any, name: str = "T") -> Transfer:
-    """T as exact polynomials in lowest terms, its coefficients taken as exact.
+def read_transfer(T: Any, name: str = "T") -> tuple[Poly, Poly, Poly]:
+    """Numerator and denominator in lowest terms, and the common factor that was removed.
 
     T is a continuous single-input single-output control.TransferFunction or
     control.StateSpace, or a pair (num, den) of coefficients in descending powers of s, which
-    may be fractions.Fraction. Raises InputError, which calls it ``name``, for anything else.
+    may be fractions.Fraction: all are taken as exact. Raises InputError, which calls it ``name``,
+    for anything else.
     """
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
         require_continuous_siso(T, name)
@@ -97,10 +95,10 @@ def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
     return num, den
 
 
-def lowest_terms(num: Poly, den: Poly) -> Transfer:
-    """num/den without its common factor."""
+def lowest_terms(num: Poly, den: Poly) -> tuple[Poly, Poly, Poly]:
+    """num/den without its common factor, and this."""
     common = gcd(num, den)
-    return Transfer(divide(num, common)[0], divide(den, common)[0], common)
+    return divide(num, common)[0], divide(den, common)[0], common
 
 
 def require_siso(T: Any, name: str) -> None:
@@ -192,3 +190,36 @@ def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
 
 def span(w: np.ndarray) -> str:
     return f"the {len(w)} measured frequencies from {w[0]:.6g} to {w[-1]:.6g} rad/s"
+
+
+def cleared(L: Any) -> tuple[Any, str]:
+    """L, and a remark where it changed.
+
+    det(sI - A + BC) - det(sI - A) leaves leading coefficients of the numerator that are eps times
+    those of the denominator, and a pole at s = 0 becomes one of eps times the largest pole.
+    """
+    if not isinstance(L, ct.TransferFunction) or (L.ninputs, L.noutputs) != (1, 1) or L.dt:
+        return L, ""
+    try:
+        num, den = (np.array(p[0][0], dtype=float) for p in (L.num, L.den))
+    except (TypeError, ValueError, OverflowError):
+        return L, ""
+    if not (np.isfinite(num).all() and np.isfinite(den).all() and np.any(num) and np.any(den)):
+        return L, ""
+    num, den = np.trim_zeros(num, "f"), np.trim_zeros(den, "f")
+    top, bottom = num.copy(), den.copy()
+    for k in range(min(len(num), len(den)) if len(num) <= len(den) else 0):
+        rest = np.abs(num[k + 1 :]) > EPS * np.abs(den[len(den) - len(num) + k + 1 :])
+        if abs(num[k]) > EPS * abs(den[len(den) - len(num) + k]) or not rest.any():
+            break
+        top[k] = 0.0
+    if len(den) > 1 and den[-2] and abs(den[-1]) <= EPS * abs(den[-2]) * _largest(den):
+        bottom[-1] = 0.0
+    if (top == num).all() and (bottom == den).all():
+        return L, ""
+    return ct.tf(top, bottom, L.dt), ROUNDED
+
+
+def _largest(den: np.ndarray) -> float:
+    """The size of the largest root."""
+    return float(np.abs(np.roots(den / den[0])).max())
