@@ -430,7 +430,7 @@ class Bench:
             warnings.simplefilter("ignore")  # a loop that does not work is a result here
             done = simulate(system, t, given, x0, params=values)
         self.last = np.asarray(done.states)[..., -1]
-        out = dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
+        out: Signals = dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
         return out | {"e": out[MEASURED[kind]] - given["r"]}  # of the motion, not of its sensor
 
     def _believed(self, factor: float) -> dict[str, float]:
