@@ -11,30 +11,29 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 _HOMES = {
-    "axis_response": "frequency_response response_plan tune",
+    "commissioning": "frequency_response response_plan tune",
     "blocks.block": "P",
     "blocks.declaration": "block",
     "blocks.extending": "load_blocks",
-    "blocks.bristle_observers": "friction_state_observer lyapunov_observer normal_force_observer "
-    "temperature_observer",
-    "blocks.comparison_observers": "adaptive_observer disturbance_observer extended_state_observer "
-    "friedland_park_observer general_coulomb_observer",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
     "blocks.dead_time_control": "coulomb_compensation coulomb_predictor smith_velocity",
     "blocks.repetitive_control": "repetitive_control repetitive_memory",
     "blocks.drive": "current_lag dead_time limiter notch proportional",
     "blocks.factories": "effect friction",
-    "blocks.observers": "existing_observer natural_observer proposed_observer",
+    "blocks.observers": "adaptive_observer disturbance_observer existing_observer "
+    "extended_state_observer friction_state_observer friedland_park_observer "
+    "general_coulomb_observer lyapunov_observer natural_observer normal_force_observer "
+    "position_coulomb_observer position_lugre_observer proposed_observer temperature_observer",
     "blocks.plant": "plant sensor",
-    "blocks.position_observers": "position_coulomb_observer position_lugre_observer",
     "blocks.sliding_control": "adaptive_slotine_li backstepping_smc dual_observer_control "
     "sliding_error slotine_li",
     "blocks.table": "tabulated",
     "simulation.bristle_deflection": "deflection",
     "loops.cascade": "cascade_loop",
     "blocks.catalogue": "controllers effects laws observers",
-    "observer_comparison": "ObserverComparison Recommendation compare_observers recommend_observer",
-    "compensated_loop": "Assurance Compensation HuntingChance assure compensate hunting_chance",
+    "bench": "Assurance Compensation HuntingChance assure compensate hunting_chance",
+    "bench.compare": "ObserverComparison compare_observers",
+    "bench.recommend": "Recommendation recommend_observer",
     "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
@@ -78,26 +77,22 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .axis_response import frequency_response, response_plan, tune  # noqa: F401
-    from .blocks.block import P  # noqa: F401
-    from .blocks.bristle_observers import (  # noqa: F401
-        friction_state_observer,
-        lyapunov_observer,
-        normal_force_observer,
-        temperature_observer,
+    from .bench import (  # noqa: F401
+        Assurance,
+        Compensation,
+        HuntingChance,
+        assure,
+        compensate,
+        hunting_chance,
     )
+    from .bench.compare import ObserverComparison, compare_observers  # noqa: F401
+    from .bench.recommend import Recommendation, recommend_observer  # noqa: F401
+    from .blocks.block import P  # noqa: F401
     from .blocks.catalogue import (  # noqa: F401
         controllers,
         effects,
         laws,
         observers,
-    )
-    from .blocks.comparison_observers import (  # noqa: F401
-        adaptive_observer,
-        disturbance_observer,
-        extended_state_observer,
-        friedland_park_observer,
-        general_coulomb_observer,
     )
     from .blocks.controllers import (  # noqa: F401
         compensation,
@@ -133,15 +128,22 @@ if TYPE_CHECKING:
         write_model,
     )
     from .blocks.observers import (  # noqa: F401
+        adaptive_observer,
+        disturbance_observer,
         existing_observer,
+        extended_state_observer,
+        friction_state_observer,
+        friedland_park_observer,
+        general_coulomb_observer,
+        lyapunov_observer,
         natural_observer,
-        proposed_observer,
-    )
-    from .blocks.plant import plant, sensor  # noqa: F401
-    from .blocks.position_observers import (  # noqa: F401
+        normal_force_observer,
         position_coulomb_observer,
         position_lugre_observer,
+        proposed_observer,
+        temperature_observer,
     )
+    from .blocks.plant import plant, sensor  # noqa: F401
     from .blocks.repetitive_control import (  # noqa: F401
         repetitive_control,
         repetitive_memory,
@@ -154,14 +156,7 @@ if TYPE_CHECKING:
         slotine_li,
     )
     from .blocks.table import tabulated  # noqa: F401
-    from .compensated_loop import (  # noqa: F401
-        Assurance,
-        Compensation,
-        HuntingChance,
-        assure,
-        compensate,
-        hunting_chance,
-    )
+    from .commissioning import frequency_response, response_plan, tune  # noqa: F401
     from .core.errors import (  # noqa: F401
         Diverged,
         InputError,
@@ -219,12 +214,6 @@ if TYPE_CHECKING:
         velocity_loop,
     )
     from .loops.late_loop import late_loop  # noqa: F401
-    from .observer_comparison import (  # noqa: F401
-        ObserverComparison,
-        Recommendation,
-        compare_observers,
-        recommend_observer,
-    )
     from .paper.equations import PAPER  # noqa: F401
     from .record import Record, read_record  # noqa: F401
     from .simulation.bristle_deflection import deflection  # noqa: F401

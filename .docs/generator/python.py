@@ -12,15 +12,14 @@ from .rst import escaped, filled, literal, prose, table, title, toctree
 TOPICS = {  # topic: the modules whose public names it holds
     "blocks": "blocks.block blocks.declaration blocks.extending blocks.plant blocks.drive "
     "blocks.table simulation.bristle_deflection",
-    "observers": "blocks.observers blocks.comparison_observers blocks.bristle_observers "
-    "blocks.position_observers observer_comparison",
+    "observers": "blocks.observers bench.compare bench.recommend",
     "controllers": "blocks.controllers blocks.dead_time_control blocks.repetitive_control "
     "blocks.sliding_control",
     "laws": "",
     "effects": "blocks.factories",
     "loops": "loops simulation",
     "checks": "linear design hunting paper",
-    "diagnosis": "diagnosis compensated_loop axis_response",
+    "diagnosis": "diagnosis bench commissioning",
     "records": "record blocks.model estimates",
     "ensembles": "sweeps",
 }

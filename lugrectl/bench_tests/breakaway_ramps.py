@@ -17,9 +17,8 @@ from scipy.optimize import nnls
 from ..blocks.block import unit_for
 from ..estimates.bench_test import BenchTable, BenchTest, in_words
 from ..estimates.findings import Estimate
-from .motion import Motion
-from .scatter import interval
-from .torque_pieces import Piece
+from .momentum import interval
+from .motion import Motion, Piece
 
 FEWEST = 3  # breakaways
 RAMPS, MOSTLY = 0.3, 0.8  # of the rows: ramps that end in motion; these and held torque

@@ -9,9 +9,8 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
-from .momentum import EXPLAINED, Fitted, Stroke, best, constant, coulomb, stroked, viscous
+from .momentum import EXPLAINED, Fitted, Stroke, best, constant, coulomb, interval, stroked, viscous
 from .motion import Motion
-from .scatter import interval
 
 DIES = 0.3  # of the speed at its start, to which a coast falls at least
 COASTING = 0.2  # of the moving rows

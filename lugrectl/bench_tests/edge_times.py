@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .quantum import smallest
+from ..record.signal_noise import quantum
 
 WHOLE = 0.03  # of a count, by which a whole number may be missed
 MOSTLY = 0.95  # of the edges that must be whole numbers
@@ -28,7 +28,7 @@ def angle_of(t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float] | None:
     late = passed[(since > 1) & (passed > 0)]
     tried = [float(np.quantile(late, 0.02))] if len(late) > FEWEST else []
     usual = _usual(np.abs(w)) * dt
-    for count in (*tried, smallest(np.abs(w)) * dt, *(usual * n for n in range(1, 5))):
+    for count in (*tried, quantum(np.abs(w)) * dt, *(usual * n for n in range(1, 5))):
         x = _angle(w, at, since, dt, count) if count else None
         if x is not None:
             return x, count

@@ -12,8 +12,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from ..blocks.friction import level
+from ..core.numeric import Z95
+from ..estimates.findings import Estimate
 from .motion import Motion
 
 FALLS = 10  # speeds at which friction may fall to its Coulomb level
@@ -157,6 +160,38 @@ def stroked(one: Motion, at: slice) -> Stroke | None:
     return Stroke(one, cut)
 
 
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Least squares: values ``p``, their covariance ``H`` for a residual ``r`` of unit variance,
+    and how many rows are ``free`` of the values."""
+
+    p: np.ndarray
+    H: np.ndarray
+    r: np.ndarray
+    free: int
+
+    @property
+    def cost(self) -> float:
+        return float(self.r @ self.r)
+
+    @property
+    def rows(self) -> float:
+        """How many rows are independent: those of a residual with a memory are fewer."""
+        return self.free / min(memory(self.r), self.free / 8)
+
+    @property
+    def V(self) -> np.ndarray:
+        """The covariance of the values by what is left, with its memory."""
+        return self.H * self.cost / self.rows
+
+
+def solved(A: np.ndarray, y: np.ndarray) -> Solved:
+    """Fit y by the columns of A; those that cannot be separated share what they explain."""
+    H = np.linalg.pinv(A.T @ A)
+    p = H @ (A.T @ y)
+    return Solved(p, H, y - A @ p, max(len(y) - A.shape[1], 1))
+
+
 class Table:
     """The columns of all strokes with what is free in each stroke taken off."""
 
@@ -184,10 +219,6 @@ class Table:
             x = x - x[0]
             made.append(x - Q @ (Q.T @ x))
         return np.concatenate(made) / self.noise
-
-    def fitted(self, terms: dict[str, Column]) -> Fitted | None:
-        """The fit of terms that are not columns yet."""
-        return self.fit({name: self.column(of) for name, of in terms.items()})
 
     def fit(self, columns: dict[str, np.ndarray]) -> Fitted | None:
         """Least squares; None where the columns cannot be separated."""
@@ -279,3 +310,24 @@ def likely(fits: Sequence[Fitted]) -> Fitted:
         gap[[k in ("fall", "vs") for k in made.names]] = 0.0
         V += share * np.outer(gap, gap)
     return replace(made, V=V)
+
+
+# ---- intervals -------------------------------------------------------------------
+
+
+SCALE = 1e-3  # relative error of any scale and clock, standard deviation
+
+
+def student(freedom: float) -> float:
+    """Half the width of a 95 % interval in standard errors."""
+    return float(stats.t.ppf(0.975, max(freedom, 1.0)))
+
+
+def interval(
+    value: float, error: float, freedom: float, unit: str, *, resolution: float = 0.0
+) -> Estimate:
+    """A value with its 95 % interval: of its standard error with so many degrees of freedom, and
+    of a standard deviation that is known."""
+    known = np.hypot(resolution, SCALE * value)
+    half = np.hypot(student(freedom) * error, Z95 * known)
+    return Estimate(float(value), unit, (float(value - half), float(value + half)))

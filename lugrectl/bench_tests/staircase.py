@@ -1,8 +1,12 @@
-"""Staircase of speeds: a point of the friction curve from each plateau, and Stribeck's law."""
+"""Staircase of speeds: a point of the friction curve from each plateau, and Stribeck's law.
+
+A plateau is a part of a log in which the axis keeps its speed, however slow beside its top speed.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,9 +15,102 @@ from ..blocks.friction import level
 from ..core.numeric import Z95
 from ..estimates.bench_test import ONE_WAY, BenchTable, BenchTest, in_words
 from ..estimates.findings import Estimate
+from .momentum import SCALE, Solved, interval, solved, student
 from .motion import Motion
-from .plateaus import Plateau, levels, plateaus
-from .scatter import SCALE, interval, student
+
+BLOCK = 0.1  # s, over which a speed is taken
+MOST = 3000  # blocks of a log
+KEEPS = 0.06  # of its speed, within which a plateau keeps it
+NOISE = 3.0  # standard deviations of the noise that are allowed beside it
+FEWEST = 4  # blocks
+SETTLING = 0.3  # of a plateau, at its start, in which the loop settles
+STEADY = 0.008  # of its speed, by which the halves of a plateau may differ
+SWINGS = 1.2  # standard deviations of the noise, by which the angle leaves a line
+LEVEL = 1.12  # ratio of two speeds that are two
+
+
+@dataclass(frozen=True, eq=False)
+class Plateau:
+    """Rows ``at`` of a motion at the mean speed ``w``, out of ``rows`` before it had settled."""
+
+    motion: Motion
+    at: slice
+    w: float
+    rows: int
+
+    @property
+    def error(self) -> float:
+        """The standard deviation of w by the noise of the motion."""
+        n = self.at.stop - self.at.start
+        if self.motion.w is not None:
+            return self.motion.noise / np.sqrt(n)
+        return self.motion.noise * np.sqrt(2) / (n * self.motion.dt)
+
+    @property
+    def swings(self) -> bool:
+        """Whether the axis sticks and slips: more than noise leaves the straight line."""
+        one, t = self.motion, self.motion.t[self.at]
+        if one.w is not None:
+            return bool(np.std(one.w[self.at]) > SWINGS * one.noise)
+        x = one.x[self.at]
+        off = x - np.polyval(np.polyfit(t - t[0], x - x[0], 1), t - t[0])
+        return bool(np.std(off) > SWINGS * one.noise)
+
+
+def plateaus(one: Motion) -> tuple[list[Plateau], int]:
+    """The plateaus of a motion, and the rows in which the axis moves."""
+    size = max(int(BLOCK / one.dt), len(one) // MOST, 5)
+    b, noise = _speeds(one, size)
+    if len(b) < FEWEST:
+        return [], 0
+    made, k = [], 0
+    while k + FEWEST <= len(b):
+        end = _end(b, k, noise)
+        if end - k >= FEWEST:
+            made += _settled(one, k, end, size)
+        k = end if end - k >= FEWEST else k + 1
+    return made, int(np.count_nonzero(np.abs(b) > NOISE * noise)) * size
+
+
+def _speeds(one: Motion, size: int) -> tuple[np.ndarray, float]:
+    """Mean speeds of blocks, and the standard deviation of their noise."""
+    many = len(one) // size
+    if one.w is not None:
+        w = np.where(one.stale, 0.0, one.w)[: many * size].reshape(many, size).mean(1)
+        return w, one.noise / np.sqrt(size)
+    x = one.x[np.arange(many + 1) * size - (np.arange(many + 1) * size >= len(one))]
+    return np.diff(x) / (size * one.dt), one.noise * np.sqrt(2) / (size * one.dt)
+
+
+def _end(b: np.ndarray, k: int, noise: float) -> int:
+    """The first block after k whose speed is another than that of the blocks before."""
+    total, j = b[k], k + 1
+    while j < len(b):
+        mean = total / (j - k)
+        if abs(b[j] - mean) > KEEPS * abs(mean) + NOISE * noise:
+            break
+        total, j = total + b[j], j + 1
+    return j
+
+
+def _settled(one: Motion, k: int, end: int, size: int) -> list[Plateau]:
+    """The plateau of some blocks without the rows in which its speed settles; none of a rest."""
+    first = k + max(int(np.ceil(SETTLING * (end - k))), 1)
+    at = slice(first * size, max(end - 1, first + 1) * size)
+    x, t = one.x[at], one.t[at]
+    w = float((x[-1] - x[0]) / (t[-1] - t[0]))
+    found = Plateau(one, at, w, (end - k) * size)
+    middle = len(x) // 2
+    later = float((x[-1] - x[middle]) / (t[-1] - t[middle]))
+    steady = abs(later - w) < 0.5 * STEADY * abs(w) + 2 * NOISE * found.error
+    return [found] if steady and abs(w) > 2 * NOISE * found.error else []
+
+
+def levels(w: np.ndarray) -> int:
+    """How many sizes of speed differ."""
+    sizes = np.sort(np.abs(w))
+    return 1 + int(np.sum(np.diff(np.log(sizes)) > np.log(LEVEL)))
+
 
 LEVELS = 4  # different speeds, at least
 COVERED = 0.6  # of the moving rows, that must be on plateaus
@@ -74,67 +171,67 @@ def fitted(
     free = len(w) - len(plain) - 2
     if free < 1:
         return None
-    straight = _solve(plain, u, error)
+    straight = solved(np.column_stack(plain) / error[:, None], u / error)
     speeds = np.geomspace(LOWEST * size.min(), size.max(), SPEEDS)
     for _ in range(2):  # all speeds, then more of those that are likely
         fits = [_at(vs, plain, u, error, error_w) for vs in speeds]
-        cost = np.array([f[2] if f[0][-1] > 0 else np.inf for f in fits])
-        unit = max(min(float(cost.min()), straight[2]) / free, 1.0)
+        cost = np.array([misfit if f.p[-1] > 0 else np.inf for f, misfit in fits])
+        unit = max(min(float(cost.min()), straight.cost) / free, 1.0)
         near = np.flatnonzero(cost < cost.min() + FAR * unit)
         if not len(near):
             break
         ends = speeds[max(near[0] - 1, 0)], speeds[min(near[-1] + 1, SPEEDS - 1)]
         last, speeds = speeds, np.geomspace(*ends, SPEEDS)
-    off = np.sqrt(min(float(cost.min()), straight[2]) / free) * np.median(error)
+    off = np.sqrt(min(float(cost.min()), straight.cost) / free) * np.median(error)
     if off > SCATTERED * np.abs(u).mean():  # on no curve
         return None
-    falls = straight[2] - cost.min() > CLEARLY * unit
-    p, V, _ = fits[int(np.argmin(cost))] if falls else straight
+    falls = straight.cost - cost.min() > CLEARLY * unit
+    fits = [f for f, _ in fits]
+    made = fits[int(np.argmin(cost))] if falls else straight
+    p, n = made.p, len(plain)
     if p[0] <= 0:  # no friction: the axis only seems to keep its speed
         return None
     likely = np.exp(-0.5 * (cost - cost.min()) / unit) if falls else np.zeros(SPEEDS)
     likely /= max(likely.sum(), 1.0)
-    gap = np.array([f[0][: len(plain)] for f in fits]) - p[: len(plain)]
-    V = V[: len(plain), : len(plain)] * unit + np.einsum("i,ij,ik->jk", likely, gap, gap)
+    gap = np.array([f.p[:n] for f in fits]) - p[:n]
+    V = made.H[:n, :n] * unit + np.einsum("i,ij,ik->jk", likely, gap, gap)
     more = "" if np.ptp(s) else ONE_WAY
     units = {"Fc" + more: unit_for("N m", motion), "Fv": unit_for("N m s/rad", motion)}
-    made = {k: interval(p[i], float(np.sqrt(V[i, i])), free, units[k]) for i, k in enumerate(units)}
+    values = {
+        k: interval(p[i], float(np.sqrt(V[i, i])), free, one)
+        for i, (k, one) in enumerate(units.items())
+    }
     fall = _fall(fits, last, likely, unit, free, motion) if falls else {}
-    return made | {k + more * (k == "Fs"): e for k, e in fall.items()}
+    return values | {k + more * (k == "Fs"): e for k, e in fall.items()}
 
 
 def _at(
     vs: float, plain: list[np.ndarray], u: np.ndarray, error: np.ndarray, error_w: np.ndarray
-) -> tuple:
+) -> tuple[Solved, float]:
     """The same for friction that falls at vs, where an error of w is one of u; the misfit is
     twice a negative log-likelihood."""
     s, size = plain[0], np.abs(plain[1])
-    columns = [*plain, s * level(size, 0.0, 1.0, vs)]
-    own = error
+    fall = level(size, 0.0, 1.0, vs)
+    columns, own = np.column_stack([*plain, s * fall]), error
     for _ in range(2):
-        p, V, cost = _solve(columns, u, own)
-        slope = p[-1] * 2 * size / vs**2 * level(size, 0.0, 1.0, vs)
+        slope = solved(columns / own[:, None], u / own).p[-1] * 2 * size / vs**2 * fall
         own = np.hypot(error, slope * error_w)
-    p, V, cost = _solve(columns, u, own)
-    return p, V, cost + 2 * float(np.sum(np.log(own / error)))
-
-
-def _solve(columns: list[np.ndarray], u: np.ndarray, error: np.ndarray) -> tuple:
-    """Values, covariance and misfit of weighted least squares."""
-    A = np.column_stack(columns) / error[:, None]
-    V = np.linalg.pinv(A.T @ A)
-    p = V @ (A.T @ (u / error))
-    r = u / error - A @ p
-    return p, V, float(r @ r)
+    fit = solved(columns / own[:, None], u / own)
+    return fit, fit.cost + 2 * float(np.sum(np.log(own / error)))
 
 
 def _fall(
-    fits: list, speeds: np.ndarray, likely: np.ndarray, unit: float, free: int, motion: str
+    fits: Sequence[Solved],
+    speeds: np.ndarray,
+    likely: np.ndarray,
+    unit: float,
+    free: int,
+    motion: str,
 ) -> dict[str, Estimate]:
     """Fs and vs, whose intervals hold what other vs say."""
     best = int(np.argmax(likely))
-    Fs = np.array([f[0][0] + f[0][-1] for f in fits])
-    V = fits[best][1]
+    Fs = np.array([f.p[0] + f.p[-1] for f in fits])
+    V = fits[best].H
     own = float(V[0, 0] + V[-1, -1] + 2 * V[0, -1]) * unit
     error = np.sqrt(own + likely @ (Fs - Fs[best]) ** 2)
     log = np.log(speeds)

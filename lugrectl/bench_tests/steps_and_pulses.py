@@ -15,14 +15,13 @@ from .momentum import (
     best,
     constant,
     coulomb,
+    interval,
     late,
     stroked,
     torque,
     viscous,
 )
-from .motion import Motion
-from .scatter import interval
-from .torque_pieces import Piece
+from .motion import Motion, Piece
 
 HELD = 0.9  # of the moving rows, in which the torque must be held
 DRIVEN = 0.1  # of the largest torque: more drives the motion

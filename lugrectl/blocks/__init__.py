@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 
@@ -12,9 +13,6 @@ DECLARING = (
     "bristle_laws",
     "multi_element_laws",
     "observers",
-    "comparison_observers",
-    "bristle_observers",
-    "position_observers",
     "controllers",
     "drive",
     "sliding_control",
@@ -24,7 +22,14 @@ DECLARING = (
 
 
 @cache
-def fill() -> None:
-    """Import the modules that declare the package's blocks, so that the registry holds them."""
+def _declared() -> Callable[[], None]:
     for module in DECLARING:
         import_module(f".{module}", __name__)
+    from .extending import load_installed
+
+    return load_installed
+
+
+def fill() -> None:
+    """Fill the registry with the blocks that the package declares and those of installed ones."""
+    _declared()()

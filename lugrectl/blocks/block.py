@@ -14,7 +14,6 @@ the symbolic scalars of the engine.
 
 from __future__ import annotations
 
-import contextlib
 import copy
 import inspect
 import math
@@ -28,10 +27,9 @@ import numpy as np
 from ..core.bare_system import BareSystem
 from ..core.display import Row, Shown
 from ..core.errors import InputError
-from ..core.pickling import carried, from_fields, rebuilt
+from ..core.pickling import carried
 from ..core.unit_names import unit_for as unit_for
 from ..core.validation import one_name, renamed, shown, within
-from .extending import fetch, load_installed, place
 
 if TYPE_CHECKING:  # slow to import, and the catalogue does without it
     import control as ct
@@ -217,22 +215,6 @@ class Block(Shown):
         """Whether nothing that the function reads can change: see ``functions.is_steady``."""
         return is_steady(self.function)
 
-    def __reduce__(self) -> Any:
-        """A registered block pickles by kind and name, a composed one by its parts."""
-        known = REGISTRY.get((self.kind, self.name))
-        if known is self:
-            return declared, (self.kind, self.name, place(self.home))
-        build = getattr(self.function, "block", None)
-        if build is not None and is_dataclass(self.function) and build() == self:
-            return rebuilt, (self.function,)
-        cure = "" if known is None else "it was declared again since: build what holds it again"
-        for what, value in self._fields().items():
-            carried(f"the {what} of the block {self.name}", value, cure)
-        return from_fields, (type(self), self._fields())
-
-    def _fields(self) -> dict[str, Any]:
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
     def system(
         self,
         name: str | None = None,
@@ -307,39 +289,12 @@ def registered() -> _Registry:
     from . import fill  # they import this module
 
     fill()
-    load_installed()
     return REGISTRY
 
 
 def is_ours(home: str) -> bool:
     """Whether a module is one of this package."""
     return home.partition(".")[0] == "lugrectl"
-
-
-def found(kind: str, name: str, home: str) -> Block | None:
-    """A registered block, its module imported where that is needed; None if there is none."""
-    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
-        with contextlib.suppress(ImportError):
-            fetch(home)
-    return dict(REGISTRY).get((kind, name))
-
-
-def declared(kind: str, name: str, home: str) -> Block:
-    """A registered block, its module imported where that is needed.
-
-    Raises
-    ------
-    InputError
-        When this session has no such block.
-    """
-    made = found(kind, name, home)
-    if made is None:
-        where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
-        raise InputError(
-            f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
-            "with @block, then load again."
-        )
-    return made
 
 
 class Called:

@@ -10,7 +10,7 @@ from .block import P
 from .declaration import block
 from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, bristle_torque, level, relaxation
 
-KAPPA = P(0.7, "1", 0.01, 0.99, usual=True)
+KAPPA: Any = P(0.7, "1", 0.01, 0.99, usual=True)
 SMALL = 1e-12  # added to a square, so that its powers have a slope at 0
 DAHL = "Dahl, A Solid Friction Model, Aerospace Corporation TOR-0158(3107-18)-1, 1968"
 DUPONT = (
@@ -58,9 +58,7 @@ def dahl(w, z, sigma0=SIGMA0, Fc=FC, Fv=FV, n: Any = P(1.0, "1", 0.3, 10.0, usua
 
 
 @block("friction", out="F", states="z", source=DUPONT)
-def elastoplastic(
-    w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, kappa: Any = KAPPA
-):
+def elastoplastic(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, kappa=KAPPA):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w (1 - alpha sigma0 z sign(w)/h(w)).
 
     LuGre with an elastic zone: alpha = 0 up to |z| = kappa Fc/sigma0 and after every reversal,
@@ -80,14 +78,14 @@ def two_state(
     w,
     z,
     lost,
-    sigma0: Any = SIGMA0,
+    sigma0=SIGMA0,
     sigma1=SIGMA1,
-    Fc: Any = FC,
-    Fs: Any = FS,
+    Fc=FC,
+    Fs=FS,
     Fv=FV,
     vs=VS,
     tau: Any = P(0.005, "s", 1e-6, 100.0, usual=True),
-    kappa: Any = KAPPA,
+    kappa=KAPPA,
 ):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w (1 - alpha sigma0 z sign(w)/g), g lags h(w).
 
@@ -109,8 +107,8 @@ def two_state(
 def bouc_wen(
     w,
     z,
-    sigma0: Any = SIGMA0,
-    Fc: Any = FC,
+    sigma0=SIGMA0,
+    Fc=FC,
     Fv=FV,
     beta: Any = P(0.5, "1", 0.5, 10.0, usual=True),
     n: Any = P(1.0, "1", 1.0, 20.0, usual=True),
@@ -128,3 +126,46 @@ def bouc_wen(
     y = sigma0 * z / Fc
     dz = w - power(y, n - 1.0) * (beta * np.abs(w) * y + (1.0 - beta) * w * np.abs(y))
     return sigma0 * z + Fv * w, dz
+
+
+def strokes(dx: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The path, and the first sample and the direction of each stroke between reversals.
+
+    ``dx`` (n,) are the steps, or the speeds at even times; the path has their unit. A step of 0
+    is rest.
+    """
+    path, side = np.cumsum(np.abs(dx)), np.sign(dx)
+    moving = np.flatnonzero(side)
+    if not len(moving):
+        return path, moving, side[:0]
+    turns = side[moving[1:]] != side[moving[:-1]]
+    first = moving[np.append(True, turns)]
+    return path, first, side[first]
+
+
+def along(
+    path: np.ndarray, first: np.ndarray, sides: np.ndarray, x0: float, asymmetry: float = 0.0
+) -> np.ndarray:
+    """Dahl's bristle along a measured motion, z' = (G sign(w) - z) |w|/(G x0), in closed form.
+
+    z (n,) for a level G of 1, or of 1 + asymmetry sign(w), from strokes as :func:`strokes` has
+    them. Between two reversals it relaxes exponentially over the path: the small-damping limit of
+    :func:`lugrectl.blocks.friction.bristle` at a constant level G, in units of that level.
+
+    The level is both the value towards which z relaxes and, as the stiffness stays, a factor on the
+    distance x0 (in the unit of the path) over which it does.
+    """
+    if not len(first):  # a drive that never moves
+        return np.zeros(len(path))
+    level = 1.0 + asymmetry * sides
+    start, limit = np.where(first > 0, path[first - 1], 0.0), sides * level
+    ends = np.append(first[1:], len(path))
+    decay = np.exp(-(path[ends - 1] - start) / (level * x0))
+    last, before = [], 0.0
+    for to, left in zip(limit.tolist(), decay.tolist(), strict=True):
+        last.append(before)
+        before = to + (before - to) * left
+    each = np.repeat(np.arange(len(first)), ends - first)
+    gone = np.exp(-(path[first[0] :] - start[each]) / (level * x0)[each])
+    z = limit[each] + (np.array(last) - limit)[each] * gone
+    return np.concatenate([np.zeros(first[0]), z])

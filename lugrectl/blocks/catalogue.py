@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import html as markup
+import inspect
 import math
 import re
 import shutil
 import textwrap
 import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 from ..core.errors import InputError
 from ..core.result import NamedRows, library
@@ -21,8 +22,9 @@ from . import effects as _effects  # noqa: F401  fills the registry
 from . import friction as _friction  # noqa: F401
 from .aliases import VARIANTS, also_called, block_named, name_of
 from .block import Block, P, members
-from .law_forms import form_keys
+from .friction import form_keys
 
+Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
 WIDTH = 80  # columns of an entry as text
 _TABLE = (80, 140)  # least and most columns of a list as text
 _SOURCED = 110  # columns from which a list as text shows the sources
@@ -216,26 +218,38 @@ class Catalogue(NamedRows[Entry]):
         return head[:3], [row[:3] for row in rows]
 
 
+_ABOUT = """
+Parameters
+----------
+about : str
+    Only those whose name, equation, text or source has all these words, such as an author's
+    name; capitals and accents make no difference.
+
+Returns
+-------
+Catalogue
+    Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+
+Raises
+------
+InputError
+    If no entry has these words.
+
+Examples
+"""
+
+
+def _documented(listing: Listing) -> Listing:
+    """The function with what the docstrings of all four share."""
+    listing.__doc__ = (inspect.getdoc(listing) or "").replace("\nExamples\n", _ABOUT)
+    return listing
+
+
+@_documented
 def effects(about: str = "") -> Catalogue:
     """The catalogue of effects that a model may declare or a diagnosis may name.
 
     Effects that the user registered with :func:`lugrectl.block` are in it.
-
-    Parameters
-    ----------
-    about : str
-        Only those whose name, equation, text or source has all these words, such as an author's
-        name; capitals and accents make no difference.
-
-    Returns
-    -------
-    Catalogue
-        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
-
-    Raises
-    ------
-    InputError
-        If no entry has these words.
 
     Examples
     --------
@@ -248,24 +262,9 @@ def effects(about: str = "") -> Catalogue:
     return _listed("effect", about)
 
 
+@_documented
 def laws(about: str = "") -> Catalogue:
     """The friction laws: what ``[friction] model`` in a model file may be.
-
-    Parameters
-    ----------
-    about : str
-        Only those whose name, equation, text or source has all these words, such as an author's
-        name; capitals and accents make no difference.
-
-    Returns
-    -------
-    Catalogue
-        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
-
-    Raises
-    ------
-    InputError
-        If no entry has these words.
 
     Examples
     --------
@@ -277,24 +276,9 @@ def laws(about: str = "") -> Catalogue:
     return _listed("friction", about)
 
 
+@_documented
 def observers(about: str = "") -> Catalogue:
     """The friction observers: what ``observer=`` of a loop may be.
-
-    Parameters
-    ----------
-    about : str
-        Only those whose name, equation, text or source has all these words, such as an author's
-        name; capitals and accents make no difference.
-
-    Returns
-    -------
-    Catalogue
-        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
-
-    Raises
-    ------
-    InputError
-        If no entry has these words.
 
     Examples
     --------
@@ -314,24 +298,9 @@ def observers(about: str = "") -> Catalogue:
     return _listed("observer", about)
 
 
+@_documented
 def controllers(about: str = "") -> Catalogue:
     """The controllers and what stands beside them: error, compensation, feedforward, prefilter.
-
-    Parameters
-    ----------
-    about : str
-        Only those whose name, equation, text or source has all these words, such as an author's
-        name; capitals and accents make no difference.
-
-    Returns
-    -------
-    Catalogue
-        Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
-
-    Raises
-    ------
-    InputError
-        If no entry has these words.
 
     Examples
     --------

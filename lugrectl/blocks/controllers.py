@@ -5,8 +5,8 @@ e is measured - reference, so a controller acts on -e. All outputs named ``u`` a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from ..core.errors import InputError
 from ..core.validation import number
 from .block import P
 from .declaration import block
+from .factories import Names, factory
 from .friction import PAPER, J
 from .model import Model, Parameters, as_model
 
@@ -167,11 +168,7 @@ def tracking_time(kp: float, ki: float, tracking: float | None, of: str) -> floa
 
 
 def _built(
-    of: str,
-    gains: dict[str, Any],
-    limit: float | None,
-    tracking: float | None,
-    names: dict[str, Any],
+    of: str, gains: dict[str, Any], limit: float | None, tracking: float | None, names: Names
 ) -> ct.NonlinearIOSystem:
     """A controller without a limit, with its own, or with one elsewhere in the loop."""
     if limit is None and tracking is None:
@@ -192,36 +189,33 @@ _PREFILTERS = {
 }
 
 
-def _kind(kind: Any, known: Sequence[Any]) -> None:
+def check_kind(kind: Any, known: Iterable[Any]) -> None:
+    """Raise InputError for a kind that is not known."""
     if kind not in known:
         raise InputError(f"unknown kind {kind!r}; known: {', '.join(map(str, known))}.")
 
 
-def error(
-    kind: str = "velocity",
-    *,
-    name: str = "error",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+def _reading(names: Names, *signals: str) -> Names:
+    """The names with these inputs where none are given."""
+    return {**names, "inputs": names.get("inputs") or signals}
+
+
+@factory()
+def error(kind: str = "velocity", **names: Unpack[Names]):
     """The control error e = measured - reference, as in the source paper.
 
     Parameters
     ----------
     kind : "velocity" or "position"
         Inputs r, w or r, theta.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; output e in rad/s or rad.
+    Without states; output e in rad/s or rad.
 
     Raises
     ------
-    InputError
-        For another kind.
+    For another kind.
 
     Examples
     --------
@@ -231,21 +225,19 @@ def error(
     >>> float(e.output(0.0, [], [1.0, 1.25])[0])  # measured - reference
     0.25
     """
-    _kind(kind, list(MEASURED))
-    wanted = ["r", MEASURED[kind]] if inputs is None else inputs
-    return _error.system(name=name, inputs=wanted, outputs=outputs)
+    check_kind(kind, MEASURED)
+    return _error.system(**_reading(names, "r", MEASURED[kind]))
 
 
+@factory()
 def pi(
     kp: float = 1.6,
     ki: float = 0.16,
     *,
     limit: float | None = None,
     tracking: float | None = None,
-    name: str = "pi",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+    **names: Unpack[Names],
+):
     """The controller u = (kp + ki/s)(-e): input e, output u.
 
     Parameters
@@ -260,18 +252,14 @@ def pi(
         dq/dt = -e + (u - v)/(ki T). Default: kp/ki, the integral time; ``np.inf`` is a limit
         without anti-windup. Without ``limit`` the block has a second input ``excess``, u - v of
         a limit elsewhere in the loop (:func:`lugrectl.limiter`).
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        State q in rad on a velocity error.
+    State q in rad on a velocity error.
 
     Raises
     ------
-    InputError
-        For a negative limit, a tracking time that is not positive, or none where kp/ki is not.
+    For a negative limit, a tracking time that is not positive, or none where kp/ki is not.
 
     Notes
     -----
@@ -290,10 +278,10 @@ def pi(
     >>> lg.pi(kp=1.6, ki=0.16, limit=0.5).output(0.0, [0.0], [-1.0])
     array([0.5])
     """
-    names = {"name": name, "inputs": inputs, "outputs": outputs}
     return _built("pi", {"kp": kp, "ki": ki}, limit, tracking, names)
 
 
+@factory()
 def pid(
     kp: float = 15.0,
     ki: float = 1.55,
@@ -302,10 +290,8 @@ def pid(
     *,
     limit: float | None = None,
     tracking: float | None = None,
-    name: str = "pid",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+    **names: Unpack[Names],
+):
     """The controller u = (kp + ki/(tau s + 1))(-e) - kd w: inputs e, w, output u.
 
     Parameters
@@ -317,18 +303,14 @@ def pid(
         ki/s (not the limit tau -> 0, which is proportional).
     limit, tracking : float, optional
         As in :func:`pi`: the largest torque in N m, and the time of the back-calculation in s.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        State q in rad s on a position error with pure integral action.
+    State q in rad s on a position error with pure integral action.
 
     Raises
     ------
-    InputError
-        For a negative tau or limit, or a tracking time as in :func:`pi`.
+    For a negative tau or limit, or a tracking time as in :func:`pi`.
 
     Notes
     -----
@@ -345,17 +327,11 @@ def pid(
     array([0.09])
     """
     gains = {"kp": kp, "ki": ki, "kd": kd, "tau": 0.0 if tau is None else tau}
-    names = {"name": name, "inputs": inputs, "outputs": outputs}
     return _built("pid", gains, limit, tracking, names)
 
 
-def compensation(
-    scale: float | None = None,
-    *,
-    name: str = "compensation",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def compensation(scale: float | None = None, **names: Unpack[Names]):
     """Friction compensation u = Fhat, or scale Fhat (source paper, section 2).
 
     Its u is added to that of the controller, because both have the same signal name.
@@ -365,18 +341,14 @@ def compensation(
     scale : float, optional
         The share of the estimate that is compensated, >= 0; :func:`lugrectl.assure` says how much.
         Default: all, without a parameter ``scale``.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; torques in N m.
+    Without states; torques in N m.
 
     Raises
     ------
-    InputError
-        When ``inputs`` or ``outputs`` are not one name each.
+    When ``inputs`` or ``outputs`` are not one name each.
 
     Examples
     --------
@@ -389,20 +361,13 @@ def compensation(
     >>> loop.nstates
     5
     """
-    own = {"name": name, "inputs": inputs, "outputs": outputs}
     if scale is None:
-        return _compensation.system(**own)
-    return _compensation_scaled.system(**own, scale=scale)
+        return _compensation.system(**names)
+    return _compensation_scaled.system(**names, scale=scale)
 
 
-def feedforward(
-    p: Parameters | Model,
-    kind: str = "velocity",
-    *,
-    name: str = "feedforward",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def feedforward(p: Parameters | Model, kind: str = "velocity", **names: Unpack[Names]):
     """Feed-forward of the reference's acceleration, u = J dr or J ddr: input dr or ddr, output u.
 
     Parameters
@@ -412,18 +377,14 @@ def feedforward(
     kind : "velocity" or "position"
         In a velocity loop the input is dr, the derivative of r; in a position loop ddr, its
         second derivative.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; output u in N m.
+    Without states; output u in N m.
 
     Raises
     ------
-    InputError
-        For another kind, or when J has no value.
+    For another kind, or when J has no value.
 
     Notes
     -----
@@ -437,20 +398,12 @@ def feedforward(
     >>> ff.output(0.0, [], [100.0])
     array([0.22])
     """
-    _kind(kind, list(DERIVATIVE))
-    wanted = [DERIVATIVE[kind]] if inputs is None else inputs
-    J = as_model(p, "p").J
-    return _feedforward.system(name=name, inputs=wanted, outputs=outputs, J=J)
+    check_kind(kind, DERIVATIVE)
+    return _feedforward.system(**_reading(names, DERIVATIVE[kind]), J=as_model(p, "p").J)
 
 
-def prefilter(
-    pole: float = 2.0,
-    kind: str | None = None,
-    *,
-    name: str = "prefilter",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def prefilter(pole: float = 2.0, kind: str | None = None, **names: Unpack[Names]):
     """The reference filter pole/(s + pole): input r_cmd, output r.
 
     Parameters
@@ -464,18 +417,14 @@ def prefilter(
         provide its second derivative. ddr starts at 0; the resulting error decays like
         exp(-pole t). "motion" adds the outputs dr and ddr, the exact derivatives of the filtered
         r, from a second input dr_cmd, the derivative of r_cmd.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        State r, and ddr for "position", in the units of the outputs.
+    State r, and ddr for "position", in the units of the outputs.
 
     Raises
     ------
-    InputError
-        For another kind, or a pole that is not positive.
+    For another kind, or a pole that is not positive.
 
     Examples
     --------
@@ -487,5 +436,5 @@ def prefilter(
     >>> smooth.output(0.0, [0.0], [1.0])  # at a step of 1 rad/s
     array([0., 2.])
     """
-    _kind(kind, list(_PREFILTERS))
-    return _PREFILTERS[kind].system(name=name, inputs=inputs, outputs=outputs, pole=pole)
+    check_kind(kind, _PREFILTERS)
+    return _PREFILTERS[kind].system(**names, pole=pole)

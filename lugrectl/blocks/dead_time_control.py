@@ -18,18 +18,15 @@ reference needs neither: ``natural_observer(p, inputs=["r"])``, or another law,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Unpack
 
-from .bristle_observers import DERIVED
 from .declaration import block
+from .factories import Names, factory
 from .friction import FV, SMOOTH, J, coulomb
-from .observers import believed
+from .observers import DERIVED
 from .plant import acceleration
 
 if TYPE_CHECKING:
-    import control as ct
-
     from .model import Model, Parameters
 
 MORGUL = "Odabas and Morgul, 2014 (Friedland-Park with a time delay)"
@@ -49,43 +46,32 @@ def _smith(w, wp, wp_late):
     states="wp",
     source=f"{DERIVED} {MORGUL}",
 )
-def _coulomb_predictor(u, ahat, wp, J: Any = J, Fv=FV, eps: Any = SMOOTH):
+def _coulomb_predictor(u, ahat, wp, J=J, Fv=FV, eps=SMOOTH):
     """J dwp/dt = u - ahat sign(wp) - Fv wp, sign(wp) = tanh(wp/eps)."""
     (F,) = coulomb(wp, Fc=ahat, Fv=Fv, eps=eps)
     return acceleration(u, F, 0.0, J)
 
 
 @block("controller", name="coulomb_compensation", out="u", source=f"{DERIVED} {MORGUL}")
-def _coulomb_compensation(ws, ahat, Fv=FV, eps: Any = SMOOTH):
+def _coulomb_compensation(ws, ahat, Fv=FV, eps=SMOOTH):
     """u = ahat sign(ws) + Fv ws, sign(ws) = tanh(ws/eps)."""
     (F,) = coulomb(ws, Fc=ahat, Fv=Fv, eps=eps)
     return F
 
 
-def smith_velocity(
-    *,
-    name: str = "smith_velocity",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_smith)
+def smith_velocity(**names: Unpack[Names]):
     """The predicted velocity with the measured error of the prediction: inputs w, wp, wp_late.
 
     ws = wp + (w - wp_late), the output; wp_late is wp delayed by the dead time of the drive.
 
-    Parameters
-    ----------
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
-
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; output ws in rad/s.
+    Without states; output ws in rad/s.
 
     Raises
     ------
-    InputError
-        When ``inputs`` or ``outputs`` are not as many names as there are signals.
+    When ``inputs`` or ``outputs`` are not as many names as there are signals.
 
     Notes
     -----
@@ -104,16 +90,10 @@ def smith_velocity(
     >>> np.round(smith.output(0.0, [], [0.9, 1.2, 1.0]), 3)
     array([1.1])
     """
-    return _smith.system(name=name, inputs=inputs, outputs=outputs)
 
 
-def coulomb_predictor(
-    p: Parameters | Model,
-    *,
-    name: str = "coulomb_predictor",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_coulomb_predictor)
+def coulomb_predictor(p: Parameters | Model, **names: Unpack[Names]):
     """A drive with the Coulomb friction that an observer has found: inputs u, ahat, output wp.
 
     J dwp/dt = u - ahat sign(wp) - Fv wp.
@@ -122,18 +102,14 @@ def coulomb_predictor(
     ----------
     p : Parameters or Model
         Gives J and Fv.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        State wp in rad/s.
+    State wp in rad/s.
 
     Raises
     ------
-    InputError
-        When J or Fv has no value.
+    When J or Fv has no value.
 
     Notes
     -----
@@ -156,16 +132,10 @@ def coulomb_predictor(
     >>> model.output_labels, late.input_labels
     (['wp'], ['wp'])
     """
-    return believed(_coulomb_predictor, p, name=name, inputs=inputs, outputs=outputs)
 
 
-def coulomb_compensation(
-    p: Parameters | Model,
-    *,
-    name: str = "coulomb_compensation",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_coulomb_compensation)
+def coulomb_compensation(p: Parameters | Model, **names: Unpack[Names]):
     """The friction at the predicted velocity: inputs ws, ahat, output u.
 
     u = ahat sign(ws) + Fv ws.
@@ -174,18 +144,14 @@ def coulomb_compensation(
     ----------
     p : Parameters or Model
         Gives Fv.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; output u in N m.
+    Without states; output u in N m.
 
     Raises
     ------
-    InputError
-        When Fv has no value.
+    When Fv has no value.
 
     Examples
     --------
@@ -195,4 +161,3 @@ def coulomb_compensation(
     >>> np.round(block.output(0.0, [], [1.0, 0.3]), 3)  # 0.3 N m of Coulomb friction, at 1 rad/s
     array([0.318])
     """
-    return believed(_coulomb_compensation, p, name=name, inputs=inputs, outputs=outputs)

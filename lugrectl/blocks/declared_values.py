@@ -62,7 +62,7 @@ def stated(
         For an unknown key, a bound or a standard deviation that cannot be meant, a value outside
         its bounds, ``fixed`` or ``std`` without a value.
     """
-    unknown(given, KEYS, where)
+    check_keys(given, KEYS, where)
     fixed, std = given.get("fixed", False), given.get("std")
     if not isinstance(fixed, bool):
         raise InputError(f"{where}: fixed must be true or false, not {fixed!r}.")
@@ -88,13 +88,18 @@ def _bound(given: Any, check: Callable[..., Any], where: str) -> float | None:
     return bound if bound == 0.0 else check(bound, where=where)  # 0 is a bound of a value above 0
 
 
-def unknown(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
+def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
     """Raise InputError for a key that is not known, with the nearest one that is."""
     for key in table:
         if key not in known:
-            hint = difflib.get_close_matches(str(key), list(known), n=1)
-            meant = f" Did you mean '{hint[0]}'?" if hint else ""
-            raise InputError(f"{where}: unknown key '{key}'; known: {', '.join(known)}.{meant}")
+            raise InputError(
+                f"{where}: unknown key '{key}'; known: {', '.join(known)}.{_hint(key, known)}"
+            )
+
+
+def _hint(name: Any, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(str(name), list(known), n=1)
+    return f" Did you mean '{near[0]}'?" if near else ""
 
 
 def holding(
@@ -114,11 +119,9 @@ def holding(
     for name in names:
         keys = [k for k in values if k == name or k.startswith(f"{name}.")]
         if not keys:
-            hint = difflib.get_close_matches(str(name), list(values), n=1)
-            meant = f" Did you mean '{hint[0]}'?" if hint else ""
             raise InputError(
                 f"{where}: the model has no value named '{name}'; it has {', '.join(values)}."
-                f"{meant}"
+                f"{_hint(name, values)}"
             )
         for key in keys:
             if values[key] is None:

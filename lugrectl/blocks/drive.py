@@ -7,9 +7,9 @@ other names. The proportional position controller puts out the speed reference.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ..core.validation import number, one_name, positive, renamed
 from .block import P
 from .declaration import block
 from .effects.actuator import actuator_lag, actuator_saturation, input_delay
+from .factories import Names, factory
 
 if TYPE_CHECKING:
     import control as ct
@@ -57,13 +58,8 @@ def _notch(
     return u_cmd - (1.0 - depth) * band, rate, W * band
 
 
-def limiter(
-    limit: float = np.inf,
-    *,
-    name: str = "limiter",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_limiter)
+def limiter(limit: float = np.inf, **names: Unpack[Names]):
     """The torque limit of a drive: input u_cmd, outputs u, excess.
 
     u = clip(u_cmd, -limit, limit), excess = u - u_cmd.
@@ -72,18 +68,14 @@ def limiter(
     ----------
     limit : float
         Largest torque in N m, >= 0.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; torques in N m.
+    Without states; torques in N m.
 
     Raises
     ------
-    InputError
-        For a negative limit.
+    For a negative limit.
 
     Notes
     -----
@@ -98,17 +90,10 @@ def limiter(
     >>> lg.limiter(2.0).output(0.0, [], [3.0])
     array([ 2., -1.])
     """
-    return _limiter.system(name=name, inputs=inputs, outputs=outputs, limit=limit)
 
 
-def proportional(
-    kv: float = 20.0,
-    limit: float = np.inf,
-    *,
-    name: str = "proportional",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_proportional)
+def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]):
     """The position controller of a cascade, w_ref = kv (-e): input e, output w_ref.
 
     Parameters
@@ -117,18 +102,14 @@ def proportional(
         In 1/s.
     limit : float
         Largest speed reference in rad/s, >= 0.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; output w_ref in rad/s.
+    Without states; output w_ref in rad/s.
 
     Raises
     ------
-    InputError
-        For a negative limit.
+    For a negative limit.
 
     Examples
     --------
@@ -137,18 +118,10 @@ def proportional(
     >>> lg.proportional(kv=20.0, limit=5.0).output(0.0, [], [-0.5])
     array([5.])
     """
-    return _proportional.system(name=name, inputs=inputs, outputs=outputs, kv=kv, limit=limit)
 
 
-def notch(
-    frequency: float,
-    damping: float = 0.5,
-    depth: float = 0.1,
-    *,
-    name: str = "notch",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_notch)
+def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: Unpack[Names]):
     """A notch filter against a resonance: input u_cmd, output u.
 
     u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency.
@@ -161,18 +134,14 @@ def notch(
         D > 0, without unit; the notch is 2 D frequency wide (in Hz, where depth is 0 at -3 dB).
     depth : float
         The gain in the middle, 0 to 1; 1 switches the notch off.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States band and area in N m.
+    States band and area in N m.
 
     Raises
     ------
-    InputError
-        For a frequency or damping that is not positive, or a depth outside 0 to 1.
+    For a frequency or damping that is not positive, or a depth outside 0 to 1.
 
     Notes
     -----
@@ -188,17 +157,10 @@ def notch(
     >>> round(float(abs(linear(2j * np.pi * 120.0))), 3)
     0.1
     """
-    values = {"frequency": frequency, "damping": damping, "depth": depth}
-    return _notch.system(name=name, inputs=inputs, outputs=outputs, **values)
 
 
-def current_lag(
-    time_constant: float,
-    *,
-    name: str = "current_lag",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def current_lag(time_constant: float, **names: Unpack[Names]):
     """The current loop of a drive as a first-order lag: input u_cmd, output u.
 
     tau du/dt + u = u_cmd: the effect ``actuator_lag`` as a block of the loop.
@@ -207,18 +169,14 @@ def current_lag(
     ----------
     time_constant : float
         In s; 0 passes the command unchanged.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        State lagged in N m.
+    State lagged in N m.
 
     Raises
     ------
-    InputError
-        For a time constant outside 0 to 10 s.
+    For a time constant outside 0 to 10 s.
 
     Examples
     --------
@@ -229,22 +187,15 @@ def current_lag(
     >>> round(float(-pole[0].real / (2 * np.pi)), 1)
     300.0
     """
-    signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}
-    return actuator_lag.system(name=name, **signals, time_constant=time_constant)
+    return actuator_lag.system(**_commanded(names), time_constant=time_constant)
 
 
 # As a part of a drive it has no bound; an identification looks for an effect of up to 0.2 s.
 _LATE = replace(input_delay, parameters={"delay": replace(input_delay.own["delay"], high=math.inf)})
 
 
-def dead_time(
-    delay: float,
-    dt: float | None = None,
-    *,
-    name: str = "dead_time",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     """A dead time, u = u_cmd(t - T): input u_cmd, output u.
 
     Parameters
@@ -257,18 +208,14 @@ def dead_time(
         degree of phase up to w T = 1.7. With it the block is discrete and delays by whole samples
         exactly; for a delay between two whole numbers of samples it mixes the two neighbours,
         which is the mean over each sample.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States p1 and p2 of the Pade form; with dt the last commands, in N m.
+    States p1 and p2 of the Pade form; with dt the last commands, in N m.
 
     Raises
     ------
-    InputError
-        For a negative delay, and with dt for one of more than 10 000 samples.
+    For a negative delay, and with dt for one of more than 10 000 samples.
 
     Notes
     -----
@@ -288,31 +235,30 @@ def dead_time(
     if late < 0.0:
         raise InputError(f"delay is {late:g} s, but a dead time cannot be negative.")
     if dt is None:
-        signals = {"inputs": inputs or ["u_cmd"], "outputs": outputs}
-        return _LATE.system(name=name, **signals, delay=late)
+        return _LATE.system(**_commanded(names), delay=late)
     step = positive(dt, "dt", "seconds")
     if late > MOST * step:
         raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
-    return _shifted(late / step, step, one_name(name), inputs, outputs)
+    return _shifted(late / step, step, names)
 
 
-def _shifted(
-    samples: float,
-    dt: float,
-    name: str,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-) -> ct.NonlinearIOSystem:
+def _commanded(names: Names) -> Names:
+    """The names with the input u_cmd where none is given."""
+    return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
+
+
+def _shifted(samples: float, dt: float, names: Names) -> ct.NonlinearIOSystem:
     import control as ct
 
+    name = one_name(names.get("name"))
     samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
     made = _Late(int(samples), samples % 1.0)
     many = made.whole + (made.part > 0.0)
     return ct.nlsys(
         _Shift() if many else None,
         made,
-        inputs=renamed(name, "inputs", ("u_cmd",), inputs),
-        outputs=renamed(name, "outputs", ("u",), outputs),
+        inputs=renamed(name, "inputs", ("u_cmd",), names.get("inputs")),
+        outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
         states=[f"late{k + 1}" for k in range(many)] or None,
         name=name,
         dt=dt,
@@ -346,3 +292,43 @@ class _Late(_Steady):
         if self.part:
             late = (1.0 - self.part) * late + self.part * known[self.whole + 1]
         return np.array([late])
+
+
+class DeadTime(NamedTuple):
+    """A dead time of ``seconds`` in a block; its two states are at ``place`` of the system's."""
+
+    block: str
+    seconds: float
+    place: int
+
+
+def dead_times(
+    system: Any, params: Mapping[str, Any] | None = None, place: int = 0
+) -> Iterator[DeadTime]:
+    """The dead times of the package's continuous blocks, their own or those of a model inside."""
+    inside = getattr(system, "syslist", None)
+    if inside is None:
+        yield from _own(system, params or {}, place)
+        return
+    for one in inside:
+        yield from dead_times(one, params, place)
+        place += one.nstates
+
+
+def _own(block: Any, params: Mapping[str, Any], place: int) -> Iterator[DeadTime]:
+    answer: Any = getattr(block, "outfcn", None)
+    made = getattr(answer, "block", None)
+    if made is None or block.isdtime(strict=True):
+        return
+    parts = getattr(made.function, "parts", ())
+    named = [("", made), *((part.prefix, part) for part in parts)]
+    keys = [(f"{prefix}delay", of.states) for prefix, of in named if _is_delay(of)]
+    for key, states in keys:
+        name = answer.keys.get(key)
+        if name is not None:
+            at = place + made.states.index(states[0])
+            yield DeadTime(block.name, float(params.get(name, block.params[name])), at)
+
+
+def _is_delay(of: Any) -> bool:
+    return getattr(of, "block", of).name == input_delay.name

@@ -10,17 +10,21 @@ in its pyproject.toml, and each process then has the blocks::
 from __future__ import annotations
 
 import contextlib
+import copyreg
 import importlib
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
+from dataclasses import fields, is_dataclass
 from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from ..core.errors import InputError, NotLoaded
+from ..core.pickling import carried, from_fields, rebuilt
 from ..core.validation import as_path, like_it
+from .block import REGISTRY, Block, registered
 
 GROUP = "lugrectl.blocks"
 LOADED: dict[Path, tuple[str, str]] = {}  # file: (name of its module, SHA-256 of its text)
@@ -127,7 +131,7 @@ def load_installed() -> None:
     if GROUP in _looked:
         return
     _looked.append(GROUP)  # first: the modules that are loaded ask for the registry
-    from importlib.metadata import entry_points
+    from importlib.metadata import entry_points  # slow to import
 
     for entry in entry_points(group=GROUP):
         try:
@@ -197,8 +201,6 @@ def _folder(folder: Path) -> Iterator[None]:
 @contextlib.contextmanager
 def _all_or_none() -> Iterator[None]:
     """A file that fails leaves no block behind."""
-    from .block import registered
-
     registry = registered()
     before = dict(registry)
     try:
@@ -232,6 +234,48 @@ def _line(file: Path, error: BaseException) -> int | None:
 
 
 def _declared_by(name: str) -> list[str]:
-    from .block import registered
-
     return [made.name for made in registered().values() if made.home == name]
+
+
+def found(kind: str, name: str, home: str) -> Block | None:
+    """A registered block, its module imported where that is needed; None if there is none."""
+    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
+        with contextlib.suppress(ImportError):
+            fetch(home)
+    return dict(REGISTRY).get((kind, name))
+
+
+def declared(kind: str, name: str, home: str) -> Block:
+    """A registered block, its module imported where that is needed.
+
+    Raises
+    ------
+    InputError
+        When this session has no such block.
+    """
+    made = found(kind, name, home)
+    if made is None:
+        where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
+        raise InputError(
+            f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
+            "with @block, then load again."
+        )
+    return made
+
+
+def _reduced(made: Block) -> Any:
+    """A registered block pickles by kind and name, a composed one by its parts."""
+    known = REGISTRY.get((made.kind, made.name))
+    if known is made:
+        return declared, (made.kind, made.name, place(made.home))
+    build = getattr(made.function, "block", None)
+    if build is not None and is_dataclass(made.function) and build() == made:
+        return rebuilt, (made.function,)
+    cure = "" if known is None else "it was declared again since: build what holds it again"
+    own = {f.name: getattr(made, f.name) for f in fields(made)}
+    for what, value in own.items():
+        carried(f"the {what} of the block {made.name}", value, cure)
+    return from_fields, (type(made), own)
+
+
+copyreg.pickle(Block, _reduced)

@@ -1,20 +1,159 @@
-"""Friction laws and effects by name, as python-control blocks."""
+"""Factories: public functions that make a python-control block of a drive's values.
+
+A factory is written as its own arguments, ``**names`` and a docstring without what is the same in
+all of them; :func:`factory` adds that. It needs a body only if it does more than give the block its
+values::
+
+    @factory(_natural)
+    def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
+        '''The LuGre law itself ...'''
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+import inspect
+import textwrap
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
+from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict
 
 from ..core.errors import InputError
 from ..core.validation import real
 from .aliases import block_named
 from .block import Block, is_ours
-from .law_forms import formed
+from .friction import formed, lugre
+from .model import Model, Parameters, as_model
 
 if TYPE_CHECKING:
     import control as ct
 
 _PERIOD = ("harmonic", "frequency")  # of a periodic effect: no drive has a usual one
+Arguments = ParamSpec("Arguments")
+
+
+class Names(TypedDict, total=False):
+    """The last arguments of every factory: the block's name and other names for its signals."""
+
+    name: str
+    inputs: Sequence[str] | None
+    outputs: Sequence[str] | None
+
+
+_NAMES = """name, inputs, outputs : str, list of str
+    Block name and, in order, other names for the signals."""
+RETURNED = "ct.NonlinearIOSystem"
+_KINDS = {"Returns": "control.NonlinearIOSystem", "Raises": "InputError"}
+
+
+def factory(
+    made: Block | None = None,
+) -> Callable[[Callable[Arguments, Any]], Callable[Arguments, ct.NonlinearIOSystem]]:
+    """Complete a factory: the arguments of :class:`Names`, its docstring, and its body.
+
+    Parameters
+    ----------
+    made : Block, optional
+        What a factory without a body builds: with its arguments as the block's parameters, and
+        the rest of them from ``p`` if that is the first argument.
+    """
+
+    def complete(
+        written: Callable[Arguments, Any],
+    ) -> Callable[Arguments, ct.NonlinearIOSystem]:
+        signature = _with_names(written)
+
+        @wraps(written)
+        def build(*args: Arguments.args, **given: Arguments.kwargs) -> ct.NonlinearIOSystem:
+            try:
+                bound = signature.bind(*args, **given)
+            except TypeError as error:
+                raise TypeError(f"{written.__name__}() {error}") from None
+            bound.apply_defaults()
+            if made is None:
+                return written(*bound.args, **bound.kwargs)
+            values = bound.arguments | bound.arguments.get("gains", {})
+            values.pop("gains", None)
+            return believed(made, **values) if "p" in values else made.system(**values)
+
+        build.__doc__, build.__dict__["__signature__"] = _completed(written), signature
+        return build
+
+    return complete
+
+
+def _with_names(written: Callable[..., Any]) -> inspect.Signature:
+    """The signature with the three names in place of ``**names``."""
+    signature = inspect.signature(written)
+    own = [p for key, p in signature.parameters.items() if key != "names"]
+    if len(own) == len(signature.parameters):
+        return signature.replace(return_annotation=RETURNED)
+    named = {"name": ("str", written.__name__)}
+    named |= {key: ("Sequence[str] | None", None) for key in ("inputs", "outputs")}
+    own += [
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+        for key, (kind, default) in named.items()
+    ]
+    return signature.replace(parameters=own, return_annotation=RETURNED)
+
+
+def _completed(written: Callable[..., Any]) -> str:
+    """The docstring with the names, and the kinds of what is returned and raised."""
+    parts = [part for part in (inspect.getdoc(written) or "").split("\n\n") if part]
+    for i, part in enumerate(parts):
+        head, *text = part.split("\n", 2)
+        if head in _KINDS:
+            said = textwrap.indent(text[1], "    ")
+            parts[i] = f"{head}\n{text[0]}\n{_KINDS[head]}\n{said}"
+    at = next(i for i, part in enumerate(parts) if part.startswith("Returns\n"))
+    has = parts[at - 1].startswith("Parameters\n")
+    parts[at - has : at] = [
+        f"{parts[at - 1]}\n{_NAMES}" if has else f"Parameters\n----------\n{_NAMES}"
+    ]
+    return "\n\n".join(parts)
+
+
+def believed(
+    made: Block,
+    p: Parameters | Model,
+    *,
+    name: str | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    **gains: Any,
+) -> ct.NonlinearIOSystem:
+    """An observer or controller with those of J and the LuGre parameters that it has, from p.
+
+    Raises
+    ------
+    InputError
+        For an unknown gain, or when p does not give a parameter that the block needs.
+    """
+    model = as_model(p, "p")
+    have = model.values()
+    needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]
+    missing = [k for k in needed if have.get(k) is None]
+    if missing:
+        raise InputError(
+            f"{made.name} needs {', '.join(missing)}, which {model.name} does not give; "
+            "give it the parameters of a LuGre model."
+        )
+    values = {k: have[k] for k in needed} | gains
+    _warn_of_sign(made, values)
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
+
+
+def _warn_of_sign(made: Block, values: Mapping[str, Any]) -> None:
+    """Near rest the proposed observer's poles have the product -K1 sigma0/J: K1 > 0 is a saddle."""
+    K1 = values.get("K1") if made.name == "proposed_observer" else None
+    at_rest = real(K1(0.0) if callable(K1) else K1)
+    if at_rest is not None and at_rest > 0.0:
+        warnings.warn(
+            f"{made.name}: K1 = {at_rest:g} makes the estimate unstable near rest; K1 must be "
+            "negative (-10.24 in the source paper).",
+            RuntimeWarning,
+            stacklevel=4,
+        )
 
 
 def friction(

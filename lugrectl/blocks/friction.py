@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from .block import P
+from .block import Block, P
 from .declaration import block
-from .law_forms import FORMS, Form
 
-J = P(0.0022, "kg m2", 1e-12)
-SIGMA0 = P(260.0, "N m/rad", 1e-12)
-SIGMA1 = P(0.6, "N m s/rad", 0.0)
-FC = P(0.285, "N m", 0.0)
-FS = P(0.335, "N m", 0.0)
-FV = P(0.018, "N m s/rad", 0.0)
-VS = P(0.01, "rad/s", 1e-12)
-EPS = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
-SMOOTH = P(1e-4, "rad/s", 1e-12, fitted=False)  # of observers and laws that need a slope at rest
-DELTA = P(2.0, "1", 0.3, 20.0, usual=True)
-VD = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
+J: Any = P(0.0022, "kg m2", 1e-12)
+SIGMA0: Any = P(260.0, "N m/rad", 1e-12)
+SIGMA1: Any = P(0.6, "N m s/rad", 0.0)
+FC: Any = P(0.285, "N m", 0.0)
+FS: Any = P(0.335, "N m", 0.0)
+FV: Any = P(0.018, "N m s/rad", 0.0)
+VS: Any = P(0.01, "rad/s", 1e-12)
+EPS: Any = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
+SMOOTH: Any = P(
+    1e-4, "rad/s", 1e-12, fitted=False
+)  # of observers and laws that need a slope at rest
+DELTA: Any = P(2.0, "1", 0.3, 20.0, usual=True)
+VD: Any = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
 PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"
 LUGRE = "Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE Trans. Automatic Control 40(3), 1995"
 LEAST = 1e-24  # added to a square, so that its powers have a slope at 0
@@ -85,16 +87,6 @@ def stribeck(w, Fc=FC, Fs=FS, Fv=FV, vs=VS, eps=EPS):
     return level(w, Fc, Fs, vs) * np.tanh(w / eps) + Fv * w
 
 
-def stribeck_of_power(w, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA, eps=EPS):
-    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
-
-    As :func:`stribeck`, which it equals at delta = 2. Armstrong-Helouvry, Dupont and Canudas de
-    Wit (Automatica 30(7), 1994, section 2) report delta from 0.5 to 1 for some pairs of
-    materials.
-    """
-    return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
-
-
 @block("friction", out="F", states="z", source=f"{LUGRE}, eq. 1-3")
 def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
@@ -113,55 +105,101 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
 
 
-def lugre_of_power(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA):
-    """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
+def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: Any) -> Any:
+    """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
 
-    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2; the
-    condition for passivity is the same, because h stays between Fc and Fs.
+    As :func:`stribeck`, which it equals at delta = 2. Armstrong-Helouvry, Dupont and Canudas de
+    Wit (Automatica 30(7), 1994, section 2) report delta from 0.5 to 1 for some pairs of
+    materials.
     """
-    dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
-    return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
+    return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
 
 
-def fading(w: Any, sigma1: Any, vd: Any) -> Any:
-    """sigma1 exp(-(w/vd)^2): a damping of the bristles that fades with the speed."""
-    return sigma1 * np.exp(-((w / vd) ** 2))
-
-
-def lugre_fading(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, vd=VD):
+def free_lugre(w: Any, z: Any, delta: Any = None, vd: Any = None, **own: Any) -> tuple[Any, Any]:
     """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
-    As :func:`lugre`, which it equals at vd = infinity. In steady sliding dz/dt = 0, so that the
-    friction there is the same; a change of the speed causes less torque.
+    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2 and
+    vd = infinity; None stands for these. The condition for passivity is the same, because h stays
+    between Fc and Fs. In steady sliding dz/dt = 0, so that vd leaves the friction there as it is;
+    a change of the speed causes less torque.
     """
+    sigma0, sigma1, Fc, Fs, Fv, vs = (own[k] for k in lugre.parameters)
     dz = bristle(w, z, sigma0, Fc, Fs, vs)
-    return bristle_torque(w, z, dz, sigma0, fading(w, sigma1, vd), Fv), dz
+    if delta is not None:
+        dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
+    damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))
+    return bristle_torque(w, z, dz, sigma0, damping, Fv), dz
 
 
-def lugre_of_power_fading(
-    w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, delta=DELTA, vd=VD
-):
-    """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
+# Laws of more than one form: what an entry of a model file gives decides which. A form is a block
+# under the law's own name; without such a key the law is the registered block.
 
-    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta): :func:`lugre_of_power` and :func:`lugre_fading`.
+
+def _nothing(made: Block) -> dict[str, Any]:
+    return {}
+
+
+@dataclass(frozen=True)
+class Form:
+    """The keys that an entry may give besides the parameters of the registered block.
+
+    Parameters
+    ----------
+    keys : dict
+        Declarations by key.
+    build : callable
+        ``build(entry, where)`` returns the block and the entry with its parameters alone;
+        InputError, starting with ``where``, for what cannot be meant.
+    written : callable
+        ``written(block)``: the entry's keys that are no parameters of the block.
     """
-    dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
-    return bristle_torque(w, z, dz, sigma0, fading(w, sigma1, vd), Fv), dz
+
+    keys: Mapping[str, P]
+    build: Callable[[Mapping[str, Any], str], tuple[Block, Mapping[str, Any]]]
+    written: Callable[[Block], dict[str, Any]] = _nothing
 
 
-def _with_delta(made: Any, function: Any) -> Form:
-    """The law as it is, or with a free exponent where the entry gives one."""
-    free = replace(made, function=function, parameters={**made.parameters, "delta": DELTA})
-    return Form({"delta": DELTA}, lambda entry, where: (free, entry))
+FORMS: dict[str, Form] = {}
 
 
-def _lugre_form(entry: Any, where: str) -> Any:
-    """LuGre with those of delta and vd that the entry gives."""
-    given = {k: p for k, p in {"delta": DELTA, "vd": VD}.items() if entry.get(k) is not None}
-    functions: dict[tuple[str, ...], Any] = {("delta",): lugre_of_power, ("vd",): lugre_fading}
-    function = functions.get(tuple(given), lugre_of_power_fading)
-    return replace(lugre, function=function, parameters={**lugre.parameters, **given}), entry
+def form_keys(made: Block) -> Mapping[str, P]:
+    """The keys of a law's form; none for other blocks."""
+    form = FORMS.get(made.name) if made.kind == "friction" else None
+    return form.keys if form else {}
 
 
-FORMS["stribeck"] = _with_delta(stribeck, stribeck_of_power)
-FORMS["lugre"] = Form({"delta": DELTA, "vd": VD}, _lugre_form)
+def usual_values(made: Block, entry: Mapping[str, Any]) -> dict[str, float]:
+    """The usual values of a block that an entry does not give: they are held."""
+    return {k: p.value for k, p in made.own.items() if p.usual and entry.get(k) is None}
+
+
+def with_usual(made: Block, entry: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The entry of a law or effect with each usual value that it does not give: held."""
+    usual = usual_values(made, entry)
+    return {**entry, **{k: {"value": value, "fixed": True} for k, value in usual.items()}}
+
+
+def formed(made: Block, entry: Mapping[str, Any], where: str) -> tuple[Block, Mapping[str, Any]]:
+    """The block that an entry means, and the entry with the block's parameters alone."""
+    given = {k for k in form_keys(made) if entry.get(k) is not None}
+    return FORMS[made.name].build(entry, where) if given else (made, entry)
+
+
+def written_form(made: Block) -> dict[str, Any]:
+    """The law's name, and what an entry must give besides the parameters to mean this block."""
+    more = FORMS[made.name].written(made) if form_keys(made) else {}
+    return {"model": made.name, **more}
+
+
+def _form(law: Any, function: Any, **keys: P) -> Form:
+    """The law as it is, or with those of the keys that an entry gives as further parameters."""
+
+    def build(entry: Any, where: str) -> Any:
+        given = {k: p for k, p in keys.items() if entry.get(k) is not None}
+        return replace(law, function=function, parameters={**law.parameters, **given}), entry
+
+    return Form(keys, build)
+
+
+FORMS["stribeck"] = _form(stribeck, free_stribeck, delta=DELTA)
+FORMS["lugre"] = _form(lugre, free_lugre, delta=DELTA, vd=VD)

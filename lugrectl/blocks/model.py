@@ -1,10 +1,10 @@
-"""The declared model: plant, friction and effects, with TOML in and out."""
+"""The declared model: plant, friction and effects with their values."""
 
 from __future__ import annotations
 
 import math
 import os
-import re
+import pickle
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -17,16 +17,16 @@ from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
-from ..core.result import write_whole
-from ..core.validation import TINY, as_path, holds_samples, is_file, like_it, real, shown, text
+from ..core.validation import TINY, as_path, holds_samples, is_file, real, shown, text
+from ..core.writing import write_whole
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
-from .declared_values import Stated, holding, refuse_crossed, stated
-from .declared_values import unknown as _known
-from .extending import files_of_blocks, load_named
+from .declared_values import Stated, check_keys, holding, refuse_crossed, stated
+from .extending import files_of_blocks, found, load_named, place
 from .friction import J as J_DECLARATION
-from .law_forms import form_keys, formed, usual_values, with_usual, written_form
+from .friction import form_keys, formed, usual_values, with_usual, written_form
+from .model_files import quoted, read_toml, rows, seen_from
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "blocks", "plant", "friction", "effects")
@@ -358,11 +358,7 @@ class Model(Shown):
 
 
 def _value_row(
-    key: str,
-    value: float | None,
-    unit: str,
-    more: Stated | None = None,
-    until: float | None = None,
+    key: str, value: float | None, unit: str, more: Stated | None = None, until: float | None = None
 ) -> Row:
     """``until``: the default with which a value that is to be identified is simulated."""
     note = f"({words})" if more and (words := more.words()) else ""
@@ -381,13 +377,13 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
         For an unknown key, friction model or effect, a value that is not a number or is outside
         its bounds, or what cannot be meant of it; the message starts with ``where``.
     """
-    _known(data, ("name", "motion", "blocks", "plant", "friction", "effects"), where)
+    check_keys(data, _FILE, where)
     blocks = load_named(data.get("blocks", []), folder, where)
     motion = data.get("motion", "rotary")
     if motion not in ("rotary", "linear"):
         raise InputError(f"{where}: motion must be 'rotary' or 'linear', not {motion!r}.")
     plant, friction = _table(data, "plant", where), _table(data, "friction", where)
-    _known(plant, ("J",), f"{where}: [plant]")
+    check_keys(plant, ("J",), f"{where}: [plant]")
     law = friction.get("model", "lugre")
     made = block_named("friction", law, where=f"{where}: [friction]", what="friction model")
     friction = with_usual(made, friction)
@@ -421,7 +417,7 @@ def check_values(model: Model, where: str) -> None:
 def restated(model: Model, tables: Mapping[str, Any], where: str) -> Model:
     """The model with what tables state of its values, by key, as ``Model.statements`` has it."""
     values, declared = model.values(), model.declarations()
-    _known(tables, values, f"{where}: stated")
+    check_keys(tables, values, f"{where}: stated")
     whole = {k: {"value": values[k], **_table(tables, k, where)} for k in tables}
     made = replace(model, stated=_statements(whole, declared, where))
     refuse_crossed(values, made.stated, where)
@@ -474,7 +470,7 @@ def _alike(one: Part, other: Part) -> bool:
 
 def _part(made: Block, tag: str, entry: Any, where: str) -> Part:
     """The block with the values of an entry, in which ``tag`` names it."""
-    _known(entry, (tag, *made.own, *form_keys(made)), where)
+    check_keys(entry, (tag, *made.own, *form_keys(made)), where)
     made, entry = formed(made, entry, where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
@@ -542,34 +538,9 @@ def read_model(path: str | Path) -> Model:
     ({'J': 0.002}, 'lugre')
     """
     path = as_path(path, "the model file")
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such model file{like_it(path)}.") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a folder: name a model file, such as my.toml.") from None
-    except (OSError, UnicodeDecodeError) as error:
-        said = f"{path}: cannot be read as a text file in UTF-8 ({error})."
-        raise InputError(f"{said}{_needed(path)}") from None
-    except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
-        said = f"{path}: not a TOML file: {error}{_decimal_comma(path)}."
-        raise InputError(f"{said}{_needed(path)}") from None
-    model = model_from_dict(data, str(path), path.parent)
+    model = model_from_dict(read_toml(path), str(path), path.parent)
     object.__setattr__(model, "file", SourceFile.of(path))
     return model
-
-
-def _needed(path: Path) -> str:
-    """What a file is that is no model by its name."""
-    if path.suffix.lower() == ".toml":
-        return ""
-    return " A model is needed here: lugrectl model > my.toml writes one to start from."
-
-
-def _decimal_comma(path: Path) -> str:
-    """What to do where a number has a decimal comma, which TOML does not know."""
-    found = re.search(r"^\s*(\w+\s*=\s*-?\d+),(\d+)\s*(#.*)?$", path.read_text("utf-8"), re.M)
-    return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
 
 
 def write_model(model: Model, path: str | Path) -> None:
@@ -617,28 +588,22 @@ def model_toml(
     it is given.
     """
     data, lines = model.to_dict(stated=True), []
-    lines += [f"name = {_quoted(data['name'])}", f'motion = "{data["motion"]}"']
-    if files := [_seen_from(folder, file) for file in own_files(model)]:
-        lines += [f"blocks = [{', '.join(map(_quoted, files))}]"]
-    lines += ["", "[plant]"]
-    known = known or {}
-    lines += _rows(data["plant"], "", model, known)
-    law = f"model = {_quoted(data['friction'].pop('model'))}"
-    lines += ["", "[friction]", *_needs(model.friction), law]
-    lines += _rows(data["friction"], "", model, known)
+    declared, known = model.declarations(), known or {}
+
+    def noted(values: Mapping[str, Any], prefix: str = "") -> list[str]:
+        units = {k: model.unit(prefix + k) for k in values if prefix + k in declared}
+        notes = {k: [unit, known.get(prefix + k)] for k, unit in units.items()}
+        return rows(values, {k: ", ".join(filter(None, both)) for k, both in notes.items()})
+
+    lines += [f"name = {quoted(data['name'])}", f'motion = "{data["motion"]}"']
+    if files := [seen_from(folder, file) for file in own_files(model)]:
+        lines += [f"blocks = [{', '.join(map(quoted, files))}]"]
+    lines += ["", "[plant]", *noted(data["plant"]), "", "[friction]", *_needs(model.friction)]
+    lines += [f"model = {quoted(data['friction'].pop('model'))}", *noted(data["friction"])]
     for part, entry in zip(model.effects, data["effects"], strict=True):
-        lines += ["", "[[effects]]", *_needs(part), f"name = {_quoted(entry.pop('name'))}"]
-        lines += _rows(entry, f"{part.key}.", model, known)
+        lines += ["", "[[effects]]", *_needs(part), f"name = {quoted(entry.pop('name'))}"]
+        lines += noted(entry, f"{part.key}.")
     return "\n".join(lines) + "\n"
-
-
-def _seen_from(folder: Path | None, file: str) -> str:
-    if folder is None:
-        return file
-    try:
-        return Path(os.path.relpath(file, folder.resolve())).as_posix()
-    except ValueError:  # on another drive of Windows
-        return file
 
 
 def own_files(model: Model) -> list[str]:
@@ -655,49 +620,9 @@ def _needs(part: Part) -> list[str]:
     where = "a script or a notebook" if home in ("__main__", "__mp_main__") else f"module {home}"
     put = "that @lugrectl.block into a file and give"
     return [
-        f"# {_quoted(part.block.name)} was declared in {_quoted(where)[1:-1]}. To read this model",
+        f"# {quoted(part.block.name)} was declared in {quoted(where)[1:-1]}. To read this model",
         f"# elsewhere, put {put} {option('blocks', 'FILE.py')}.",
     ]
-
-
-def _rows(
-    values: Mapping[str, Any], prefix: str, model: Model, known: Mapping[str, str]
-) -> list[str]:
-    own = {k: model.unit(prefix + k) for k in values if prefix + k in model.declarations()}
-    said = {k: ", ".join(filter(None, (u, known.get(prefix + k)))) for k, u in own.items()}
-    notes = {k: "  # " + "".join(c for c in s if c.isprintable()) for k, s in said.items()}
-    return [f"{_key(k)} = {_written(v)}{notes.get(k, '')}" for k, v in values.items()]
-
-
-def _written(value: Any) -> str:
-    """A number, a list of numbers, or the table of one of which more is stated."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_written, value)) + "]"
-    if not isinstance(value, Mapping):
-        return repr(float(value))
-    return "{" + ", ".join(f"{k} = {_written(v)}" for k, v in value.items() if v is not None) + "}"
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _quoted(name)
-
-
-def _quoted(text: str) -> str:
-    """A TOML string; quotes, backslashes and control characters are escaped.
-
-    InputError for half of a surrogate pair, which no TOML file can hold.
-    """
-    if half := re.search("[\ud800-\udfff]", text):
-        raise InputError(
-            f"the name {ascii(text)} holds half of a surrogate pair, {ascii(half[0])}, which no "
-            "TOML file can hold: give it another name."
-        )
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda c: f"\\u{ord(c[0]):04x}", escaped) + '"'
 
 
 def as_model(given: Any, what: str = "model") -> Model:
@@ -783,3 +708,47 @@ def values_of(p: Any, what: str = "p") -> Any:
     if isinstance(p, (Model, str, os.PathLike, Mapping)):
         return SimpleNamespace(**as_model(p, what).values())
     return p
+
+
+@dataclass(frozen=True)
+class Sent:
+    """A model for another process, with the names of the user's own effects to load there."""
+
+    packed: bytes
+    effects: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, model: Model) -> Sent:
+        own = [(b.name, place(b.home)) for b in members("effect").values()]
+        return cls(pickle.dumps(model), tuple(e for e in own if not is_ours(e[1])))
+
+    def open(self) -> Model:
+        """The model; raises InputError if one of the user's blocks is not known here."""
+        for name, home in self.effects:
+            if found("effect", name, home) is None:
+                raise InputError(
+                    f"the effect '{name}' is not known in the worker processes; define it in a "
+                    "module that can be imported, or use jobs=1."
+                )
+        return pickle.loads(self.packed)
+
+
+def model_first(p: Any, other: Any, what: str, name: str = "p") -> None:
+    """InputError where ``other``, the argument ``what``, is a model, and ``p`` rather not one."""
+    if _how_surely(other) > _how_surely(p):
+        raise InputError(f"{name} is {_called(p)} and {what} is a model: swap them.")
+
+
+def _called(p: Any) -> str:
+    if is_file(p):
+        return f"'{p}'"
+    return "a log" if isinstance(p, Mapping) and holds_samples(p) else shown(p)
+
+
+def _how_surely(given: Any) -> int:
+    """2 for a model or a result that holds one, 1 for a dict that may be one, else 0."""
+    if is_file(given):
+        return 2 * (Path(given).suffix.lower() == ".toml")
+    if isinstance(given, (Model, Parameters)) or isinstance(getattr(given, "model", None), Model):
+        return 2
+    return int(isinstance(given, Mapping) and not holds_samples(given))

@@ -19,8 +19,7 @@ from ..core.errors import InputError
 from ..core.validation import array, shown, whole
 from .block import REGISTRY, Block, P
 from .bristle_laws import power
-from .friction import FC, FS, FV, SIGMA0, SIGMA1, VS, level
-from .law_forms import FORMS, Form
+from .friction import FC, FORMS, FS, FV, SIGMA0, SIGMA1, VS, Form, level
 
 FEW, MANY = 4, 20  # elements unless given, and at most
 N = P(2.0, "1", 1.0, 20.0, usual=True)

@@ -1,20 +1,25 @@
-"""Friction observers: an estimate Fhat of the friction torque from the measured velocity.
+"""Friction observers: an estimate Fhat of the friction torque from what the drive shows.
 
-All are copies of the LuGre law with a correction of dzhat/dt; Fhat is the torque of the law with
-the corrected dzhat/dt. Their parameters are independent of those of the plant.
+The first ones are copies of the LuGre law with a correction of dzhat/dt; Fhat is the torque of the
+law with the corrected dzhat/dt. Those that need the torque u that drives the plant,
+J dw/dt = u - F, count a load torque as friction. The last ones need only the measured position
+theta and u. Their parameters are independent of those of the plant. Where the original's
+equations could not be confirmed, the law is derived here and the docstring says so.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
 
 from ..core.errors import InputError
-from ..core.validation import real, shown
+from ..core.validation import shown
 from .aliases import meant, name_of
 from .block import Block, P, members
 from .declaration import block
+from .factories import Names, believed, factory
 from .friction import (
     FC,
     FS,
@@ -23,20 +28,36 @@ from .friction import (
     PAPER,
     SIGMA0,
     SIGMA1,
+    SMOOTH,
     VS,
     J,
     bristle,
     bristle_torque,
-    lugre,
+    coulomb,
+    level,
+    relaxation,
 )
-from .model import Model, Parameters, as_model
 from .plant import acceleration
 
 if TYPE_CHECKING:
     import control as ct
 
+    from .model import Model, Parameters
+
 
 Gain = float | Callable[[Any], Any]
+DAMPED: Any = P(0.6, "N m s/rad", 1e-12)  # sigma1 where the observer divides by it
+DERIVED = "derived here, in the spirit of"
+LISCHINSKY = (
+    "Canudas de Wit and Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997"
+)
+IWASAKI = "Ruderman and Iwasaki, IEEE Trans. Industrial Electronics, 2015"
+FREIDOVICH = "Freidovich et al., IEEE Trans. Control Systems Technology, 2010"
+TAFAZOLI = (
+    "Tafazoli, de Silva and Lawrence, IEEE Trans. Control Systems Technology, 1998; proof in the "
+    "docstring of lugrectl.position_coulomb_observer"
+)
+OLSSON = "Olsson and Astrom, IEEE Conf. Decision and Control, 1996"
 
 
 @block("observer", out="Fhat")
@@ -58,6 +79,42 @@ def _natural(w, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
     return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
 
 
+@factory(_natural)
+def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
+    """The LuGre law itself, run on the measured velocity: input w, outputs Fhat, zhat.
+
+    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w).
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer; keyed ``natural_observer.Fc`` ...
+
+    Returns
+    -------
+    State zhat in rad.
+
+    Raises
+    ------
+    When a LuGre parameter has no value.
+
+    Notes
+    -----
+    Source paper, eq. z_hat_dot and F_est. An error of zhat decays only while the drive moves;
+    at rest it is constant.
+
+    Examples
+    --------
+    At a constant speed the estimate settles at the friction h(w) + Fv w:
+
+    >>> p = lg.table1()
+    >>> t = np.linspace(0.0, 0.2, 101)
+    >>> run = lg.simulate(lg.natural_observer(p), t, {"w": 0.1}, method="LSODA")
+    >>> round(float(run.outputs[0, -1]), 3), round(p.Fc + p.Fv * 0.1, 3)
+    (0.287, 0.287)
+    """
+
+
 @block("observer", name="existing_observer", out="Fhat zhat", states="zhat", source=LUGRE)
 def _existing(
     w, e, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k=P(0.35, "1", 0.0)
@@ -65,6 +122,49 @@ def _existing(
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e."""
     dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
     return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+
+
+@factory(_existing)
+def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
+    """The observer of Canudas de Wit et al. 1995: inputs w, e, outputs Fhat, zhat.
+
+    dzhat/dt = w - sigma0 |w| zhat / h(w) - k e, Fhat as in the natural observer.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer.
+    k : float
+        Gain >= 0 on the tracking error e (measured - reference): without unit on a velocity
+        error, in 1/s on a position error.
+
+    Returns
+    -------
+    State zhat in rad.
+
+    Raises
+    ------
+    When a LuGre parameter has no value or k is negative.
+
+    Notes
+    -----
+    Source paper, eq. Canudas_z. Its stability proof needs the feed-forward J ddr and a strictly
+    positive real (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
+
+    Examples
+    --------
+    In the velocity loop, with the gain of the source paper:
+
+    >>> p = lg.table1()
+    >>> loop = lg.velocity_loop(p, "existing", k=0.35)
+    >>> loop.output_labels
+    ['theta', 'w', 'F', 'Fhat', 'u', 'e']
+
+    Whether its proof holds beside a PD position controller:
+
+    >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, kd=1.2)))
+    True
+    """
 
 
 @block(
@@ -103,198 +203,10 @@ def _gain(K: Any, w: Any) -> Any:
     return K(w) if callable(K) else K
 
 
-def observer_block(name: str) -> Block:
-    """The registered observer of a name; ``_observer`` at its end may be left out.
-
-    Raises
-    ------
-    InputError
-        When there is no observer of that name.
-    """
-    known, name = members("observer"), name_of("observer", name)
-    for key in (name, f"{name}_observer") if isinstance(name, str) else ():
-        if key in known:
-            return known[key]
-    short = [key.removesuffix("_observer") for key in known if key != "no_observer"]
-    hint = meant(str(name).removesuffix("_observer"), short)
-    hint = hint if hint.endswith("?") else f"{hint[:-1]}, and None for no observer."
-    raise InputError(f"unknown observer {shown(name)}; {hint}")
-
-
-def observer(
-    kind: str,
-    p: Parameters | Model,
-    *,
-    name: str | None = None,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    **gains: Any,
-) -> ct.NonlinearIOSystem:
-    """Any registered observer as a block, with J and the friction parameters of p.
-
-    ``gains`` are the observer's other parameters; those left out keep their defaults.
-
-    Raises
-    ------
-    InputError
-        For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
-    """
-    made = observer_block(kind)
-    return believed(made, p, name=name, inputs=inputs, outputs=outputs, **gains)
-
-
-def believed(
-    made: Block,
-    p: Parameters | Model,
-    *,
-    name: str | None = None,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    **gains: Any,
-) -> ct.NonlinearIOSystem:
-    """An observer or controller with those of J and the LuGre parameters that it has, from p.
-
-    Raises
-    ------
-    InputError
-        For an unknown gain, or when p does not give a parameter that the block needs.
-    """
-    model = as_model(p, "p")
-    have = model.values()
-    needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]
-    missing = [k for k in needed if have.get(k) is None]
-    if missing:
-        raise InputError(
-            f"{made.name} needs {', '.join(missing)}, which {model.name} does not give; "
-            "give it the parameters of a LuGre model."
-        )
-    values = {k: have[k] for k in needed} | gains
-    _warn_of_sign(made, values)
-    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
-
-
-def _warn_of_sign(made: Block, values: Mapping[str, Any]) -> None:
-    """Near rest the proposed observer's poles have the product -K1 sigma0/J: K1 > 0 is a saddle."""
-    K1 = values.get("K1") if made is _proposed else None
-    at_rest = real(K1(0.0) if callable(K1) else K1)
-    if at_rest is not None and at_rest > 0.0:
-        warnings.warn(
-            f"{made.name}: K1 = {at_rest:g} makes the estimate unstable near rest; K1 must be "
-            "negative (-10.24 in the source paper).",
-            RuntimeWarning,
-            stacklevel=4,
-        )
-
-
-def natural_observer(
-    p: Parameters | Model,
-    *,
-    name: str = "natural_observer",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
-    """The LuGre law itself, run on the measured velocity: input w, outputs Fhat, zhat.
-
-    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w).
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        The parameters used by the observer; keyed ``natural_observer.Fc`` ...
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
-
-    Returns
-    -------
-    control.NonlinearIOSystem
-        State zhat in rad.
-
-    Raises
-    ------
-    InputError
-        When a LuGre parameter has no value.
-
-    Notes
-    -----
-    Source paper, eq. z_hat_dot and F_est. An error of zhat decays only while the drive moves;
-    at rest it is constant.
-
-    Examples
-    --------
-    At a constant speed the estimate settles at the friction h(w) + Fv w:
-
-    >>> p = lg.table1()
-    >>> t = np.linspace(0.0, 0.2, 101)
-    >>> run = lg.simulate(lg.natural_observer(p), t, {"w": 0.1}, method="LSODA")
-    >>> round(float(run.outputs[0, -1]), 3), round(p.Fc + p.Fv * 0.1, 3)
-    (0.287, 0.287)
-    """
-    return observer("natural_observer", p, name=name, inputs=inputs, outputs=outputs)
-
-
-def existing_observer(
-    p: Parameters | Model,
-    k: float = 0.35,
-    *,
-    name: str = "existing_observer",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
-    """The observer of Canudas de Wit et al. 1995: inputs w, e, outputs Fhat, zhat.
-
-    dzhat/dt = w - sigma0 |w| zhat / h(w) - k e, Fhat as in the natural observer.
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        The parameters used by the observer.
-    k : float
-        Gain >= 0 on the tracking error e (measured - reference): without unit on a velocity
-        error, in 1/s on a position error.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
-
-    Returns
-    -------
-    control.NonlinearIOSystem
-        State zhat in rad.
-
-    Raises
-    ------
-    InputError
-        When a LuGre parameter has no value or k is negative.
-
-    Notes
-    -----
-    Source paper, eq. Canudas_z. Its stability proof needs the feed-forward J ddr and a strictly
-    positive real (sigma1 s + sigma0) / (J s^2 + C(s)); see :func:`lugrectl.spr_check`.
-
-    Examples
-    --------
-    In the velocity loop, with the gain of the source paper:
-
-    >>> p = lg.table1()
-    >>> loop = lg.velocity_loop(p, "existing", k=0.35)
-    >>> loop.output_labels
-    ['theta', 'w', 'F', 'Fhat', 'u', 'e']
-
-    Whether its proof holds beside a PD position controller:
-
-    >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, kd=1.2)))
-    True
-    """
-    return observer("existing_observer", p, name=name, inputs=inputs, outputs=outputs, k=k)
-
-
+@factory(_proposed)
 def proposed_observer(
-    p: Parameters | Model,
-    K1: Gain = -10.24,
-    K2: Gain = 22.0,
-    *,
-    name: str = "proposed_observer",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+    p: Parameters | Model, K1: Gain = -10.24, K2: Gain = 22.0, **names: Unpack[Names]
+):
     """The source paper's observer: inputs w, u, outputs Fhat, zhat, what.
 
     dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what),
@@ -309,18 +221,14 @@ def proposed_observer(
         opposite sign the estimate is unstable near rest, and a warning says so.
     K2 : float or callable
         Gain in N m s/rad, or a function of w.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States zhat in rad and what in rad/s.
+    States zhat in rad and what in rad/s.
 
     Raises
     ------
-    InputError
-        When J or a LuGre parameter has no value.
+    When J or a LuGre parameter has no value.
 
     Notes
     -----
@@ -339,4 +247,897 @@ def proposed_observer(
     >>> bool((poles.real < 0).all())
     True
     """
-    return observer("proposed_observer", p, name=name, inputs=inputs, outputs=outputs, K1=K1, K2=K2)
+
+
+@block(
+    "observer",
+    name="friedland_park_observer",
+    out="Fhat ahat",
+    states="zeta",
+    source="Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992",
+)
+def _friedland_park(
+    w,
+    u,
+    zeta,
+    J=J,
+    Fv=FV,
+    k: Any = P(0.1, "N m (s/rad)^mu", 0.0),
+    mu: Any = P(1.5, "1", 1.0, 10.0),
+    eps=SMOOTH,
+):
+    """Fhat = ahat sign(w) + Fv w, ahat = zeta - k |w|^mu.
+
+    dzeta/dt = k mu |w|^(mu - 1) sign(w) (u - Fhat) / J.
+    """
+    speed = np.sqrt(w * w + eps * eps)  # |w| without a kink, so that powers of it are smooth
+    ahat = zeta - k * speed**mu
+    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
+    slope = k * mu * speed ** (mu - 2.0) * w
+    return Fhat, ahat, slope * acceleration(u, Fhat, 0.0, J)
+
+
+@factory(_friedland_park)
+def friedland_park_observer(
+    p: Parameters | Model, k: float = 0.1, mu: float = 1.5, **names: Unpack[Names]
+):
+    """The Coulomb friction observer of Friedland and Park: inputs w, u, outputs Fhat, ahat.
+
+    ahat = zeta - k |w|^mu, dzeta/dt = k mu |w|^(mu - 1) sign(w) (u - Fhat) / J,
+    Fhat = ahat sign(w) + Fv w.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J and Fv, the known viscous friction (0 in the original paper).
+    k : float
+        Gain >= 0 in N m (s/rad)^mu.
+    mu : float
+        Exponent, 1 to 10, without unit.
+
+    Returns
+    -------
+    State zeta in N m.
+
+    Raises
+    ------
+    When J or Fv has no value, or a gain is out of bounds.
+
+    Notes
+    -----
+    On a drive with F = a sign(w) + Fv w and no load, differentiation of ahat gives
+    d(a - ahat)/dt = -k mu |w|^(mu - 1) (a - ahat) / J: the error decays while the drive moves
+    (for mu > 1 faster at higher speed) and is constant at rest. |w| is computed as
+    sqrt(w^2 + eps^2); sign(w) as tanh(w/eps) in Fhat, as in the ``coulomb`` law, and as d|w|/dw
+    in dzeta/dt; eps is a parameter of the block, 1e-4 rad/s. On a drive with bristles Fhat jumps
+    at a reversal, while friction does not: the compensation is too large for a moment.
+
+    References
+    ----------
+    Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992.
+
+    Examples
+    --------
+    While the drive moves at w, ahat settles at the rate k mu |w|^(mu - 1)/J:
+
+    >>> p = lg.table1()
+    >>> observer = lg.friedland_park_observer(p, k=0.1, mu=1.5)
+    >>> w, u = 0.5, p.Fc + p.Fv * 0.5
+    >>> pole = observer.linearize([0.0], [w, u]).poles()[0]
+    >>> round(float(pole.real)), round(-0.1 * 1.5 * w**0.5 / p.J)  # 1/s
+    (-48, -48)
+    """
+
+
+@block(
+    "observer",
+    name="general_coulomb_observer",
+    out="Fhat ahat",
+    states="zeta",
+    source="derived here, in the spirit of Odabas, thesis, 2014: see the docstring of "
+    "lugrectl.general_coulomb_observer",
+)
+def _general_coulomb(
+    w,
+    u,
+    zeta,
+    J=J,
+    Fv=FV,
+    k: Any = P(0.11, "N m s/rad", 0.0),
+    w0: Any = P(0.1, "rad/s", 1e-12),
+    eps=SMOOTH,
+):
+    """Fhat = ahat sign(w) + Fv w, ahat = zeta - G, G = k (sqrt(w^2 + w0^2) - w0),
+    dzeta/dt = (dG/dw) (u - Fhat) / J.
+    """
+    speed = np.sqrt(w * w + w0 * w0)
+    ahat = zeta - k * (speed - w0)
+    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
+    return Fhat, ahat, k * w / speed * acceleration(u, Fhat, 0.0, J)
+
+
+@factory(_general_coulomb)
+def general_coulomb_observer(
+    p: Parameters | Model, k: float = 0.11, w0: float = 0.1, **names: Unpack[Names]
+):
+    """Friedland-Park with an adaptation that saturates: inputs w, u, outputs Fhat, ahat.
+
+    ahat = zeta - G(|w|), G = k (sqrt(w^2 + w0^2) - w0), dzeta/dt = (dG/dw) (u - Fhat) / J,
+    Fhat = ahat sign(w) + Fv w.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J and Fv.
+    k : float
+        Gain >= 0 in N m s/rad; the error decays at most at k/J, where |w| is well above w0.
+    w0 : float
+        Speed in rad/s below which it adapts more slowly.
+
+    Returns
+    -------
+    State zeta in N m.
+
+    Raises
+    ------
+    When J or Fv has no value, or a gain is out of bounds.
+
+    Notes
+    -----
+    For any adaptation function G the error e = a - ahat on a drive with F = a sign(w) + Fv w has
+    de/dt = -(G'(|w|)/J) e. So |e| never grows exactly if G' >= 0; it goes to 0 along a motion
+    exactly if the integral of G' over time is infinite; it does so exponentially for every motion
+    with |w| between two positive bounds exactly if G' > 0; and the rate is continuous at w = 0
+    exactly if G'(0) = 0. ``friedland_park_observer`` is G = k |w|^mu. The G here is smooth, its
+    rate is bounded, so that Euler steps of T are stable at every speed if T k < 2 J, and with
+    G'(0) = 0 it does not adapt at rest. sign(w) is tanh(w/eps), eps = 1e-4 rad/s.
+
+    Status: derived here, in the spirit of the generalised observer of Odabas (thesis, 2014),
+    which could not be confirmed.
+
+    Examples
+    --------
+    Well above w0 the estimate settles at k/J, here 50 1/s:
+
+    >>> p = lg.table1()
+    >>> observer = lg.general_coulomb_observer(p, k=50 * p.J, w0=0.1)
+    >>> pole = observer.linearize([0.0], [5.0, 0.4]).poles()[0]
+    >>> round(float(pole.real))
+    -50
+    """
+
+
+@block(
+    "observer",
+    name="disturbance_observer",
+    out="Fhat",
+    states="v",
+    source="standard form (Ohnishi), derived by substitution",
+)
+def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
+    """Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J."""
+    Fhat = J * (v - w) / tau
+    return Fhat, acceleration(u, Fhat, 0.0, J)
+
+
+@factory(_disturbance)
+def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpack[Names]):
+    """The disturbance observer Fhat = (u - J dw/dt) / (tau s + 1): inputs w, u, output Fhat.
+
+    Without a derivative: Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J.
+    tau : float
+        Time constant in s.
+
+    Returns
+    -------
+    State v in rad/s.
+
+    Raises
+    ------
+    When J has no value or tau is not positive.
+
+    Notes
+    -----
+    Uses no friction law: with the right J, tau dFhat/dt = D - Fhat, where D is the sum of all
+    resisting torques, load included. Noise of w is amplified by J/tau. Start the state
+    v = w + tau Fhat/J at w; started at 0 it gives Fhat = -J w/tau. Standard form (Ohnishi),
+    derived by substitution.
+
+    Examples
+    --------
+    A torque of 0.3 N m that does not move the drive is all friction, after a few tau:
+
+    >>> observer = lg.disturbance_observer(lg.table1(), tau=0.005)
+    >>> t = np.linspace(0.0, 0.05, 101)
+    >>> run = lg.simulate(observer, t, {"u": 0.3, "w": 0.0}, method="LSODA")
+    >>> Fhat = run.outputs.ravel()
+    >>> round(float(Fhat[-1]), 3)
+    0.3
+    """
+
+
+@block(
+    "observer",
+    name="extended_state_observer",
+    out="Fhat what",
+    states="what Fhat",
+    source="Gao's bandwidth parametrisation, derived by substitution",
+)
+def _extended_state(w, u, what, Fhat, J=J, bandwidth: Any = P(100.0, "1/s", 0.0)):
+    """dFhat/dt = -J p^2 (w - what), dwhat/dt = (u - Fhat) / J + 2 p (w - what), p = bandwidth."""
+    push = J * bandwidth * (w - what)
+    return acceleration(u + 2.0 * push, Fhat, 0.0, J), -bandwidth * push
+
+
+@factory(_extended_state)
+def extended_state_observer(
+    p: Parameters | Model, bandwidth: float = 100.0, **names: Unpack[Names]
+):
+    """The linear extended-state observer: inputs w, u, outputs Fhat, what.
+
+    dwhat/dt = (u - Fhat) / J + 2 p (w - what), dFhat/dt = -J p^2 (w - what), p = bandwidth.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J.
+    bandwidth : float
+        Both error poles are at -bandwidth, in 1/s.
+
+    Returns
+    -------
+    States what in rad/s and Fhat in N m.
+
+    Raises
+    ------
+    When J has no value or the bandwidth is negative.
+
+    Notes
+    -----
+    Uses no friction law: with the right J, Fhat = D / (s/p + 1)^2, where D is the sum of all
+    resisting torques, load included; exact for constant D. Noise of w is amplified by up to
+    J p/2. Start the state what at w. Gao's bandwidth parametrisation written in w; derived by
+    substitution.
+
+    Examples
+    --------
+    Both poles of the estimate are at -bandwidth:
+
+    >>> observer = lg.extended_state_observer(lg.table1(), bandwidth=200.0)
+    >>> poles = observer.linearize([0.0, 0.0], [0.0, 0.0]).poles()
+    >>> round(float(poles.real.mean()))
+    -200
+    """
+
+
+@block(
+    "observer",
+    name="adaptive_observer",
+    out="Fhat zhat what scale",
+    states="zhat what excess",
+    source="derived here: see the docstring of lugrectl.adaptive_observer",
+)
+def _adaptive(
+    w,
+    u,
+    zhat,
+    what,
+    excess,
+    J=J,
+    sigma0=SIGMA0,
+    sigma1=SIGMA1,
+    Fc=FC,
+    Fs=FS,
+    Fv=FV,
+    vs=VS,
+    K2=P(1.0, "N m s/rad", 0.0),
+    gamma: Any = P(10.0, "1/s", 0.0),
+):
+    """Fhat = scale phi + Fv w, phi = sigma0 zhat + sigma1 dzhat/dt, scale = 1 + excess.
+
+    dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
+    dexcess/dt = -gamma K2 phi (w - what) / Fs^2.
+    """
+    dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
+    phi = bristle_torque(w, zhat, dz, sigma0, sigma1, 0.0)
+    scale = 1.0 + excess
+    Fhat = bristle_torque(w, scale * zhat, scale * dz, sigma0, sigma1, Fv)
+    push = K2 * (w - what)
+    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / Fs**2
+
+
+@factory(_adaptive)
+def adaptive_observer(
+    p: Parameters | Model, K2: float = 1.0, gamma: float = 10.0, **names: Unpack[Names]
+):
+    """LuGre with an unknown constant scale: inputs w, u, outputs Fhat, zhat, what, scale.
+
+    Fhat = scale phi + Fv w, phi = sigma0 zhat + sigma1 dzhat/dt,
+    dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
+    dscale/dt = -gamma K2 phi (w - what) / Fs^2.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer; the scale starts at 1 (state excess = scale - 1).
+    K2 : float
+        Gain in N m s/rad; the speed estimate has the rate K2/J.
+    gamma : float
+        Rate in 1/s at which the scale settles when friction is at the level Fs, for gamma well
+        below K2/J.
+
+    Returns
+    -------
+    States zhat in rad, what in rad/s and excess, without unit.
+
+    Raises
+    ------
+    When J or a LuGre parameter has no value, or a gain is negative.
+
+    Notes
+    -----
+    For a drive with F = theta (sigma0 z + sigma1 dz/dt) + Fv w, theta constant and unknown
+    (sigma0, sigma1, Fc, Fs all scaled, as by a normal force), no load. With e = w - what and
+    q = theta - scale, and once zhat = z, J de/dt = -q phi - K2 e and dq/dt = gamma K2 phi e/Fs^2,
+    so that V = J e^2/2 + q^2 Fs^2/(2 gamma K2) has dV/dt = -K2 e^2: bounded, e -> 0, and q -> 0
+    if phi is persistently exciting (sliding at a constant speed is enough).
+    An error of zhat decays independently like exp(-integral of sigma0 |w|/h) and adds
+    -theta (sigma0 - sigma1 sigma0 |w|/h)(z - zhat) to J de/dt: if |w| is bounded and
+    persistently exciting, this term is square integrable, V stays bounded and the limits are the
+    same. At rest the scale continues to adapt to the torque that balances u. If only Fc and Fs
+    change, the estimate is right in sliding, and too stiff or too soft before it. Derived here;
+    this is not the law of Canudas de Wit and Lischinsky (1997), which adapts by the tracking
+    error.
+
+    Examples
+    --------
+    The speed estimate settles at the rate K2/J, here 500 1/s:
+
+    >>> p = lg.table1()
+    >>> observer = lg.adaptive_observer(p, K2=500 * p.J, gamma=10.0)
+    >>> observer.output_labels
+    ['Fhat', 'zhat', 'what', 'scale']
+    """
+
+
+@block(
+    "observer",
+    name="temperature_observer",
+    out="Fhat zhat slip",
+    states="zhat excess xi",
+    source=f"{DERIVED} {LISCHINSKY}",
+)
+def _temperature(
+    w,
+    u,
+    zhat,
+    excess,
+    xi,
+    J=J,
+    sigma0=SIGMA0,
+    sigma1=DAMPED,
+    Fc=FC,
+    Fs=FS,
+    Fv=FV,
+    vs=VS,
+    k=P(0.0, "1/s", 0.0),
+    gamma: Any = P(5.0, "1", 0.0),
+):
+    """Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, slip = 1 + excess, a = sigma0 |w|/h(w).
+
+    zbar = (xi - J w)/sigma1, dxi/dt = u - Fv w - sigma0 zbar,
+    dzhat/dt = w - slip a zhat + k (zbar - zhat),
+    dexcess/dt = -gamma a zhat (zbar - zhat) sigma0^2/Fs^2.
+    """
+    slip = 1.0 + excess
+    worn = relaxation(w, sigma0, level(w, Fc, Fs, vs)) * zhat
+    own = w - slip * worn
+    zbar = (xi - J * w) / sigma1
+    miss = zbar - zhat
+    Fhat = bristle_torque(w, zhat, own, sigma0, sigma1, Fv)
+    adapt = -gamma * worn * miss * (sigma0 / Fs) ** 2
+    return Fhat, slip, own + k * miss, adapt, u - Fv * w - sigma0 * zbar
+
+
+@factory(_temperature)
+def temperature_observer(
+    p: Parameters | Model, k: float = 0.0, gamma: float = 5.0, **names: Unpack[Names]
+):
+    """LuGre with an unknown level h(w), as by temperature: inputs w, u, outputs Fhat, zhat, slip.
+
+    Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, a = sigma0 |w|/h(w),
+    dzhat/dt = w - slip a zhat + k m, dslip/dt = -gamma a zhat m sigma0^2/Fs^2, m = zbar - zhat,
+    zbar = (xi - J w)/sigma1, dxi/dt = u - Fv w - sigma0 zbar.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer; sigma1 must be positive. The level of the drive is
+        h(w)/slip, and slip starts at 1 (state excess = slip - 1).
+    k : float
+        Gain in 1/s that pulls zhat towards zbar; above 0 it helps if sigma0 is wrong or a load
+        acts.
+    gamma : float
+        Gain of the adaptation, without unit. While the drive slides, m relaxes within 1/a and
+        slip follows at about gamma a.
+
+    Returns
+    -------
+    States zhat in rad, excess without unit and xi in N m s.
+
+    Raises
+    ------
+    When J or a LuGre parameter has no value, sigma1 is not positive, or a gain is negative.
+
+    Notes
+    -----
+    For a drive with dz/dt = w - theta a z, theta constant and unknown: Fc and Fs are divided by
+    theta, sigma0 and sigma1 stay. (J w + sigma1 z) has the derivative u - Fv w - sigma0 z, so
+    that zbar - z decays like exp(-sigma0 t/sigma1): zbar is a measurement of the deflection that
+    uses no friction law. With ez = z - zhat and V = ez^2/2 + (Fs/sigma0)^2 (theta - slip)^2
+    /(2 gamma), dV/dt = -(theta a + k) ez^2 once zbar = z. At rest a = 0 and slip keeps its value.
+
+    Noise of w reaches zbar with the factor J/sigma1. A load torque counts as friction. A wrong
+    sigma0 is the weak point: 30 % low with Fc and Fs 20 % low, the tracking error of the source
+    paper's velocity loop is 18 mrad/s (7 with k = 50) instead of 0.6. Start xi at J w.
+
+    Status: derived here, in the spirit of Canudas de Wit and Lischinsky (1997); the equations of
+    the original could not be confirmed.
+
+    Examples
+    --------
+    A drive whose friction falls as it warms up, in a velocity loop:
+
+    >>> p = lg.table1()
+    >>> loop = lg.velocity_loop(p, "temperature", gains={"gamma": 5.0, "k": 50.0})
+    >>> [name for name in loop.state_labels if name.startswith("temperature")]
+    ['temperature_observer_zhat', 'temperature_observer_excess', 'temperature_observer_xi']
+    """
+
+
+@block(
+    "observer",
+    name="friction_state_observer",
+    out="Fhat what",
+    states="what f",
+    source=f"{DERIVED} {IWASAKI}",
+)
+def _friction_state(
+    w,
+    u,
+    what,
+    f,
+    J=J,
+    sigma0=SIGMA0,
+    Fc=FC,
+    Fs=FS,
+    Fv=FV,
+    vs=VS,
+    bandwidth: Any = P(500.0, "1/s", 0.0),
+):
+    """Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what), p = bandwidth,
+    df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what).
+    """
+    Fhat = bristle_torque(w, f / sigma0, 0.0, sigma0, 0.0, Fv)
+    push = J * bandwidth * (w - what)
+    df = sigma0 * bristle(w, f / sigma0, sigma0, Fc, Fs, vs) - bandwidth * push
+    return Fhat, acceleration(u + 2.0 * push, Fhat, 0.0, J), df
+
+
+@factory(_friction_state)
+def friction_state_observer(
+    p: Parameters | Model, bandwidth: float = 500.0, **names: Unpack[Names]
+):
+    """Friction as a state with presliding in its rate: inputs w, u, outputs Fhat, what.
+
+    Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what),
+    df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what), p = bandwidth.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer; sigma1 is not needed.
+    bandwidth : float
+        Both error poles are at -bandwidth at rest, in 1/s.
+
+    Returns
+    -------
+    States what in rad/s and f in N m.
+
+    Raises
+    ------
+    When J or a friction parameter has no value, or the bandwidth is negative.
+
+    Notes
+    -----
+    It is the extended-state observer with a friction law in it: without the term of sigma0 the
+    two are equal. For the error x = (J p (w - what), f_true - f) the rates are
+    [[-2 p, -p], [p, -a]] x, a = sigma0 |w|/h(w), plus what enters by wrong parameters. With
+    V = |x|^2/(2 J p^2), dV/dt = -2 p J (w - what)^2 - a (f_true - f)^2/(J p^2): exponential
+    and uniform, also at rest, where a = 0 and both poles are at -p. At a constant speed the error
+    of Fhat by a wrong level is F (a' - a)/(a' + p/2), a' with the believed level; the natural
+    observer has F (a' - a)/a'. A wrong Fv leaves its share a'/(a' + p/2).
+
+    sigma1 dz/dt is not in the law: it counts as an error for about sigma1/sigma0 at reversals.
+    Noise of w is amplified by up to J p/2. A load torque counts as friction. Start what at w.
+
+    Status: derived here, in the spirit of Ruderman and Iwasaki (2015); the equations of the
+    original could not be confirmed.
+
+    Examples
+    --------
+    At rest the observer forgets a wrong start with both poles at -300 1/s:
+
+    >>> observer = lg.friction_state_observer(lg.table1(), bandwidth=300.0)
+    >>> observer.input_labels, observer.output_labels
+    (['w', 'u'], ['Fhat', 'what'])
+    >>> poles = observer.linearize([0.0, 0.0], [0.0, 0.0]).poles()
+    >>> round(float(poles.real.mean()))
+    -300
+    """
+
+
+@block(
+    "observer",
+    name="normal_force_observer",
+    out="Fhat zhat scale",
+    states="zhat excess",
+    source=f"{DERIVED} {LISCHINSKY}",
+)
+def _normal_force(
+    w,
+    e,
+    zhat,
+    excess,
+    sigma0=SIGMA0,
+    sigma1=SIGMA1,
+    Fc=FC,
+    Fs=FS,
+    Fv=FV,
+    vs=VS,
+    k=P(1.0, "1/s", 0.0),
+    gamma: Any = P(2e3, "1/(N m s)", 0.0),
+):
+    """Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat, scale = 1 + excess,
+    dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dexcess/dt = -gamma sigma0 zhat e.
+    """
+    scale = 1.0 + excess
+    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
+    adapt = -gamma * sigma0 * zhat * e
+    dy = adapt * zhat + scale * dz
+    return bristle_torque(w, scale * zhat, dy, sigma0, sigma1, Fv), scale, dz, adapt
+
+
+@factory(_normal_force)
+def normal_force_observer(
+    p: Parameters | Model, k: float = 1.0, gamma: float = 2e3, **names: Unpack[Names]
+):
+    """LuGre scaled as by a normal force: inputs w, e, outputs Fhat, zhat, scale.
+
+    Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat,
+    dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dscale/dt = -gamma sigma0 zhat e.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer; the scale starts at 1 (state excess = scale - 1).
+    k, gamma : float
+        Gains >= 0 on the tracking error e (measured - reference): on a position error in 1/s
+        and 1/(N m s), on a velocity error without unit and in 1/(N m).
+
+    Returns
+    -------
+    States zhat in rad and excess, without unit.
+
+    Raises
+    ------
+    When a LuGre parameter has no value, or a gain is negative.
+
+    Notes
+    -----
+    For a drive with F = theta (sigma0 z + sigma1 dz/dt) + Fv w, theta constant and unknown, in a
+    loop with Fhat and the feed-forward J ddr. dy/dt contains dscale/dt zhat, so that F - Fhat =
+    (sigma1 d/dt + sigma0) q, q = theta ez + (theta - scale) zhat, ez = z - zhat. The error is
+    e = -T(s) q, T = (sigma1 s + sigma0)/(J s^2 + C(s)). Where T is strictly positive real (see
+    :func:`lugrectl.spr_check`), T = c'(s - A)^-1 B has a P with P B = c, and
+    V = x'Px + theta ez^2/k + (theta - scale)^2/(gamma sigma0) has
+    dV/dt = -x'Qx - 2 theta a ez^2/k, a = sigma0 |w|/h(w): e goes to 0 for every wrong scale. With
+    only Fc and Fs wrong this proof does not hold; see :func:`lugrectl.temperature_observer`.
+
+    Status: derived here, in the spirit of Canudas de Wit and Lischinsky (1997); the equations of
+    the original could not be confirmed.
+
+    Examples
+    --------
+    An observer that starts with twice the friction of its parameters:
+
+    >>> observer = lg.normal_force_observer(lg.table1(), k=1.0, gamma=2000.0)
+    >>> Fhat, zhat, scale = observer.output(0.0, [1e-3, 1.0], [0.0, 0.0])
+    >>> round(float(Fhat), 3), float(scale)
+    (0.52, 2.0)
+    """
+
+
+@block(
+    "observer",
+    name="lyapunov_observer",
+    out="Fhat zhat",
+    states="zhat",
+    source=f"{DERIVED} {FREIDOVICH}",
+)
+def _lyapunov(
+    w, s, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k: Any = P(0.35, "1", 0.0)
+):
+    """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
+    dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
+    """
+    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
+    b = w - a * zhat
+    return bristle_torque(w, zhat, b, sigma0, sigma1, Fv), b - k * (1.0 - sigma1 / sigma0 * a) * s
+
+
+@factory(_lyapunov)
+def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
+    """The observer with a proof at every speed: inputs w, s, outputs Fhat, zhat.
+
+    Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
+    dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer.
+    k : float
+        Gain >= 0 on s, without unit if s is a velocity.
+
+    Returns
+    -------
+    State zhat in rad.
+
+    Raises
+    ------
+    When a LuGre parameter has no value, or k is negative.
+
+    Notes
+    -----
+    s is dV0/dx g of a Lyapunov function V0 of the loop without friction, dx/dt = f(x) + g (Fhat -
+    F), dV0/dt = -W: the velocity error in a velocity loop with PI and feed-forward (wire e to it,
+    V0 = J e^2/2 + ki q^2/2), de + c e in a position loop with PD and feed-forward, and the output
+    of :func:`lugrectl.sliding_error` beside a controller that acts on it. With
+    V = V0 + sigma0 (z - zhat)^2/(2 k), dV/dt = -W - sigma0^2 |w| (z - zhat)^2/(h(w) k), without
+    any condition. The existing observer with e = s has the same function with a condition,
+    |w|/h(w) <= (4/sigma1)(1 + KD/(k sigma1)) where W = KD s^2. That is a limit of the proof, not
+    of the loop: with wrong parameters its term -sigma1 k s in Fhat is additional damping, and it
+    is the better choice.
+
+    Status: derived here, in the spirit of Freidovich et al. (2010); the equations of the original
+    could not be confirmed.
+
+    Examples
+    --------
+    In a velocity loop with the reference's acceleration fed forward:
+
+    >>> p = lg.table1()
+    >>> loop = lg.velocity_loop(p, "lyapunov", k=0.35, feedforward=True)
+    >>> loop.input_labels
+    ['r', 'dr']
+    """
+
+
+@block(
+    "observer",
+    name="position_coulomb_observer",
+    out="Fhat ahat what",
+    states="that zeta",
+    start="theta 0",
+    source=f"{DERIVED} {TAFAZOLI}",
+)
+def _position_coulomb(
+    theta,
+    u,
+    that,
+    zeta,
+    J=J,
+    Fv=FV,
+    k: Any = P(0.11, "N m s/rad", 0.0),
+    L: Any = P(400.0, "1/s", 1e-12),
+    eps=SMOOTH,
+):
+    """Fhat = ahat sign(what) + Fv what, what = L (theta - that), ahat = zeta - k |what|,
+    dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
+    """
+    what = L * (theta - that)
+    size = np.sqrt(what * what + eps * eps)  # |what|; its slope is the sign
+    side, ahat = what / size, zeta - k * size
+    Fhat = ahat * side + Fv * what
+    push = acceleration(u, Fhat, 0.0, J)
+    return Fhat, ahat, what, what - push / L, k * side * push
+
+
+@factory(_position_coulomb)
+def position_coulomb_observer(
+    p: Parameters | Model, k: float = 0.11, L: float = 400.0, **names: Unpack[Names]
+):
+    """Coulomb friction and velocity from the position: inputs theta, u, outputs Fhat, ahat, what.
+
+    what = L (theta - that), ahat = zeta - k |what|, Fhat = ahat sign(what) + Fv what,
+    dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        Gives J and Fv.
+    k : float
+        Gain >= 0 in N m s/rad.
+    L : float
+        Rate in 1/s at which what follows the velocity.
+
+    Returns
+    -------
+    States that in rad and zeta in N m.
+
+    Raises
+    ------
+    When J or Fv has no value, or a gain is out of bounds.
+
+    Notes
+    -----
+    The Friedland-Park observer with exponent 1 on its own estimate of the velocity. sign(x) is
+    x/sqrt(x^2 + eps^2) and |x| is sqrt(x^2 + eps^2), one the derivative of the other, so that
+    dahat/dt = -k L sign(what) (w - what). On a drive with F = a sign(w) + Fv w and no load,
+    V = J (w - what)^2/2 + (a - ahat)^2/(2 k L) has
+    dV/dt = -(J L + Fv) (w - what)^2 - a (w - what)(sign(w) - sign(what)) <= 0, because the sign
+    increases: through reversals and at rest too. While the drive slides the errors have the poles
+    of x^2 + (L + Fv/J) x + k L/J = 0: for a rate r of ahat choose k = J r and L >= 4 r.
+
+    With a controller weaker than stiction the drive never moves and nothing is learnt. At rest
+    ahat follows the torque that balances u; a load counts as friction. Noise of theta is
+    amplified by L in what and by k L in ahat. Start that at theta(0). The rates are not affine in
+    the states, so there is no exact sampled form: :func:`lugrectl.sampled` runs it in substeps,
+    within 1 % of Fc at 1 kHz.
+
+    Status: derived here, in the spirit of Tafazoli, de Silva and Lawrence (1998), whose equations
+    could not be confirmed; at least the smooth sign, the viscous part and the proof are
+    additions.
+
+    Examples
+    --------
+    For a drive with an encoder only, ahat settles at the rate r = 50 1/s where k = J r:
+
+    >>> p = lg.table1()
+    >>> observer = lg.position_coulomb_observer(p, k=50 * p.J, L=400.0)
+    >>> observer.input_labels, observer.output_labels
+    (['theta', 'u'], ['Fhat', 'ahat', 'what'])
+    """
+
+
+@block(
+    "observer",
+    name="position_lugre_observer",
+    out="Fhat zhat what",
+    states="that what zhat",
+    start="theta 0 0",
+    source=f"{DERIVED} {OLSSON}",
+)
+def _position_lugre(
+    theta,
+    u,
+    that,
+    what,
+    zhat,
+    J=J,
+    sigma0=SIGMA0,
+    sigma1=SIGMA1,
+    Fc=FC,
+    Fs=FS,
+    Fv=FV,
+    vs=VS,
+    l1: Any = P(900.0, "1/s", 0.0),
+    l2: Any = P(2e5, "1/s2", 0.0),
+    l3: Any = P(-100.0, "1/s"),
+):
+    """Fhat = sigma0 zhat + sigma1 b + Fv what, b = what - sigma0 |what| zhat/h(what),
+    m = theta - that, dthat/dt = what + l1 m, dwhat/dt = (u - Fhat)/J + l2 m,
+    dzhat/dt = b + l3 m.
+    """
+    m, b = theta - that, bristle(what, zhat, sigma0, Fc, Fs, vs)
+    Fhat = bristle_torque(what, zhat, b, sigma0, sigma1, Fv)
+    return Fhat, what + l1 * m, acceleration(u, Fhat, 0.0, J) + l2 * m, b + l3 * m
+
+
+@factory(_position_lugre)
+def position_lugre_observer(
+    p: Parameters | Model,
+    l1: float = 900.0,
+    l2: float = 2e5,
+    l3: float = -100.0,
+    **names: Unpack[Names],
+):
+    """The whole drive copied and corrected by the position: inputs theta, u.
+
+    Outputs Fhat, zhat, what. m = theta - that, dthat/dt = what + l1 m,
+    dwhat/dt = (u - Fhat)/J + l2 m, dzhat/dt = b + l3 m, b = what - sigma0 |what| zhat/h(what),
+    Fhat = sigma0 zhat + sigma1 b + Fv what.
+
+    Parameters
+    ----------
+    p : Parameters or Model
+        The parameters used by the observer.
+    l1, l2, l3 : float
+        In 1/s, 1/s2, 1/s. (2719.1, 2.118e6, -5742.4) puts three poles at -1000 1/s at rest for
+        Table 1.
+
+    Returns
+    -------
+    States that in rad, what in rad/s and zhat in rad.
+
+    Raises
+    ------
+    When J or a LuGre parameter has no value, or l1 or l2 is negative.
+
+    Notes
+    -----
+    The errors of that, what and zhat follow [[-l1, 1, 0], [-l2, -(sigma1 b + Fv)/J,
+    -(sigma0 - sigma1 a)/J], [-l3, b, -a]] with a = sigma0 |what|/h(what) and
+    b = 1 - z (a(w) - a(what))/(w - what), between -0.26 and 2.26 for Table 1: affine in each, so
+    that the four corners decide. With three poles at -1000 1/s all corners are stable, and one
+    quadratic function decays at 445, 414, 338 1/s for speeds up to 0.1, 0.5, 1 rad/s. In steady
+    sliding z = h/sigma0 and b = w h'(w)/h(w), negative where friction falls with speed. There the
+    default gains are just stable (-3 1/s near vs); three poles at -500 1/s, closer to
+    sqrt(sigma0/J) = 344 1/s, are not (+90 1/s near vs).
+
+    l2 amplifies noise of theta. Start that at theta(0). With friction overestimated by half a
+    position loop with integral action still comes to rest, where the natural observer causes a
+    limit cycle.
+
+    Status: derived here, in the spirit of the observer-based compensation of Olsson and Astrom
+    (1996), whose equations could not be confirmed.
+
+    Examples
+    --------
+    Gains for three poles at -1000 1/s at rest:
+
+    >>> p = lg.table1()
+    >>> design = lg.design_gains(p, observer="position_lugre", pole=1000.0)
+    >>> observer = lg.position_lugre_observer(p, **design.gains)
+    >>> poles = observer.linearize([0.0, 0.0, 0.0], [0.0, 0.0]).poles()
+    >>> round(float(poles.real.mean()), -1)
+    -1000.0
+    """
+
+
+def observer_block(name: str) -> Block:
+    """The registered observer of a name; ``_observer`` at its end may be left out.
+
+    Raises
+    ------
+    InputError
+        When there is no observer of that name.
+    """
+    known, name = members("observer"), name_of("observer", name)
+    for key in (name, f"{name}_observer") if isinstance(name, str) else ():
+        if key in known:
+            return known[key]
+    short = [key.removesuffix("_observer") for key in known if key != "no_observer"]
+    hint = meant(str(name).removesuffix("_observer"), short)
+    hint = hint if hint.endswith("?") else f"{hint[:-1]}, and None for no observer."
+    raise InputError(f"unknown observer {shown(name)}; {hint}")
+
+
+def observer(kind: str, p: Parameters | Model, **given: Any) -> ct.NonlinearIOSystem:
+    """Build any registered observer, with J and the friction parameters of p.
+
+    ``given`` are its name, inputs and outputs, and its other parameters; those left out keep their
+    defaults.
+
+    Raises
+    ------
+    InputError
+        For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
+    """
+    return believed(observer_block(kind), p, **given)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 from ..core.errors import InputError
 from .block import Block
 from .effects.inertia import load_motion
 from .embedding import Part, through_sensors
+from .factories import Names, factory
 from .friction import J
 from .model import Model, Parameters, as_model
 
@@ -205,13 +206,8 @@ def _leveled(values: Mapping[str, Any], deeds: Sequence[tuple[str, Any]]) -> dic
     return made
 
 
-def plant(
-    p: Parameters | Model,
-    *,
-    name: str = "plant",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def plant(p: Parameters | Model, **names: Unpack[Names]):
     """The drive J dw/dt = u - F - d as a block: inputs u, d (N m), outputs theta, w, F.
 
     A load inertia behind ``elastic_coupling`` or ``backlash`` adds the outputs theta_load,
@@ -223,19 +219,15 @@ def plant(
         LuGre parameters, or a whole model: friction, input, level and torque effects inside;
         its sensor effects make the block :func:`lugrectl.sensor`. A friction law of your own
         takes the defaults of its declaration where the model has no value.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States theta, w, the friction's z, then those of the effects; parameters keyed
-        ``plant.J``, ``plant.Fc``, ``plant.gravity.amplitude`` ...
+    States theta, w, the friction's z, then those of the effects; parameters keyed
+    ``plant.J``, ``plant.Fc``, ``plant.gravity.amplitude`` ...
 
     Raises
     ------
-    InputError
-        When a parameter has no value yet.
+    When a parameter has no value yet.
 
     Notes
     -----
@@ -256,34 +248,25 @@ def plant(
     ['plant.gravity.amplitude', 'plant.gravity.phase']
     """
     model = as_model(p).with_defaults()
-    return _system(assemble(model, loads=_loads(model)), model, name, inputs, outputs)
+    return _system(assemble(model, loads=_loads(model)), model, names)
 
 
-def sensor(
-    p: Parameters | Model,
-    *,
-    name: str = "sensor",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def sensor(p: Parameters | Model, **names: Unpack[Names]):
     """The sensors of the motion: inputs w, theta, outputs w_m, theta_m.
 
     Parameters
     ----------
     p : Parameters or Model
         Gives the sensor effects, which act in series; without any the signals are not changed.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States are those of the sensor effects; outputs in rad/s and rad.
+    States are those of the sensor effects; outputs in rad/s and rad.
 
     Raises
     ------
-    InputError
-        When a parameter of a sensor effect has no value yet.
+    When a parameter of a sensor effect has no value yet.
 
     Examples
     --------
@@ -297,7 +280,7 @@ def sensor(
     model = as_model(p)
     uses = [Part(f"{use.key}.", use.block) for use in model.effects]
     parts = tuple(part for part in uses if "sensor" in part.block.acts)
-    return _system(_Sensing(parts).block(), model, name, inputs, outputs)
+    return _system(_Sensing(parts).block(), model, names)
 
 
 @dataclass(frozen=True)
@@ -329,16 +312,10 @@ class _Sensing:
         )
 
 
-def _system(
-    made: Block,
-    model: Model,
-    name: str,
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-) -> ct.NonlinearIOSystem:
+def _system(made: Block, model: Model, names: Names) -> ct.NonlinearIOSystem:
     values = {k: v for k, v in model.values().items() if k in made.parameters}
     missing = [k for k, v in values.items() if v is None]
     if missing:
         what = "has no value; identify it" if len(missing) == 1 else "have no values; identify them"
         raise InputError(f"{model.name}: {', '.join(missing)} {what} first.")
-    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
+    return made.system(**names, **values)

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive, renamed, shown, within
 from .block import REGISTRY, Block, P
-from .bristle_observers import DERIVED
 from .declaration import block
+from .factories import Names, believed, factory
 from .friction import J
 from .model import Model, Parameters, as_model
-from .observers import believed
+from .observers import DERIVED
 from .sliding_control import CHEN
 
 if TYPE_CHECKING:
-    import control as ct
+    pass
 
 
 HARMONICS = 9
@@ -78,7 +77,7 @@ def _memory(
     s,
     ar,
     v_late,
-    J: Any = J,
+    J=J,
     K: Any = P(0.1, "N m s/rad", 0.0),
     gamma: Any = P(0.1, "N m s/rad", 0.0),
     limit: Any = P(1.0, "N m", 0.0),
@@ -91,17 +90,15 @@ def _memory(
     return J * ar - K * s + v, v
 
 
+@factory()
 def repetitive_control(
     p: Parameters | Model,
     period: float = 1.0,
     K: float = 0.1,
     gamma: float = 2.0,
     harmonics: int = HARMONICS,
-    *,
-    name: str = "repetitive_control",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+    **names: Unpack[Names],
+):
     """Learning along a periodic reference, without any friction law: inputs s, ar, output u.
 
     u = J ar - K s + x0 + x1 + ... + xn, dx0/dt = -gamma s,
@@ -117,19 +114,15 @@ def repetitive_control(
         Feedback gain in N m s/rad, learning gain in N m/rad.
     harmonics : int
         Number n of harmonics that are learnt.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States x0, then xj and yj of each harmonic, in N m.
+    States x0, then xj and yj of each harmonic, in N m.
 
     Raises
     ------
-    InputError
-        When J has no value, a gain is negative, the period is not positive, or harmonics is not
-        a whole number above 0.
+    When J has no value, a gain is negative, the period is not positive, or harmonics is not
+    a whole number above 0.
 
     Notes
     -----
@@ -158,10 +151,10 @@ def repetitive_control(
         raise InputError(f"harmonics = {shown(harmonics)} must be a whole number above 0, as 9 is.")
     n = int(harmonics)
     made = REGISTRY["controller", "repetitive_control"] if n == HARMONICS else Harmonics(n).block()
-    gains = {"period": period, "K": K, "gamma": gamma}
-    return believed(made, p, name=name, inputs=inputs, outputs=outputs, **gains)
+    return believed(made, p, **names, period=period, K=K, gamma=gamma)
 
 
+@factory()
 def repetitive_memory(
     p: Parameters | Model,
     period: float = 1.0,
@@ -170,11 +163,8 @@ def repetitive_memory(
     gamma: float = 0.1,
     limit: float = 1.0,
     smooth: bool = False,
-    *,
-    name: str = "repetitive_memory",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+    **names: Unpack[Names],
+):
     """Repetitive learning with a memory of one period, sampled at dt: inputs s, ar, output u.
 
     u = J ar - K s + v, v(t) = clip(v(t - period), +-limit) - gamma s(t).
@@ -193,19 +183,15 @@ def repetitive_memory(
     smooth : bool
         True to average what is remembered with the weights 1/4, 1/2, 1/4 over three samples, so
         that noise is not learnt.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Of sample time dt; its states are the remembered v in N m, the oldest first: one more than
-        the samples of a period.
+    Of sample time dt; its states are the remembered v in N m, the oldest first: one more than
+    the samples of a period.
 
     Raises
     ------
-    InputError
-        When J has no value, or a number is out of bounds.
+    When J has no value, or a number is out of bounds.
 
     Notes
     -----
@@ -233,7 +219,7 @@ def repetitive_memory(
         raise InputError("repetitive_memory needs J, which p does not give; give it a value.")
     dt, period = positive(dt, "dt, the sample time,", "seconds"), positive(period, "period", "s")
     limit = positive(limit, "limit", "N m")
-    values = {"J": J, "K": K, "gamma": gamma}
+    values, name = {"J": J, "K": K, "gamma": gamma}, one_name(names.get("name"))
     for key, value in values.items():
         within(value, f"{name}.{key}", _memory.parameters[key])
     if period > MOST * dt:
@@ -245,11 +231,11 @@ def repetitive_memory(
     return BlockSystem(
         _Remembered(made),
         _Learnt(made),
-        inputs=renamed(name, "inputs", ("s", "ar"), inputs),
-        outputs=renamed(name, "outputs", ("u",), outputs),
+        inputs=renamed(name, "inputs", ("s", "ar"), names.get("inputs")),
+        outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
         states=[f"v{j}" for j in range(count + 1)],
         params={f"{name}.{k}": float(v) for k, v in values.items()},
-        name=one_name(name),
+        name=name,
         dt=float(dt),
     )
 

@@ -6,25 +6,22 @@ Their torque adds to the Fhat of an observer, as that of pi and pid does: u = J 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from ..core.errors import InputError
 from .block import P
-from .bristle_observers import DERIVED
-from .controllers import MEASURED
+from .controllers import MEASURED, check_kind
 from .declaration import block
+from .factories import Names, factory
 from .friction import FC, FS, SIGMA0, VS, J, level, relaxation
-from .observers import believed
+from .observers import DERIVED
 
 if TYPE_CHECKING:
-    import control as ct
-
     from .model import Model, Parameters
 
-LAM = P(20.0, "1/s", 0.0)
-KD = P(0.1, "N m s/rad", 0.0)
+LAM: Any = P(20.0, "1/s", 0.0)
+KD: Any = P(0.1, "N m s/rad", 0.0)
 SLOTINE = "Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988"
 KELLY = "Canudas de Wit and Kelly, Asian J. Control 9(3), 2007"
 CHEN = "Chen et al., Int. J. Robust and Nonlinear Control, 2022"
@@ -131,17 +128,8 @@ def _backstepping(
     return J * (ar - dq - ks * surface - switch), surface, dq
 
 
-_ERRORS = {"velocity": _sliding_error_velocity, "position": _sliding_error}
-
-
-def sliding_error(
-    lam: float = 20.0,
-    kind: str = "position",
-    *,
-    name: str = "sliding_error",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory()
+def sliding_error(lam: float = 20.0, kind: str = "position", **names: Unpack[Names]):
     """The error on which Slotine-Li controllers act: inputs theta, w, r, dr, ddr, outputs s, ar.
 
     s = (w - dr) + lam (theta - r), ar = ddr - lam (w - dr).
@@ -152,18 +140,14 @@ def sliding_error(
         Rate in 1/s at which the position error decays once s = 0; not used for a velocity.
     kind : "velocity" or "position"
         For a velocity s = w - r and ar = dr, from the inputs w, r, dr.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; outputs s in rad/s and ar in rad/s2.
+    Without states; outputs s in rad/s and ar in rad/s2.
 
     Raises
     ------
-    InputError
-        For another kind or a negative lam.
+    For another kind or a negative lam.
 
     Notes
     -----
@@ -180,20 +164,14 @@ def sliding_error(
     >>> error.output(0.0, [], [0.01, 0.0, 0.0, 0.0, 0.0])
     array([0.2, 0. ])
     """
-    if kind not in _ERRORS:
-        raise InputError(f"unknown kind {kind!r}; known: {', '.join(MEASURED)}.")
-    own = {"lam": lam} if kind == "position" else {}
-    return _ERRORS[kind].system(name=name, inputs=inputs, outputs=outputs, **own)
+    check_kind(kind, MEASURED)
+    if kind == "velocity":
+        return _sliding_error_velocity.system(**names)
+    return _sliding_error.system(**names, lam=lam)
 
 
-def slotine_li(
-    p: Parameters | Model,
-    KD: float = 0.1,
-    *,
-    name: str = "slotine_li",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+@factory(_slotine_li)
+def slotine_li(p: Parameters | Model, KD: float = 0.1, **names: Unpack[Names]):
     """The controller u = J ar - KD s: inputs s, ar of :func:`sliding_error`, output u.
 
     Parameters
@@ -202,18 +180,14 @@ def slotine_li(
         Gives J.
     KD : float
         Gain in N m s/rad.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        Without states; output u in N m.
+    Without states; output u in N m.
 
     Raises
     ------
-    InputError
-        When J has no value or KD is negative.
+    When J has no value or KD is negative.
 
     Notes
     -----
@@ -238,19 +212,12 @@ def slotine_li(
     >>> np.round(slotine_li.output(0.0, [], [0.2, 100.0]), 3)  # s = 0.2 rad/s, ar = 100 rad/s2
     array([0.2])
     """
-    return believed(_slotine_li, p, name=name, inputs=inputs, outputs=outputs, KD=KD)
 
 
+@factory(_adaptive_slotine_li)
 def adaptive_slotine_li(
-    KD: float = 0.1,
-    gJ: float = 1e-4,
-    gv: float = 0.01,
-    gc: float = 0.3,
-    *,
-    name: str = "adaptive_slotine_li",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-) -> ct.NonlinearIOSystem:
+    KD: float = 0.1, gJ: float = 1e-4, gv: float = 0.01, gc: float = 0.3, **names: Unpack[Names]
+):
     """Slotine-Li with adaptation from nothing: inputs s, ar, w, output u.
 
     u = Jhat ar + Fvhat w + Fchat sign(w) - KD s, sign(w) = tanh(w/eps),
@@ -262,18 +229,14 @@ def adaptive_slotine_li(
         Gain in N m s/rad.
     gJ, gv, gc : float
         Adaptation gains >= 0 in kg m2 s2/rad2, N m s2/rad3, N m/rad.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States Jhat in kg m2, Fvhat in N m s/rad and Fchat in N m.
+    States Jhat in kg m2, Fvhat in N m s/rad and Fchat in N m.
 
     Raises
     ------
-    InputError
-        When a gain is negative.
+    When a gain is negative.
 
     Notes
     -----
@@ -295,10 +258,9 @@ def adaptive_slotine_li(
     >>> loop.input_labels
     ['r', 'dr', 'ddr']
     """
-    gains = {"KD": KD, "gJ": gJ, "gv": gv, "gc": gc}
-    return _adaptive_slotine_li.system(name=name, inputs=inputs, outputs=outputs, **gains)
 
 
+@factory(_dual_observer)
 def dual_observer_control(
     p: Parameters | Model,
     KD: float = 0.1,
@@ -307,7 +269,7 @@ def dual_observer_control(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     **gains: float,
-) -> ct.NonlinearIOSystem:
+):
     """State feedback that adapts sigma0, sigma1 and Fv: inputs s, ar, w, output u.
 
     u = J ar - KD s + S0 z0 - S1 a z1 + T w, a = sigma0 |w|/h(w),
@@ -322,18 +284,14 @@ def dual_observer_control(
         Gain in N m s/rad.
     gains : float
         k0, k1, g0, g1, g2, each >= 0; those left out keep their defaults.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        States z0, z1 in rad, S0 in N m/rad, S1 and T in N m s/rad.
+    States z0, z1 in rad, S0 in N m/rad, S1 and T in N m s/rad.
 
     Raises
     ------
-    InputError
-        When a parameter has no value, or a gain is unknown or negative.
+    When a parameter has no value, or a gain is unknown or negative.
 
     Notes
     -----
@@ -356,9 +314,9 @@ def dual_observer_control(
     >>> control.state_labels
     ['z0', 'z1', 'S0', 'S1', 'T']
     """
-    return believed(_dual_observer, p, name=name, inputs=inputs, outputs=outputs, KD=KD, **gains)
 
 
+@factory(_backstepping)
 def backstepping_smc(
     p: Parameters | Model,
     ks: float = 100.0,
@@ -368,7 +326,7 @@ def backstepping_smc(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     **gains: float,
-) -> ct.NonlinearIOSystem:
+):
     """Backstepping with an integral fast terminal sliding mode: inputs s, ar, outputs u, surface.
 
     u = J (ar - dq/dt - ks y - eps y/sqrt(y^2 + phi^2)), y = surface = s + q,
@@ -382,18 +340,14 @@ def backstepping_smc(
         In 1/s and rad/s2.
     gains : float
         a in 1/s, b, gamma (0 to 1) and phi in rad/s; those left out keep their defaults.
-    name, inputs, outputs : str, list of str
-        Block name and, in order, other names for the signals.
 
     Returns
     -------
-    control.NonlinearIOSystem
-        State q in rad/s, the unit of s on a position.
+    State q in rad/s, the unit of s on a position.
 
     Raises
     ------
-    InputError
-        When J has no value, or a gain is unknown or out of bounds.
+    When J has no value, or a gain is unknown or out of bounds.
 
     Notes
     -----
@@ -419,6 +373,3 @@ def backstepping_smc(
     >>> loop.input_labels
     ['r', 'dr', 'ddr']
     """
-    return believed(
-        _backstepping, p, name=name, inputs=inputs, outputs=outputs, ks=ks, eps=eps, **gains
-    )

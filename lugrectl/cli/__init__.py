@@ -15,6 +15,7 @@ from ..core.blas_threads import BLAS
 from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError, NotLoaded
 from ..core.option_names import on_command_line
 from .options import parser
+from .output import check_picture, say
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -54,8 +55,10 @@ def _run(argv: Sequence[str] | None) -> int:
     try:
         arguments = parser().parse_args(argv)
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
-        blocks = getattr(arguments, "blocks", ())
+        blocks = getattr(arguments, "blocks", None) or ()
         _load(blocks)
+        if getattr(arguments, "plot", None) is not None:
+            check_picture(arguments.plot)
         code = arguments.run(arguments)
         sys.stdout.flush()
         return code
@@ -107,5 +110,5 @@ def _failed(error: Exception, blocks: Sequence[str] = ()) -> int:
 
 
 def _said(sentence: str, code: int) -> int:
-    print(f"lugrectl: {sentence}", file=sys.stderr)
+    say(sentence)
     return code

@@ -1,10 +1,11 @@
-"""The commands that work on records: what they print and return.
+"""The commands: what they do with their options, and their exit code.
 
 Slow imports are left to the command that needs them.
 """
 
 from __future__ import annotations
 
+import math
 import sys
 from argparse import Namespace
 from dataclasses import replace
@@ -14,13 +15,22 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, Refused
+from ..core.progress import Terminal
 from ..core.provenance import stamp
-from .inputs import AUTO, chosen, declared, files, fixed, reading
-from .output import print_out
+from .inputs import AUTO, declared, files, fixed, given, logs, searched, spare, with_holdout
+from .output import answer, as_json, drawn, has_screen, listed, print_out, say, write
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
-    from ..record import Log
+
+NO_SCREEN = (
+    "there is no screen to draw on: only the numbers follow; give --plot plot.png to get the "
+    "picture as a file"
+)
+OUTCOMES = {"rests": 0, "hunts": 1, "undecided": 3}  # exit codes of hunt
+
+
+# --- diagnose, identify, demo, reproduce ---------------------------------------------------
 
 
 def diagnose(a: Namespace) -> int:
@@ -39,20 +49,19 @@ def diagnose(a: Namespace) -> int:
         raise InputError("--jobs is for many logs: use it together with --each.")
     from ..diagnosis.diagnose import diagnose as work
 
-    return _main_job(work if a.compensate is None else partial(_closing, work, a.compensate), a)
+    return _fitted(work if a.compensate is None else partial(_closing, work, a.compensate), a)
 
 
 def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
     """The result of ``work``, with the control loop compensated by the model it found."""
-    from ..compensated_loop import compensate
+    from ..bench import compensate
 
     found = work(record, model, **options)
     if found.model is None:
         return found
     options["progress"](0.97, "closing the control loop")
-    lugre = "sigma1" in model.friction.values
     options = {
-        "observer": "proposed" if lugre else "disturbance",
+        "observer": "proposed" if "sigma1" in model.friction.values else "disturbance",
         "record": found.record,
         "covariance": found.joint,
         "seed": options.get("seed", 0),
@@ -69,7 +78,7 @@ def identify(a: Namespace) -> int:
     """``lugrectl identify``."""
     from ..diagnosis.identify import identify as work
 
-    return _main_job(work, a)
+    return _fitted(work, a)
 
 
 def demo(a: Namespace) -> int:
@@ -77,101 +86,278 @@ def demo(a: Namespace) -> int:
     from ..diagnosis.diagnose import diagnose as work
 
     with resources.as_file(resources.files("lugrectl") / "demo") as folder:
-        files = {"records": [str(folder / "record.csv")], "model": str(folder / "model.toml")}
-        options = {"columns": None, "units": None, "scale": None, "rate": None}
-        fixed = {"holdout": None, "horizon": 1.0}
-        return _main_job(work, Namespace(**vars(a), **files, **options, **fixed))
+        a.records, a.model = [str(folder / "record.csv")], str(folder / "model.toml")
+        a.columns = a.units = a.scale = a.rate = a.holdout = None
+        a.horizon = 1.0
+        return _fitted(work, a)
 
 
-def reproduce(a: Namespace) -> int:
-    """``lugrectl reproduce``: the source paper's numbers and figures, and what is not in it."""
-    from ..paper import reproduce as work
-    from ..paper import text, write
-    from ..report import check_folder
-    from .progress import Bar
-
-    if a.out is not None:
-        check_folder(a.out)
-    with Bar(sys.stderr) as bar:
-        result = stamp(work(progress=bar), a.typed)
-        bar(1.0, "writing")
-        written = write(result, a.out) if a.out is not None else []
-    print_out(result.to_json() if a.json else text(result))
-    if written:
-        where = f"page: {written[0]} (and {', '.join(p.name for p in written[1:])})"
-        print(where, file=sys.stderr if a.json else sys.stdout)
-    return 0
-
-
-def _main_job(work: Any, a: Namespace) -> int:
+def _fitted(work: Any, a: Namespace) -> int:
     from ..blocks.extending import files_loaded
-    from ..report import check_folder, text, write
-    from .plotting import answered, format_of
+    from ..report import FILES, check_folder, text
+    from ..report import write as write_report
 
-    kind = format_of(a.plot)
     model = fixed(declared(a), a)
     a.records = files(a.records)
     if a.out is not None:
         check_folder(a.out)
-        _spare(a)
+        named = [*a.records, a.model, a.holdout or "last"]
+        spare(a.out, named, [Path(a.out) / name for name in FILES])
     sources = [*a.records, model, a.holdout, *files_loaded()]
     result = stamp(_answered(work, a, model), a.typed, sources)
     refused = getattr(result, "verdict", None) == "refused"
-    written = write(result, a.out) if a.out is not None else []
-    answered(result, a, None if refused else kind, result.to_json() if a.json else text(result))
-    if written:
-        where = f"report: {written[0]} (and {', '.join(p.name for p in written[1:])})"
-        print(where, file=sys.stderr if a.json else sys.stdout)
+    written = write_report(result, a.out) if a.out is not None else []
+    a.plot = None if refused else a.plot
+    answer(result, a, None if a.json else text(result))
+    listed("report", written, a)
     if refused and a.json:
-        print(f"lugrectl: refused: {result.reason}", file=sys.stderr)
+        say(f"refused: {result.reason}")
     return Refused.exit_code if refused else 0
 
 
 def _answered(work: Any, a: Namespace, model: Model) -> Any:
     """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
     from ..diagnosis.notes import refusal
-    from .progress import Bar
 
-    logs, holdout = _read_all(a, model)
-    options = {"holdout": holdout, "horizon": a.horizon, "seed": a.seed}
-    options |= chosen(a) | ({"law": AUTO} if getattr(a, "law", None) == AUTO else {})
-    record = logs[0] if len(logs) == 1 else logs
+    training, holdout = with_holdout(a, model)
+    options = searched(a) | {"holdout": holdout}
+    options |= {"law": AUTO} if getattr(a, "law", None) == AUTO else {}
+    record = training[0] if len(training) == 1 else training
     try:
-        with Bar(sys.stderr) as bar:
+        with Terminal(sys.stderr) as bar:
             return work(record, model, progress=bar, **options)
     except Refused as no:
         return refusal(no, model, [], no.plain)
 
 
-def _read_all(a: Namespace, model: Model) -> tuple[list[Log], Any]:
-    """The logs, and the value of ``holdout``."""
-    names = [Path(name).resolve() for name in a.records]
-    twice = next((n for n in names if names.count(n) > 1), None)
-    if twice is not None:
-        raise InputError(f"{twice.name} is given twice; name each record once.")
-    apart = a.holdout not in (None, "last")
-    if apart and Path(a.holdout).resolve() in names:
+def reproduce(a: Namespace) -> int:
+    """``lugrectl reproduce``: the source paper's numbers and figures, and what is not in it."""
+    from ..paper import reproduce as work
+    from ..paper import text
+    from ..paper import write as write_page
+    from ..report import check_folder
+
+    if a.out is not None:
+        check_folder(a.out)
+    with Terminal(sys.stderr) as bar:
+        result = stamp(work(progress=bar), a.typed)
+        bar(1.0, "writing")
+        written = write_page(result, a.out) if a.out is not None else []
+    print_out(result.to_json() if a.json else text(result))
+    listed("page", written, a)
+    return 0
+
+
+# --- plot, bode ----------------------------------------------------------------------------
+
+
+def plot(a: Namespace) -> int:
+    """Print the plain answer and draw it, into a file or on the screen.
+
+    That there is no screen is said before the work.
+    """
+    from ..blocks.model import changed
+    from ..diagnosis.asked import plain_answer
+    from ..report import plain_text
+
+    model = None if a.model is None else declared(a)
+    a.records = files(a.records)
+    read = logs(a, None if model is None else model.motion)  # an unreadable input: one sentence
+    blind = a.plot is None and not has_screen()
+    if blind:
+        say(f"{NO_SCREEN}.")
+    balance = plain_answer(read, model or changed({}, {"motion": read[0].motion}, "model"))
+    said = "" if blind else drawn(balance, a.plot)
+    print_out(balance.to_json() if a.json else plain_text(balance))
+    if said:
+        say(said)
+    return 0
+
+
+def bode(a: Namespace) -> int:
+    """Print the response, and draw it into a file; a refusal is printed as JSON all the same.
+
+    With --plan it writes the excitation to record instead; without a record it tunes a model.
+    """
+    if a.plan is not None:
+        return _planned(a)
+    from ..commissioning import frequency_response
+
+    _check_gains(a)
+    model = declared(a)
+    if not a.records:
+        answer(stamp(_tuned(model, a, rate=a.rate), a.typed, [model]), a)
+        return 0
+    a.records = files(a.records)
+    try:
+        found = frequency_response(logs(a, model.motion), model)
+    except Refused as no:
+        if a.json:
+            print_out(_no_response(no))
+        raise
+    found, no = _with_gains(stamp(found, a.typed, [*a.records, model]), a, model)
+    both = "\n".join(map(repr, filter(None, (found, found.gains))))
+    answer(found, a, None if a.json else both)
+    if no:
+        raise no
+    return 0
+
+
+def _no_response(no: Refused) -> str:
+    arrays = ("frequency", "magnitude", "phase", "low", "high", "coherence", "modes")
+    document = {"schema": 1, **{k: [] for k in arrays}, "gains": None, "reason": str(no)}
+    return as_json(document | {"experiment": no.experiment})
+
+
+def _check_gains(a: Namespace) -> None:
+    """Raise InputError for options of --tune without it, and where there is nothing to do."""
+    more = [k for k in ("ms", "bandwidth", "dead_time", "no_hunting") if getattr(a, k)]
+    if more and not a.tune:
+        raise InputError(f"--{more[0].replace('_', '-')} is for gains: use it with --tune.")
+    if not a.records and not a.tune:
+        raise InputError("give a record; without one, --tune P-PI gives the gains of the model.")
+
+
+def _with_gains(found: Any, a: Namespace, model: Model) -> tuple[Any, Refused | None]:
+    """The response with its gains, or with why there are none."""
+    if not a.tune:
+        return found, None
+    try:
+        return replace(found, gains=_tuned(found, a, model=model)), None
+    except Refused as no:
+        return replace(found, messages=(*found.messages, f"No gains: {no}")), no
+
+
+def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
+    from ..commissioning import tune
+
+    known |= given(a, "dead_time") | ({} if a.ms is None else {"Ms": a.ms})
+    known |= {} if a.bandwidth is None else {"bandwidth": 2.0 * math.pi * a.bandwidth}
+    return tune(axis, a.tune, hunting=not a.no_hunting, **known)
+
+
+def _planned(a: Namespace) -> int:
+    """Write the references to record as CSV, and print how to play them."""
+    from ..blocks.model import read_model
+    from ..commissioning import response_plan
+
+    if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
         raise InputError(
-            f"--holdout {a.holdout} is a training record too; give another file, or --holdout last."
+            "--plan needs the rate and the limits of the drive in place of a record, such as "
+            "--plan excitation.csv --rate 1000 --limits w=60,u=3."
         )
-    logs = [_read(name, a, model) for name in a.records]
-    return logs, _read(a.holdout, a, model) if apart else a.holdout
+    if a.tune or a.plot:
+        raise InputError("--plan writes an excitation only: use --tune and --plot with its log.")
+    plan = response_plan(read_model(a.model), rate=a.rate, kp=a.kp, **limits)
+    write(Path(a.plan), plan.to_csv().encode(), "--plan")
+    answer(plan, a)
+    return 0
 
 
-def _read(name: str, a: Namespace, model: Model) -> Log:
-    from ..record import read_log
+def _limits(text: str | None) -> dict[str, Any]:
+    """ "w=60,u=3" by name."""
+    pairs = [one.partition("=") for one in (text or "").split(",") if one.strip()]
+    try:
+        found: dict[str, Any] = {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError:
+        found = {"": 0.0}
+    if not {*found} <= {"w", "u", "theta"}:
+        raise InputError(f"--limits is '{text}', but w=60,u=3,theta=6 or part of it is needed.")
+    return found
 
-    return read_log(name, **reading(a), motion=model.motion)
+
+# --- hunt, assure --------------------------------------------------------------------------
 
 
-def _spare(a: Namespace) -> None:
-    """Raise InputError if the report would overwrite one of its input files."""
-    from ..report import FILES
+def hunt(a: Namespace) -> int:
+    """0 where every start comes to rest, 1 where one does not, 3 where it is undecided; with
+    ``--speed`` 0 where both speeds are known."""
+    gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
+    loop = {k: getattr(a, k) for k in ("rate", "dead_time", "counts", "limit", "time_limit")}
+    vary = dict(map(_range, a.vary)) if a.vary else None
+    moving = _moving(a, gains, vary) if a.speed else None
+    found = _cycles(a, gains | loop, None if moving else vary)
+    found = replace(found, stick_slip=moving) if moving else found
+    answer(found, a, picture=moving)
+    return int(not math.isfinite(moving.speed_end)) if moving else OUTCOMES[found.outcome]
 
-    sources = {Path(name).resolve() for name in [*a.records, a.model, a.holdout or "last"]}
-    for name in FILES:
-        if (Path(a.out) / name).resolve() in sources:
-            raise InputError(
-                f"--out {a.out} would overwrite {Path(a.out) / name}, which is an input; "
-                "choose another folder."
-            )
+
+def _moving(a: Namespace, gains: dict[str, Any], vary: Any) -> Any:
+    """Below which speeds the loop sticks and slips."""
+    from ..blocks.model import read_model
+    from ..hunting import stick_slip_speed
+
+    if a.report:
+        raise InputError("--speed is for one drive: give --model instead of --report.")
+    if a.rate or a.dead_time or a.counts or a.limit:
+        raise Refused(
+            "--speed is answered for a loop in continuous time without a limit: leave out --rate, "
+            "--dead-time, --counts and --limit."
+        )
+    return stick_slip_speed(read_model(a.model), **gains, vary=vary, progress=True)
+
+
+def _cycles(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
+    """The limit cycles of a model, or their chance over the drives that a report allows."""
+    if not a.report:
+        from ..blocks.model import read_model
+        from ..hunting import limit_cycles
+
+        return limit_cycles(read_model(a.model), **loop, vary=vary, progress=True)
+    from ..bench import hunting_chance
+
+    if vary:
+        raise InputError("--vary is for one drive: give --model instead of --report.")
+    return hunting_chance(a.report, members=a.members, progress=True, **loop)
+
+
+def _range(text: str) -> tuple[str, tuple[float, float]]:
+    """ "ki=1:50" as ("ki", (1, 50))."""
+    name, _, ends = text.partition("=")
+    try:
+        low, high = map(float, ends.split(":"))
+    except ValueError:
+        raise InputError(
+            f"--vary is '{text}', but a gain and its ends are needed, such as ki=1:50."
+        ) from None
+    return name.strip(), (low, high)
+
+
+def assure(a: Namespace) -> int:
+    """0 once it is answered; whether the compensation is worth anything is in the answer."""
+    from ..bench import assure as work
+
+    names = "loop kp ki kd bandwidth rate dead_time counts speed frequency members seed jobs hunts"
+    options = {k: getattr(a, k) for k in (*names.split(), "still")}
+    answer(work(a.report, a.confidence, observers=a.observer, progress=True, **options), a)
+    return 0
+
+
+# --- what needs no work --------------------------------------------------------------------
+
+
+def effects(a: Namespace) -> int:
+    """``lugrectl effects``: the catalogue, or one effect."""
+    from ..blocks.catalogue import effects
+
+    known = effects()
+    chosen: Any = known if a.name is None else known[a.name]
+    if a.json:
+        print_out(as_json(chosen.summary()))
+    else:
+        print_out(str(chosen) if a.name else "\n".join(entry.short() for entry in known))
+    return 0
+
+
+def template(a: Namespace) -> int:
+    """``lugrectl model``."""
+    toml = (resources.files("lugrectl") / "demo" / "template.toml").read_text(encoding="utf-8")
+    print_out(as_json({"schema": 1, "toml": toml}) if a.json else toml)
+    return 0
+
+
+def schema(a: Namespace) -> int:
+    """``lugrectl schema``."""
+    file = resources.files("lugrectl") / "report" / "report.schema.json"
+    print_out(file.read_text(encoding="utf-8"))
+    return 0

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import INTERRUPTED, UNEXPECTED, InputError
-from .inputs import chosen, declared, fixed, reading
-from .output import print_out
-from .progress import Bar
+from ..core.progress import Terminal
+from .inputs import declared, fixed, reading, searched, spare
+from .output import listed, print_out, say
 
 if TYPE_CHECKING:
     from ..diagnosis.fleet import Fleet, Outcome
@@ -24,8 +24,7 @@ def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
     from ..diagnosis.fleet import run_each
     from ..record import parse_pairs
-    from ..record.as_record import record_files
-    from ..record.log_files import passed_over
+    from ..record.as_record import passed_over, record_files
     from ..report import content
 
     if a.holdout not in (None, "last"):
@@ -39,12 +38,12 @@ def each(a: Namespace) -> int:
             parse_pairs(how[what], what)
     files = [str(file) for file in record_files(a.records)]
     out = Store(a.out, files, a.model) if a.out is not None else None
-    with Bar(sys.stderr) as bar:
+    with Terminal(sys.stderr) as bar:
         fleet = run_each(
             files,
             model,
             how,
-            {"holdout": a.holdout, "horizon": a.horizon, "seed": a.seed, **chosen(a)},
+            searched(a),
             jobs=a.jobs or min(processors(), len(files)),
             progress=bar,
             keep=False,
@@ -52,13 +51,12 @@ def each(a: Namespace) -> int:
             done=out,
             command=a.typed,
         )
-    where = ""
+    written: Sequence[Path] = ()
     try:
-        where = out.index(fleet) if out and fleet.outcomes else ""
+        written = out.index(fleet) if out and fleet.outcomes else ()
     finally:  # print the answer even if the disk is full
         print_out(fleet.to_json() if a.json else str(fleet))
-    if where:
-        print(where, file=sys.stderr if a.json else sys.stdout)
+    listed("table", written, a, ", a folder for each report")
     _tell(fleet, a.json, passed_over(a.records))
     return INTERRUPTED if fleet.unfinished else fleet.exit_code
 
@@ -77,14 +75,21 @@ class Store:
     """
 
     def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
-        from ..report import check_folder
-        from ..report.fleet_page import folder_names
+        from ..report import FILES, check_folder
+        from ..report.fleet_page import INDEX, folder_names
 
         self._folder = Path(folder)
         self._names = dict(zip(files, folder_names(files), strict=True))
         self._links: dict[str, str] = {}
         check_folder(folder)
-        self._spare(files, model)
+        if any(Path(file).resolve().parent == self._folder.resolve() for file in files):
+            raise InputError(
+                f"--out {self._folder} holds records, and the next run would read summary.csv "
+                "as a record; choose another folder."
+            )
+        targets = [self._folder / name for name in INDEX]
+        targets += [self._folder / n / name for n in self._names.values() for name in FILES]
+        spare(str(self._folder), [*files, model], targets)
 
     def __call__(self, outcome: Outcome, content: dict[str, str] | None) -> Outcome:
         from ..report.fleet_page import store
@@ -99,50 +104,25 @@ class Store:
         self._links[outcome.file] = f"{name}/report.html"
         return outcome
 
-    def index(self, fleet: Fleet) -> str:
-        """Write the table with links to the reports; returns a line that names the file."""
+    def index(self, fleet: Fleet) -> list[Path]:
+        """Write the table with links to the reports; returns its files."""
         from ..report.fleet_page import write_index
 
-        index, table = write_index(fleet, self._folder, self._links)
-        return f"table: {index} (and {table.name}, a folder for each report)"
-
-    def _spare(self, files: Sequence[str], model: str) -> None:
-        from ..report import FILES
-        from ..report.fleet_page import INDEX
-
-        if any(Path(file).resolve().parent == self._folder.resolve() for file in files):
-            raise InputError(
-                f"--out {self._folder} holds records, and the next run would read summary.csv "
-                "as a record; choose another folder."
-            )
-        sources = {Path(name).resolve() for name in [*files, model]}
-        targets = [self._folder / name for name in INDEX]
-        targets += [self._folder / n / name for n in self._names.values() for name in FILES]
-        for target in targets:
-            if target.resolve() in sources:
-                raise InputError(
-                    f"--out {self._folder} would overwrite {target}, which is an input; choose "
-                    "another folder."
-                )
+        return write_index(fleet, self._folder, self._links)
 
 
 def _tell(fleet: Fleet, as_json: bool, left: Sequence[Path]) -> None:
-    """Print to stderr why the work ended early, and what the table on stdout does not show."""
-    said = []
-    without = [o for o in fleet.outcomes if o.exit_code]
+    """Say why the work ended early, and what the table on stdout does not show."""
+    done, without = len(fleet.outcomes), [o for o in fleet.outcomes if o.exit_code]
     if without and as_json:
-        total = len(fleet.outcomes)
-        said.append(f"{len(without)} of {total} logs have no answer; see their reason.")
+        say(f"{len(without)} of {done} logs have no answer; see their reason.")
     broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
     if broken:
-        said.append(
+        say(
             f"{broken}: unexpected error. Please report this with the command you typed; to see "
             "where it happened, diagnose that log alone with LUGRECTL_DEBUG=1."
         )
     if fleet.unfinished:
-        total = len(fleet.outcomes) + len(fleet.unfinished)
-        said.append(f"interrupted: {len(fleet.outcomes)} of {total} logs done.")
+        say(f"interrupted: {done} of {done + len(fleet.unfinished)} logs done.")
     if left:
-        said.append(f"passed over, as no logs: {', '.join(path.name for path in left)}.")
-    for sentence in said:
-        print(f"lugrectl: {sentence}", file=sys.stderr)
+        say(f"passed over, as no logs: {', '.join(path.name for path in left)}.")

@@ -4,23 +4,32 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..blocks import AUTO
+from ..core.errors import InputError
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
+    from ..record import Log
 
 
-def chosen(a: Namespace) -> dict[str, float]:
-    """The options of the search that were given."""
-    given = {k: getattr(a, k, None) for k in ("time_limit", "least", "alpha")}
-    return {k: v for k, v in given.items() if v is not None}
+def given(a: Namespace, names: str) -> dict[str, Any]:
+    """The options of these names that were given."""
+    values = {k: getattr(a, k, None) for k in names.split()}
+    return {k: v for k, v in values.items() if v is not None and v is not False}
+
+
+def searched(a: Namespace) -> dict[str, Any]:
+    """The options of a fit."""
+    options = {"holdout": a.holdout, "horizon": a.horizon, "seed": a.seed}
+    return options | given(a, "time_limit least alpha")
 
 
 def files(names: Sequence[str]) -> list[str]:
     """The named files, those of a folder, and those of a pattern that the shell did not expand."""
-    from ..record.log_files import files_of
+    from ..record.as_record import files_of
 
     return [str(path) for name in names for path in files_of(name)]
 
@@ -31,6 +40,30 @@ def reading(a: Namespace) -> dict[str, Any]:
         k: ",".join(v) if (v := getattr(a, k)) else None for k in ("columns", "units", "scale")
     }
     return {**pairs, "rate": a.rate}
+
+
+def logs(a: Namespace, motion: str | None = None) -> list[Log]:
+    """The logs of the records."""
+    from ..record import read_log
+
+    return [read_log(name, **reading(a), motion=motion) for name in a.records]
+
+
+def with_holdout(a: Namespace, model: Model) -> tuple[list[Log], Any]:
+    """The logs, and the value of ``holdout``: "last", None, or a log that is none of them."""
+    names = [Path(name).resolve() for name in a.records]
+    twice = next((n for n in names if names.count(n) > 1), None)
+    if twice is not None:
+        raise InputError(f"{twice.name} is given twice; name each record once.")
+    apart = a.holdout not in (None, "last")
+    if apart and Path(a.holdout).resolve() in names:
+        raise InputError(
+            f"--holdout {a.holdout} is a training record too; give another file, or --holdout last."
+        )
+    training = logs(a, model.motion)
+    if not apart:
+        return training, a.holdout
+    return training, logs(Namespace(**vars(a) | {"records": [a.holdout]}), model.motion)[0]
 
 
 def declared(a: Namespace) -> Model:
@@ -50,6 +83,16 @@ def fixed(model: Model, a: Namespace) -> Model:
     law = None if law == AUTO else law
     model = model if law is None else changed(model, {"friction": law}, "--law")
     names = [n.strip() for given in getattr(a, "fix", None) or [] for n in given.split(",")]
-    made = model.fix(*filter(None, names), what="--fix") if names else model
-    object.__setattr__(made, "file", file)  # the command says what was changed beside it
-    return made
+    model = model.fix(*filter(None, names), what="--fix") if names else model
+    object.__setattr__(model, "file", file)  # the command says what was changed beside it
+    return model
+
+
+def spare(out: str, sources: Sequence[str], targets: Sequence[Path]) -> None:
+    """Raise InputError if an output would overwrite an input."""
+    read = {Path(name).resolve() for name in sources}
+    for target in targets:
+        if target.resolve() in read:
+            raise InputError(
+                f"--out {out} would overwrite {target}, which is an input; choose another folder."
+            )

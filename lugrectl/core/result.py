@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from importlib import import_module
-from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
 from .display import Shown
 from .errors import InputError
-from .unfinished import unfinished
 
 T = TypeVar("T")
 
@@ -43,22 +39,6 @@ def plain(value: Any) -> Any:
 def picked(x: Any, names: str) -> dict[str, Any]:
     """Some attributes as plain data by name: ``picked(point, "w torque")``."""
     return {name: plain(getattr(x, name)) for name in names.split()}
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; OSError leaves what was there."""
-    if path.exists() and not path.is_file():  # a device or a pipe
-        path.write_bytes(content)
-        return
-    path = path.resolve()  # what a link points at
-    part = unfinished(path.parent)
-    try:
-        part.write_bytes(content)
-        os.replace(part, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            part.unlink()
-        raise
 
 
 def library(name: str) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from .certificate import Certificate, certify
 from .excitation import Excitation, excitation, natural_decay
 from .gains import Design, ScheduledGain, design_gains
-from .observer_design import ObserverDesign
+from .observer_rules import ObserverDesign
 
 __all__ = [
     "Certificate",

@@ -63,6 +63,16 @@ def drive(p: Any) -> Drive:
     return Drive(**found)
 
 
+def bristle_errors(m: Any, slope: float = 0.0, Fv: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Build M0 and M1 for a copy of the bristles that nothing corrects.
+
+    ``slope`` is that of dz/dt over e_w where the copy does not know w, and ``Fv`` the viscous
+    friction that it then gets wrong; both are 0 for one that reads w.
+    """
+    at_rest = [[0.0, slope], [-m.sigma0 / m.J, -(m.sigma1 * slope + Fv) / m.J]]
+    return np.array(at_rest), np.array([[-1.0, 0.0], [m.sigma1 / m.J, 0.0]])
+
+
 def error_matrices(p: Any, K1: float, K2: float) -> tuple[np.ndarray, np.ndarray]:
     """M0 and M1 of d/dt (e_z, e_w) = (M0 + a M1)(e_z, e_w), a = sigma0 |w|/h(w) in 1/s.
 
@@ -81,8 +91,8 @@ def error_matrices(p: Any, K1: float, K2: float) -> tuple[np.ndarray, np.ndarray
     """
     m = drive(p)
     K3 = (K2 - m.sigma1 * K1) / m.J
-    at_rest = np.array([[0.0, -K1], [-m.sigma0 / m.J, -K3]])
-    return at_rest, np.array([[-1.0, 0.0], [m.sigma1 / m.J, 0.0]])
+    at_rest, sliding = bristle_errors(m)
+    return at_rest - [[0.0, K1], [0.0, K3]], sliding
 
 
 def slowest_pole(p: Any, K1: float, K2: float) -> float:

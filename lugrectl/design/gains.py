@@ -10,8 +10,8 @@ import numpy as np
 
 from ..blocks.aliases import meant
 from ..blocks.friction import level
+from ..blocks.model import model_first
 from ..blocks.observers import observer_block
-from ..blocks.swapped import model_first
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.result import Result
@@ -24,7 +24,7 @@ from .certificate import (
     lyapunov,
 )
 from .dynamics import Drive, drive, slowest_pole
-from .observer_design import ObserverDesign, design_observer
+from .observer_rules import ObserverDesign, design_observer
 
 
 @dataclass(frozen=True, repr=False)

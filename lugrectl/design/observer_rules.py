@@ -1,21 +1,31 @@
-"""Gains of the other observers by their rules, each with what they guarantee.
+"""Gains of the other observers by their rules, in the same form as those of the proposed one.
 
-A rule is a function of the drive's values and the choices; it returns the gains by name and a
-certificate. The derivations stand in the docstrings of the observers.
+A rule is a function of the drive's values and the choices; it returns the gains by name and what
+they guarantee. The derivations stand in the docstrings of the observers.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..blocks.aliases import meant
 from ..blocks.friction import level, relaxation
+from ..blocks.model import values_of
+from ..blocks.observers import observer_block
+from ..core.display import Row
+from ..core.errors import InputError
+from ..core.result import Result
+from ..core.validation import number, shown
 from ..linear import position_T, spr_check
 from .certificate import Certificate
+from .dynamics import bristle_errors
 from .quadratic import common_rate
 
 SPEED = 1.0  # rad/s, up to which a certificate that has a limit holds, unless given
@@ -24,155 +34,158 @@ SHARE = 0.9  # of a double pole, which no quadratic function reaches
 RIGHT = "the observer's parameters are those of the drive, and no load torque acts"
 FORWARD = "the loop has the feed-forward J dr (velocity) or J ddr (position)"
 RELAXES = "z - zhat decays only while the drive moves (Excitation.rate)"
+ONE_FACTOR = "sigma0, sigma1, Fc, Fs are all wrong by one factor; J and Fv are right, no load acts"
+CONSTANT = "J is right; the sum D of all resisting torques is constant, else the error is at most"
+DAMPED = ("existing_observer", "lyapunov_observer", "temperature_observer", "normal_force_observer")
 COULOMB = "the drive has F = a sign(w) + Fv w, J and Fv are right, and no load torque acts"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What gains guarantee: ``valid`` says for which motions; pole at rest and rate in 1/s."""
+
+    conditions: Sequence[str]
+    pole: float = 0.0
+    rate: float | None = None
+    valid: str = "for every motion"
+    holds: bool = True
+
+    def certificate(self, rule: str) -> Certificate:
+        """The claim of a rule in the form of all certificates."""
+        conditions, pole = tuple(self.conditions), self.pole
+        return Certificate(self.holds, rule, conditions, pole, self.rate, valid=self.valid)
+
+
+Choices = Mapping[str, Any]
+Made = tuple[dict[str, float], Claim]
 
 
 class Rule(NamedTuple):
     """``needs``: values of the drive; ``choices``: names and defaults, None for one by rule."""
 
-    build: Callable[[Mapping[str, float], dict[str, Any]], tuple[dict[str, float], Certificate]]
+    build: Callable[[Any, Choices], Made]
     needs: str
     choices: Mapping[str, float | None]
 
 
-@dataclass(frozen=True)
-class _Made:
-    """What a certificate needs, with the usual fields left out."""
-
-    rule: str
-    valid: str
-    conditions: tuple[str, ...]
-    pole: float
-    rate: float | None = None
-    holds: bool = True
-    more: Mapping[str, Any] = field(default_factory=dict)
-
-    def certificate(self) -> Certificate:
-        return Certificate(
-            holds=self.holds,
-            lemma=self.rule,
-            conditions=self.conditions,
-            pole_at_rest=self.pole,
-            rate=self.rate,
-            valid=self.valid,
-        )
+RULES: dict[str, Rule] = {}  # by observer
+LUGRE = "J sigma0 sigma1 Fc Fs Fv vs"
 
 
-def _limited(rate: float, c: Mapping[str, Any], most: float = SAMPLED) -> float:
+def rule(observer: str, needs: str, **choices: float | None) -> Callable[[Any], Any]:
+    """Enter the function below as the rule of an observer."""
+
+    def enter(build: Any) -> Any:
+        RULES[f"{observer}_observer"] = Rule(build, needs, choices)
+        return build
+
+    return enter
+
+
+def _limited(rate: float, c: Choices, most: float = SAMPLED) -> float:
     """A rate that a drive with the sample time dt can follow: ``most`` times 1/dt."""
     return rate if c["dt"] is None else min(rate, most / c["dt"])
 
 
-def _slides(m: Mapping[str, float], w: float) -> float:
+def _slides(m: Any, w: float) -> float:
     """a = sigma0 |w|/h(w) in 1/s."""
-    return float(relaxation(w, m["sigma0"], level(w, m["Fc"], m["Fs"], m["vs"])))
+    return float(relaxation(w, m.sigma0, level(w, m.Fc, m.Fs, m.vs)))
 
 
-def _natural(m: Mapping[str, float], c: dict[str, Any]) -> Any:
-    said = (RELAXES, RIGHT)
-    return {}, _Made("natural", "for every motion", said, 0.0).certificate()
+def _noise(m: Any, rate: float, bound: str = "") -> str:
+    return f"noise of w reaches Fhat with {bound}{m.J * rate:.3g} N m s/rad"
 
 
-def _corrected(m: Mapping[str, float], c: dict[str, Any]) -> float:
+@rule("natural", "sigma0 Fc Fs vs")
+def _natural(m: Any, c: Choices) -> Made:
+    return {}, Claim([RELAXES, RIGHT])
+
+
+def _corrected(m: Any, c: Choices) -> float:
     """k for which the error loop at rest, J e'' + (kp + sigma1 k) e' + (ki + sigma0 k) e, has
     the stiffness J rate^2."""
-    rate = c["rate"] or (0.5 * m["sigma0"] / m["sigma1"])
-    return m["J"] * rate**2 / m["sigma0"] if c["k"] is None else c["k"]
+    rate = c["rate"] or (0.5 * m.sigma0 / m.sigma1)
+    return m.J * rate**2 / m.sigma0 if c["k"] is None else c["k"]
 
 
-def _existing(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("existing", LUGRE, rate=None, k=None, kp=0.0)
+def _existing(m: Any, c: Choices) -> Made:
     k = _corrected(m, c)
-    most = 4.0 / m["sigma1"] * (1.0 + c["kp"] / (k * m["sigma1"])) if k else math.inf
-    fast = most * min(m["Fc"], m["Fs"])
-    said = (
+    most = 4.0 / m.sigma1 * (1.0 + c["kp"] / (k * m.sigma1)) if k else math.inf
+    said = [
         f"|w|/h(w) <= {most:.4g} rad/(N m s); this limits the proof, not the loop",
         FORWARD,
         "e tends to 0; " + RELAXES,
         RIGHT,
-    )
-    return {"k": k}, _Made("existing", f"for |w| <= {fast:.3g} rad/s", said, 0.0).certificate()
+    ]
+    return {"k": k}, Claim(said, valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s")
 
 
-def _lyapunov(m: Mapping[str, float], c: dict[str, Any]) -> Any:
-    said = (FORWARD, "s tends to 0; " + RELAXES, RIGHT)
-    made = _Made("lyapunov", "for every motion", said, 0.0)
-    return {"k": _corrected(m, c)}, made.certificate()
+@rule("lyapunov", LUGRE, rate=None, k=None)
+def _lyapunov(m: Any, c: Choices) -> Made:
+    return {"k": _corrected(m, c)}, Claim([FORWARD, "s tends to 0; " + RELAXES, RIGHT])
 
 
-def _normal_force(m: Mapping[str, float], c: dict[str, Any]) -> Any:
-    kd = 1.25 * m["sigma0"] * m["J"] / m["sigma1"] if c["kd"] is None else c["kd"]
-    kp = kd**2 / (4.0 * m["J"]) if c["kp"] is None else c["kp"]
-    verdict = spr_check(position_T(_Values(m), kp=kp, ki=0.0, kd=kd))
-    classed = verdict.classification
-    said = (
+@rule("normal_force", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
+def _normal_force(m: Any, c: Choices) -> Made:
+    kd = 1.25 * m.sigma0 * m.J / m.sigma1 if c["kd"] is None else c["kd"]
+    kp = kd**2 / (4.0 * m.J) if c["kp"] is None else c["kp"]
+    verdict = spr_check(position_T(m, kp=kp, ki=0.0, kd=kd))
+    said = [
         f"a position loop with PD kp = {kp:.4g}, kd = {kd:.4g} on e and the feed-forward J ddr; "
-        f"(sigma1 s + sigma0)/(J s^2 + kd s + kp) is {classed}",
-        "sigma0, sigma1, Fc, Fs are all wrong by one factor; J and Fv are right, no load acts",
+        f"(sigma1 s + sigma0)/(J s^2 + kd s + kp) is {verdict.classification}",
+        ONE_FACTOR,
         "e tends to 0 for every such factor; the proof gives no rate",
-    )
-    made = _Made("normal_force", "for every motion", said, 0.0, holds=bool(verdict))
-    gamma = 670.0 / m["Fs"] if c["gamma"] is None else c["gamma"]
-    return {"k": c["k"], "gamma": gamma}, made.certificate()
+    ]
+    gamma = 670.0 / m.Fs if c["gamma"] is None else c["gamma"]
+    return {"k": c["k"], "gamma": gamma}, Claim(said, holds=bool(verdict))
 
 
-class _Values:
-    def __init__(self, m: Mapping[str, float]) -> None:
-        self.__dict__.update(m)
-
-
-def _temperature(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("temperature", LUGRE, k=0.0, gamma=5.0, M=SPEED)
+def _temperature(m: Any, c: Choices) -> Made:
     k, gamma = c["k"], c["gamma"]
-    a = _slides(m, c["M"])
-    low = min(m["Fc"], m["Fs"]) / m["Fs"]
+    a, low = _slides(m, c["M"]), min(m.Fc, m.Fs) / m.Fs
     root = np.roots([1.0, a + k, gamma * (a * low) ** 2]).real.max()
-    said = (
+    said = [
         "Fc and Fs are wrong by one factor; J, sigma0, sigma1, Fv are right, and no load acts",
         "no rate by itself: at rest the factor keeps its value",
         f"sliding at {c['M']:g} rad/s, linearised: the errors decay with {-root:.4g} 1/s; zbar "
-        f"is right within {m['sigma1'] / m['sigma0']:.3g} s",
-    )
-    made = _Made("temperature", "for every motion", said, 0.0 - k)
-    return {"k": k, "gamma": gamma}, made.certificate()
+        f"is right within {m.sigma1 / m.sigma0:.3g} s",
+    ]
+    return {"k": k, "gamma": gamma}, Claim(said, 0.0 - k)
 
 
-def _friction_state(m: Mapping[str, float], c: dict[str, Any]) -> Any:
-    usual = _limited(1.5 * math.sqrt(m["sigma0"] / m["J"]), c)
-    p, most = c["bandwidth"] or usual, c["M"]
-    top = _slides(m, most)
-    corners = [np.array([[-2.0 * p, -p], [p, -a]]) for a in (0.0, top)]
-    found = common_rate(corners)
-    said = (
+@rule("friction_state", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
+def _friction_state(m: Any, c: Choices) -> Made:
+    p = c["bandwidth"] or _limited(1.5 * math.sqrt(m.sigma0 / m.J), c)
+    most = c["M"]
+    found = common_rate([np.array([[-2.0 * p, -p], [p, -a]]) for a in (0.0, _slides(m, most))])
+    said = [
         "Fc, Fs, Fv, vs, sigma0, J are right, and no load torque acts; sigma1 dz/dt counts as an "
         "error for about sigma1/sigma0",
-        f"noise of w reaches Fhat with up to {0.5 * m['J'] * p:.3g} N m s/rad",
-    )
-    rate = None if found is None else found[0]
-    made = _Made(
-        "friction_state", f"for |w| <= {most:g} rad/s", said, -p, rate, holds=rate is not None
-    )
-    return {"bandwidth": p}, made.certificate()
+        _noise(m, 0.5 * p, "up to "),
+    ]
+    rate, valid = found[0] if found else None, f"for |w| <= {most:g} rad/s"
+    return {"bandwidth": p}, Claim(said, -p, rate, valid, holds=rate is not None)
 
 
-def _position_lugre(m: Mapping[str, float], c: dict[str, Any]) -> Any:
-    p = c["pole"] or _limited(3.0 * math.sqrt(m["sigma0"] / m["J"]), c, 1.0)
+@rule("position_lugre", LUGRE, pole=None, M=SPEED, dt=None)
+def _position_lugre(m: Any, c: Choices) -> Made:
+    p = c["pole"] or _limited(3.0 * math.sqrt(m.sigma0 / m.J), c, 1.0)
     gains, corners = position_corners(m, p, c["M"])
-    found, slowest = common_rate(corners), max(_slowest(A) for A in corners)
+    found, slowest = common_rate(corners), max(map(_slowest, corners))
     said = ["|z| <= max(Fc, Fs)/sigma0", RIGHT]
     if found:
-        made = _Made("position_lugre", f"for |w| <= {c['M']:g} rad/s", tuple(said), -p, found[0])
-        return gains, made.certificate()
+        return gains, Claim(said, -p, found[0], f"for |w| <= {c['M']:g} rad/s")
     said += [
         "no common quadratic function was found: the triple pole holds at rest only",
         f"sliding at a constant speed, the slowest pole can be {slowest:+.4g} 1/s"
         + ("" if slowest < 0.0 else ": choose a faster pole"),
     ]
-    made = _Made("position_lugre", "linearised at rest only", tuple(said), -p, holds=slowest < 0.0)
-    return gains, made.certificate()
+    return gains, Claim(said, -p, valid="linearised at rest only", holds=slowest < 0.0)
 
 
-def position_corners(
-    m: Mapping[str, float], p: float, most: float
-) -> tuple[dict[str, float], list[np.ndarray]]:
+def position_corners(m: Any, p: float, most: float) -> tuple[dict[str, float], list[np.ndarray]]:
     """l1, l2, l3 with a triple pole at -p at rest, and the error matrices at the corners.
 
     At rest the errors have the polynomial s^3 + (b + l1) s^2 + (g + l1 b + l2) s + g (l1 - l3),
@@ -180,19 +193,20 @@ def position_corners(
     slope b of dz/dt over w, which stays within 1 +- max(Fc, Fs) max d(|w|/h)/dw. States are
     scaled by p.
     """
-    b, g = (m["sigma1"] + m["Fv"]) / m["J"], m["sigma0"] / m["J"]
+    b, g = (m.sigma1 + m.Fv) / m.J, m.sigma0 / m.J
     l1 = 3.0 * p - b
     l2, l3 = 3.0 * p**2 - g - l1 * b, l1 - p**3 / g
-    w = np.linspace(0.0, max(most, 10.0 * m["vs"]), 4001)
-    slope = np.abs(np.gradient(w / level(w, m["Fc"], m["Fs"], m["vs"]), w))
-    wide = float(slope.max()) * max(m["Fc"], m["Fs"])
-    top = relaxation(most, m["sigma0"], min(m["Fc"], m["Fs"]))
+    w = np.linspace(0.0, max(most, 10.0 * m.vs), 4001)
+    steepest = np.abs(np.gradient(w / level(w, m.Fc, m.Fs, m.vs), w)).max()
+    wide = float(steepest) * max(m.Fc, m.Fs)
+    top = relaxation(most, m.sigma0, min(m.Fc, m.Fs))
     S = np.diag([1.0, 1.0 / p, g / p**2])
     corners = []
-    for a in (0.0, top):
-        for s in (1.0 - wide, 1.0 + wide):
-            speed = [-l2, -(m["sigma1"] * s + m["Fv"]) / m["J"], -(g - m["sigma1"] * a / m["J"])]
-            corners.append(S @ np.array([[-l1, 1.0, 0.0], speed, [-l3, s, -a]]) @ np.linalg.inv(S))
+    for a, slope in itertools.product((0.0, top), (1.0 - wide, 1.0 + wide)):
+        at_rest, sliding = bristle_errors(m, slope, m.Fv)
+        errors = np.array([[-l1, 1.0, 0.0], [-l2, 0.0, 0.0], [-l3, 0.0, 0.0]])
+        errors[1:, 1:] = (at_rest + a * sliding)[::-1, ::-1]  # of what, then of zhat
+        corners.append(S @ errors @ np.linalg.inv(S))
     return {"l1": l1, "l2": l2, "l3": l3}, corners
 
 
@@ -200,102 +214,166 @@ def _slowest(A: np.ndarray) -> float:
     return float(np.linalg.eigvals(A).real.max())
 
 
-def _position_coulomb(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("position_coulomb", "J Fv", rate=None, L=None, dt=None)
+def _position_coulomb(m: Any, c: Choices) -> Made:
     r = c["rate"] or _limited(200.0, c) / 4.0
-    L = c["L"] or 8.0 * r
-    k = m["J"] * r
-    slow = _slowest(np.array([[0.0, 1.0], [-k * L / m["J"], -(L + m["Fv"] / m["J"])]]))
-    said = (
+    L, k = c["L"] or 8.0 * r, m.J * r
+    slow = _slowest(np.array([[0.0, 1.0], [-k * L / m.J, -(L + m.Fv / m.J)]]))
+    said = [
         COULOMB,
         "a - ahat never grows, through reversals and at rest; no rate by itself",
         f"sliding in one direction: the slowest pole is {slow:.4g} 1/s",
-    )
-    made = _Made("position_coulomb", "for every motion", said, 0.0)
-    return {"k": k, "L": L}, made.certificate()
+    ]
+    return {"k": k, "L": L}, Claim(said)
 
 
-def _disturbance(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("disturbance", "J", tau=None, dt=None)
+def _disturbance(m: Any, c: Choices) -> Made:
     tau = c["tau"] or 1.0 / _limited(100.0 if c["dt"] is None else math.inf, c)
-    said = (
-        "J is right; the sum D of all resisting torques is constant, else the error is at most "
-        "tau sup|dD/dt|",
-        f"noise of w reaches Fhat with {m['J'] / tau:.3g} N m s/rad",
-    )
-    made = _Made("disturbance", "for every motion", said, -1.0 / tau, 1.0 / tau)
-    return {"tau": tau}, made.certificate()
+    said = [f"{CONSTANT} tau sup|dD/dt|", _noise(m, 1.0 / tau)]
+    return {"tau": tau}, Claim(said, -1.0 / tau, 1.0 / tau)
 
 
-def _extended(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("extended_state", "J", bandwidth=None, dt=None)
+def _extended(m: Any, c: Choices) -> Made:
     p = c["bandwidth"] or _limited(100.0 if c["dt"] is None else math.inf, c)
-    said = (
-        "J is right; the sum D of all resisting torques is constant, else the error is at most "
-        "(2/p) sup|dD/dt|, p = bandwidth",
+    said = [
+        f"{CONSTANT} (2/p) sup|dD/dt|, p = bandwidth",
         f"the errors decay as (1 + p t) exp(-p t), which is faster than {SHARE:g} p in the end",
-        f"noise of w reaches Fhat with up to {0.5 * m['J'] * p:.3g} N m s/rad",
-    )
-    made = _Made("extended_state", "for every motion", said, -p, SHARE * p)
-    return {"bandwidth": p}, made.certificate()
+        _noise(m, 0.5 * p, "up to "),
+    ]
+    return {"bandwidth": p}, Claim(said, -p, SHARE * p)
 
 
-def _general_coulomb(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("general_coulomb", "J Fv", rate=None, w0=0.1, dt=None)
+def _general_coulomb(m: Any, c: Choices) -> Made:
     r, w0 = c["rate"] or _limited(50.0, c), c["w0"]
-    said = (
+    said = [
         COULOMB,
         "a - ahat never grows; at rest it keeps its value",
         f"while |w| >= v it decays with at least {r:.4g} v/sqrt(v^2 + {w0:g}^2) 1/s",
-    )
-    made = _Made("general_coulomb", "for every motion", said, 0.0)
-    return {"k": m["J"] * r, "w0": w0}, made.certificate()
+    ]
+    return {"k": m.J * r, "w0": w0}, Claim(said)
 
 
-def _friedland_park(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("friedland_park", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
+def _friedland_park(m: Any, c: Choices) -> Made:
     r, mu, v = c["rate"] or _limited(50.0, c), c["mu"], c["speed"]
-    said = (
+    said = [
         COULOMB,
         "a - ahat never grows",
         f"at |w| = {v:g} rad/s it decays with {r:.4g} 1/s, at other speeds with "
         f"{r:.4g} (|w|/{v:g})^{mu - 1:.3g}",
-    )
-    made = _Made("friedland_park", "for every motion", said, 0.0)
-    return {"k": m["J"] * r / (mu * v ** (mu - 1.0)), "mu": mu}, made.certificate()
+    ]
+    return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, Claim(said)
 
 
-def _adaptive(m: Mapping[str, float], c: dict[str, Any]) -> Any:
+@rule("adaptive", LUGRE, gamma=10.0, K2=None, dt=None)
+def _adaptive(m: Any, c: Choices) -> Made:
     gamma = c["gamma"]
-    K2 = c["K2"] or m["J"] * max(_limited(40.0 * gamma, c), 4.0 * gamma)
-    said = (
-        "sigma0, sigma1, Fc, Fs are all wrong by one factor; J and Fv are right, no load acts",
+    K2 = c["K2"] or m.J * max(_limited(40.0 * gamma, c), 4.0 * gamma)
+    said = [
+        ONE_FACTOR,
         f"w - what tends to 0, and the factor settles at about {gamma:g} 1/s while the drive "
         "slides; no rate by itself",
         "at rest the factor follows the torque that balances u",
-    )
-    made = _Made("adaptive", "for every motion", said, 0.0)
-    return {"K2": K2, "gamma": gamma}, made.certificate()
+    ]
+    return {"K2": K2, "gamma": gamma}, Claim(said)
 
 
-LUGRE = "J sigma0 sigma1 Fc Fs Fv vs"
-RULES: dict[str, Rule] = {
-    "natural_observer": Rule(_natural, "sigma0 Fc Fs vs", {}),
-    "existing_observer": Rule(_existing, LUGRE, {"rate": None, "k": None, "kp": 0.0}),
-    "lyapunov_observer": Rule(_lyapunov, LUGRE, {"rate": None, "k": None}),
-    "temperature_observer": Rule(_temperature, LUGRE, {"k": 0.0, "gamma": 5.0, "M": SPEED}),
-    "friction_state_observer": Rule(
-        _friction_state, "J sigma0 Fc Fs Fv vs", {"bandwidth": None, "M": SPEED, "dt": None}
-    ),
-    "normal_force_observer": Rule(
-        _normal_force, LUGRE, {"k": 1.0, "gamma": None, "kp": None, "kd": None}
-    ),
-    "position_lugre_observer": Rule(_position_lugre, LUGRE, {"pole": None, "M": SPEED, "dt": None}),
-    "position_coulomb_observer": Rule(
-        _position_coulomb, "J Fv", {"rate": None, "L": None, "dt": None}
-    ),
-    "disturbance_observer": Rule(_disturbance, "J", {"tau": None, "dt": None}),
-    "extended_state_observer": Rule(_extended, "J", {"bandwidth": None, "dt": None}),
-    "general_coulomb_observer": Rule(
-        _general_coulomb, "J Fv", {"rate": None, "w0": 0.1, "dt": None}
-    ),
-    "friedland_park_observer": Rule(
-        _friedland_park, "J Fv", {"rate": None, "mu": 1.5, "speed": 0.1, "dt": None}
-    ),
-    "adaptive_observer": Rule(_adaptive, LUGRE, {"gamma": 10.0, "K2": None, "dt": None}),
-}
+@dataclass(frozen=True, repr=False)
+class ObserverDesign(Result):
+    """Gains of an observer by its rule, and what they guarantee.
+
+    ``gains`` holds them by name, for ``velocity_loop(p, design.observer, **design.gains)`` or
+    ``gains=design.gains`` of any loop. ``choices``: what the rule was given.
+
+    Attributes
+    ----------
+    observer : str
+        Its name, without ``_observer``.
+    gains : dict
+        By name, for ``velocity_loop(p, design.observer, **design.gains)`` or ``gains=design.gains``
+        of any loop.
+    choices : dict
+        What the rule was given.
+    certificate : Certificate
+        What the gains guarantee.
+
+    Examples
+    --------
+    >>> p = lg.table1()
+    >>> design = lg.design_gains(p, observer="extended_state", bandwidth=200.0)
+    >>> design.gains
+    {'bandwidth': 200.0}
+    >>> loop = lg.velocity_loop(p, design.observer, **design.gains)
+    """
+
+    observer: str
+    gains: Mapping[str, float]
+    choices: Mapping[str, float]
+    certificate: Certificate
+
+    @property
+    def method(self) -> str:
+        """The name of the rule."""
+        return self.certificate.lemma
+
+    def _title(self) -> str:
+        return f"Design: {self.observer} observer"
+
+    def _rows(self) -> Iterable[Row]:
+        declared = observer_block(self.observer).parameters
+        units = {k: declared[k].unit for k in self.gains}
+        gains = [Row(k, v, "" if units[k] == "1" else units[k]) for k, v in self.gains.items()]
+        gains = gains or [Row("gains", "it has none")]
+        return [*gains, Row("certificate", self.certificate), *self.certificate._rows()]
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        own = {"observer": self.observer, "gains": dict(self.gains), "choices": dict(self.choices)}
+        return own | {"certificate": self.certificate.summary()}
+
+
+def design_observer(p: Any, observer: str, choices: Mapping[str, Any]) -> ObserverDesign:
+    """The gains of an observer other than the proposed one; see :func:`design_gains`."""
+    made = observer_block(observer)
+    short = made.name.removesuffix("_observer")
+    rule = RULES.get(made.name)
+    if rule is None:
+        raise InputError(
+            f"there is no design rule for {made.name}: choose its gains yourself and test them "
+            "with lugrectl.compare_observers."
+        )
+    given = _chosen(short, rule, choices)
+    gains, claim = rule.build(_values(p, made.name, rule), given)
+    own = {k: v for k, v in given.items() if v is not None}
+    return ObserverDesign(short, gains, own, claim.certificate(short))
+
+
+def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any]:
+    """The choices of a rule with those given; each a number above 0, or 0 where that is usual."""
+    made = dict(rule.choices)
+    for key, value in choices.items():
+        if key not in made:
+            hint = meant(key, made) if made else "it has none."
+            raise InputError(f"the design rule of {short} has no choice '{key}'; {hint}")
+        least = number(value, key)
+        if least < 0.0 or (least == 0.0 and rule.choices[key] != 0.0):
+            raise InputError(f"{key} must be a positive number, not {shown(value)}.")
+        made[key] = least
+    return made
+
+
+def _values(p: Any, name: str, rule: Rule) -> SimpleNamespace:
+    """The values of the drive that a rule needs, checked."""
+    have, needed = values_of(p), rule.needs.split()
+    missing = [k for k in needed if getattr(have, k, None) is None]
+    if missing:
+        raise InputError(f"the design rule of {name} needs {', '.join(missing)} of the drive.")
+    found = {k: number(getattr(have, k), k) for k in needed}
+    for key, value in found.items():
+        free = key == "Fv" or (key == "sigma1" and name not in DAMPED)
+        if value < 0.0 or (value == 0.0 and not free):
+            raise InputError(f"{key} = {value:g}: the design rule of {name} needs {key} > 0.")
+    return SimpleNamespace(**found)

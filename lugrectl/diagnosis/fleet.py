@@ -16,8 +16,7 @@ from typing import Any, cast
 
 from ..blocks import AUTO
 from ..blocks.aliases import block_named, name_of
-from ..blocks.model import Model, as_model
-from ..blocks.sent_model import Sent
+from ..blocks.model import Model, Sent, as_model
 from ..core.blas_threads import one_thread_each
 from ..core.display import Row, Shown
 from ..core.errors import InputError, Refused
@@ -28,9 +27,8 @@ from ..core.result import Result, library, plain
 from ..core.validation import positive, share, shown
 from ..core.views import view
 from ..record import Record, read_log
-from ..record.as_record import is_last, is_record, record_files
-from ..record.columns.arrays import is_table, source_of
-from ..record.log_files import there
+from ..record.as_record import is_last, is_record, record_files, there
+from ..record.columns.table import is_table, source_of
 from ..torque_balance.constants import ALPHA, FLOOR
 from .asked import judged_by, refuse_swapped
 from .diagnose import LIMIT, diagnose

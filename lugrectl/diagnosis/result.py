@@ -15,7 +15,7 @@ from ..estimates.findings import Candidate, Finding, Table
 from ..estimates.fitted import Fitted
 
 if TYPE_CHECKING:
-    from ..compensated_loop import Compensation
+    from ..bench import Compensation
 
 VERDICTS = ("adequate", "found", "ambiguous", "unexplained", "refused")
 

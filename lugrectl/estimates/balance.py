@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from ..core.display import Row, between, estimated, noticed
 from ..core.result import Fields, Result, library, picked
@@ -16,6 +18,7 @@ from .bench_test import BenchTest
 from .findings import Estimate
 
 LEVELS = ("J", "Fc", "Fv")  # inertia and friction: terms of every drive
+SMOOTH = 0.03  # s over which the motion at the samples is differentiated
 NEEDS = {"J": "faster changes of speed", "Fc": "both directions, or rests", "Fv": "other speeds"}
 
 
@@ -168,3 +171,37 @@ class Balance(Result):
         if self.left is not None:
             rows.append(Row("left", f"{100.0 * self.left:.2g} %", "", "of the RMS torque"))
         return [*rows, *noticed((*self.against, *self.why_not, *self.notes, *self.reading), "said")]
+
+
+def friction(balance: Balance, w: np.ndarray, side: np.ndarray | float) -> np.ndarray:
+    """Return the friction torque of the plain fit at speeds w in the direction ``side``."""
+    values = balance.values()
+    return values.get("Fc", 0.0) * side + values.get("Fv", 0.0) * w
+
+
+def at_samples(balance: Balance, one: Stretch) -> dict[str, np.ndarray]:
+    """Return theta, w and what the fit leaves at the samples of a stretch; NaN near rest.
+
+    The windows of the fit are wider than a wave over a few degrees. The slow part is theirs;
+    how a sample departs from its window is u minus inertia and friction there.
+    """
+    n, dt, windows = len(one.t), float(one.t[1] - one.t[0]), balance.residual
+    width = 2 * min(max(round(SMOOTH / dt / 2), 2), (n - 1) // 2 - 1) + 1
+    unknown = {k: np.full(n, np.nan) for k in ("theta", "w", "left")}
+    if windows is None or width < 5:
+        return unknown
+    at = (windows.run == one.run) & (windows.t >= one.t[0]) & (windows.t <= one.t[-1])
+    t, value = windows.t[at], windows.value[at]
+    if len(t) < 3:
+        return unknown
+    known, order = (one.w, 0) if one.theta is None else (one.theta, 1)
+    smooth: Any = partial(savgol_filter, known, width, 3, delta=dt)
+    w, a = smooth(deriv=order), smooth(deriv=order + 1)
+    fast = one.u - balance.values().get("J", 0.0) * a - friction(balance, w, np.sign(w))
+    total, edges = np.r_[0.0, np.cumsum(fast) * dt], np.r_[one.t, one.t[-1] + dt]
+    half = float(np.median(np.diff(t)))
+    low, high = (np.clip(t + k * half, edges[0], edges[-1]) for k in (-1, 1))
+    mean = np.diff(np.interp([low, high], edges, total), axis=0)[0] / (high - low)
+    slides = (one.t >= t.min()) & (one.t <= t.max()) & one.ok
+    left = np.where(slides, fast + np.interp(one.t, t, value - mean), np.nan)
+    return {"theta": unknown["theta"] if one.theta is None else one.theta, "w": w, "left": left}

@@ -141,7 +141,7 @@ class Residuals(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw both correlations with their bound, into ``ax`` or a new figure."""
-        return view("residual_plots.correlations")(self, ax)
+        return view("diagnosis_plots.correlations")(self, ax)
 
     def _title(self) -> str:
         return f"Residuals of {self.signal}"

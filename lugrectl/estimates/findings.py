@@ -263,4 +263,4 @@ class FrictionMap(Result):
     def plot(self, ax: Any = None) -> Any:
         """Draw the points with their 95 % bars and the models' curves, into ``ax`` or a new figure;
         returns the Axes."""
-        return view("friction_map_plots.torque")(self, ax)
+        return view("diagnosis_plots.friction_map")(self, ax)

@@ -1,14 +1,15 @@
-"""Fixed points of the half-turn map T on a logarithmic grid: where D(e) = log(T(e)/e) is zero."""
+"""Fixed points of the half turn: T on a logarithmic grid, where D(e) = log(T(e)/e) is zero, and
+states that Newton finds."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from .lanes import Lanes
+from .loop import Lanes
 from .stick_map import NEVER, STICKS, excess, excess_on, turns
 
 LOW, HIGH = 1e-3, 30.0  # units: the grid, and beyond as far as friction can keep up an error
@@ -21,77 +22,73 @@ JUMP = 1e-3  # |D| at the end of the cuts: not a root
 AWAY = 1e-4  # relative distance at which a multiplier is measured
 CLOSE = np.r_[-np.geomspace(0.3, 1e-3, 12), np.geomspace(1e-3, 0.3, 12)]  # of a fixed point
 SAME = 1e-4  # relative difference of two fixed points that are one
+STEPS, REPEATS = 15, 1e-6  # of Newton, and the relative distance of a half turn that repeats
 
 
-@dataclass(frozen=True)
-class Fixed:
-    """A fixed point of T or T(T), in units: breakaway, multiplier of one round of the map,
-    amplitude (half the peak to peak), period, stops and reversals in a whole period."""
+class Fixed(NamedTuple):
+    """A cycle in units: breakaway, multiplier of one round of the map and of a whole turn,
+    amplitude (half the peak to peak), period and stops in it."""
 
     x: float
     multiplier: float
+    turn: tuple[float, ...]
     amplitude: float
     period: float
     stops: int
-    reversals: int
-    order: int
 
 
 class Found(NamedTuple):
-    """Fixed points, errors at which T jumps over the diagonal, and the curve D on the grid."""
+    """Fixed points of T and of T(T), errors at which T jumps over the diagonal, and the curve D."""
 
     fixed: list[Fixed]
+    double: list[Fixed]
     jumps: list[float]
     x: np.ndarray
     D: np.ndarray
 
 
 def fixed_points(lanes: Lanes, high: float = HIGH) -> Found:
-    """All sign changes of D on a grid up to ``high``; ``lanes`` has one lane of the loop."""
+    """Find all sign changes of D up to ``high``; ``lanes`` has one lane of the loop."""
     grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
-    D = excess_on(_many(lanes, len(grid)), grid)[0]
-    lanes = replace(lanes, calm=calm(grid, D))
+    D = excess_on(lanes.many(len(grid)), grid)[0]
+    rests = np.cumprod(D <= -NEVER).sum()  # sticks up to here come to rest at once
+    lanes = replace(lanes, calm=float(grid[rests - 1]) if rests else 0.0)
     x, D = _with_extrema(lanes, grid, D)
     roots, jumps = _roots(lanes, x, D, 1)
-    return Found(_described(lanes, roots, 1), list(jumps), x, D)
+    fixed = _described(lanes, roots, 1)
+    return Found(fixed, _double_points(lanes, x, D, fixed, jumps), list(jumps), x, D)
 
 
-def calm(x: np.ndarray, D: np.ndarray) -> float:
-    """The error up to which all sticks come to rest at once; 0 where there is none."""
-    rests = np.cumprod(D <= -NEVER).sum()
-    return float(x[rests - 1]) if rests else 0.0
-
-
-def double_points(lanes: Lanes, found: Found) -> list[Fixed]:
+def _double_points(
+    lanes: Lanes, x: np.ndarray, D: np.ndarray, fixed: list[Fixed], jumps: np.ndarray
+) -> list[Fixed]:
     """Fixed points of T(T) that are none of T: two unequal half turns.
 
     On the grid log(T(T(e))/e) = D(e) + D(T(e)) is interpolated; where a fixed point of T has a
     multiplier below -1, one is on either side of it, maybe close.
     """
-    x, D = found.x, found.D
-    lanes = replace(lanes, calm=calm(x, D))
     inside = np.abs(D) < NEVER
     ahead = np.interp(np.log(x) + np.where(inside, D, 0.0), np.log(x), D)
     twice = np.where(inside, D + ahead, D)
-    near = np.array([f.x * (1 + k) for f in found.fixed if f.multiplier < -1.0 for k in CLOSE])
+    near = np.array([f.x * (1 + k) for f in fixed if f.multiplier < -1.0 for k in CLOSE])
     if len(near):
-        x, twice = np.r_[x, near], np.r_[twice, excess(_many(lanes, len(near)), near, 2)]
+        x, twice = np.r_[x, near], np.r_[twice, excess(lanes.many(len(near)), near, 2)]
         x, twice = x[np.argsort(x)], twice[np.argsort(x)]
-    turned = np.flatnonzero((twice[:-1] > 0.0) != (twice[1:] > 0.0))
+    turned = _turned(twice)
     about = np.unique(np.clip(turned[:, None] + np.arange(-1, 3), 0, len(x) - 1))
     if len(about):  # interpolated ends may change their sign
-        twice[about] = excess(_many(lanes, len(about)), x[about], 2)
-    known = [*(f.x for f in found.fixed), *found.jumps]
+        twice[about] = excess(lanes.many(len(about)), x[about], 2)
     made: list[Fixed] = []
+    known = [*(f.x for f in fixed), *jumps]
     for one in _described(lanes, _roots(lanes, x, twice, 2, known)[0], 2):
         double = any(abs(k.period / one.period - 1.0) < SAME for k in made)
-        if not double and all(abs(one.x / f.x - 1.0) > SAME for f in found.fixed):
+        if not double and all(abs(one.x / f.x - 1.0) > SAME for f in fixed):
             made.append(one)  # a cycle e1 -> e2 -> e1 appears at both of its errors
     return made
 
 
-def _many(lanes: Lanes, count: int) -> Lanes:
-    return lanes[np.zeros(count, int)]
+def _turned(D: np.ndarray) -> np.ndarray:
+    return np.flatnonzero((D[:-1] > 0.0) != (D[1:] > 0.0))
 
 
 def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -103,21 +100,18 @@ def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarra
     inner, size = np.arange(1, len(x) - 1), np.abs(D)
     dips = (size[inner] < size[inner - 1]) & (size[inner] <= size[inner + 1]) & (size[inner] < NEAR)
     at = inner[dips & (D[inner - 1] * D[inner] > 0) & (D[inner] * D[inner + 1] > 0)]
-    if not len(at):
-        return x, D
     low, high, sign, now = np.log(x[at - 1]), np.log(x[at + 1]), np.sign(D[at]), D[at]
     for _ in range(DEEPER):
-        cut = np.linspace(low, high, PARTS + 1, axis=1)
-        values = excess(_many(lanes, cut.size), np.exp(cut).ravel()).reshape(cut.shape)
+        if not len(now):
+            break
+        cut, row, before = np.linspace(low, high, PARTS + 1, axis=1), np.arange(len(now)), now
+        values = excess(lanes.many(cut.size), np.exp(cut).ravel()).reshape(cut.shape)
         best = np.argmin(sign[:, None] * values, axis=1)
-        row, before = np.arange(len(best)), now
         now = values[row, best]
         x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, now]
         low, high = cut[row, np.maximum(best - 1, 0)], cut[row, np.minimum(best + 1, PARTS)]
         left = (sign * now > 0.0) & (np.abs(now) < np.abs(now - before))
         low, high, sign, now = low[left], high[left], sign[left], now[left]
-        if not left.any():
-            break
     order_of = np.argsort(x, kind="stable")
     return x[order_of], D[order_of]
 
@@ -126,12 +120,9 @@ def _roots(
     lanes: Lanes, x: np.ndarray, D: np.ndarray, order: int, known: Sequence[float] = ()
 ) -> tuple[np.ndarray, np.ndarray]:
     """The roots of D between points, other than known ones, and where it jumps over zero."""
-    turned = np.flatnonzero((D[:-1] > 0.0) != (D[1:] > 0.0))
-    turned = np.setdiff1d(turned, np.searchsorted(x, known) - 1)
-    if not len(turned):
-        return x[:0], x[:0]
-    a, b, Da, Db = x[turned], x[turned + 1], D[turned], D[turned + 1]
-    low, high = np.log(a), np.log(b)
+    turned = np.setdiff1d(_turned(D), np.searchsorted(x, known) - 1)
+    Da, Db = D[turned], D[turned + 1]
+    low, high = np.log(x[turned]), np.log(x[turned + 1])
     for k in range(CLOSER):
         smooth = np.maximum(np.abs(Da), np.abs(Db)) < NEVER
         left = np.flatnonzero(smooth | (k < ENOUGH))
@@ -139,7 +130,7 @@ def _roots(
             break
         cut, row = np.linspace(low[left], high[left], PARTS + 1, axis=1), np.arange(len(left))
         inside = np.exp(cut[:, 1:-1])
-        values = excess(_many(lanes, inside.size), inside.ravel(), order).reshape(inside.shape)
+        values = excess(lanes.many(inside.size), inside.ravel(), order).reshape(inside.shape)
         every = np.column_stack([Da[left], values, Db[left]])
         at = np.argmax((every > 0.0) != (Da[left] > 0.0)[:, None], axis=1)
         low[left], high[left] = cut[row, at - 1], cut[row, at]
@@ -151,10 +142,8 @@ def _roots(
 
 def _described(lanes: Lanes, x: np.ndarray, order: int) -> list[Fixed]:
     """Multiplier and motion of each root."""
-    if not len(x):
-        return []
     three = np.concatenate([x * (1.0 - AWAY), x, x * (1.0 + AWAY)])
-    made = turns(_many(lanes, len(three)), three, order)
+    made = turns(lanes.many(len(three)), three, order)
     before, at, after = (np.arange(len(x)) + k * len(x) for k in range(3))
     sticks = made.fate == STICKS  # beside a border, only one of the neighbours does
     low, high = (np.where(sticks[k], k, at) for k in (before, after))
@@ -162,16 +151,45 @@ def _described(lanes: Lanes, x: np.ndarray, order: int) -> list[Fixed]:
     whole = 2 // order  # rounds in a period
     sides = np.array([made.high, made.low])  # alike in a symmetric cycle, of which this is half
     wide = sides.max(axis=0) if order == 1 else sides.mean(axis=0)
+    rows = np.column_stack([made.x, wide, whole * made.t, whole * made.stops])[at].tolist()
     return [
-        Fixed(
-            float(made.x[i]),
-            float(mu),
-            float(wide[i]),
-            float(whole * made.t[i]),
-            int(whole * made.stops[i]),
-            int(whole * made.reversals[i]),
-            order,
+        Fixed(e, mu, (mu**whole,), size, period, int(stops))
+        for (e, size, period, stops), mu, is_stick in zip(
+            rows, slope.tolist(), sticks[at], strict=True
         )
-        for i, mu in zip(at, slope, strict=True)
-        if made.fate[i] == STICKS
+        if is_stick
     ]
+
+
+class Half(NamedTuple):
+    """Half turns: the states at their ends with signs changed (n, k), times, largest errors."""
+
+    x: np.ndarray
+    t: np.ndarray
+    size: np.ndarray
+
+
+def repeated(
+    half: Callable[[np.ndarray], Half | None],
+    x: np.ndarray,
+    nudge: Callable[[np.ndarray], np.ndarray],
+    scale: np.ndarray,
+) -> tuple[float, float, np.ndarray] | None:
+    """Find the state near x (n,) that half a turn repeats, by Newton.
+
+    ``half`` of states (n, k) is None where one has none; slopes are measured over ``nudge(x)``.
+    Amplitude, period, and the multipliers of a turn, the largest first.
+    """
+    for _ in range(STEPS):
+        steps = nudge(x)
+        made = half(np.column_stack([x, x[:, None] + np.diag(steps)]))
+        if made is None:
+            return None
+        A, missed = (made.x[:, 1:] - made.x[:, :1]) / steps, made.x[:, 0] - x
+        if np.abs(missed / scale).max() < REPEATS * abs(x[0]) / scale[0]:
+            turn = np.linalg.eigvals(A) ** 2
+            ends = float(made.size[0]), 2.0 * float(made.t[0])
+            return *ends, turn[np.argsort(-np.abs(turn))]
+        step = np.linalg.solve(A - np.eye(len(x)), -missed)
+        x = x + step * min(1.0, 0.5 * abs(x[0]) / (abs(step[0]) + 1e-300))
+    return None

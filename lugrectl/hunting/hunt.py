@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Any
 
@@ -16,18 +16,15 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
 from .bristles import bristle_cycles, known
-from .critical import changes, in_words, ranges, values_of
-from .curve import curve_of
-from .lanes import Loop
+from .gains import critical, ranges, varied
+from .loop import Loop
 from .result import LimitCycles
-from .rigid import Answer, rigid_cycles
-from .search import Search
-from .simulated import STEPS, continuous_run, errors, loop_run, sampled_run, sampled_starts
+from .rigid import rigid_cycles
+from .search import Budget, Search
+from .simulated import continuous_run, errors, loop_run, sampled_run, sampled_starts
 
-GAINS = ("kp", "ki", "kd")
-PAPER = {"kp": 15.0, "ki": 1.55, "kd": 0.0}  # the source paper's position loop
 HORIZON = 15.0  # s, of the first run of a loop of blocks
-LONGER = (1, 4, 16, 64)  # how many times its first length a run may take
+STEPS = np.geomspace(1e-3, 10.0, 9)  # rad, of the reference of a loop of blocks
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
 PERIODS = 12.0  # of a cycle that is checked with bristles
 BELOW = "the limit is not above the torque {} at which friction breaks away: it never moves"
@@ -143,57 +140,25 @@ def limit_cycles(
     >>> bool(found), found.proof[:28]
     (True, 'Coulomb and viscous friction')
     """
-    end = None if time_limit is None else positive(time_limit, "time_limit", "seconds")
-    work = {"end": np.inf if end is None else monotonic() + end, "report": reporter(progress)}
+    end = np.inf if time_limit is None else positive(time_limit, "time_limit", "seconds")
+    budget = Budget(monotonic() + end, reporter(progress))
     if hasattr(loop, "input_labels"):
         given = (kp, ki, kd, kv, rate, counts, limit, vary)
         if dead_time or any(v is not None for v in given):
             raise InputError(
                 "a loop of blocks has its own gains, rate, dead time and limit: give none."
             )
-        return _of_loop(loop, work)
+        found = Search(loop_run(loop, HORIZON), STEPS, budget).answer(STEPPED)
+        return replace(found, loop={"name": getattr(loop, "name", "")})
     model, gains = as_model(loop), varied(kp, ki, kd, kv)
     most = None if limit is None else positive(limit, "limit", "N m")
-    sensing = _sensing(rate, dead_time, counts, model.motion)
+    task = _Task(model, _sensing(rate, dead_time, counts, model.motion), most, budget)
     ends = None if vary is None else ranges(vary, "vary")
-    found = searched(model, gains(), sensing, most, work)
+    found = task.searched(gains())
     if ends is None:
         return found
-    critical = changes(lambda **x: searched(model, gains(**x), sensing, most, work).hunts, ends)
-    said = (*in_words(critical, "hunting"), *found.messages)
-    return replace(found, critical=values_of(critical), messages=said)
-
-
-def varied(kp: Any, ki: Any, kd: Any, kv: Any) -> Callable[..., dict[str, float]]:
-    """kp, ki and kd of the PID by gains that are changed: the paper's if none is given."""
-    own = {k: v for k, v in zip((*GAINS, "kv"), (kp, ki, kd, kv), strict=True) if v is not None}
-    none: dict[str, Any] = dict.fromkeys((*GAINS, "kv"))
-    return lambda **changed: pid_gains(**none | (own or PAPER) | changed)
-
-
-def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
-    """kp, ki and kd of the PID: the paper's if none is given, else 0 for those left out."""
-    given = {k: v for k, v in zip(GAINS, (kp, ki, kd), strict=True) if v is not None}
-    own = dict.fromkeys(GAINS, 0.0) | {k: number(v, k) for k, v in given.items()}
-    gains = own if given or kv is not None else dict(PAPER)
-    if kv is not None:
-        if kd is not None:
-            raise InputError("with kv the loop is a cascade, which has no kd: give one of them.")
-        p, i, d = cascade_as_pid(number(kv, "kv"), gains["kp"], gains["ki"])
-        gains = {"kp": p, "ki": i, "kd": d}
-    for k, v in gains.items():
-        if v < 0.0 or (k == "kp" and v == 0.0):
-            raise InputError(f"{k} = {v:g}: a position loop needs kp above 0, ki and kd from 0 on.")
-    return gains
-
-
-def cascade_as_pid(kv: Any, kp: Any, ki: Any, dt: float = 0.0) -> tuple[Any, Any, Any]:
-    """kp, ki and kd of the PID that u = -(kp + ki int)(kv e + w) is.
-
-    With a step ``dt``, where w is a difference and the integral that of trapezoids,
-    int w = e - w dt/2.
-    """
-    return kp * kv + ki, ki * kv, kp - 0.5 * dt * ki
+    more = critical(lambda **x: task.searched(gains(**x)).hunts, ends, "hunting")
+    return replace(found, critical=more["critical"], messages=more["messages"] + found.messages)
 
 
 def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | None:
@@ -209,81 +174,52 @@ def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | N
     return Sensing(1.0 / positive(rate, "rate", "Hz"), resolution=step, delay=late)
 
 
-def searched(
-    model: Model,
-    gains: Mapping[str, float],
-    sensing: Sensing | None,
-    limit: float | None,
-    work: Mapping[str, Any],
-) -> LimitCycles:
-    """What is known of the cycles of a loop."""
-    loop = Loop(curve_of(model), float(model.J or 0.0), **gains)
-    law, effects = model.friction.block, [p.key for p in model.effects]
-    rigid = None if loop.curve.Fs <= 0.0 else rigid_cycles(loop)
-    if sensing is not None:
-        starts = sampled_starts(loop, sensing, [c.amplitude for c in rigid.cycles] if rigid else [])
-        run = sampled_run(model, loop, sensing, limit)
-        answer = Search(run, starts, LONGER, **work).answer(_where(model))
-    elif rigid is None or law.states or effects or limit is not None:
-        answer = _with_all(model, loop, rigid, limit, work)
-    else:
-        answer = rigid
-    said = {} if limit is None else {"limit": limit}
-    if limit is not None and limit <= loop.curve.Fs:
-        answer = answer._replace(messages=[BELOW.format(shown(loop.curve.Fs)), *answer.messages])
-    about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **said, **_said(sensing)}
-    return _result(answer, about, model.motion)
+@dataclass(frozen=True)
+class _Task:
+    """A drive with all of a controller but its gains, and what a search may cost."""
 
+    model: Model
+    sensing: Sensing | None
+    limit: float | None
+    budget: Budget
 
-def _result(answer: Answer, about: dict[str, Any], motion: str = "rotary") -> LimitCycles:
-    return LimitCycles(
-        tuple(answer.cycles),
-        answer.basin,
-        answer.proof,
-        answer.diverges,
-        about,
-        tuple(answer.messages),
-        curve=answer.curve,
-        motion=motion,
-        undecided=answer.undecided,
-    )
+    def searched(self, gains: Mapping[str, float]) -> LimitCycles:
+        """What is known of the cycles of a loop."""
+        loop, model = Loop.of(self.model, gains), self.model
+        law, about, dry = model.friction.block, {}, loop.curve.Fs > 0.0
+        found = rigid_cycles(loop) if dry else LimitCycles((), None, None, False, {})
+        if self.sensing is not None:
+            dt, late, step = self.sensing.dt, self.sensing.delay, self.sensing.resolution
+            about = {"rate": 1.0 / dt, "dead_time": late, "resolution": step}
+            starts = sampled_starts(loop, self.sensing, [c.amplitude for c in found.cycles])
+            found = self._waited(sampled_run(model, loop, self.sensing, self.limit), starts)
+        elif not dry or law.states or model.effects or self.limit is not None:
+            found = self._with_all(loop, found)
+        if self.limit is not None:
+            about = {"limit": self.limit, **about}
+            if self.limit <= loop.curve.Fs:
+                said = BELOW.format(shown(loop.curve.Fs))
+                found = replace(found, messages=(said, *found.messages))
+        about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **about}
+        return replace(found, loop=about, motion=model.motion)
 
+    def _waited(self, run: Any, starts: np.ndarray) -> LimitCycles:
+        where = f"{FROM} {'rad' if self.model.motion == 'rotary' else 'm'}"
+        return Search(run, starts, self.budget).answer(where)
 
-def _where(model: Model) -> str:
-    return f"{FROM} {'rad' if model.motion == 'rotary' else 'm'}"
-
-
-def _said(sensing: Sensing | None) -> dict[str, float]:
-    if sensing is None:
-        return {}
-    return {
-        "rate": 1.0 / sensing.dt,
-        "dead_time": sensing.delay,
-        "resolution": sensing.resolution,
-    }
-
-
-def _with_all(
-    model: Model, loop: Loop, rigid: Answer | None, limit: float | None, work: Mapping[str, Any]
-) -> Answer:
-    """The loop with bristles, effects and limit, from cycles of its sliding curve and others."""
-    cycles = rigid.cycles if rigid else []
-    seconds = max([PERIODS * c.period for c in cycles], default=0.0)
-    seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
-    starts = np.r_[[c.amplitude for c in cycles], errors(loop)]
-    run = continuous_run(model, loop, seconds, limit)
-    made = Search(run, starts, LONGER, **work).answer(_where(model))
-    if loop.ki and known(model) and limit is None:
-        made = made._replace(cycles=bristle_cycles(model, loop, cycles, made.cycles))
-    if rigid and rigid.diverges and limit is None:
-        return made._replace(diverges=True, messages=[*made.messages, *rigid.messages])
-    if not any(c.stable for c in cycles) or any(c.stable for c in made.cycles):
-        return made
-    size = max(c.amplitude for c in cycles if c.stable)
-    said = f"with the sliding curve alone, without bristles, the loop would hunt: +-{size:.3g}"
-    return made._replace(messages=[*made.messages, said])
-
-
-def _of_loop(system: Any, work: Mapping[str, Any]) -> LimitCycles:
-    answer = Search(loop_run(system, HORIZON), STEPS, LONGER, **work).answer(STEPPED)
-    return _result(answer, {"name": getattr(system, "name", "")})
+    def _with_all(self, loop: Loop, rigid: LimitCycles) -> LimitCycles:
+        """The loop with all of a model, from cycles of its sliding curve and others."""
+        cycles = rigid.cycles
+        seconds = max([PERIODS * c.period for c in cycles], default=0.0)
+        seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
+        run = continuous_run(self.model, loop, seconds, self.limit)
+        made = self._waited(run, np.r_[[c.amplitude for c in cycles], errors(loop)])
+        if loop.ki and known(self.model) and self.limit is None:
+            made = replace(made, cycles=bristle_cycles(self.model, loop, cycles, made.cycles))
+        if rigid.diverges and self.limit is None:
+            return replace(made, diverges=True, messages=made.messages + rigid.messages)
+        stable = [c.amplitude for c in cycles if c.stable]
+        if not stable or any(c.stable for c in made.cycles):
+            return made
+        said = "with the sliding curve alone, without bristles, the loop would hunt: +-{:.3g}"
+        return replace(made, messages=(*made.messages, said.format(max(stable))))

@@ -15,11 +15,9 @@ from ..core.errors import InputError
 from ..core.result import Result
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from .critical import ranges
-from .curve import compensated, curve_of
 from .fixed_points import HIGH, LOW
-from .hunt import pid_gains
-from .lanes import Loop, together
+from .gains import pid_gains, ranges
+from .loop import Loop, curve_of, together
 from .rigid import kept, proven
 from .stick_map import NEVER, excess_on
 
@@ -93,7 +91,7 @@ class HuntingMap(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the regions with the user's gains; returns the Axes."""
-        return view("hunting_plots.regions")(self, ax)
+        return view("loop_plots.regions")(self, ax)
 
     def _title(self) -> str:
         return f"HuntingMap over {' and '.join(self.names)}"
@@ -189,7 +187,7 @@ def hunting_map(
         share, below = _believed(known, compensation, vd)
         ends |= ranges({"friction": friction}, "hunting_map", ("friction",))
         curves = {
-            s: compensated(curve, share, below, s)
+            s: curve.compensated(share, below, s)
             for s in map(float, np.geomspace(*ends["friction"], count))
         }
         marked["friction"] = 1.0

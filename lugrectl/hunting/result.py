@@ -144,7 +144,7 @@ class LimitCycles(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the growth of the error from stick to stick with the cycles; returns the Axes."""
-        return view("hunting_plots.growth")(self, ax)
+        return view("loop_plots.growth")(self, ax)
 
     def _title(self) -> str:
         if self.outcome == "undecided":

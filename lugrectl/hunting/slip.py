@@ -1,4 +1,4 @@
-"""A slip of a rigid loop, from w = 0 to w = 0, in the units of ``lanes``: many lanes at once.
+"""A slip of a rigid loop, from w = 0 to w = 0, in the units of ``loop``: many lanes at once.
 
 A slip in the direction of -e has the state (x, a, y): the error, the speed a = -w >= 0, and the
 excess y = -u - Fs of the torque without damping over breakaway,
@@ -16,8 +16,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.integrate import RK45
 
-from .lanes import Lanes
+from .loop import Lanes
 
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
@@ -29,17 +30,7 @@ AROUND = 0.8  # of the speed v: how far from steady sliding a slip may stay abou
 ASIDE = np.linspace(-1.0, 1.0, 7)  # parts of that distance at which it must be damped
 SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
 FIRST = 1e-3  # the first step
-A = np.array(
-    [
-        [1 / 5, 0, 0, 0, 0, 0],
-        [3 / 40, 9 / 40, 0, 0, 0, 0],
-        [44 / 45, -56 / 15, 32 / 9, 0, 0, 0],
-        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0, 0],
-        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0],
-        [35 / 384, 0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
-    ]
-)
-ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+A = np.vstack([np.pad(RK45.A[1:], ((0, 0), (0, 1))), RK45.B])  # stages, the last the new state
 
 
 class End(NamedTuple):
@@ -54,7 +45,7 @@ class End(NamedTuple):
 
 def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     """From a = 0 to the next a = 0 of each lane."""
-    state, h, t = _begun(x, y)
+    state, h, t = np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
     small = SMALL * np.minimum(1.0, np.abs(x)) if lanes.drift is None else 0.0 * x
     settles, steps, rtol = _creeps, STEPS, RTOL
     if lanes.drift is not None:
@@ -87,10 +78,6 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     return End(ends[0], np.minimum(ends[2], 0.0), t + more, rests)
 
 
-def _begun(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
-
-
 def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
     x, a, y = state
     ahead = -a if lanes.drift is None else lanes.drift - a
@@ -112,7 +99,7 @@ def _stepped(
 def _worst(now: np.ndarray, new: np.ndarray, h: np.ndarray, slopes: np.ndarray) -> np.ndarray:
     """The largest error of a step by what is allowed."""
     size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
-    missed = (ERROR @ slopes.reshape(7, -1)).reshape(now.shape)
+    missed = (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
     return np.max(np.abs(h * missed) / (RTOL * size), axis=0)
 
 

@@ -1,22 +1,27 @@
 """From stick to stick: the state of a PID loop in a stick is its error alone.
 
-There e is constant and u changes by -ki e, so that breakaway is towards zero, at |u| = Fs. A stop
-of the same sign may follow, or a reversal without a stop (|u| > Fs at w = 0). The half-turn map
-T(e) goes from breakaway at e > 0 to the first stick on the other side, which it counts positive; it
-is continuous where stops appear and vanish, which the map from stop to stop is not.
+At rest the error of a stick is constant and u changes by -ki e, so that breakaway is towards zero,
+at |u| = Fs. A stop of the same sign may follow, or a reversal without a stop (|u| > Fs at w = 0).
+The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the other side, which it
+counts positive; it is continuous where stops appear and vanish, which the map from stop to stop is
+not.
+
+Under the reference r = v t the error changes by -v in a stick and U = -(kp e + ki int e) by
+kp v - ki e: the drive breaks away forward where kp v > ki e, else backward. In units, and with
+x = -e, the excess y = U - Fs of a stick is y0 + (v + rho x0) t + rho v t^2/2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .lanes import Lanes
+from .loop import Lanes
 from .slip import slip
 
 STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, too large, never a stick
-REVERSALS = 300  # without a stick, after which a loop swings
+REVERSALS, MOVING = 300, 20  # without a stick, after which a loop swings; under a reference
 RISES = 4  # reversals at a larger and larger error and torque, after which it goes on so
 ALIKE = 1e-4  # relative change from reversal to reversal of a swing that repeats
 STOPS = 60  # on one side, after which a loop creeps: it comes to rest
@@ -27,24 +32,23 @@ NEVER = 50.0  # the excess of what rests (negative) or never sticks
 class Turn:
     """What happened up to the next stick of each lane.
 
-    ``x`` its error (units), signed for a stop and positive for a half turn; ``t`` the time with
-    the wait for breakaway, ``high`` and ``low`` the largest errors on the side of the start and on
-    the other, ``stops`` and ``reversals``.
+    ``x`` its error (units), signed for a stop and positive for a half turn, and ``y`` its excess;
+    ``t`` the time with the wait for breakaway, ``high`` and ``low`` the largest errors on the side
+    of the start and on the other, ``stops``.
     """
 
     x: np.ndarray
+    y: np.ndarray
     t: np.ndarray
     high: np.ndarray
     low: np.ndarray
     stops: np.ndarray
-    reversals: np.ndarray
     fate: np.ndarray
 
     @classmethod
     def begun(cls, x: np.ndarray) -> Turn:
-        n = len(x)
-        zero = np.zeros(n, int)
-        return cls(x.copy(), np.zeros(n), x.copy(), 0.0 * x, zero.copy(), zero.copy(), zero.copy())
+        stops, fate = np.zeros((2, len(x)), int)
+        return cls(x.copy(), 0.0 * x, np.zeros(len(x)), x.copy(), 0.0 * x, stops, fate)
 
     def reach(self, lanes: np.ndarray, high: np.ndarray, low: np.ndarray) -> None:
         """Note errors that some lanes reached on either side."""
@@ -53,43 +57,45 @@ class Turn:
 
 
 def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
-    """From breakaway at x > 0 to the next stick, through reversals without one."""
-    made, active = Turn.begun(x), np.arange(len(x))
-    at, excess, side = x.copy(), np.zeros(len(x)), np.ones(len(x))
-    rises = np.zeros(len(x), int)
-    for _ in range(REVERSALS):
+    """Follow each lane from breakaway at x to the next stick, through reversals without one.
+
+    At rest x > 0; under a reference x = -e, and breakaway is forward or backward.
+    """
+    made, active, v, at = Turn.begun(x), np.arange(len(x)), lanes.drift, x.copy()
+    excess, side, rises = np.zeros(len(x)), np.ones(len(x)), np.zeros(len(x), int)
+    if v is not None:
+        side = np.where(v + lanes.rho * x >= 0.0, 1.0, -1.0)
+        at = side * x
+    for _ in range(REVERSALS if v is None else MOVING):
         own = lanes[active]
-        end = slip(own, at, excess)
+        end = slip(own if v is None else replace(own, drift=side * v[active]), at, excess)
         made.t[active] += end.t
-        made.x[active] = side * end.x
+        made.x[active], made.y[active] = side * end.x, np.where(side > 0.0, end.y, -2.0 - end.y)
         made.reach(active, side * end.x, -side * end.x)
-        sticks = ~end.rests & (end.y >= -2.0)
-        wait = np.where(end.x > 0.0, -end.y, 2.0 + end.y) / (own.rho * np.abs(end.x) + 1e-300)
-        made.t[active] += np.where(sticks, wait, 0.0)
-        grows = np.abs(end.x) > lanes.large
-        made.fate[active[end.rests]], made.fate[active[grows]] = RESTS, GROWS
         ahead, over = -end.x, -2.0 - end.y
+        fate = np.where(end.rests, RESTS, np.where(over <= 0.0, STICKS, SWINGS))
+        if v is None:
+            wait = np.where(end.x > 0.0, -end.y, -over) / (own.rho * np.abs(end.x) + 1e-300)
+            made.t[active] += np.where(fate == STICKS, wait, 0.0)
+            fate[np.abs(end.x) > lanes.large] = GROWS
         repeats = (np.abs(ahead - at) < ALIKE * at) & (np.abs(over - excess) < ALIKE * at)
         rises = np.where((ahead > at) & (over > excess), rises + 1, 0)
-        goes = ~(sticks | end.rests | grows | repeats | (rises >= RISES))
-        made.fate[active[(repeats | (rises >= RISES)) & ~sticks & ~end.rests & ~grows]] = SWINGS
+        made.fate[active] = fate
+        goes = (fate == SWINGS) & ((v is not None) | ~(repeats | (rises >= RISES)))
         active, side, at = active[goes], -side[goes], ahead[goes]
         excess, rises = over[goes], rises[goes]
-        made.reversals[active] += 1
         if not len(active):
             break
-    made.fate[active] = SWINGS
     return made
 
 
 def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
-    """T(x): from breakaway at x > 0 to the first stick on the other side."""
+    """Return T(x): from breakaway at x > 0 to the first stick on the other side."""
     made, active, at = Turn.begun(x), np.arange(len(x)), x.copy()
     for _ in range(STOPS):
         one = next_stick(lanes[active], at)
         made.t[active] += one.t
         made.reach(active, one.high, one.low)
-        made.reversals[active] += one.reversals
         made.stops[active] += one.fate == STICKS
         made.fate[active], made.x[active] = one.fate, np.abs(one.x)
         stays = (one.fate == STICKS) & (one.x > 0.0)
@@ -103,12 +109,12 @@ def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
 
 
 def turns(lanes: Lanes, x: np.ndarray, count: int = 1) -> Turn:
-    """T applied so many times."""
+    """Apply T so many times."""
     made, active = Turn.begun(x), np.arange(len(x))
     for k in range(count):
         one = half_turn(lanes[active], made.x[active])
-        for name in ("t", "stops", "reversals"):
-            getattr(made, name)[active] += getattr(one, name)
+        made.t[active] += one.t
+        made.stops[active] += one.stops
         made.reach(active, *((one.low, one.high) if k % 2 else (one.high, one.low)))
         made.x[active], made.fate[active] = one.x, one.fate
         active = active[one.fate == STICKS]
@@ -118,11 +124,14 @@ def turns(lanes: Lanes, x: np.ndarray, count: int = 1) -> Turn:
 
 
 def excess(lanes: Lanes, x: np.ndarray, count: int = 1) -> np.ndarray:
-    """log(T(x)/x), -NEVER for what comes to rest and NEVER for what never sticks or grows."""
+    """Return log(T(x)/x), -NEVER for what comes to rest, NEVER for what never sticks or grows."""
     made = turns(lanes, x, count)
     with np.errstate(divide="ignore"):
-        D = np.log(made.x / x)
-    return np.where(made.fate == STICKS, D, np.where(made.fate == RESTS, -NEVER, NEVER))
+        return _bounded(np.log(made.x / x), made.fate)
+
+
+def _bounded(D: np.ndarray, fate: np.ndarray) -> np.ndarray:
+    return np.where(fate == STICKS, D, np.where(fate == RESTS, -NEVER, NEVER))
 
 
 def excess_on(lanes: Lanes, x: np.ndarray, loops: int = 1) -> np.ndarray:
@@ -150,4 +159,4 @@ def _followed(place: np.ndarray, stop: np.ndarray, fate: np.ndarray) -> np.ndarr
         high = min(low + 1, i - 1)
         fate[i] = fate[low if part < 0.5 else high]
         logT[i] = logT[low] + part * (logT[high] - logT[low])
-    return np.where(fate == STICKS, logT - place, np.where(fate == RESTS, -NEVER, NEVER))
+    return _bounded(logT - place, fate)

@@ -14,13 +14,10 @@ from ..core.display import Row, noticed, number
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, picked
 from ..core.views import view
-from . import ramp_bristles, ramp_map
-from .critical import changes, in_words, ranges, values_of
-from .curve import curve_of
-from .hunt import varied
-from .lanes import Loop
-from .ramp_bristles import ramp_run
-from .steady_sliding import Sliding
+from .bristles import Bristles
+from .gains import critical, ranges, varied
+from .loop import Loop
+from .ramps import RampMap, RampRuns
 
 LOWEST, RATIO = 1e-5, 1.1  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
 CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
@@ -69,7 +66,7 @@ class StickSlip(Result):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the growth of a small deviation over the speed, with both speeds; the Axes."""
-        return view("hunting_plots.sliding")(self, ax)
+        return view("loop_plots.sliding")(self, ax)
 
     @property
     def unit(self) -> str:
@@ -159,7 +156,7 @@ def stick_slip_speed(
     ends = None if vary is None else ranges(vary, "vary")
     bare, report, asked = replace(known, effects=()), reporter(progress), [0]
     found = _found(bare, gains())
-    said = [f"left out: {', '.join(p.key for p in known.effects)}"] * bool(known.effects)
+    said = (f"left out: {', '.join(p.key for p in known.effects)}",) * bool(known.effects)
 
     def sticks(**changed: float) -> bool:
         asked[0] += 1
@@ -167,9 +164,9 @@ def stick_slip_speed(
         search = _Search(bare, gains(**changed))
         return not search.loop.is_stable() or next(search.persisting(), None) is not None
 
-    critical = {} if ends is None else changes(sticks, ends)
-    said = (*in_words(critical, "stick-slip"), *said, *found.messages)
-    return replace(found, critical=values_of(critical), messages=said)
+    more = critical(sticks, ends or {}, "stick-slip")
+    said = (*more["messages"], *said, *found.messages)
+    return replace(found, critical=more["critical"], messages=said)
 
 
 def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
@@ -179,7 +176,7 @@ def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
     if not loop.is_stable():
         said = "fast motion does not decay: (kd + Fv) kp > ki J does not hold"
         return StickSlip(np.inf, np.inf, about, messages=(said,), motion=model.motion)
-    start, end = search.sliding.first_speed(*search.growth), search.last_speed()
+    start, end = search.bristles.first_speed(*search.growth), search.last_speed()
     said = tuple(_said(start, end, *search.growth))
     return StickSlip(start, end, about, {}, said, search.growth, model.motion)
 
@@ -202,40 +199,25 @@ class _Search:
     """A loop that is stable, and how stick-slip is found and followed in it."""
 
     def __init__(self, model: Model, gains: Mapping[str, float]) -> None:
-        self.model, self.loop = model, Loop(curve_of(model), float(model.J or 0.0), **gains)
-        self.sliding = Sliding(model, self.loop)
-        self.run = ramp_run(model, self.loop) if model.friction.block.states else None
-
-    @cached_property
-    def bounds(self) -> tuple[float, float]:
-        """The highest speed at which the drive can stop, rad/s, and the largest error, units."""
-        speed, error = self.loop.largest
-        return speed * self.loop.unit * self.loop.wn, error
+        self.loop = Loop.of(model, gains)
+        self.bristles = Bristles(model, self.loop)
+        own = self.bristles.count
+        self.ramps: Any = RampRuns(model, self.loop) if own else RampMap(self.loop)
 
     @cached_property
     def growth(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.sliding.profile()
-
-    def followed(self, v: np.ndarray, x: Any) -> list[Any]:
-        """The state of the stick-slip that persists at each speed from a state x; None: none."""
-        if self.run:
-            return ramp_bristles.followed(self.run, v, x)
-        return ramp_map.followed(self.loop, v, x)
+        return self.bristles.profile()
 
     def persisting(self) -> Iterator[tuple[float, Any]]:
         """Speeds at which stick-slip persists and its state, from the highest on."""
         if self.loop.curve.Fs <= 0.0:
             return
-        (top, error), (v, growth) = self.bounds, self.growth
-        low = LOWEST * self.loop.unit * self.loop.wn
+        (top, error), unit, (v, growth) = self.loop.largest, self.loop.speed, self.growth
+        low, top = LOWEST * unit, top * unit
         grid = np.geomspace(low, top, int(np.log(top / low) / np.log(RATIO)))
         grid = np.sort(np.r_[grid, np.clip(v[np.argmax(growth)], low, top)])
-        if self.run:
-            found = ramp_bristles.candidates(self.model, self.loop, self.run, grid, error)
-        else:
-            found = ramp_map.candidates(self.loop, grid, error)
-        for speed, x in found:
-            kept = self.followed(np.array([speed]), x)[0]
+        for speed, x in self.ramps.candidates(grid, error):
+            kept = self.ramps.followed(np.array([speed]), x)[0]
             if kept is not None:
                 yield speed, kept
 
@@ -245,7 +227,7 @@ class _Search:
         step = np.log(RATIO) / PARTS
         while v and step > CLOSE / PARTS:
             tried = v * np.exp(step * np.arange(1, PARTS + 1))
-            made = self.followed(tried, x)
+            made = self.ramps.followed(tried, x)
             kept = [k for k, one in enumerate(made) if one is not None]
             if kept:
                 v, x = float(tried[kept[-1]]), made[kept[-1]]

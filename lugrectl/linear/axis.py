@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from fractions import Fraction
+from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
 
 from ..core.errors import InputError
-from .exact import axis_roots, even_odd, hurwitz, mul, odd_roots, positive_roots, squarefree
+from .exact import axis_roots, even_odd, hurwitz, mul, positive_roots, squarefree
 from .quasi import Quasi
 from .transfer import TINY
 
@@ -153,11 +154,10 @@ def _without_end(q: Quasi) -> float:
 def _exact_signs(F: Quasi) -> Signs:
     x = even_odd(F.polynomial)[0]
     lowest = next(c for c in x if c)
-    touching = (1,)
-    for factor in squarefree(x)[1::2]:
-        touching = mul(touching, factor)
+    factors = squarefree(x)
     changes, touches = (
-        tuple(math.sqrt(root) for root in positive_roots(p)) for p in (odd_roots(x), touching)
+        tuple(math.sqrt(root) for root in positive_roots(reduce(mul, factors[k::2], (1,))))
+        for k in (0, 1)
     )
     return Signs(1 if lowest > 0 else -1, changes, touches)
 

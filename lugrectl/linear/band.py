@@ -9,24 +9,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import control as ct
-import numpy as np
-
 from ..core.errors import InputError
 from ..core.views import view
-from .delayed import DelayedTransfer
-from .delayed_checks import crossings as delayed_crossings
-from .delayed_checks import unstable
-from .exact import Poly, add, hurwitz, odd_roots, positive_roots, real_product, scale
-from .floating import Model, level_signs
-from .floating_sampled import SampledModel
-from .hinf import UNKNOWN
-from .measured import crossings, is_measured
-from .sampled import Sampled, is_sampled
-from .transfer import number, read_transfer
-from .verdict import Verdict, show_poles
+from .state_system import UNDECIDED
+from .systems import system_of
+from .transfer import number
+from .verdict import Falls, Verdict
 
-EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 HERTZ = re.compile(r" \([^()]* Hz\)")
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
 
@@ -128,95 +117,35 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     >>> round(check.hertz, 1), check.stable, bool(check)
     (20.4, False, False)
     """
-    c = level_power(level)
-    if is_measured(T):
-        return _measured(T, c, level).of(T)
-    if isinstance(T, DelayedTransfer):
-        return _delayed(T, c, level).of(T)
-    if isinstance(T, ct.StateSpace) and (made := _floating(T, c, level)) is not None:
-        return made.of(T)
-    if is_sampled(T):
-        sampled = Sampled.of(T)
-        (num, den), stable, frequency = sampled.in_v, sampled.stable, sampled.frequency
-        poles, hidden = sampled.poles, sampled.hidden
+    system, name = system_of(T), level if isinstance(level, str) else f"{level:g} dB"
+    falls = system.falls(level_power(level))
+    width = falls.width if 0 < falls.dc < math.inf else math.nan
+    hertz = width / (2 * math.pi)
+    start = f"{name} of |{falls.base}| = {falls.dc:.6g}" if falls.base else name
+    size = f"|T({system.border.argument})|"
+    if math.isnan(width):
+        reason = _no_dc(falls)
+    elif math.isinf(width):
+        reason = f"{size} never falls below {start}{falls.said}"
     else:
-        transfer = read_transfer(T)
-        num, den, _ = transfer
-        stable, frequency = hurwitz(den), float
-        poles, hidden = transfer.poles, transfer.hidden
-    dc = bool(num) and bool(num[0]) and bool(den[0])
-    found = tuple(map(frequency, _crossings(num, den, c))) if dc else ()
-    width = (found[0] if found else math.inf) if dc else math.nan
-    reason = _reason(num, den, width, level)
-    reason += f"; {hidden}" if hidden else ""
-    return _verdict(width, found, stable, poles, reason, is_sampled(T)).of(T)
+        reason = f"{size} falls through {start} at {width:.6g} rad/s ({hertz:.6g} Hz){falls.said}"
+    if not system.stable:
+        said = UNDECIDED if system.stable is None else "T is not stable"
+        reason = f"{said} ({system.seen}): {reason}"
+    reason += f"; {system.hidden}" if system.hidden else ""
+    poles, stable = tuple(map(complex, system.poles)), bool(system.stable)
+    return BandwidthVerdict(width, hertz, falls.crossings, stable, poles, reason).of(T)
 
 
-def _verdict(
-    width: float,
-    found: tuple[float, ...],
-    stable: bool | None,
-    poles: tuple[complex, ...],
-    reason: str,
-    sampled: bool,
-) -> BandwidthVerdict:
-    if sampled:
-        reason = reason.replace("|T(jw)|", "|T(exp(jw dt))|")
-    if not stable:
-        shown = f"z = {show_poles(poles)}" if sampled else f"poles {show_poles(poles)} 1/s"
-        said = UNKNOWN if stable is None else "T is not stable"
-        reason = f"{said} ({shown}): {reason}"
-    return BandwidthVerdict(width, width / (2 * math.pi), found, bool(stable), poles, reason)
-
-
-def _floating(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict | None:
-    """The verdict on a state-space model of many states; None of few."""
-    sampled = is_sampled(T)
-    if T.nstates <= EXACT:
-        return None
-    model, hidden = (SampledModel if sampled else Model).of(T).seen()
-    dc, slack = model.at(0.0)
-    edges, width = (), math.nan
-    if slack < abs(dc):
-        signs = level_signs(model, float(c))
-        edges, touches = signs.edges, signs.touches
-        first = min([*edges[:1], *touches[:1]], key=lambda e: e.low, default=None)
-        width = first.first if first else math.inf
-        reason = _falls(width, level, abs(dc))
-        if first and (first in touches or not first.sharp):
-            reason += f", or up to {first.high:.6g} rad/s: rounding decides"
-    else:
-        integrates = np.abs(model.marks).min() <= model.uncertain
-        reason = _no_dc("infinite" if integrates else "zero", " within rounding")
-    reason += f"; {hidden}" if hidden else ""
-    poles, found = tuple(map(complex, model.poles)), tuple(e.first for e in edges)
-    return _verdict(width, found, model.stable, poles, reason, sampled)
-
-
-def _delayed(T: DelayedTransfer, c: Fraction, level: str | float) -> BandwidthVerdict:
-    """The verdict on a transfer function with exact dead times."""
-    dc, found = delayed_crossings(T, c)
-    reason, width = _no_dc("infinite" if math.isinf(dc) else "zero"), math.nan
-    if math.isfinite(dc):
-        width = found[0] if found else math.inf
-        reason = _falls(width, level, dc)
-    cause = unstable(T.den)
-    reason = f"T is not stable ({cause}): {reason}" if cause else reason
-    reason += f"; {T.hidden}" if T.hidden else ""
-    return BandwidthVerdict(width, width / (2 * math.pi), found, not cause, (), reason)
-
-
-def _measured(T: Any, c: Fraction, level: str | float) -> BandwidthVerdict:
-    """The verdict on a measured response."""
-    found, said = crossings(T, float(c))
-    name = level if isinstance(level, str) else f"{level:g} dB"
-    if not found:
-        width = math.nan if said.startswith("|T| is 0") else math.inf
-        reason = said if math.isnan(width) else f"|T(jw)| does not fall below {name}, {said}"
-        return BandwidthVerdict(width, width, (), True, (), reason)
-    width, hertz = found[0], found[0] / (2 * math.pi)
-    reason = f"|T(jw)| falls through {name} at {width:.6g} rad/s ({hertz:.6g} Hz), {said}"
-    return BandwidthVerdict(width, hertz, found, True, (), reason)
+def _no_dc(falls: Falls) -> str:
+    """Why there is no bandwidth: one clause, with what to check instead of an integrator."""
+    value, open_loop = "zero", ""
+    if falls.dc:
+        value, open_loop = "infinite", "; of an open loop check T/(1 + T)"
+    return (
+        f"{falls.base} is {value}{falls.said}, so there is no DC gain to measure a bandwidth "
+        f"from{open_loop}"
+    )
 
 
 def bandwidth(T: Any, level: str | float = "-3dB") -> float:
@@ -265,30 +194,3 @@ def level_power(level: str | float) -> Fraction:
     if (db := float(number(level, "level"))) >= 0:
         raise InputError(f"Level {db:g} dB is not below the DC gain; use a negative number.")
     return Fraction(10 ** (db / 10))
-
-
-def _crossings(num: Poly, den: Poly, c: Fraction) -> tuple[float, ...]:
-    above = scale(real_product(num, num), den[0] ** 2)
-    level = scale(real_product(den, den), -c * num[0] ** 2)
-    return tuple(math.sqrt(x) for x in positive_roots(odd_roots(add(above, level))))
-
-
-def _reason(num: Poly, den: Poly, width: float, level: str | float) -> str:
-    if math.isnan(width):
-        value = "infinite" if num and not den[0] else "zero"
-        return _no_dc(value)
-    return _falls(width, level, abs(float(Fraction(num[0]) / den[0])))
-
-
-def _no_dc(value: str, sure: str = "") -> str:
-    """Why there is no bandwidth: one clause, with what to check instead of an integrator."""
-    open_loop = "; of an open loop check T/(1 + T)" if value == "infinite" else ""
-    return f"T(0) is {value}{sure}, so there is no DC gain to measure a bandwidth from{open_loop}"
-
-
-def _falls(width: float, level: str | float, dc: float) -> str:
-    name = level if isinstance(level, str) else f"{level:g} dB"
-    start = f"{name} of |T(0)| = {dc:.6g}"
-    if math.isinf(width):
-        return f"|T(jw)| never falls below {start}"
-    return f"|T(jw)| falls through {start} at {width:.6g} rad/s ({width / (2 * math.pi):.6g} Hz)"

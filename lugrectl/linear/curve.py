@@ -9,10 +9,9 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
+from .border import border_of, is_sampled
 from .delayed import DelayedTransfer
-from .measured import is_measured, response
-from .sampled import is_sampled, sample_time
-from .transfer import roots
+from .transfer import is_measured, response, roots
 
 POINTS = 800
 BEYOND = 30.0  # the grid reaches this factor beyond the outermost pole, zero or mark
@@ -34,7 +33,7 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(source, DelayedTransfer):
         return _delayed(source, *marks)
     T = source if isinstance(source, ct.TransferFunction | ct.StateSpace) else _made(source)
-    dt = sample_time(T) if is_sampled(T) else None
+    dt = border_of(T).dt
     with np.errstate(all="ignore"):
         poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
         poles, zeros = (x if dt is None else np.log(x) / dt for x in (poles, zeros))

@@ -10,11 +10,16 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
+from .border import Axis, is_sampled, says_hidden
 from .exact import Poly, gcd, mul
-from .measured import is_measured, response
 from .quasi import Quasi
-from .sampled import is_sampled
-from .transfer import coefficients, number, require_continuous_siso, says_hidden
+from .transfer import (
+    coefficients,
+    is_measured,
+    number,
+    require_continuous_siso,
+    response,
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -73,7 +78,7 @@ class DelayedTransfer:
     @property
     def hidden(self) -> str:
         """A remark on a mode that is not stable and cancelled from T(s); empty without one."""
-        return says_hidden(self.cancelled)
+        return says_hidden(Axis(), self.cancelled)
 
     def __call__(self, s: Any, **_: Any) -> Any:
         """T(s) of a complex number or an array of them."""

@@ -9,22 +9,16 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.model import values_of
-from ..blocks.swapped import model_first
+from ..blocks.model import model_first, values_of
 from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
-from .delayed_checks import largest as delayed_largest
-from .delayed_checks import unstable
-from .exact import axis_roots, hurwitz
-from .hinf import UNKNOWN, StateResponse
-from .measured import is_measured, response, span
-from .peaks import largest
-from .sampled import Sampled, is_sampled
-from .transfer import Transfer, number, parameter, read_transfer, to_float
+from .state_system import StateSystem
+from .systems import system_of
+from .transfer import is_measured, number, parameter, to_float
 from .verdict import Verdict
 
-EXACT = 6  # states of a state-space model that is decided in exact arithmetic
+LINEAR = (ct.TransferFunction, ct.StateSpace, DelayedTransfer, tuple, list)
 
 
 @dataclass(frozen=True, repr=False)
@@ -112,12 +106,10 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     >>> round(check.gain, 4), check.frequency
     (0.0846, 0.0)
     """
-    if isinstance(p, ct.TransferFunction | ct.StateSpace | DelayedTransfer | tuple | list):
+    if is_measured(p) or isinstance(p, LINEAR):
         if K2 is not None:
             raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
         return _own_gain(p).of(p)
-    if is_measured(p):
-        return _measured_gain(p).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     model_first(p, K2, "K2")
@@ -130,85 +122,16 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
 
 def _own_gain(T: Any) -> L2Verdict:
     """The L2 gain of a linear system, continuous or sampled."""
-    if isinstance(T, DelayedTransfer):
-        return _delayed_gain(T)
-    if isinstance(T, ct.StateSpace) and (T.nstates > EXACT or T.ninputs * T.noutputs != 1):
-        return _floating_gain(T)
-    return _sampled_gain(Sampled.of(T)) if is_sampled(T) else gain_of(read_transfer(T))
-
-
-def _delayed_gain(T: DelayedTransfer) -> L2Verdict:
-    """The same of a transfer function with exact dead times."""
-    if cause := unstable(T.den):
-        return _infinite(f"T(s) is not stable: {cause}", float("nan"))
-    if axis_roots(T.cancelled)[1]:
-        return _infinite(T.hidden, float("nan"))
-    if T.num.degree > T.den.degree:
-        return _infinite("T(s) is improper: |T| grows with w without bound", float("inf"))
-    return _largest(*delayed_largest(T), "as w grows", hidden=T.hidden)
-
-
-def _measured_gain(T: Any) -> L2Verdict:
-    """The largest |T(jw)| of a measured response: the L2 gain is at least that."""
-    w, values = response(T)
-    k = int(np.argmax(np.abs(values)))
-    gain = float(abs(values[k]))
-    reason = (
-        f"|T(jw)| is largest at {w[k]:.6g} rad/s of {span(w)}; between and outside them, and on "
-        "whether T is stable, it says nothing"
-    )
-    meaning = f"the L2 gain is at least {gain:.6g}"
-    return L2Verdict(gain, float(w[k]), reason, meaning)
-
-
-def gain_of(T: Transfer) -> L2Verdict:
-    """The L2 gain of T(s): sup |T(jw)|, infinite where T is not stable or not proper."""
-    num, den, cancelled = T
-    if not hurwitz(den) or axis_roots(cancelled)[1]:
-        return _infinite(T.hidden if hurwitz(den) else "T(s) is not stable", float("nan"))
-    if len(num) > len(den):
-        return _infinite("T(s) is improper: |T| grows with w without bound", float("inf"))
-    return _largest(*largest(num, den), "as w grows", hidden=T.hidden)
-
-
-def _sampled_gain(T: Sampled) -> L2Verdict:
-    """The same of T(z)."""
-    if not T.stable or T.hidden_outside:
-        return _infinite(T.hidden if T.stable else "T(z) is not stable", float("nan"))
-    if len(T.num) > len(T.den):
-        return _infinite("T(z) is improper: it needs the input ahead", float("nan"))
-    gain, v = largest(*T.in_v)
-    return _largest(gain, T.frequency(v), hidden=T.hidden)
-
-
-def _floating_gain(T: Any) -> L2Verdict:
-    """The same of a state-space model of many states or channels, in floating point."""
-    system, hidden = StateResponse.of(T), ""
-    if not system.stable:
-        part, unseen = system.split()
-        if not len(unseen) and (settled := system.settled()) is not True:
-            said = "the system is not stable" if settled is False else UNKNOWN
-            return _infinite(f"{said}: {system.rightmost}", float("nan"))
-        if len(unseen) and system.beyond(unseen).max() > system.rounding:
-            return _infinite(f"the system is not stable: {system.rightmost}", float("nan"))
-        hidden = system.says_hidden(unseen) if len(unseen) else ""
-        system = part
-    return _largest(*system.peak(), "as w grows", size=system.size, hidden=hidden)
-
-
-def _infinite(why: str, frequency: float) -> L2Verdict:
-    return L2Verdict(
-        float("inf"), frequency, why, "nothing follows for the output of an input in L2"
-    )
-
-
-def _largest(
-    gain: float, frequency: float, end: str | None = None, size: str = "|T|", hidden: str = ""
-) -> L2Verdict:
-    where = f"at w = {frequency:.6g} rad/s" if np.isfinite(frequency) or not end else end
-    meaning = f"||y||_2 <= {gain:.6g} ||u||_2 from rest"
-    reason = f"{size} is largest {where}: {gain:.6g}" + (f"; {hidden}" if hidden else "")
-    return L2Verdict(gain, frequency, reason, meaning)
+    several = isinstance(T, ct.StateSpace) and T.ninputs * T.noutputs != 1
+    system = StateSystem.of(T).shown() if several else system_of(T)
+    if no_gain := system.no_gain():
+        meaning = "nothing follows for the output of an input in L2"
+        return L2Verdict(float("inf"), no_gain.at, no_gain.why, meaning)
+    gain, w = system.largest()
+    where = f"at w = {w:.6g} rad/s" if np.isfinite(w) else "as w grows"
+    reason = f"{system.size} is largest {where}: {gain:.6g}{system.said}"
+    reason += f"; {system.hidden}" if system.hidden else ""
+    return L2Verdict(gain, w, reason, system.meaning.format(gain))
 
 
 def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float, float, str]:

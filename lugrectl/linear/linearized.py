@@ -16,7 +16,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.dead_times import DeadTime, dead_times
+from ..blocks.drive import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
 from .delayed import DelayedTransfer, reduced

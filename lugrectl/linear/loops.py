@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import wraps
 from typing import Any
 
 import control as ct
 
 from ..blocks.model import values_of
 from ..core.errors import InputError
-from .controller import Controller, read_controller
+from .controller import Controller, Ratio, read_controller
 from .delayed import DelayedTransfer, dead_time_of, reduced
 from .exact import Poly, add, mul, poly
 from .quasi import Quasi
@@ -33,7 +36,7 @@ class Loop:
         C = self.controller
         bristle = poly([self.sigma0, self.sigma1])
         dens = mul(C.on_error[1], C.derivative[1])
-        return mul(bristle, dens), closed_den(self.J, self.order, C)
+        return mul(bristle, dens), add(*_closed_parts(self.J, self.order, C))
 
 
 class LoopT(ct.TransferFunction):
@@ -45,18 +48,47 @@ class LoopT(ct.TransferFunction):
     loop: Loop
 
 
-def position_T(
+def _gains(
     p: Any,
     kp: float = 0,
     ki: float = 0,
     kd: float = 0,
     tau: float | None = None,
+    prefilter: bool | float = False,
     *,
     derivative_filter: float | None = None,
     leak: float | None = None,
     controller: Any = None,
     dead_time: float = 0.0,
-) -> Any:
+) -> dict[str, Any]:
+    """Read the arguments of the loops, from which each takes what it needs."""
+    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
+    delay = dead_time_of(dead_time)
+    return {"p": values_of(p), "C": C, "dead_time": delay, "prefilter": prefilter}
+
+
+def _with_gains(make: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a loop the arguments of ``_gains``, prefilter only where it has one."""
+    takes = inspect.signature(make).parameters
+    listed = inspect.signature(_gains).parameters.values()
+    keep = [p for p in listed if p.name != "prefilter" or p.name in takes]
+    signature = inspect.Signature(keep, return_annotation="Any")
+
+    @wraps(make)
+    def loop(*args: Any, **kwargs: Any) -> Any:
+        try:
+            given = signature.bind(*args, **kwargs).arguments
+        except TypeError as error:
+            raise TypeError(f"{make.__name__}() {error}") from None
+        read = _gains(**given)
+        return make(**{name: read[name] for name in takes})
+
+    loop.__signature__ = signature  # type: ignore
+    return loop
+
+
+@_with_gains
+def position_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s^2 + C(s)), the SPR condition of the existing observer.
 
     C(s) = Kp + Kd s/(Td s + 1) + I(s) + X(s) acts on the position error (Canudas de Wit et al.,
@@ -112,22 +144,11 @@ def position_T(
     >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, ki=30.0, kd=1.2)))
     False
     """
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _error_T(p, 2, C, dead_time)
 
 
-def velocity_T(
-    p: Any,
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    tau: float | None = None,
-    *,
-    derivative_filter: float | None = None,
-    leak: float | None = None,
-    controller: Any = None,
-    dead_time: float = 0.0,
-) -> Any:
+@_with_gains
+def velocity_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error.
 
     Parameters
@@ -158,23 +179,11 @@ def velocity_T(
     >>> [lg.spr_check(lg.velocity_T(p, kp=1.6, ki=ki)).classification for ki in (0.0, 0.16)]
     ['SPR', 'PR']
     """
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
     return _error_T(p, 1, C, dead_time)
 
 
-def position_loop_tf(
-    p: Any,
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    tau: float | None = None,
-    prefilter: bool | float = False,
-    *,
-    derivative_filter: float | None = None,
-    leak: float | None = None,
-    controller: Any = None,
-    dead_time: float = 0.0,
-) -> Any:
+@_with_gains
+def position_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool | float) -> Any:
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
     theta/r = E(s)/(J s^2 + D(s) + E(s)) with E(s) = Kp + I(s) + X(s), D(s) = Kd s/(Td s + 1)
@@ -217,23 +226,11 @@ def position_loop_tf(
     >>> bool((lg.position_loop_tf(p, kp=15.0, ki=1.55, kd=0.3).poles().real < 0).all())
     True
     """
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    return _reference_tf(p, 2, C, prefilter, "theta", dead_time)
+    return _reference_tf(_parts(p, 2, C), C, prefilter, "theta", dead_time)
 
 
-def velocity_loop_tf(
-    p: Any,
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    tau: float | None = None,
-    prefilter: bool | float = False,
-    *,
-    derivative_filter: float | None = None,
-    leak: float | None = None,
-    controller: Any = None,
-    dead_time: float = 0.0,
-) -> Any:
+@_with_gains
+def velocity_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool | float) -> Any:
     """Reference to velocity with friction fully compensated (plant 1/(J s)).
 
     w/r = E(s)/(J s + D(s) + E(s)), with the terms of :func:`position_loop_tf`: Kd multiplies the
@@ -266,22 +263,11 @@ def velocity_loop_tf(
     >>> np.round(np.sort(T.poles().real), 1).tolist()
     [-727.2, -0.1]
     """
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    return _reference_tf(p, 1, C, prefilter, "w", dead_time)
+    return _reference_tf(_parts(p, 1, C), C, prefilter, "w", dead_time)
 
 
-def position_L(
-    p: Any,
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    tau: float | None = None,
-    *,
-    derivative_filter: float | None = None,
-    leak: float | None = None,
-    controller: Any = None,
-    dead_time: float = 0.0,
-) -> Any:
+@_with_gains
+def position_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """The open loop L(s) = C(s) exp(-s h)/(J s^2) of a position loop, cut at the torque.
 
     C(s) as in ``position_T``; friction is fully compensated.
@@ -311,22 +297,11 @@ def position_L(
     >>> round(1e3 * lg.stability_check(L).delay_margin, 2)
     2.84
     """
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    return _open_loop(p, 2, C, dead_time)
+    return _open_loop(*_parts(p, 2, C), dead_time)
 
 
-def velocity_L(
-    p: Any,
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    tau: float | None = None,
-    *,
-    derivative_filter: float | None = None,
-    leak: float | None = None,
-    controller: Any = None,
-    dead_time: float = 0.0,
-) -> Any:
+@_with_gains
+def velocity_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """The open loop L(s) = C(s) exp(-s h)/(J s) of a velocity loop, cut at the torque.
 
     C(s) as in ``velocity_T``; friction is fully compensated.
@@ -356,54 +331,49 @@ def velocity_L(
     >>> bool(lg.stability_check(L))
     False
     """
-    C = read_controller(kp, ki, kd, tau, derivative_filter, leak, controller)
-    return _open_loop(p, 1, C, dead_time)
+    return _open_loop(*_parts(p, 1, C), dead_time)
 
 
-def closed_den(J: Fraction, order: int, C: Controller) -> Poly:
-    """(J s^order + C(s)) times the denominators in C."""
-    return add(*_closed_parts(J, order, C))
+def _parts(p: Any, order: int, C: Controller) -> Ratio:
+    """J s^order and C(s) of a drive, each times the denominators in C."""
+    return _closed_parts(parameter(p, "J"), order, C)
 
 
-def _closed_parts(J: Fraction, order: int, C: Controller) -> tuple[Poly, Poly]:
-    """J s^order and C(s), each times the denominators in C."""
+def _closed_parts(J: Fraction, order: int, C: Controller) -> Ratio:
     (error_num, error_den), (rate_num, rate_den) = C.on_error, C.derivative
     inertia = mul(poly([0] * order + [J]), mul(error_den, rate_den))
     return inertia, add(mul(error_num, rate_den), mul(rate_num, error_den))
 
 
-def _error_T(p: Any, order: int, C: Controller, dead_time: Any) -> Any:
-    p = values_of(p)
+def _error_T(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     loop = Loop(J, sigma0, sigma1, order, C)
-    if late := dead_time_of(dead_time):
-        inertia, torque = _closed_parts(J, order, C)
-        return reduced(Quasi.of([(0, loop.T()[0])]), Quasi.of([(0, inertia), (late, torque)]))
+    if delay:
+        inertia, torque = _closed_parts(loop.J, order, C)
+        return reduced(Quasi.of([(0, loop.T()[0])]), Quasi.of([(0, inertia), (delay, torque)]))
     T = LoopT(*rounded(*loop.T()))
     T.loop = loop
     return T
 
 
 def _reference_tf(
-    p: Any, order: int, C: Controller, prefilter: bool | float, output: str, dead_time: Any
+    parts: Ratio, C: Controller, prefilter: bool | float, output: str, delay: Fraction
 ) -> ct.TransferFunction | DelayedTransfer:
     num, filtered = mul(C.on_error[0], C.derivative[1]), (1,)
-    inertia, torque = _closed_parts(parameter(values_of(p), "J"), order, C)
     if prefilter is not False and prefilter is not None:
         pole = number(2 if prefilter is True else prefilter, "prefilter")
         if pole <= 0:
             raise InputError(f"prefilter is {float(pole):g} 1/s, but its pole must be above 0.")
         num, filtered = mul(num, (pole,)), (pole, 1)
-    inertia, torque = mul(inertia, filtered), mul(torque, filtered)
-    if late := dead_time_of(dead_time):
-        return reduced(Quasi.of([(late, num)]), Quasi.of([(0, inertia), (late, torque)]))
+    inertia, torque = (mul(part, filtered) for part in parts)
+    if delay:
+        return reduced(Quasi.of([(delay, num)]), Quasi.of([(0, inertia), (delay, torque)]))
     return ct.TransferFunction(*rounded(num, add(inertia, torque)), inputs="r", outputs=output)
 
 
-def _open_loop(p: Any, order: int, C: Controller, dead_time: Any) -> Any:
-    inertia, torque = _closed_parts(parameter(values_of(p), "J"), order, C)
-    if late := dead_time_of(dead_time):
-        return reduced(Quasi.of([(late, torque)]), Quasi.of([(0, inertia)]))
+def _open_loop(inertia: Poly, torque: Poly, delay: Fraction) -> Any:
+    if delay:
+        return reduced(Quasi.of([(delay, torque)]), Quasi.of([(0, inertia)]))
     return ct.TransferFunction(*rounded(torque, inertia), inputs="u", outputs="u")
 
 

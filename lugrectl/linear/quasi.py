@@ -50,6 +50,10 @@ class Quasi:
         """q(-s): on the imaginary axis the conjugate of q."""
         return self.stretched(-1)
 
+    def squared(self) -> Quasi:
+        """|q(jw)|^2 as an even quasi-polynomial."""
+        return self * self.mirror()
+
     def stretched(self, unit: Fraction | int) -> Quasi:
         """q(unit s)."""
         return Quasi.of(

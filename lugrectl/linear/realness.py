@@ -1,13 +1,25 @@
-"""Positive realness of num/den in lowest terms, decided on exact rational numbers."""
+"""Positive realness of a system with exact coefficients, decided on rational numbers.
+
+Of T(s) with dead times the sign of Re T(jw) and the zeros of its denominator are decided in
+floating point (:mod:`axis`); of T(z) the circle is closed, so that there is no WSPR.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
+from typing import TYPE_CHECKING
 
+from ..core.errors import InputError
+from .axis import Signs, reach, settled, signs, zeros
+from .delayed import DelayedTransfer
 from .exact import (
     Poly,
     add,
+    axis_roots,
     distinct_roots,
     divide,
     gcd,
@@ -19,7 +31,244 @@ from .exact import (
     real_product,
     shift,
 )
+from .peaks import least
+from .quasi import Quasi
+from .sure_signs import last_that_holds
 from .transfer import to_float
+from .verdict import Realness
+
+if TYPE_CHECKING:
+    from .exact_system import ExactSystem
+
+NEAR_ZERO = 1e-12
+TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
+
+
+def realness(T: ExactSystem) -> Realness:
+    """How real T is, with the reason in words."""
+    real = _real_part(T.num, T.den)
+    found = signs(real)
+    edge, remarks = _edge(T, found), [_rounding(T), f"; {T.hidden}" if T.hidden else ""]
+    kind, why = "not PR", _why_not(T, found)
+    if not why:
+        kind, why = _how_real(T, real, found)
+    margin = _margin(T) if kind == "SPR" else 0.0
+    return Realness(kind, "".join([why, *remarks]), edge, margin)
+
+
+def _real_part(a: Quasi, b: Quasi) -> Quasi:
+    """Re(a(jw) conj b(jw)) as an even quasi-polynomial."""
+    whole = a * b.mirror()
+    return (whole + whole.mirror()).scaled(Fraction(1, 2))
+
+
+def _name(T: ExactSystem) -> str:
+    return f"Re T({T.border.argument})"
+
+
+def _edge(T: ExactSystem, found: Signs) -> float:
+    """The end of the band (0+, edge) with Re T > 0, in rad/s; inf if it reaches half the rate."""
+    if not T.rational:
+        first = [*found.changes[:1], *found.touches[:1]] if found.first > 0 else [0.0]
+        return min(first, default=math.inf)
+    v, (num, den) = band_edge(*T.ratio), T.ratio
+    if math.isinf(v) and len(real_product(num, den)) == len(real_product(den, den)):
+        return v
+    return T.border.frequency(v)
+
+
+# --- why T is not positive real ------------------------------------------------------------
+
+
+def _why_not(T: ExactSystem, found: Signs) -> str:
+    """Why T is not positive real; empty where it is."""
+    if not T.given.num:
+        return ""
+    if T.border.dt and T.excess < 0:
+        return f"T(z) is improper: its output would need the input {_samples(-T.excess)} ahead"
+    if poles := _poles_outside(T):
+        return f"T has {poles}"
+    causes = []
+    if found.first < 0 or found.changes:
+        causes.append(f"{_name(T)} < 0 {_bands(T, found)}")
+    if T.border.dt and T.excess > 0:
+        causes.append(
+            f"T has a delay of {_samples(T.excess)}: without a direct part, T(z) -> 0 as z grows, "
+            "no T(z) is positive real"
+        )
+    elif not T.border.dt and abs(T.excess) > 1:
+        causes.append(f"the relative degree is {T.excess}, which must be -1, 0 or 1")
+    elif causes and T.rational and not T.border.dt:
+        causes.append(_limit(T))
+    return "; ".join([*causes, *_poles_on_border(T, bool(causes))])
+
+
+def _samples(many: int) -> str:
+    return f"{many} sample{'s' * (many > 1)}"
+
+
+def _poles_outside(T: ExactSystem) -> str:
+    if not T.rational:
+        right, _, on_axis = zeros(T.den)
+        return T.seen if right or on_axis is not None else ""
+    if T.stable or not T.border.has_outside(T.given.den.polynomial):
+        return ""
+    return f"poles {T.border.outside} ({T.seen})"
+
+
+def _poles_on_border(T: ExactSystem, more: bool) -> list[str]:
+    """What is wrong with poles on the border; of a rational T, if nothing else is (``more``)."""
+    if T.rational:
+        if more or hurwitz(add(*T.ratio)):
+            return []
+        where = [f"w = {w:.6g} rad/s" if math.isfinite(w) else "infinity" for w in _on_border(T)]
+        return [
+            f"a pole {T.border.on} is repeated or its residue is not positive (poles at "
+            f"{', '.join(where)})"
+        ]
+    said, origin = [], T.den.order()
+    top, bottom = T.num.leading, T.den.leading
+    if T.excess == -1 and not ({*top, *bottom} == {0} and top[0] / bottom[0] > 0):
+        said.append("T grows with w, and not as s times a positive number")
+    if origin > 1 or (origin and T.num.taylor(0) / T.den.taylor(1) < 0):
+        said.append("the pole at s = 0 is repeated or its residue is not positive")
+    return said
+
+
+def _on_border(T: ExactSystem) -> list[float]:
+    """The frequencies of poles on the border; inf: T(s) grows with s."""
+    num, den = T.ratio
+    at = [*axis_roots(den)[0], *[math.inf] * (len(num) > len(den))]
+    return [T.border.frequency(v) for v in at]
+
+
+def _bands(T: ExactSystem, found: Signs) -> str:
+    """The bands in which Re T < 0, in words; with dead times the first of them."""
+    ends = [T.border.frequency(v) for v in ([0.0] * (found.first < 0)) + [*found.changes]]
+    pairs = list(pairwise([*ends, T.border.frequency(math.inf)]))[0::2]
+    shown = [_band(low, high) for low, high in (pairs if T.rational else pairs[:2])]
+    if not found.complete:
+        return f"first {shown[0]}, and again and again as w grows: the dead time turns the phase"
+    more = len(pairs) - len(shown)
+    return " and ".join(shown) + (f" and at {more} higher places" if more else "")
+
+
+def _band(low: float, high: float) -> str:
+    if math.isfinite(high):
+        return f"for {low:.6g} < w < {high:.6g} rad/s" if low else f"for w < {high:.6g} rad/s"
+    return f"for w > {low:.6g} rad/s" if low else "at every w"
+
+
+# --- how real a positive real T is ---------------------------------------------------------
+
+
+def _how_real(T: ExactSystem, real: Quasi, found: Signs) -> tuple[str, str]:
+    """The kind of a positive real T, and why."""
+    name, closed = _name(T), T.border.dt is not None
+    if not real:
+        return "PR", f"T is lossless, {name} = 0 at every w" if T.given.num else "T is zero"
+    if at := _simple_poles(T):
+        where = ", ".join(f"{w:.6g}" for w in at)
+        return "PR", f"simple poles with positive residues {T.border.on} at w = {where} rad/s"
+    falls_off = real.degree < 2 * min(T.num.degree, T.den.degree)
+    if not closed and not real.taylor(0):
+        return "PR", f"{name} >= 0, but T has a zero at s = 0"
+    ends = [0.0] * (not real.taylor(0)), [math.inf] * (closed and real.degree < 2 * T.degree)
+    if zeros_at := [*ends[0], *found.touches, *ends[1]]:
+        where = ", ".join(f"{T.border.frequency(v):.6g}" for v in zeros_at)
+        return "PR", f"{name} >= 0, but it is 0 at w = {where} rad/s"
+    if falls_off:
+        return "WSPR", f"{name} > 0 at every finite w, but {_limit(T)}"
+    where = T.border.least_stable(T.poles[0]) if T.poles else "no poles"
+    where = where if T.rational else "all poles are left of the axis"
+    return "SPR", f"{where}, {name} > 0 at every w{_end(T)}"
+
+
+def _simple_poles(T: ExactSystem) -> list[float]:
+    """Where poles lie on the border, one at infinity of T(s) apart."""
+    if not T.rational:
+        return [0.0] * bool(T.den.order())
+    return [] if T.stable else [w for w in _on_border(T) if math.isfinite(w)]
+
+
+def _end(T: ExactSystem) -> str:
+    """How Re T > 0 ends: its limit, or on the closed circle its least value."""
+    if T.border.dt is None:
+        return f" and {_limit(T)}"
+    value, v = least(*T.ratio)
+    return f", the least {value:.6g} at w = {T.border.frequency(v):.6g} rad/s"
+
+
+def _limit(T: ExactSystem) -> str:
+    """The high-frequency limit of Re T(jw) in words."""
+    name = "w^2 Re T(jw)" if T.excess > 0 else "Re T(jw)"
+    num, den = T.ratio
+    if not T.rational:
+        strict = _real_part(T.num, T.den).degree == 2 * min(T.num.degree, T.den.degree)
+        return f"{name} {'stays above 0' if strict else 'tends to 0'} as w grows"
+    real, full = real_product(num, den), min(len(num), len(den))
+    value = Fraction(real[full - 1]) / den[-1] ** 2 if len(real) >= full else 0
+    return f"{name} tends to {float(value):.6g} as w grows"
+
+
+def _rounding(T: ExactSystem) -> str:
+    """A remark if a coefficient of P is only the rounding error of its terms."""
+    if not T.rational or T.border.dt:
+        return ""
+    real = real_product(*T.ratio)
+    terms = real_product(
+        *(tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in T.ratio)
+    )
+    near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
+    if not near or min(near) > NEAR_ZERO:
+        return ""
+    return (
+        f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
+        "rounding of the inputs decides"
+    )
+
+
+# --- the margin ----------------------------------------------------------------------------
+
+
+def _margin(T: ExactSystem) -> float:
+    """The largest eps in 1/s with T(s - eps), or T(exp(-eps dt) z), positive real, of an SPR T."""
+    if not T.rational:
+        return _delayed_margin(T)
+    if T.border.dt is None:
+        return margin(*T.ratio)
+    if not T.degree:
+        return math.inf
+    given = [q.polynomial for q in (T.given.num, T.given.den)]
+
+    def holds(less: Fraction) -> bool:
+        inner = (tuple(c * (1 - less) ** i for i, c in enumerate(a)) for a in given)
+        return positive_real(*(T.border.mapped(a, T.degree) for a in inner))
+
+    return -math.log1p(-float(_last(holds, Fraction(1)))) / T.border.dt
+
+
+def _delayed_margin(T: ExactSystem) -> float:
+    delay = max(T.given.dead_times)
+    most = max(TURNS / delay, 10.0 * (reach(T.den) or 0.0))
+
+    def holds(eps: float) -> bool:
+        moved = replace(T, given=DelayedTransfer(T.num.shifted(eps), T.den.shifted(eps)))
+        real = _real_part(moved.num, moved.den)
+        if (reach(moved.den) or math.inf) > most:
+            return False  # short of a chain of poles: eps is too large, or so by about 1e-4
+        try:
+            return settled(real) is not None and not _why_not(moved, signs(real))
+        except InputError:
+            return False
+
+    high = 1.0 / delay
+    while holds(high):
+        high *= 2.0
+    return last_that_holds(holds, high)
+
+
+# --- num/den in lowest terms ---------------------------------------------------------------
 
 
 def positive_real(num: Poly, den: Poly) -> bool:
@@ -44,21 +293,26 @@ def margin(num: Poly, den: Poly) -> float:
     means = [Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in (num, den) if len(p) > 1]
     if not means:
         return math.inf
+
+    def holds(eps: Fraction) -> bool:
+        return positive_real(shift(num, eps), shift(den, eps))
+
     nearest = min(means)
-    if positive_real(shift(num, nearest), shift(den, nearest)):
+    if holds(nearest):
         return to_float(nearest)
     bits = nearest.numerator.bit_length() - nearest.denominator.bit_length()
-    low = Fraction(2) ** bits
-    high = 2 * low
-    while not positive_real(shift(num, low), shift(den, low)):
+    return to_float(_last(holds, 2 * Fraction(2) ** bits))
+
+
+def _last(holds: Callable[[Fraction], bool], high: Fraction) -> Fraction:
+    """The largest value below ``high`` for which it holds, as for all smaller ones; bisection."""
+    low = high / 2
+    while not holds(low):
         low, high = low / 2, low
     while high - low > low / 2**50:
-        eps = (low + high) / 2
-        if positive_real(shift(num, eps), shift(den, eps)):
-            low = eps
-        else:
-            high = eps
-    return to_float(low)
+        middle = (low + high) / 2
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
 
 
 def band_edge(num: Poly, den: Poly) -> float:

@@ -2,41 +2,21 @@
 
 from __future__ import annotations
 
-import math
+from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
-from itertools import pairwise
 from typing import Any
 
 import control as ct
 
 from ..core.errors import InputError
 from ..core.views import view
-from .delayed import DelayedTransfer
-from .delayed_checks import realness as delayed_realness
-from .exact import (
-    Poly,
-    axis_roots,
-    hurwitz,
-    nonnegative,
-    odd_roots,
-    positive_roots,
-    real_product,
-)
-from .floating import Model
-from .floating import realness as realness_of
-from .floating_sampled import SampledModel
 from .loops import LoopT
-from .measured import is_measured, realness
-from .realness import band_edge, classify, margin
+from .realness import classify
 from .repair import Repair, find_repair
-from .sampled import Sampled, is_sampled
-from .sampled import realness as of_sampled
-from .transfer import Transfer, read_transfer
-from .verdict import Verdict, show_poles
-
-NEAR_ZERO = 1e-12
-EXACT = 6  # states of a state-space model that is decided in exact arithmetic
+from .state_system import StateSystem
+from .systems import EXACT, system_of
+from .transfer import read_transfer
+from .verdict import Realness, Verdict
 
 
 @dataclass(frozen=True, repr=False)
@@ -145,44 +125,20 @@ def spr_check(T: Any) -> SprVerdict:
     >>> check.classification
     'PR'
     """
-    if is_measured(T):
-        kind, edge, reason = realness(T)
-        return SprVerdict(kind, math.nan, edge, f"{kind}: {reason}.").of(T)
-    if isinstance(T, DelayedTransfer):
-        kind, eps, edge, reason = delayed_realness(T)
-        reason += f"; {T.hidden}" if T.hidden else ""
-        return SprVerdict(kind, eps, edge, f"{kind}: {reason}.").of(T)
-    if isinstance(T, ct.StateSpace) and T.nstates and (found := _floating(T)) is not None:
-        return found.of(T)
-    if is_sampled(T):
-        kind, eps, edge, reason = of_sampled(Sampled.of(T))
-        return SprVerdict(kind, eps, edge, f"{kind}: {reason}.").of(T)
-    transfer = read_transfer(T)
-    num, den, _ = transfer
-    kind, edge = classify(num, den), band_edge(num, den)
-    eps = margin(num, den) if kind == "SPR" else 0.0
-    repair = find_repair(T.loop) if isinstance(T, LoopT) and kind != "SPR" else None
-    reason = _REASONS[kind](transfer, edge) + _rounding(num, den)
-    if transfer.hidden:
-        reason += f"; {transfer.hidden}"
-    verdict = SprVerdict(kind, eps, edge, f"{kind}: {reason}.", repair and repair.sentence)
-    return verdict.of(T)
+    found = _realness(T)
+    repair = find_repair(T.loop) if isinstance(T, LoopT) and found.kind != "SPR" else None
+    reason, sentence = f"{found.kind}: {found.reason}.", repair.sentence if repair else None
+    return SprVerdict(found.kind, found.margin, found.edge, reason, sentence).of(T)
 
 
-def _floating(T: Any) -> SprVerdict | None:
-    """The verdict on a state-space model of many states, or one that is PR within rounding."""
-    try:
-        model, hidden = (SampledModel if is_sampled(T) else Model).of(T).seen()
-    except InputError:  # of any size in exact arithmetic
-        if T.nstates > EXACT:
-            raise
-        return None
-    found = realness_of(model)
-    if T.nstates <= EXACT and not found.rounded:
-        return None
-    reason = f"{found.kind}: {found.reason} (decided in floating point)"
-    reason += f"; {hidden}." if hidden else "."
-    return SprVerdict(found.kind, found.margin, found.edge, reason)
+def _realness(T: Any) -> Realness:
+    """How real T is; of few states in floating point where T is PR within rounding."""
+    system = system_of(T)
+    if isinstance(T, ct.StateSpace) and 0 < T.nstates <= EXACT:
+        with suppress(InputError):  # of any size in exact arithmetic
+            if (found := StateSystem.single(T).realness()).rounded:
+                return found
+    return system.realness()
 
 
 def spr_repair(T: Any) -> Repair | None:
@@ -232,92 +188,3 @@ def spr_repair(T: Any) -> Repair | None:
     if not isinstance(T, LoopT) or classify(num, den) == "SPR":
         return None
     return find_repair(T.loop)
-
-
-def _negative_bands(real: Poly) -> str:
-    """The frequency bands in which P is negative, in words."""
-    ends = [math.sqrt(x) for x in positive_roots(odd_roots(real))]
-    if next(c for c in real if c) < 0:
-        ends.insert(0, 0.0)
-    return " and ".join(_band(a, b) for a, b in list(pairwise([*ends, math.inf]))[0::2])
-
-
-def _band(low: float, high: float) -> str:
-    if math.isfinite(high):
-        return f"for {low:.6g} < w < {high:.6g} rad/s" if low else f"for w < {high:.6g} rad/s"
-    return f"for w > {low:.6g} rad/s" if low else "at every w"
-
-
-def _limit(num: Poly, den: Poly) -> str:
-    """The high-frequency limit of Re T in words."""
-    real, full = real_product(num, den), min(len(num), len(den))
-    value = Fraction(real[full - 1]) / den[-1] ** 2 if len(real) >= full else 0
-    name = "w^2 Re T(jw)" if len(den) > len(num) else "Re T(jw)"
-    return f"{name} tends to {float(value):.6g} as w grows"
-
-
-def _why_spr(transfer: Transfer, edge: float) -> str:
-    if not transfer.poles:
-        return f"no poles, Re T(jw) > 0 at every w and {_limit(*transfer[:2])}"
-    slowest = transfer.poles[0].real
-    return (
-        f"poles left of the axis (the rightmost at Re s = {slowest:.6g} 1/s), Re T(jw) > 0 "
-        f"at every w and {_limit(*transfer[:2])}"
-    )
-
-
-def _why_wspr(transfer: Transfer, edge: float) -> str:
-    return f"Re T(jw) > 0 at every finite w, but {_limit(*transfer[:2])}"
-
-
-def _why_pr(transfer: Transfer, edge: float) -> str:
-    num, den, _ = transfer
-    real = real_product(num, den)
-    if not real:
-        return "T is zero" if not num else "T is lossless, Re T(jw) = 0 at every w"
-    if not hurwitz(den):
-        axis = ", ".join(f"{w:.6g}" for w in axis_roots(den)[0])
-        return f"simple poles with positive residues on the imaginary axis at w = {axis} rad/s"
-    if not real[0]:
-        return "Re T(jw) >= 0, but T has a zero at s = 0"
-    return f"Re T(jw) >= 0, but it touches 0 at w = {edge:.6g} rad/s"
-
-
-def _why_not(transfer: Transfer, edge: float) -> str:
-    num, den, _ = transfer
-    axis, right = axis_roots(den)
-    if right:
-        return f"T has poles right of the imaginary axis (poles {show_poles(transfer.poles)} 1/s)"
-    degree, real = len(den) - len(num), real_product(num, den)
-    causes = []
-    if not nonnegative(real):
-        causes.append(f"Re T(jw) < 0 {_negative_bands(real)}")
-    if abs(degree) > 1:
-        causes.append(f"the relative degree is {degree}, which must be -1, 0 or 1")
-    elif causes:
-        causes.append(_limit(num, den))
-    else:
-        where = [f"w = {w:.6g} rad/s" for w in axis] + ["infinity"] * (degree == -1)
-        causes.append(
-            "a pole on the imaginary axis is repeated or its residue is not positive "
-            f"(poles at {', '.join(where)})"
-        )
-    return "; ".join(causes)
-
-
-_REASONS = {"SPR": _why_spr, "WSPR": _why_wspr, "PR": _why_pr, "not PR": _why_not}
-
-
-def _rounding(num: Poly, den: Poly) -> str:
-    """A remark if a coefficient of P is only the rounding error of its terms."""
-    real = real_product(num, den)
-    terms = real_product(
-        *(tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in (num, den))
-    )
-    near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
-    if not near or min(near) > NEAR_ZERO:
-        return ""
-    return (
-        f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
-        "rounding of the inputs decides"
-    )

@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from typing import Any
-
-import control as ct
 
 from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
-from .axis import zeros
+from .border import is_sampled
 from .delayed import DelayedTransfer
-from .delayed_checks import poles, unstable
-from .exact import add
-from .floating_loop import FloatingLoop
-from .margins import NONE, UNKNOWN, Loop, Margin, gain_margins, lag, nearest, stable_gains
-from .measured import is_measured
-from .measured_loop import LIKE_1, MeasuredLoop
-from .quasi import Quasi
+from .exact_system import ExactSystem
+from .margins import ExactLoop, Intervals, StateLoop, gain_margins, lag, nearest
+from .measured import MeasuredLoop
 from .rounded import cleared
-from .sampled import Sampled, inside, is_sampled
-from .verdict import Verdict
+from .state_system import StateSystem
+from .systems import has_many_states
+from .transfer import is_measured, require_siso
+from .verdict import NONE, UNKNOWN, Margin, Verdict
 
 AXIS = "This is the response of an axis, and no loop: give its product with the controller, C * fr."
 CLOSED = "; L is 1 at w = 0, as a closed loop with integral action is: the open loop is asked for"
-SAME = 1e-9  # of L at w = 0: closer to 1 is 1
-Intervals = tuple[tuple[float, float], ...]
-EXACT = 6  # states up to which a loop in state space is decided in exact arithmetic
 BEYOND = (
     "; from {:.6g} rad/s on nothing is measured: there the gain margin is at least {:.4g} if |L| "
     "stays below its last value"
@@ -184,96 +176,59 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     if is_measured(L):
         if getattr(L, "is_axis", False):
             warnings.warn(AXIS, AxisAsLoopWarning, stacklevel=2)
-        return _measured(MeasuredLoop.of(L, open_poles)).of(L)
+        return _verdict(MeasuredLoop.of(L, open_poles)).of(L)
     if open_poles:
         raise InputError(
             "open_poles is for a measured response; of any other L the poles are counted."
         )
-    if isinstance(L, ct.StateSpace) and L.nstates > EXACT:
-        return _floating(FloatingLoop.of(L)).of(L)
+    if has_many_states(L):
+        require_siso(L, "L")
+        return _verdict(StateLoop(StateSystem.of(L))).of(L)
     if is_sampled(L):
-        return _sampled(Sampled.of(L, "L")).of(L)
+        return _verdict(ExactLoop(ExactSystem.of(L, "L"))).of(L)
     given, said = cleared(L)
-    made = DelayedTransfer.of(given, "L")
-    closed = made.num + made.den
-    _has_solution(closed)
-    cause = f"it has {seen}" if (seen := unstable(closed)) else made.hidden
-    found = _verdict(Loop(made), closed, cause)
-    return replace(found, reason=found.reason + said).of(made)
+    of = DelayedTransfer.of(given, "L")
+    return _verdict(ExactLoop(ExactSystem(of), said)).of(of)
 
 
-def _has_solution(closed: Any) -> None:
-    if not closed:
-        raise InputError("L(s) is -1, so that the closed loop L/(1 + L) has no solution.")
-
-
-def _sampled(T: Sampled) -> StabilityVerdict:
-    """The verdict on L(z), as that on a function of v."""
-    closed = add(T.num, T.den)
-    _has_solution(closed)
-    num, den = (Quasi.of([(0, p)]) for p in T.in_v)
-    cause = "" if inside(closed) else _not_inside(T, num + den)
-    return _verdict(Loop(DelayedTransfer(num, den), T.dt), num + den, cause or T.hidden)
-
-
-def _not_inside(T: Sampled, closed: Quasi) -> str:
-    right, origin, v = zeros(closed)
-    if right:
-        return f"it has {poles(int(right))} outside the unit circle"
-    w = 0.0 if origin else T.nyquist if v is None else T.frequency(v)
-    return f"it has a pole on the unit circle, at w = {w:.6g} rad/s"
-
-
-def _verdict(loop: Loop, closed: Quasi, cause: str) -> StabilityVerdict:
-    mine, theirs = zeros(loop.L.den).right, zeros(closed).right
-    turns = mine - theirs if math.isfinite(mine) and math.isfinite(theirs) else math.nan
-    return _decided(loop, (turns, mine, theirs), cause, _gain_at_infinity(loop.L))
-
-
-def _floating(loop: FloatingLoop) -> StabilityVerdict:
-    """The verdict on a loop of many states."""
-    made = _decided(loop, loop.counts, loop.cause, loop.high)
-    return made if loop.cause else replace(made, reason=f"{made.reason} (in floating point)")
-
-
-def _decided(
-    loop: Loop | FloatingLoop, counts: tuple[float, float, float], cause: str, high: Any
-) -> StabilityVerdict:
-    """``high`` is a bound on |L| as w grows."""
-    found, turns = loop.crossovers(), loop.real_crossings()
-    at, gains = tuple(w for w, _ in found), stable_gains(loop, turns)
-    if cause:
-        return _unstable(at, counts, cause, gains)
-    phase, delay = _lags(found)
-    if high >= 1:  # there one sample turns L(z), and any dead time L(s)
-        dt, end = loop.dt or 0.0, loop.frequency(math.inf)
-        delay = min(delay, Margin(dt, end)) if dt else Margin(0.0, end)
-    reason = _reason(delay, counts[0], counts[1]) + CLOSED * (abs(loop.static - 1) < SAME)
-    return _made(phase, delay, gain_margins(turns), _disks(loop), at, counts, reason, gains)
-
-
-def _measured(loop: MeasuredLoop) -> StabilityVerdict:
-    """The verdict on a measured response."""
-    found = loop.crossovers()
-    at = tuple(w for w, _ in found)
-    counts = (loop.open_poles - loop.closed_poles, loop.open_poles, loop.closed_poles)
-    turns = loop.real_crossings()
-    gains = stable_gains(loop, turns)
-    if loop.closed_poles:
-        return _unstable(at, counts, loop.cause, gains)
-    phase, delay = _lags(found)
-    reason = f"{_reason(delay, counts[0], loop.open_poles)}, of {loop.said}"
-    reason += CLOSED * (abs(loop.static - 1) < LIKE_1)
-    below, above = gain_margins(turns)
-    if (end := loop.end).value < above.value:
-        reason += BEYOND.format(end.at, end.value)
-        above = above if math.isfinite(above.value) else end
-    return _made(phase, delay, (below, above), _disks(loop), at, counts, reason, gains)
-
-
-def _disks(loop: Loop | FloatingLoop | MeasuredLoop) -> tuple[Margin, Margin, Margin]:
-    """Those of S, of T and of S - T, as ``control.disk_margins`` has them."""
-    return loop.disk(1), loop.disk(-1), loop.disk(0)
+def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
+    crossovers, turns = loop.crossovers(), loop.real_crossings()
+    gains = loop.stable_gains(turns)
+    phase = delay = below = above = UNKNOWN
+    disks = [UNKNOWN] * 3
+    if loop.cause:
+        reason = f"the closed loop is not stable: {loop.cause}{_which_gains(gains)}"
+    else:
+        phase, delay = _lags(crossovers)
+        if loop.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
+            last = Margin(loop.border.dt or 0.0, loop.border.frequency(math.inf))
+            delay = min(delay, last)
+        below, above = gain_margins(turns)
+        disks = [loop.disk(skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
+        reason = _reason(delay, *loop.counts[:2]) + loop.basis
+        reason += CLOSED * (abs(loop.static - 1) < loop.alike)
+        if loop.end.value < above.value:
+            reason += BEYOND.format(loop.end.at, loop.end.value)
+            above = above if math.isfinite(above.value) else loop.end
+    gain, modulus = nearest(below, above), disks[0]
+    return StabilityVerdict(
+        not loop.cause,
+        delay.value,
+        phase.value,
+        tuple(w for w, _ in crossovers),
+        *loop.counts,
+        reason + loop.remark,
+        gain_margin=gain.value,
+        gain_range=(below.value, above.value),
+        modulus_margin=modulus.value,
+        Ms=1.0 / modulus.value if modulus.value else math.inf,
+        gain_margin_frequency=gain.at,
+        phase_margin_frequency=phase.at,
+        modulus_margin_frequency=modulus.at,
+        delay_margin_frequency=delay.at,
+        disk_margins=(disks[0].value, disks[1].value, disks[2].value),
+        stable_gains=gains,
+    )
 
 
 def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
@@ -283,68 +238,20 @@ def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     return phase, min((Margin(angle / w, w) for angle, w in angles), default=NONE)
 
 
-def _unstable(
-    crossovers: tuple[float, ...], counts: tuple[float, float, float], cause: str, gains: Intervals
-) -> StabilityVerdict:
-    reason = f"the closed loop is not stable: {cause}"
-    if gains:
-        shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
-        reason += f"; with L times {shown} it is"
-    else:
-        reason += "; no factor on L makes it stable"
-    none = (UNKNOWN, UNKNOWN, (UNKNOWN, UNKNOWN), (UNKNOWN, UNKNOWN, UNKNOWN))
-    return _made(*none, crossovers, counts, reason, gains, False)
-
-
-def _made(
-    phase: Margin,
-    delay: Margin,
-    gains: tuple[Margin, Margin],
-    disks: tuple[Margin, Margin, Margin],
-    crossovers: tuple[float, ...],
-    counts: tuple[float, float, float],
-    reason: str,
-    stable_gains: Intervals,
-    stable: bool = True,
-) -> StabilityVerdict:
-    gain, modulus = nearest(*gains), disks[0]
-    return StabilityVerdict(
-        stable,
-        delay.value,
-        phase.value,
-        crossovers,
-        *counts,
-        reason,
-        gain_margin=gain.value,
-        gain_range=(gains[0].value, gains[1].value),
-        modulus_margin=modulus.value,
-        Ms=1.0 / modulus.value if modulus.value else math.inf,
-        gain_margin_frequency=gain.at,
-        phase_margin_frequency=phase.at,
-        modulus_margin_frequency=modulus.at,
-        delay_margin_frequency=delay.at,
-        disk_margins=(disks[0].value, disks[1].value, disks[2].value),
-        stable_gains=stable_gains,
-    )
-
-
-def _gain_at_infinity(L: DelayedTransfer) -> Fraction:
-    """A bound on |L(jw)| as w grows; 0 for a strictly proper L."""
-    if L.num.degree < L.den.degree:
-        return Fraction(0)
-    last = L.den.leading
-    own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
-    top = sum(map(abs, L.num.leading.values()))
-    return top / own if own > 0 and L.num.degree == L.den.degree else Fraction(1)
+def _which_gains(gains: Intervals) -> str:
+    """With which factors on L a loop that is not stable would be."""
+    if not gains:
+        return "; no factor on L makes it stable"
+    shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
+    return f"; with L times {shown} it is"
 
 
 def _reason(delay: Margin, turns: float, open_poles: float) -> str:
     start = "the closed loop is stable"
     if open_poles:
-        start += (
-            f": L encircles -1 {turns:.0f} times, once for each of its {poles(int(open_poles))}"
-        )
-        start += " that are not stable"
+        poles = f"{open_poles:.0f} pole{'s' * (open_poles != 1)}"
+        start += f": L encircles -1 {turns:.0f} times, once for each of its {poles} that are not"
+        start += " stable"
     if math.isinf(delay.value):
         return f"{start}; |L(jw)| is 1 nowhere, so it is so with any further dead time"
     if math.isinf(delay.at):

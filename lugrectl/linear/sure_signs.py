@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
+HALVINGS = 40
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
 
 Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
@@ -123,3 +124,14 @@ def beside(function: Function, at: float, end: float) -> float:
             return x
         step *= FURTHER
     return end
+
+
+def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
+    """The largest value up to ``high`` for which it holds, as for all smaller ones; bisection."""
+    if holds(high * (1 - 1e-12)):
+        return high
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low

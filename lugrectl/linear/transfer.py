@@ -13,9 +13,9 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import shown
-from .exact import Poly, divide, gcd, hurwitz, poly
-from .verdict import show_poles
+from .exact import Poly, divide, gcd, poly
 
+FREQUENT = 2  # least number of frequencies of a measured response
 TINY = 1e-9  # a root this near to the axis, relative to its size, is shown as not stable
 
 
@@ -25,27 +25,6 @@ class Transfer(NamedTuple):
     num: Poly
     den: Poly
     cancelled: Poly
-
-    @property
-    def poles(self) -> tuple[complex, ...]:
-        """Roots of ``den`` in 1/s, rightmost first (floats: for display, not for decisions)."""
-        return roots(self.den)
-
-    @property
-    def hidden(self) -> str:
-        """A remark on a mode that is not stable and cancelled from T(s); empty without one."""
-        return says_hidden(self.cancelled)
-
-
-def says_hidden(cancelled: Poly) -> str:
-    """A remark on the zeros of a factor that cancelled, where they are not stable; else empty."""
-    if hurwitz(cancelled):
-        return ""
-    modes = show_poles([s for s in roots(cancelled) if s.real >= -TINY * abs(s)])
-    return (
-        f"a mode of the system that is not stable (s = {modes} 1/s) was "
-        "cancelled from T(s): the system itself is not stable"
-    )
 
 
 def roots(p: Poly) -> tuple[complex, ...]:
@@ -183,3 +162,33 @@ def _exact_matrix(M: Any) -> np.ndarray:
     out = np.empty(rows.size, dtype=object)
     out[:] = values
     return out.reshape(rows.shape)
+
+
+def is_measured(T: Any) -> bool:
+    """Whether T is a control.FrequencyResponseData."""
+    return isinstance(T, ct.FrequencyResponseData)
+
+
+def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies w >= 0 in rad/s, ascending, and T(jw) there.
+
+    Raises InputError for several channels, too few frequencies, or values that are not finite.
+    """
+    if (T.ninputs, T.noutputs) != (1, 1):
+        raise InputError(
+            f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
+            f"each; pick one channel, such as {name}[0, 0]."
+        )
+    w, values = np.asarray(T.omega, dtype=float), np.asarray(T.frdata, dtype=complex)[0, 0]
+    if len(w) < FREQUENT:
+        raise InputError(f"{name} has {len(w)} frequencies; at least {FREQUENT} are needed.")
+    if not (np.isfinite(w).all() and np.isfinite(values).all() and (w >= 0).all()):
+        raise InputError(f"{name}: the frequencies and values of the response must be finite.")
+    order = np.argsort(w, kind="stable")
+    if not np.diff(w[order]).all():
+        raise InputError(f"{name} has two values at one frequency; give each frequency once.")
+    return w[order], values[order]
+
+
+def span(w: np.ndarray) -> str:
+    return f"the {len(w)} measured frequencies from {w[0]:.6g} to {w[-1]:.6g} rad/s"

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from ..core.result import Result
 
@@ -63,3 +64,46 @@ def show_poles(poles: Sequence[complex]) -> str:
     return ", ".join(
         f"{p.real:+.4g} +- {p.imag:.4g}j" if p.imag else f"{p.real:+.4g}" for p in one_each
     )
+
+
+class Realness(NamedTuple):
+    """The kind of T ("SPR", "WSPR", "PR", "not PR"), why, its band edge and its margin.
+
+    ``rounded``: floating point cannot tell it from a neighbour.
+    """
+
+    kind: str
+    reason: str
+    edge: float = math.inf
+    margin: float = 0.0
+    rounded: bool = False
+
+
+class Falls(NamedTuple):
+    """Where |T| crosses a level below ``dc``, its value at w = 0: 0, or inf, where it has none.
+
+    ``width``: up to where it surely does not; ``said``: a remark; ``base``: what has the value dc.
+    """
+
+    dc: float
+    crossings: tuple[float, ...] = ()
+    width: float = math.inf
+    said: str = ""
+    base: str = "T(0)"
+
+
+class NoGain(NamedTuple):
+    """Why a system has no L2 gain, and where |T| grows without bound."""
+
+    why: str
+    at: float = math.nan
+
+
+class Margin(NamedTuple):
+    """A margin, and its frequency in rad/s (nan where there is none)."""
+
+    value: float = math.inf
+    at: float = math.nan
+
+
+NONE, UNKNOWN = Margin(), Margin(math.nan)

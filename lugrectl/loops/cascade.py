@@ -6,19 +6,18 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-import control as ct
-
 from ..blocks import controllers
 from ..blocks.drive import current_lag, dead_time, limiter, proportional
 from ..blocks.drive import notch as notch_block
 from ..blocks.observers import Gain
 from ..blocks.plant import load_outputs, plant
 from ..core.errors import InputError
-from ..core.validation import flag, one_name, real, shown
-from .friction_loops import OUTPUTS, _models
-from .parts import OWN, error_s, loop_observer
+from ..core.validation import flag, real, shown
+from .parts import OUTPUTS, OWN, Limit, connected, error_s, loop_observer, models
 
 if TYPE_CHECKING:
+    import control as ct
+
     from ..blocks.model import Model, Parameters
 
 POSITION = {"motor": "theta", "load": "theta_load"}
@@ -128,12 +127,16 @@ def cascade_loop(
     >>> round(float(run.outputs[0, -1]), 2)
     0.1
     """
-    p, believed = _models(p, observer_parameters, observer)
+    p, believed = models(p, observer_parameters, observer)
     measured = _measured(p, feedback)
     estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
-    before, behind = _before_the_drive(notch, limit), _behind_the_drive(lag, delay)
-    torque, shaping = _chain(before, "u_cmd", "u")
-    _, actuating = _chain(behind, "u", "u_motor")
+    held = Limit(limit, tracking).held(kp, ki, "cascade_loop")
+    before: list[Stage] = [] if notch is None else [(notch_block, _notch_values(notch), [])]
+    before += [] if limit is None else [(limiter, [limit], ["excess"])]
+    late = ((dead_time, delay), (current_lag, lag))
+    behind: list[Stage] = [(make, [x], []) for make, x in late if real(x) != 0.0]
+    torque, shaping = _in_series("u_cmd", "u", before)
+    _, actuating = _in_series("u", "u_motor", behind)
     motor = "u_motor" if actuating else "u"
     parts = [
         plant(p, inputs=[motor, "d"]),
@@ -141,7 +144,7 @@ def cascade_loop(
         controllers.error("position", inputs=["r", measured]),
         proportional(kv, math.inf if speed_limit is None else speed_limit),
         controllers.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
-        _velocity_controller(kp, ki, limit, tracking, torque),
+        controllers.pi(kp, ki, **held, inputs=["e_w", *["excess"] * bool(held)], outputs=[torque]),
         controllers.compensation(outputs=[torque]),
         *shaping,
         *actuating,
@@ -154,15 +157,9 @@ def cascade_loop(
             controllers.compensation(name="speed_feedforward", inputs=["dr"], outputs=["w_ref"]),
             controllers.feedforward(p, "position", outputs=[torque]),
         ]
-    return ct.interconnect(
-        parts,
-        inputs=["r", *["dr"] * (ahead or sliding), *["ddr"] * ahead, *["d"] * flag(load, "load")],
-        outputs=[*OUTPUTS, "w_ref", *["u_motor"] * bool(actuating), *load_outputs(p)],
-        # empty: else two loops in one system would share the values of the last one
-        params={},
-        check_unused=False,
-        name=one_name(name),
-    )
+    inputs = ["r", *["dr"] * (ahead or sliding), *["ddr"] * ahead, *["d"] * flag(load, "load")]
+    outputs = [*OUTPUTS, "w_ref", *["u_motor"] * bool(actuating), *load_outputs(p)]
+    return connected(parts, inputs, outputs, name)
 
 
 def _measured(p: Model, feedback: str) -> str:
@@ -175,30 +172,6 @@ def _measured(p: Model, feedback: str) -> str:
             "backlash."
         )
     return signal
-
-
-def _velocity_controller(
-    kp: float, ki: float, limit: float | None, tracking: float | None, torque: str
-) -> Any:
-    if limit is None:
-        if tracking is not None:
-            raise InputError("cascade_loop: tracking belongs to a limit: give limit in N m too.")
-        return controllers.pi(kp, ki, inputs=["e_w"], outputs=[torque])
-    time = controllers.tracking_time(kp, ki, tracking, "cascade_loop")
-    return controllers.pi(kp, ki, tracking=time, inputs=["e_w", "excess"], outputs=[torque])
-
-
-Maker = Callable[[list[str], str], Any]
-
-
-def _before_the_drive(given: Any, limit: float | None) -> list[Maker]:
-    """The notch and the limit, each made with its input and its output."""
-    made: list[Maker] = []
-    if given is not None:
-        made.append(lambda i, o: notch_block(*_notch_values(given), inputs=i, outputs=[o]))
-    if limit is not None:
-        made.append(lambda i, o: limiter(limit, inputs=i, outputs=[o, "excess"]))
-    return made
 
 
 def _notch_values(given: Any) -> tuple[Any, ...]:
@@ -215,20 +188,16 @@ def _notch_values(given: Any) -> tuple[Any, ...]:
     return tuple(values)
 
 
-def _behind_the_drive(lag: float, delay: float) -> list[Maker]:
-    """The dead time and the current loop, those that are not 0."""
-    made: list[Maker] = []
-    if real(delay) != 0.0:
-        made.append(lambda i, o: dead_time(delay, inputs=i, outputs=[o]))
-    if real(lag) != 0.0:
-        made.append(lambda i, o: current_lag(lag, inputs=i, outputs=[o]))
-    return made
+Stage = tuple[Callable[..., Any], Sequence[Any], Sequence[str]]  # factory, values, more outputs
 
 
-def _chain(makers: Sequence[Maker], first: str, last: str) -> tuple[str, list[Any]]:
-    """Blocks in series from one signal to another, and the name at the start of the chain."""
-    if not makers:
+def _in_series(first: str, last: str, stages: Sequence[Stage]) -> tuple[str, list[Any]]:
+    """Return the name at the start of a chain of blocks from one signal to another, and them."""
+    if not stages:
         return last, []
-    names = [first, *(f"{first}_{k}" for k in range(1, len(makers))), last]
-    pairs = zip(makers, names, names[1:], strict=False)
-    return first, [make([i], o) for make, i, o in pairs]
+    names = [first, *(f"{first}_{k}" for k in range(1, len(stages))), last]
+    ends = zip(stages, names, names[1:], strict=False)
+    return first, [
+        make(*values, inputs=[enters], outputs=[leaves, *more])
+        for (make, values, more), enters, leaves in ends
+    ]

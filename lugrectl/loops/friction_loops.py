@@ -3,36 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import control as ct
-
 from ..blocks import controllers
-from ..blocks.drive import limiter
-from ..blocks.model import as_model
-from ..blocks.observers import Gain, observer_block
+from ..blocks.observers import Gain
 from ..blocks.plant import plant
-from ..blocks.swapped import model_first
 from ..core.errors import InputError
-from ..core.validation import flag, one_name, positive
-from .parts import (
-    OWN,
-    SLIDING,
-    both,
-    controller_block,
-    controller_named,
-    derivatives,
-    error_s,
-    mapped,
-)
-from .parts import loop_observer as _observer
+from ..core.validation import flag, positive
+from .parts import OUTPUTS, OWN, Controller, Limit, both, connected, loop_observer, models
 
 if TYPE_CHECKING:
-    from ..blocks.model import Model, Parameters
+    import control as ct
 
-OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
-PI = {"kp": 1.6, "ki": 0.16}
-PID = {"kp": 15.0, "ki": 1.55, "kd": 0.0, "tau": None}
+    from ..blocks.model import Model, Parameters
 
 
 def velocity_loop(
@@ -137,14 +121,14 @@ def velocity_loop(
     >>> round(1e3 * float(np.sqrt(np.mean(e**2))))
     12
     """
-    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki}
-    p, believed = _models(p, observer_parameters, observer)
-    act = _Controller("velocity", controller, controller_gains, own, observer)
-    act.limited(limit, tracking)
-    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
-    inputs, reference, names = _reference(p, act, prefilter, feedforward)
-    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
-    return _closed(parts, inputs, load, name, limit)
+    own = {"kp": kp, "ki": ki}
+    p, believed = models(p, observer_parameters, observer)
+    act = Controller(
+        "velocity", own, observer, controller, controller_gains, Limit(limit, tracking)
+    )
+    shared, other = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
+    estimate = loop_observer(observer, believed, shared, other, act.sliding)
+    return _closed(p, believed, estimate, act, Reference(prefilter, feedforward, load), name)
 
 
 def position_loop(
@@ -218,99 +202,49 @@ def position_loop(
     >>> loop.state_labels[-1]
     'pid_q'
     """
-    shared, own = {"K1": K1, "K2": K2, "k": k}, {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
-    p, believed = _models(p, observer_parameters, observer)
-    act = _Controller("position", controller, controller_gains, own, observer)
-    act.limited(limit, tracking)
-    estimate = _observer(observer, believed, shared, both(observer, gains, more), act.sliding)
-    inputs, reference, names = _reference(p, act, prefilter, feedforward)
-    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
-    return _closed(parts, inputs, load, name, limit)
+    own = {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
+    p, believed = models(p, observer_parameters, observer)
+    act = Controller(
+        "position", own, observer, controller, controller_gains, Limit(limit, tracking)
+    )
+    shared, other = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
+    estimate = loop_observer(observer, believed, shared, other, act.sliding)
+    return _closed(p, believed, estimate, act, Reference(prefilter, feedforward, load), name)
 
 
-def _models(p: Any, believed: Any, observer: Any) -> tuple[Model, Model]:
-    """The plant's model, and what the observer believes."""
-    model_first(p, observer, "observer")
-    made = as_model(p, "p")
-    return made, made if believed is None else as_model(believed, "observer_parameters")
+@dataclass(frozen=True)
+class Reference:
+    """What stands in front of a loop, and whether it has the input d."""
 
+    prefilter: bool | float
+    feedforward: bool
+    load: bool
 
-class _Controller:
-    """The controller of a loop: its PI or PID, or another one by name."""
+    def blocks(self, p: Model, act: Controller) -> tuple[list[str], list[Any], dict[str, str]]:
+        """Return the loop's reference inputs, the blocks from them to the error and the
+        feed-forward, and what the loop calls the reference and its derivatives."""
+        measured, derivative = controllers.MEASURED[act.kind], controllers.DERIVATIVE[act.kind]
+        if flag(self.feedforward, "feedforward") and derivative in act.needs:
+            raise InputError("feedforward=True: this controller contains J times the acceleration.")
+        ahead = {derivative} if self.feedforward else set()
+        wanted = [k for k in ("dr", "ddr") if k in {*act.needs} | ahead]
+        inputs, smooth, names = self._filtered(["r", *wanted])
+        parts = [*smooth, controllers.error(act.kind, inputs=[names.get("r", "r"), measured])]
+        if self.feedforward:
+            inner, outer = [names.get(derivative, derivative)], [act.torque]
+            parts.append(controllers.feedforward(p, act.kind, inputs=inner, outputs=outer))
+        return inputs, parts, names
 
-    def __init__(self, kind: str, name: Any, gains: Any, own: dict[str, Any], observer: Any):
-        self.kind, self.gains, self.own = kind, gains, own
-        self.torque = "u"
-        self.tracking: dict[str, Any] = {}
-        self.usual = usual = "pi" if kind == "velocity" else "pid"
-        self.made = None if name is None or name == usual else controller_block(name)
-        if self.made is None and mapped(gains, "controller_gains"):
-            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
-        if self.made is not None:
-            default = PI if kind == "velocity" else PID
-            if strange := [k for k, v in own.items() if v != default[k]]:
-                raise InputError(
-                    f"{strange[0]} is a gain of {usual}; give those of {self.made.name} in "
-                    "controller_gains."
-                )
-        seen = () if observer is None else observer_block(observer).inputs
-        read = () if self.made is None else self.made.inputs
-        self.sliding = bool({*SLIDING} & {*read})
-        self.with_s = self.sliding or "s" in seen
-        self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
-
-    def limited(self, limit: float | None, tracking: float | None) -> None:
-        """Put a limit behind the sum of all torques, which holds the integral back."""
-        if limit is None:
-            if tracking is not None:
-                loop = f"{self.kind}_loop"
-                raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
-            return
-        if self.made is None:
-            kp, ki = self.own["kp"], self.own["ki"]
-            time = controllers.tracking_time(kp, ki, tracking, f"{self.kind}_loop")
-            self.tracking = {"tracking": time}
-        elif tracking is not None:
-            raise InputError(
-                f"tracking holds back the integral of {self.usual}; leave it out with "
-                f"{self.made.name}."
-            )
-        self.torque = "u_cmd"
-
-    def blocks(self, believed: Model, names: Mapping[str, str]) -> list[Any]:
-        """The controller, with the sliding error before it where something reads s."""
-        before = [error_s(self.kind, self.gains, names)] if self.with_s else []
-        if self.made is not None:
-            made = controller_named(self.made, believed, self.gains, names, self.torque)
-            return [*before, made]
-        make = controllers.pi if self.kind == "velocity" else controllers.pid
-        return [*before, make(**self.own, **self.tracking, outputs=[self.torque])]
-
-
-def _reference(
-    p: Model, act: _Controller, prefilter: bool | float, feedforward: bool
-) -> tuple[list[str], list[Any], dict[str, str]]:
-    """The loop's reference inputs, the blocks from them to the error and the feed-forward, and
-    what the loop calls the reference and its derivatives.
-    """
-    kind, needs = act.kind, act.needs
-    measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
-    if flag(feedforward, "feedforward") and derivative in needs:
-        raise InputError("feedforward=True: this controller contains J times the acceleration.")
-    wanted = [k for k in ("dr", "ddr") if k in needs or (feedforward and k == derivative)]
-    names, inputs, smooth = {}, ["r", *wanted], []
-    if not (prefilter is False or prefilter is None):
-        # the input keeps its name, so the filtered signals need other names
-        names = {k: f"{k}_filtered" for k in inputs}
-        pole = 2.0 if prefilter is True else positive(prefilter, "prefilter", "1/s")
-        which, inputs = _FILTERS[tuple(wanted)]
-        outputs = list(names.values())
-        smooth = [controllers.prefilter(pole, which, inputs=inputs, outputs=outputs)]
-    parts = [*smooth, controllers.error(kind, inputs=[names.get("r", "r"), measured])]
-    if feedforward:
-        ahead = [names.get(derivative, derivative)]
-        parts.append(controllers.feedforward(p, kind, inputs=ahead, outputs=[act.torque]))
-    return list(inputs), parts, names
+    def _filtered(self, signals: list[str]) -> tuple[list[str], list[Any], dict[str, str]]:
+        """Return the inputs of the prefilter of these signals, its block, and their new names:
+        an input keeps its name, so that what is filtered needs another."""
+        if self.prefilter is False or self.prefilter is None:
+            return signals, [], {}
+        names = {k: f"{k}_filtered" for k in signals}
+        pole = 2.0 if self.prefilter is True else positive(self.prefilter, "prefilter", "1/s")
+        kind, inputs = _FILTERS[tuple(signals[1:])]
+        made = controllers.prefilter(pole, kind, inputs=inputs, outputs=list(names.values()))
+        return list(inputs), [made], names
 
 
 _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
@@ -322,18 +256,9 @@ _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
 
 
 def _closed(
-    parts: list[Any], inputs: list[str], load: bool, name: str, limit: float | None = None
+    p: Model, believed: Model, estimate: Any, act: Controller, front: Reference, name: str
 ) -> ct.InterconnectedSystem:
-    if limit is None:
-        parts = [*parts, controllers.compensation()]
-    else:
-        parts = [*parts, controllers.compensation(outputs=["u_cmd"]), limiter(limit)]
-    return ct.interconnect(
-        parts,
-        inputs=inputs + ["d"] * flag(load, "load"),
-        outputs=list(OUTPUTS),
-        # empty: else two loops in one system would share the values of the last one
-        params={},
-        check_unused=False,
-        name=one_name(name),
-    )
+    inputs, reference, names = front.blocks(p, act)
+    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
+    parts += [controllers.compensation(outputs=[act.torque]), *act.limit.blocks()]
+    return connected(parts, [*inputs, *["d"] * flag(front.load, "load")], OUTPUTS, name)

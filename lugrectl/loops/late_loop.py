@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..blocks import controllers
-from ..blocks.comparison_observers import friedland_park_observer
 from ..blocks.dead_time_control import (
     MORGUL,
     RUDERMAN,
@@ -16,9 +15,11 @@ from ..blocks.dead_time_control import (
 from ..blocks.drive import dead_time
 from ..blocks.factories import friction
 from ..blocks.model import Model, Parameters, as_model
+from ..blocks.observers import friedland_park_observer
 from ..blocks.plant import plant
 from ..core.errors import InputError
-from ..core.validation import one_name, shown
+from ..core.validation import shown
+from .parts import connected
 
 if TYPE_CHECKING:
     import control as ct
@@ -98,8 +99,6 @@ def late_loop(
     >>> bool(np.max(np.abs(w - np.sin(2 * np.pi * (t - 5e-3)))[1000:]) < 0.05)
     True
     """
-    import control as ct
-
     known = as_model(p if believed is None else believed, "believed")
     late = delay if believed_delay is None else believed_delay
     if system not in SYSTEMS:
@@ -107,14 +106,7 @@ def late_loop(
     moved = [plant(p, inputs=["u_late", "d"]), dead_time(delay, inputs=["u"], outputs=["u_late"])]
     ahead = system == "reference"
     parts = _along_reference(known, kp) if ahead else _predicting(system, known, late, kp, k)
-    return ct.interconnect(
-        [*moved, *parts],
-        inputs=["r", *["dr"] * ahead],
-        outputs=["theta", "w", "F", "u"],
-        params={},  # empty: else two loops in one system would share the values of the last one
-        check_unused=False,
-        name=one_name(name),
-    )
+    return connected([*moved, *parts], ["r", *["dr"] * ahead], ["theta", "w", "F", "u"], name)
 
 
 def _along_reference(p: Model, kp: float) -> list[Any]:

@@ -1,17 +1,20 @@
-"""What a ready-made loop is built of: its observer and its controller, by name."""
+"""What a loop is built of: its observer, its controller and its limit, connected by names."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..blocks import controllers
 from ..blocks.aliases import VARIANTS, meant, name_of
 from ..blocks.block import Block, members
-from ..blocks.controllers import DERIVATIVE
+from ..blocks.drive import limiter
+from ..blocks.model import as_model, model_first
 from ..blocks.observers import believed, observer_block
 from ..blocks.sliding_control import sliding_error
 from ..core.errors import InputError
-from ..core.validation import real, shown
+from ..core.validation import one_name, real, shown
 
 if TYPE_CHECKING:
     import control as ct
@@ -19,6 +22,11 @@ if TYPE_CHECKING:
     from ..blocks.model import Model
 
 OWN = "own"  # a gain that is left out: the observer's own default
+OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
+DEFAULTS = {
+    "velocity": {"kp": 1.6, "ki": 0.16},
+    "position": {"kp": 15.0, "ki": 1.55, "kd": 0.0, "tau": None},
+}
 SEEN = ("theta", "w", "u", "e", "r", "s")
 READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
 SLIDING = ("s", "ar")
@@ -26,6 +34,98 @@ ARGUMENTS = (  # of a loop
     *("observer", "kp", "ki", "kd", "tau", "K1", "K2", "k", "gains", "observer_parameters", "load"),
     *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
 )
+
+
+def connected(
+    parts: Sequence[Any], inputs: Sequence[str], outputs: Sequence[str], name: str
+) -> ct.InterconnectedSystem:
+    """Return the loop of these blocks."""
+    import control as ct
+
+    return ct.interconnect(
+        list(parts),
+        inputs=list(inputs),
+        outputs=list(outputs),
+        params={},  # empty: else two loops in one system would share the values of the last one
+        check_unused=False,
+        name=one_name(name),
+    )
+
+
+def models(p: Any, own: Any, observer: Any) -> tuple[Model, Model]:
+    """Return the plant's model, and what the observer believes."""
+    model_first(p, observer, "observer")
+    model = as_model(p, "p")
+    return model, model if own is None else as_model(own, "observer_parameters")
+
+
+@dataclass(frozen=True)
+class Limit:
+    """The largest torque, on the sum of all, and the time of the back-calculation."""
+
+    torque: float | None = None
+    tracking: float | None = None
+
+    def check(self, loop: str) -> None:
+        if self.torque is None and self.tracking is not None:
+            raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+
+    def held(self, kp: Any, ki: Any, loop: str) -> dict[str, Any]:
+        """Return the time of the back-calculation, none without a limit."""
+        self.check(loop)
+        if self.torque is None:
+            return {}
+        return {"tracking": controllers.tracking_time(kp, ki, self.tracking, loop)}
+
+    def blocks(self) -> list[Any]:
+        return [] if self.torque is None else [limiter(self.torque)]
+
+
+class Controller:
+    """The controller of a loop: its PI or PID with the gains ``own``, or another one by name."""
+
+    def __init__(
+        self, kind: str, own: dict[str, Any], observer: Any, name: Any, gains: Any, limit: Limit
+    ):
+        self.kind, self.own, self.gains, self.limit = kind, own, gains, limit
+        self.torque = "u" if limit.torque is None else "u_cmd"
+        usual = "pi" if kind == "velocity" else "pid"
+        self.other = None if name is None or name == usual else controller_block(name)
+        if self.other is None and mapped(gains, "controller_gains"):
+            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
+        if self.other is not None:
+            self._refuse(usual)
+        self.held = limit.held(own["kp"], own["ki"], f"{kind}_loop") if self.other is None else {}
+        seen = () if observer is None else observer_block(observer).inputs
+        read = () if self.other is None else self.other.inputs
+        self.sliding = bool({*SLIDING} & {*read})
+        self.with_s = self.sliding or "s" in seen
+        self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
+
+    def _refuse(self, usual: str) -> None:
+        """Raise where gains or a time belong to the usual controller."""
+        name = self.other.name if self.other else ""
+        if strange := [k for k, v in self.own.items() if v != DEFAULTS[self.kind][k]]:
+            raise InputError(
+                f"{strange[0]} is a gain of {usual}; give those of {name} in controller_gains."
+            )
+        self.limit.check(f"{self.kind}_loop")
+        if self.limit.tracking is not None:
+            raise InputError(
+                f"tracking holds back the integral of {usual}; leave it out with {name}."
+            )
+
+    def blocks(self, p: Model, names: Mapping[str, str]) -> list[Any]:
+        """Return the controller by the model p, with the sliding error before it where something
+        reads s; ``names``: what the loop calls the reference and its derivatives."""
+        before = [error_s(self.kind, self.gains, names)] if self.with_s else []
+        if self.other is None:
+            make = controllers.pi if self.kind == "velocity" else controllers.pid
+            return [*before, make(**self.own, **self.held, outputs=[self.torque])]
+        own = {k: v for k, v in mapped(self.gains, "controller_gains").items() if k != "lam"}
+        inputs = [names.get(k, k) for k in self.other.inputs]
+        outputs = [self.torque if k == "u" else k for k in self.other.outputs]
+        return [*before, believed(self.other, p, inputs=inputs, outputs=outputs, **own)]
 
 
 def loop_observer(
@@ -116,23 +216,6 @@ def _fits(made: Block, offered: Sequence[str]) -> None:
         )
 
 
-def controller_named(
-    made: Block,
-    p: Model,
-    gains: Mapping[str, Any] | None,
-    names: Mapping[str, str],
-    torque: str = "u",
-) -> ct.NonlinearIOSystem:
-    """The controller of a loop with its gains; lam is a gain of the sliding error.
-
-    ``names``: what the loop calls the reference and its derivatives; ``torque``: what it calls u.
-    """
-    own = {k: v for k, v in mapped(gains, "controller_gains").items() if k != "lam"}
-    inputs = [names.get(k, k) for k in made.inputs]
-    outputs = [torque if k == "u" else k for k in made.outputs]
-    return believed(made, p, inputs=inputs, outputs=outputs, **own)
-
-
 def error_s(
     kind: str, gains: Mapping[str, Any] | None, names: Mapping[str, str]
 ) -> ct.NonlinearIOSystem:
@@ -149,5 +232,5 @@ def derivatives(kind: str, signals: Sequence[str]) -> list[str]:
     wanted = set().union(*(needs.get(k, {k}) for k in signals))
     known = ("dr", "ddr") if kind == "position" else ("dr",)
     if kind == "velocity" and "ddr" in wanted:
-        raise InputError(f"a velocity loop has no ddr, only {DERIVATIVE[kind]}.")
+        raise InputError(f"a velocity loop has no ddr, only {controllers.DERIVATIVE[kind]}.")
     return [k for k in known if k in wanted]

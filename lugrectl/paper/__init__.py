@@ -4,6 +4,6 @@ from __future__ import annotations
 
 from .page import html, text, write
 from .results import Reproduction
-from .scenarios import reproduce
+from .runs import reproduce
 
 __all__ = ["Reproduction", "html", "reproduce", "text", "write"]

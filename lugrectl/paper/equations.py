@@ -20,161 +20,117 @@ class Label(NamedTuple):
     test: str
 
 
-_EQUATIONS = "test_lemmas.py::"
-_RUNS = "test_lemma_runs.py::"
+_OF, _RUN = "test_lemmas.py::test_", "test_lemma_runs.py::test_"
+
+
+def _holds(label: str, test: str, note: str = "") -> Label:
+    return Label(label, HOLDS, note, test)
+
+
+def _corrected(label: str, test: str, note: str) -> Label:
+    return Label(label, CORRECTED, note, test)
+
 
 PAPER: tuple[Label, ...] = (
-    Label(
-        "mechanical_sys1",
-        HOLDS,
-        "the plant; here with a load torque d in addition to F",
-        _EQUATIONS + "test_drive",
+    _holds(
+        "mechanical_sys1", _OF + "drive", "the plant; here with a load torque d in addition to F"
     ),
-    Label("sys1", HOLDS, "the drive if Fhat = F", _EQUATIONS + "test_compensated_drive"),
-    Label("mechanical_sys2", HOLDS, "", _EQUATIONS + "test_compensated_drive"),
-    Label("LuGre1", HOLDS, "", _EQUATIONS + "test_drive"),
-    Label("LuGre2", HOLDS, "", _EQUATIONS + "test_drive"),
-    Label(
-        "Lugre3",
-        HOLDS,
-        "the Stribeck velocity w_s is v_s in the paper's table and vs here",
-        _EQUATIONS + "test_drive",
+    _holds("sys1", _OF + "compensated_drive", "the drive if Fhat = F"),
+    _holds("mechanical_sys2", _OF + "compensated_drive"),
+    _holds("LuGre1", _OF + "drive"),
+    _holds("LuGre2", _OF + "drive"),
+    _holds(
+        "Lugre3", _OF + "drive", "the Stribeck velocity w_s is v_s in the paper's table and vs here"
     ),
-    Label("Lugre_ss", HOLDS, "the torque at constant speed", _EQUATIONS + "test_drive"),
-    Label("z_hat_dot", HOLDS, "", _EQUATIONS + "test_natural_observer"),
-    Label("F_est", HOLDS, "", _EQUATIONS + "test_natural_observer"),
-    Label(
-        "err_z_dot",
-        HOLDS,
-        "for equal parameters in drive and observer",
-        _EQUATIONS + "test_natural_observer",
+    _holds("Lugre_ss", _OF + "drive", "the torque at constant speed"),
+    _holds("z_hat_dot", _OF + "natural_observer"),
+    _holds("F_est", _OF + "natural_observer"),
+    _holds("err_z_dot", _OF + "natural_observer", "for equal parameters in drive and observer"),
+    _corrected(
+        "F_err", _OF + "F_err", "e_f = sigma0 (1 - sigma1 |w|/h) e_z; sigma1 is missing in print"
     ),
-    Label(
-        "F_err",
-        CORRECTED,
-        "e_f = sigma0 (1 - sigma1 |w|/h) e_z; sigma1 is missing in print",
-        _EQUATIONS + "test_F_err",
-    ),
-    Label("V_dot", HOLDS, "", _EQUATIONS + "test_V_dot_and_proof1"),
-    Label(
-        "proof1_eq",
-        CORRECTED,
-        "C1 = min(Fs, Fc) must be > 0, not >= 0",
-        _EQUATIONS + "test_V_dot_and_proof1",
-    ),
-    Label("proof1_eq2", HOLDS, "", _EQUATIONS + "test_V_dot_and_proof1"),
-    Label("lemma1", HOLDS, "rate sigma0 alpha/C2 in e_z", _RUNS + "test_lemma1"),
-    Label("lemma2_eq", HOLDS, "excitation(w, t) finds T and beta", _RUNS + "test_lemma2"),
-    Label(
-        "lemma2", HOLDS, "with proof2_eq2 corrected: rate sigma0 beta/(C2 T)", _RUNS + "test_lemma2"
-    ),
-    Label("proof2_eq", HOLDS, "natural_decay(p, w, t)", _RUNS + "test_proof2_eq"),
-    Label(
+    _holds("V_dot", _OF + "V_dot_and_proof1"),
+    _corrected("proof1_eq", _OF + "V_dot_and_proof1", "C1 = min(Fs, Fc) must be > 0, not >= 0"),
+    _holds("proof1_eq2", _OF + "V_dot_and_proof1"),
+    _holds("lemma1", _RUN + "lemma1", "rate sigma0 alpha/C2 in e_z"),
+    _holds("lemma2_eq", _RUN + "lemma2", "excitation(w, t) finds T and beta"),
+    _holds("lemma2", _RUN + "lemma2", "with proof2_eq2 corrected: rate sigma0 beta/(C2 T)"),
+    _holds("proof2_eq", _RUN + "proof2_eq", "natural_decay(p, w, t)"),
+    _corrected(
         "proof2_eq2",
-        CORRECTED,
+        _OF + "proof2_eq2",
         "int |w|/h >= (1/C2) int |w|; in print with a sigma0 that is missing on the left",
-        _EQUATIONS + "test_proof2_eq2",
     ),
-    Label("remark1", HOLDS, "T = 1/(2f), beta = 1/(pi f)", _RUNS + "test_remark1"),
-    Label(
-        "remark2",
-        HOLDS,
-        "for w in L1, e_z keeps at least exp(-sigma0/C1 int |w|)",
-        _RUNS + "test_remark2",
-    ),
-    Label("lemma3", HOLDS, "e_f/e_z is bounded for bounded w", _RUNS + "test_lemma3"),
-    Label("remark3", HOLDS, "the error acts as a decaying disturbance", _RUNS + "test_remark3"),
-    Label(
+    _holds("remark1", _RUN + "remark1", "T = 1/(2f), beta = 1/(pi f)"),
+    _holds("remark2", _RUN + "remark2", "for w in L1, e_z keeps at least exp(-sigma0/C1 int |w|)"),
+    _holds("lemma3", _RUN + "lemma3", "e_f/e_z is bounded for bounded w"),
+    _holds("remark3", _RUN + "remark3", "the error acts as a decaying disturbance"),
+    _holds(
         "Canudas_z",
-        HOLDS,
+        _OF + "existing_observer",
         "k has no unit on a velocity error and is in 1/s on a position error",
-        _EQUATIONS + "test_existing_observer",
     ),
-    Label(
+    _holds(
         "Canudas_u",
-        HOLDS,
-        "its T(s) must be SPR, which no pure integral action and no C with a finite C(inf) gives; "
-        "tau in C(s) is a time constant, not a cut-off frequency",
-        _EQUATIONS + "test_existing_observer",
+        _OF + "existing_observer",
+        "its T(s) must be SPR, which no pure integral action and no C with a finite C(inf) "
+        "gives; tau in C(s) is a time constant, not a cut-off frequency",
     ),
-    Label("obs_1", HOLDS, "K1 < 0 at rest", _EQUATIONS + "test_proposed_observer"),
-    Label(
-        "obs_2",
-        HOLDS,
-        "Fhat contains the K1 term of dzhat/dt",
-        _EQUATIONS + "test_proposed_observer",
+    _holds("obs_1", _OF + "proposed_observer", "K1 < 0 at rest"),
+    _holds("obs_2", _OF + "proposed_observer", "Fhat contains the K1 term of dzhat/dt"),
+    _holds("err_z_dot_new", _OF + "error_system"),
+    _holds("err_w_dot_new", _OF + "error_system", "both lines; u cancels"),
+    _holds("V_dot_new", _OF + "V_dot_new_and_K1"),
+    _holds("K1", _OF + "V_dot_new_and_K1", "alpha in N m s/rad here"),
+    _corrected(
+        "lemma4", _RUN + "lemma4", "(i) holds; (ii) under lemma2 by this V needs w bounded as well"
     ),
-    Label("err_z_dot_new", HOLDS, "", _EQUATIONS + "test_error_system"),
-    Label("err_w_dot_new", HOLDS, "both lines; u cancels", _EQUATIONS + "test_error_system"),
-    Label("V_dot_new", HOLDS, "", _EQUATIONS + "test_V_dot_new_and_K1"),
-    Label("K1", HOLDS, "alpha in N m s/rad here", _EQUATIONS + "test_V_dot_new_and_K1"),
-    Label(
-        "lemma4",
-        CORRECTED,
-        "(i) holds; (ii) under lemma2 by this V needs w bounded as well",
-        _RUNS + "test_lemma4",
-    ),
-    Label(
+    _corrected(
         "eq1",
-        CORRECTED,
+        _OF + "eq1_and_eq2",
         "sigma1 K1 <= sigma1 C sigma0/(A J) (sigma1 M/C1 - 1); sigma1 is missing in the bracket",
-        _EQUATIONS + "test_eq1_and_eq2",
     ),
-    Label(
+    _corrected(
         "eq2",
-        CORRECTED,
-        "K2 = alpha + sigma1 C sigma0/(A J) (sigma1 M/C1 - 1) gives J K3 >= alpha; K2 > 0 does not "
-        "follow from alpha > 0 and is not needed",
-        _EQUATIONS + "test_eq1_and_eq2",
+        _OF + "eq1_and_eq2",
+        "K2 = alpha + sigma1 C sigma0/(A J) (sigma1 M/C1 - 1) gives J K3 >= alpha; K2 > 0 does "
+        "not follow from alpha > 0 and is not needed",
     ),
-    Label(
+    _corrected(
         "lemma5",
-        CORRECTED,
+        _RUN + "lemma5",
         "with eq2 corrected, initial conditions kept in err_z_lap, sigma1 > 0 and M known "
         "beforehand; the lemma gives no rate",
-        _RUNS + "test_lemma5",
     ),
-    Label(
+    _corrected(
         "err_z_lap",
-        CORRECTED,
+        _OF + "err_z_lap",
         "(sigma1 s + sigma0) E_z = -(J s + K2) E_w + sigma1 e_z(0) + J e_w(0); the initial "
         "conditions are missing in print; the pole is -sigma0/sigma1 for every K2",
-        _EQUATIONS + "test_err_z_lap",
     ),
-    Label(
+    _corrected(
         "remark4",
-        CORRECTED,
+        _RUN + "remark4",
         "K2 > 0 is not needed; independent of u only once M is known to bound |w|",
-        _RUNS + "test_remark4",
     ),
-    Label("new_V_dot", HOLDS, "", _EQUATIONS + "test_new_V_dot"),
-    Label("ineq1", HOLDS, "", _EQUATIONS + "test_step_by_step_solution"),
-    Label("ineq2", HOLDS, "", _EQUATIONS + "test_step_by_step_solution"),
-    Label(
+    _holds("new_V_dot", _OF + "new_V_dot"),
+    _holds("ineq1", _OF + "step_by_step_solution"),
+    _holds("ineq2", _OF + "step_by_step_solution"),
+    _holds(
         "ineq3",
-        HOLDS,
+        _OF + "step_by_step_solution",
         "and cannot be avoided: any V that is valid for every |w|/h satisfies it",
-        _EQUATIONS + "test_step_by_step_solution",
     ),
-    Label(
+    _corrected(
         "ineq4",
-        CORRECTED,
+        _OF + "ineq4",
         "B K3 + 2 C sigma0/J + 2 A K1 = 0; the printed factor B in the last term is wrong",
-        _EQUATIONS + "test_ineq4",
     ),
-    Label("AB", HOLDS, "with sigma1 > 0", _EQUATIONS + "test_step_by_step_solution"),
-    Label(
-        "K3_new",
-        HOLDS,
-        "alpha in 1/s here, K2 = J alpha",
-        _EQUATIONS + "test_step_by_step_solution",
+    _holds("AB", _OF + "step_by_step_solution", "with sigma1 > 0"),
+    _holds("K3_new", _OF + "step_by_step_solution", "alpha in 1/s here, K2 = J alpha"),
+    _holds("eq_1", _OF + "step_by_step_solution", "B^2 - 4 A C = -2 beta C"),
+    _holds(
+        "lemma6", _RUN + "lemma6", "with sigma1 > 0; every K1 < 0 < K2 is sufficient, see certify"
     ),
-    Label("eq_1", HOLDS, "B^2 - 4 A C = -2 beta C", _EQUATIONS + "test_step_by_step_solution"),
-    Label(
-        "lemma6",
-        HOLDS,
-        "with sigma1 > 0; every K1 < 0 < K2 is sufficient, see certify",
-        _RUNS + "test_lemma6",
-    ),
-    Label("fric_params", HOLDS, "table1()", _EQUATIONS + "test_drive"),
+    _holds("fric_params", _OF + "drive", "table1()"),
 )

@@ -3,12 +3,12 @@
 from .columns.options import parse_pairs
 from .consistency import named, refuse_dead
 from .log import Log
-from .pooling import pooled
 from .read import consistent, read_log, read_record, record_of
 from .record import Record
 from .stretches import Stretch, stretches
 from .uniform_time import (
     long_enough_to_judge,
+    pooled,
     refuse_open_time,
     refuse_unlikely_time,
     unlikely_time,

@@ -2,29 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import butter, sosfiltfilt
 
-from ..core.errors import Refused
+from ..core.errors import InputError, Refused
 from ..core.option_names import option
-from .columns.units import si_unit
-from .motion_band import BAND, BLOCKS, long_enough, longest, low_passed
+from .columns.units import UNITS, Unit, si_unit
 from .record import Record
-from .recorded_speed import fitting_speed
+from .samples.clock import plausible
 
+_BAND = 30.0  # Hz; the motion below this frequency is compared
 _SLOW_BAND = 5.0  # Hz
+_BLOCKS = 20  # of time, whose spread gives the error of what is estimated
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
+_CLOSE = 0.02  # a ratio this close to that of two units means that these were mixed up
+_SAME = 0.9  # share of a channel's power that the other's derivative must explain
+_OFF = 0.03  # a ratio this far from 1 is reported
+_LAG = 1.5  # samples
+_GEARS = 500.0  # the usual ratios
+_LEAST_OFFSET = 0.005  # of the RMS speed
 _DEAD = ("u", "w", "theta")
 _COASTS = "dead torque channel, or a drive that coasts"
 _ONE = "dead torque channel, or one torque throughout, which does not tell inertia from friction"
+_IGNORED = "w is ignored and the velocity is computed from theta."
+Labels = Mapping[str, str | None]
 
 
-def audit(
-    record: Record, labels: Mapping[str, str | None] | None = None, *, alone: bool = True
-) -> Record:
+def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
     ``w`` in another unit or of the opposite sign than d theta/dt is converted, and ignored if it
@@ -42,11 +50,62 @@ def audit(
     return _saturation(record)
 
 
+# ---- slow signals -------------------------------------------------------------------
+
+
+def _longest(record: Record) -> Record:
+    part = max(record.segments(), key=lambda s: s.stop - s.start)
+    return record.slice(part.start, part.stop)
+
+
+def _edge(record: Record, band: float) -> tuple[float, int]:
+    """Return the cut-off frequency, Hz, and the samples that the filter spoils at each end."""
+    edge = min(band, record.rate / 20)
+    return edge, int(record.rate / edge)
+
+
+def _long_enough(record: Record, band: float = _BAND) -> bool:
+    """Return whether the longest stretch, without its ends, is long enough for slow signals."""
+    part = _longest(record)
+    return len(part.u) > 2 * (_edge(part, band)[1] + _BLOCKS)
+
+
+def _low_passed(
+    record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
+) -> list[np.ndarray]:
+    """Return low-pass filtered signals (the band of the motion), without their ends."""
+    edge, end = _edge(record, band)
+    sos = butter(3, edge, fs=record.rate, output="sos")
+    cut = 0 if keep_ends else end
+    return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
+
+
+def _jackknifed(
+    columns: Sequence[np.ndarray], y: np.ndarray, function: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Fit y by columns: the coefficients, and the standard error of a function of them, by leaving
+    out one block of time after the other."""
+    x = np.column_stack(columns)
+    size = np.linalg.norm(x, axis=0)
+    size[size == 0] = 1.0  # a column that does not change explains nothing
+    x = x / size
+    blocks = np.array_split(np.arange(len(y)), _BLOCKS)
+    grams = np.array([x[b].T @ x[b] for b in blocks])
+    sides = np.array([x[b].T @ y[b] for b in blocks])
+
+    def solved(keep: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
+
+    every = np.arange(_BLOCKS)
+    left = [function(solved(every != k)) for k in every]
+    return solved(every), np.sqrt((_BLOCKS - 1) * np.var(left, axis=0))
+
+
 # ---- dead channels ------------------------------------------------------------------
 
 
 def named(records: Sequence[Record]) -> str:
-    """Subject of a message: the record's source, or the number of records."""
+    """Return the subject of a message: the record's source, or the number of records."""
     return records[0].source if len(records) == 1 else f"{len(records)} records"
 
 
@@ -54,33 +113,27 @@ def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records."""
     for role in _DEAD:
         given = [r.channels()[role] for r in records if role in r.channels()]
-        low, high = min(map(np.min, given), default=0.0), max(map(np.max, given), default=1.0)
-        if high - low <= 1e-9 * max(abs(low), abs(high)):
-            raise Refused(
-                f"{named(records)}: {role} is constant ({low:.6g}): {_meaning(role, low)}.",
-                "Record a motion that starts, stops and reverses at several speeds, with its "
-                "torque.",
-            )
+        if given and _is_constant(np.array([f(x) for x in given for f in (np.min, np.max)])):
+            how = "reverses at several speeds"
+            raise _dead(named(records), role, min(map(np.min, given)), how)
 
 
-def _meaning(role: str, value: float) -> str:
-    """What a channel that is constant at a value may be."""
-    return "nothing moves" if role != "u" else _COASTS if value == 0 else _ONE
+def _dead(source: str, role: str, value: float, how: str) -> Refused:
+    meaning = "nothing moves" if role != "u" else _COASTS if value == 0 else _ONE
+    return Refused(
+        f"{source}: {role} is constant ({value:.6g}): {meaning}.",
+        f"Record a motion that starts, stops and {how}, with its torque.",
+    )
 
 
 def _alive(record: Record, alone: bool) -> None:
     for role in _DEAD:
         values = getattr(record, role)
-        if values is not None and _is_constant(values):
-            if role != "theta" and values[0] != 0 and _is_steady(record):
-                continue
-            if role == "u" and not alone:
-                continue
-            raise Refused(
-                f"{record.source}: {role} is constant ({values[0]:.6g}): "
-                f"{_meaning(role, values[0])}.",
-                "Record a motion that starts, stops and reverses, with its torque.",
-            )
+        if values is None or not _is_constant(values):
+            continue
+        on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
+        if not on_a_curve and (alone or role != "u"):
+            raise _dead(record.source, role, values[0], "reverses")
     if record.theta is not None and len(np.unique(record.theta)) < 4:
         raise Refused(
             f"{record.source}: theta takes {len(np.unique(record.theta))} values only: "
@@ -99,7 +152,7 @@ def _is_constant(values: np.ndarray) -> bool:
 
 
 def _is_steady(record: Record) -> bool:
-    """Whether the drive keeps one speed."""
+    """Return whether the drive keeps one speed."""
     edges = np.linspace(0, record.samples - 1, 9).astype(int)
     if record.samples < 18:
         return False
@@ -112,7 +165,7 @@ def _is_steady(record: Record) -> bool:
 
 
 def _is_noise(values: np.ndarray) -> bool:
-    """Whether values are uncorrelated from sample to sample, about zero.
+    """Return whether values are uncorrelated from sample to sample, about zero.
 
     A few samples can show that only roughly: no bound is wider than a half.
     """
@@ -123,11 +176,254 @@ def _is_noise(values: np.ndarray) -> bool:
     return bool(abs(lag1) < sure and abs(values.mean()) < sure * spread)
 
 
+# ---- the speed against the position's: unit, sign, offset and lag -------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Speeds:
+    """``w`` and d theta/dt (N,), ``slope``, of the longest piece, low-passed."""
+
+    w: np.ndarray
+    slope: np.ndarray
+    dt: float
+
+    @classmethod
+    def of(cls, record: Record) -> _Speeds | None:
+        """Return both; None where one is missing, too short, or does not change."""
+        if record.w is None or record.theta is None or not _long_enough(record):
+            return None
+        if not (np.ptp(record.w) > 0 and np.ptp(record.theta) > 0):
+            return None
+        part = _longest(record)
+        assert part.w is not None and part.theta is not None
+        w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
+        return cls(w, slope, part.dt)
+
+    def fitted(self, target: np.ndarray, source: np.ndarray) -> tuple[float, float, float, float]:
+        """Fit target = g (source + T d source/dt) + ... + c: g, T, c and the error of c."""
+        first = np.gradient(source, self.dt)
+        columns = [source, first, np.gradient(first, self.dt), np.ones_like(source)]
+        found, error = _jackknifed(columns, target, lambda p: p[3:])
+        g, T = found[0], found[1] / found[0] if found[0] else 0.0
+        return float(g), float(T), float(found[3]), float(error[0])
+
+    def steady_ratio(self) -> float:
+        """Mean w over mean d theta/dt if the speed varies too little to compare them; else 0."""
+        w, slope = float(self.w.mean()), float(self.slope.mean())
+        ratio = w / slope if slope else 0.0
+        alike = np.std(self.w - ratio * self.slope) < _STEADY * abs(w)
+        return ratio if alike and np.std(self.slope) < _STEADY * abs(slope) else 0.0
+
+    def are_one(self) -> bool:
+        """Return whether w is d theta/dt, in the same unit."""
+        ratio = self.fitted(self.w, self.slope)[0]
+        inverse = self.fitted(self.slope, self.w)[0]
+        return ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF
+
+    def offset(self) -> float:
+        """The offset of w against d theta/dt, beside gain and lag; 0 where it may be none."""
+        *_, offset, error = self.fitted(self.w, self.slope)
+        least = max(_SURE * error, _LEAST_OFFSET * float(np.sqrt(np.mean(self.slope**2))))
+        return offset if abs(offset) > least and np.ptp(self.slope) > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """w over d theta/dt, 1 or -1 where it may be that; its lag and the least one, in s."""
+
+    ratio: float
+    agreement: float
+    lag: float = 0.0
+    least_lag: float = 0.0
+
+    @classmethod
+    def of(cls, speeds: _Speeds) -> _Compared:
+        """Compare w with d theta/dt.
+
+        Noise in the regressor biases a fitted ratio towards zero, so the two regressions, w on
+        d theta/dt and d theta/dt on w, bracket the true ratio. With few swings of the motion it is
+        less certain.
+        """
+        w, slope = speeds.w, speeds.slope
+        (ratio, lead, *_), (inverse, lag, *_) = speeds.fitted(w, slope), speeds.fitted(slope, w)
+        agreement = ratio * inverse
+        if agreement < 0.25:
+            return cls(0.0, agreement)
+        swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
+        margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
+        low, high = sorted((abs(ratio), abs(1 / inverse)))
+        same = low <= 1 + margin and high >= 1 - margin
+        size = 1.0 if same else float(np.sqrt(ratio / inverse))
+        return cls(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
+
+
+def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
+    """Return the record with a w that is consistent with d theta/dt; ``labels`` as for
+    :func:`audit`.
+
+    theta in rad, w in rad/s (m, m/s on a linear axis); the record's messages report each change.
+    A w that does not fit d theta/dt is left out.
+    """
+    speeds = _Speeds.of(record)
+    if speeds is None:
+        return record
+    found, labels = _Compared.of(speeds), labels or {}
+    if not found.ratio:
+        return _unrelated(record, speeds, labels, found.agreement)
+    if abs(found.ratio) != 1.0:
+        fits, record = _converted(record, labels, found.ratio)
+        if not fits:
+            return record
+        speeds = _Speeds.of(record)
+    elif found.ratio < 0:
+        record = _turned(record)
+        speeds = replace(speeds, w=-speeds.w)
+    offset = speeds.offset() if speeds is not None else 0.0
+    if offset:
+        size = f"{abs(offset):.3g} {si_unit('w', record.motion)}"
+        return replace(record, w=None).with_messages(
+            f"w is {size} too {'high' if offset > 0 else 'low'} against d theta/dt: {_IGNORED}"
+        )
+    if found.least_lag > _LAG * record.dt:
+        record = record.with_messages(
+            f"w lags theta by {1e3 * found.lag:.3g} ms, as a filtered velocity does: not changed."
+        )
+    return record
+
+
+def _unrelated(record: Record, speeds: _Speeds, labels: Labels, agreement: float) -> Record:
+    """Return a record whose w does not vary with d theta/dt, as far as it is understood."""
+    steady = speeds.steady_ratio()
+    if steady:
+        return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)[1]
+    swapped = replace(record, theta=record.w, w=record.theta)
+    other = _Speeds.of(swapped)
+    if other is not None and other.are_one():
+        return swapped.with_messages("theta is d w/dt: the two were exchanged.")
+    return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
+
+
+def _ignored(record: Record, why: str) -> Record:
+    said = f"w is not d theta/dt but {why}: {_IGNORED}"
+    return replace(record, w=None).with_messages(said)
+
+
+def _turned(record: Record) -> Record:
+    assert record.w is not None
+    return replace(record, w=-record.w).with_messages(
+        "w has the opposite sign of d theta/dt: its sign was changed."
+    )
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A channel that is in another unit than it was taken in.
+
+    ``factor`` is what its values in SI are to be multiplied by, ``unit`` the name of its unit.
+    """
+
+    role: str
+    unit: str
+    factor: float
+    said: str
+
+
+def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
+    """Return the unit that w, theta or t is in, where w and d theta/dt differ by a factor of units.
+
+    None where they agree, or differ by another factor. Raises InputError where the unit of t is
+    the one that is not as assumed: all rates depend on it.
+    """
+    speeds = _Speeds.of(record)
+    if speeds is None:
+        return None
+    ratio = _Compared.of(speeds).ratio or speeds.steady_ratio()
+    if not ratio or abs(abs(ratio) - 1) <= _OFF:
+        return None
+    _check_time(record, labels, abs(ratio))
+    return _mistake(record, labels, abs(ratio))
+
+
+def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
+    """Return the first mix-up of units that makes w so many times d theta/dt."""
+    for expected, role, taken, meant in _mistakes(record, labels):
+        if abs(ratio / expected - 1) <= _CLOSE:
+            stated = "stated" if labels.get(role) else "taken"
+            said = (
+                f"{role} is {stated} in {taken.name} but in fact in {meant.name} "
+                f"(w is {ratio:.4g} times d theta/dt): converted."
+            )
+            return Mistake(role, meant.name, meant.factor / taken.factor, said)
+    return None
+
+
+def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Unit]]:
+    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units.
+
+    A channel without a stated unit is suspected first, then one stated in SI: another unit is
+    stated on purpose, SI often by habit.
+    """
+    found = []
+    for role in ("w", "theta"):
+        label = labels.get(role)
+        taken = UNITS[label or si_unit(role, record.motion)]
+        order = 0 if label is None else 1 if taken.factor == 1 else 2
+        for meant in UNITS.values():
+            same = (meant.quantity, meant.motion) == (taken.quantity, record.motion)
+            if same and meant is not taken and meant.quantity != "raw":
+                ratio = taken.factor / meant.factor
+                found.append((order, ratio if role == "w" else 1 / ratio, role, taken, meant))
+    return [row[1:] for row in sorted(found, key=lambda row: row[0])]
+
+
+def _check_time(record: Record, labels: Labels, ratio: float) -> None:
+    """InputError if the unit of t is what makes w so many times d theta/dt.
+
+    It is where no drive is logged at the rate that the taken unit means, or where the others have
+    a stated unit and t has none; and where one is at the rate that the other unit means.
+    """
+    if "t" not in labels:
+        return
+    stated = labels["t"] is not None
+    taken = UNITS[labels["t"] or "s"]
+    clear = not stated and labels.get("w") is not None and labels.get("theta") is not None
+    for unit in UNITS.values():
+        finer = unit.factor / taken.factor
+        if unit.quantity != "time" or unit == taken or abs(ratio * finer - 1) > _CLOSE:
+            continue
+        if (clear or not plausible(record.dt)) and plausible(record.dt * finer):
+            how = f"is stated in {taken.name} and" if stated else "has no unit and"
+            raise InputError(
+                f"{record.source}: t {how} does not look like {taken.name} (w is "
+                f"{ratio:.4g} times d theta/dt): give {option('units', f't={unit.name}')}"
+                + ("." if stated else f", or {option('units', 't=s')} if that is right.")
+            )
+
+
+def _converted(record: Record, labels: Labels, ratio: float) -> tuple[bool, Record]:
+    """Return whether a wrong unit explains the ratio, and the record corrected or without w."""
+    found = _mistake(record, labels, abs(ratio))
+    if found is None:
+        return False, _ignored(record, f"{ratio:.4g} times it{_geared(abs(ratio))}")
+    values = getattr(record, found.role) * found.factor
+    record = replace(record, **{found.role: values}).with_messages(found.said)
+    return True, _turned(record) if ratio < 0 else record
+
+
+def _geared(ratio: float) -> str:
+    """Return what to give where w is the motor's and theta the joint's."""
+    if not 2.0 < ratio < _GEARS:
+        return ""
+    joint, motor = option("scale", f"w={1 / ratio:.4g}"), option("scale", f"theta={ratio:.4g}")
+    gives = f"{joint} gives the joint's motion, {motor} the motor's"
+    return f" (a motor with a gear of {ratio:.4g}? Then {gives})"
+
+
 # ---- sign of the torque -------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class TorqueFit:
+class _TorqueFit:
     """A plain balance ``u = J dw/dt + Fv w + Fc sign(w) + ...`` of slow signals.
 
     ``inertia_t`` and ``power_t`` are J and the mean friction power over their standard
@@ -139,32 +435,37 @@ class TorqueFit:
     r2: float
 
 
-def torque_fit(record: Record, band: float = BAND) -> TorqueFit | None:
+def _torque_fit(record: Record, band: float = _BAND) -> _TorqueFit | None:
     """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, under a
     constant torque, or if the stretch is too short.
 
     The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
     gravity load.
     """
-    if _is_constant(record.u) or not long_enough(record, band):
+    if _is_constant(record.u) or not _long_enough(record, band):
         return None
-    part = longest(record)
+    part = _longest(record)
     angle, speed = _motion(part)
-    (slow,) = low_passed(part, speed, band=band, keep_ends=True)
+    (slow,) = _low_passed(part, speed, band=band, keep_ends=True)
     still = 0.02 * np.std(slow)
     if not still > 0:
         return None
-    terms = [
-        np.gradient(slow, part.dt),
-        slow,
-        slow / (np.abs(slow) + still),
-        np.ones_like(slow),
-    ]
-    terms.append(angle - angle.mean())
+    friction = [slow, slow / (np.abs(slow) + still)]
+    terms = [np.gradient(slow, part.dt), *friction, np.ones_like(slow), angle - angle.mean()]
     if part.motion == "rotary":
         terms += [np.sin(angle), np.cos(angle)]
-    u, *terms = low_passed(part, part.u, *terms, band=band)
-    return _jackknife(np.column_stack(terms), u)
+    u, *terms = _low_passed(part, part.u, *terms, band=band)
+    power = np.array([terms[1] @ terms[1], terms[1] @ terms[2]])
+
+    def inertia_and_power(p: np.ndarray) -> np.ndarray:
+        return np.array([p[0], p[1:3] @ power])
+
+    p, error = _jackknifed(terms, u, inertia_and_power)
+    if not np.all(error > 0):
+        return None
+    r2 = 1 - np.var(u - np.column_stack(terms) @ p) / np.var(u)
+    inertia_t, power_t = inertia_and_power(p) / error
+    return _TorqueFit(float(inertia_t), float(power_t), float(r2))
 
 
 def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -176,30 +477,6 @@ def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
     return (np.cumsum(speed) * record.dt if angle is None else angle), speed
 
 
-def _jackknife(terms: np.ndarray, u: np.ndarray) -> TorqueFit | None:
-    blocks = list(zip(np.array_split(terms, BLOCKS), np.array_split(u, BLOCKS), strict=True))
-    grams = np.array([x.T @ x for x, _ in blocks])
-    size = np.sqrt(np.diag(grams.sum(0)))
-    grams, sides = grams / np.outer(size, size), np.array([x.T @ y for x, y in blocks]) / size
-    power = np.array([(terms[:, 1] * terms[:, 1]).sum(), (terms[:, 1] * terms[:, 2]).sum()])
-
-    def solve(keep: np.ndarray) -> np.ndarray:
-        return np.linalg.lstsq(grams[keep].sum(0), sides[keep].sum(0), rcond=1e-12)[0] / size
-
-    def told(x: np.ndarray) -> np.ndarray:
-        return np.array([x[0], x[1:3] @ power])
-
-    every = np.arange(len(blocks))
-    x = solve(every >= 0)
-    left = np.array([told(solve(every != k)) for k in every])
-    error = np.sqrt((len(every) - 1) * np.var(left, axis=0))
-    if not np.all(error > 0):
-        return None
-    r2 = 1 - np.var(u - terms @ x) / np.var(u)
-    inertia, friction = told(x) / error
-    return TorqueFit(float(inertia), float(friction), float(r2))
-
-
 def _torque_sign(record: Record) -> Record:
     """Invert a torque that drives against its own motion; only report it if that is uncertain.
 
@@ -209,10 +486,10 @@ def _torque_sign(record: Record) -> Record:
     """
     if _is_steady(record):
         return record  # nothing accelerates
-    fit = torque_fit(record)
+    fit = _torque_fit(record)
     if fit is None or fit.r2 >= 0.05 and min(fit.inertia_t, fit.power_t) >= -_SURE:
         return record
-    slow = torque_fit(record, _SLOW_BAND)
+    slow = _torque_fit(record, _SLOW_BAND)
     if slow is None:
         return record
     if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from zlib import crc32
@@ -14,16 +14,13 @@ from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.validation import as_path, positive, shown
-from .columns.angle_units import check_angles
-from .columns.arrays import FORMS, is_table, table_of
 from .columns.options import check_used, factors, texts
+from .columns.raw_numbers import check_angles, signed
 from .columns.roles import Choice, choose_columns, idle_said, usual_said
 from .columns.streams import merged
-from .columns.table import Table
+from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .columns.units import Unit, parse_unit, role_unit, si_unit
-from .columns.unsigned import signed
 from .files.readers import read_stdin, read_table
-from .row_places import Places, TableRows
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 
@@ -78,7 +75,7 @@ def log_of_arrays(
     """Channels in SI units by role, t among them in s, as a log; rows are counted from 0."""
     others = {role: values for role, values in channels.items() if role != "t"}
     labels: dict[str, str | None] = {**dict.fromkeys(channels), "t": "s"}
-    return Log(source, channels["t"], others, TableRows(), labels, motion, cuts=cuts)
+    return Log(source, channels["t"], others, row_number, labels, motion, cuts=cuts)
 
 
 def rows_of(
@@ -103,45 +100,26 @@ def rows_of(
     choices, said = choose_columns(table, named, need_time=rate is None)
     choices, said = _without_time(table, choices, said) if rate else (choices, said)
     check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
-    found, questions = _units(table, choices, stated, scaled)
-    drive = _motion(table.source, found, motion)
+    reading = _Reading(table, tuple(choices), stated, scaled)
+    reading.find_units(motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
     raw, merging = merged([c.role for c in choices], raw)
-    unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
-    taken = {r: unit for r in unstated - {"t"} if (unit := si_unit(r, drive))}
-    said = [
-        *more,
-        *usual_said(table, choices, named, taken),
-        *said,
-        *merging,
-        *_overridden(table, choices, stated),
-    ]
-    channels = {}
-    for choice, column in zip(choices, raw, strict=True):
-        values, more = signed(choice.role, column)
-        said += more
-        try:
-            said += (
-                []
-                if choice.role in questions
-                else _remarks(table, choice, values, found, scaled, drive)
-            )
-        except InputError as error:
-            questions[choice.role] = str(error)
-        channels[choice.role] = _si(values, found[choice.role], scaled.get(choice.role))
-    if questions:
-        raise InputError(" ".join(questions.values()))
+    taken = {r: unit for r in reading.unstated - {"t"} if (unit := si_unit(r, reading.motion))}
+    said = [*more, *usual_said(table, choices, named, taken), *said, *merging]
+    channels, more = reading.channels(raw)
+    said += [*reading.overridden(), *more]
     said += [] if "u" in named else idle_said(table, choices, channels["u"])
-    if drive == "rotary":
-        check_angles(table.source, channels, rate, unstated)
+    if reading.motion == "rotary":
+        check_angles(table.source, channels, rate, reading.unstated)
     t = channels.pop("t", None)
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
-    labels = {role: unit.name if unit else None for role, unit in found.items()}
-    where = Places(table.where, len(t))
-    return Log(table.source, t, channels, where, labels, drive, tuple(said), file=file)
+    labels = {role: unit.name if unit else None for role, unit in reading.units.items()}
+    return Log(
+        table.source, t, channels, table.where, labels, reading.motion, tuple(said), file=file
+    )
 
 
 def _opened(path: Any, named: Mapping[str, str]) -> tuple[Table, SourceFile | None]:
@@ -180,56 +158,104 @@ def _without_time(
     return [c for c in choices if c.role != "t"], [*said, note]
 
 
-def _si(values: np.ndarray, unit: Unit | None, factor: float | None) -> np.ndarray:
-    # a mark of a missing value may be as large as a float goes, or a NaN that signals
-    with np.errstate(over="ignore", invalid="ignore"):
-        return values * ((1.0 if factor is None else factor) * (unit.factor if unit else 1.0))
-
-
 # ---- units --------------------------------------------------------------------------
 
 
-def _units(
-    table: Table, choices: list[Choice], stated: Mapping[str, str], scaled: Mapping[str, float]
-) -> tuple[dict[str, Unit | None], dict[str, str]]:
-    """The units by role, and what must be asked of them: all of it is asked at once."""
-    found, questions = dict[str, Unit | None](), dict[str, str]()
-    for choice in choices:
-        try:
-            found[choice.role] = _unit(table, choice, stated, scaled)
-        except InputError as error:
-            found[choice.role], questions[choice.role] = None, str(error)
-    return found, questions
+@dataclass
+class _Reading:
+    """The columns of a table that were chosen, and their units by role: stated by the user, in the
+    header, or implied by a name. ``questions`` must be asked of them, all at once."""
 
+    table: Table
+    choices: tuple[Choice, ...]
+    stated: Mapping[str, str]
+    scaled: Mapping[str, float]
+    units: dict[str, Unit | None] = field(default_factory=dict)
+    questions: dict[str, str] = field(default_factory=dict)
+    motion: str = "rotary"
 
-def _unit(
-    table: Table,
-    choice: Choice,
-    stated: Mapping[str, str],
-    scaled: Mapping[str, float],
-) -> Unit | None:
-    text = stated.get(choice.role) or table.units[choice.index] or choice.implied
-    if text is None or (text == choice.implied and choice.role in scaled):
-        return None
-    where = f"{table.source}, column '{table.names[choice.index]}'"
-    named = choice.role not in stated and not table.units[choice.index]
-    return role_unit(choice.role, text, scaled=choice.role in scaled, where=where, named=named)
+    @property
+    def unstated(self) -> set[str]:
+        """The roles whose unit nothing says."""
+        found = self.units.items()
+        return {role for role, unit in found if unit is None and role not in self.scaled}
 
+    def find_units(self, motion: str | None) -> None:
+        for choice in self.choices:
+            try:
+                self.units[choice.role] = self._unit(choice)
+            except InputError as error:
+                self.units[choice.role], self.questions[choice.role] = None, str(error)
+        self.motion = _motion(self.table.source, self.units, motion)
 
-def _overridden(table: Table, choices: list[Choice], stated: Mapping[str, str]) -> list[str]:
-    """A note on each unit that the user gave in place of another one in the header."""
-    said = []
-    for choice in choices:
-        given, header = stated.get(choice.role), table.units[choice.index]
-        if not given or not header:
-            continue
-        here = parse_unit(header)
-        if here is None or here != parse_unit(given):
-            said.append(
-                f"The header says {choice.role} [{header}]; "
-                f"{option('units', f'{choice.role}={given}')} was used in its place."
+    def _unit(self, choice: Choice) -> Unit | None:
+        header, is_scaled = self.table.units[choice.index], choice.role in self.scaled
+        text = self.stated.get(choice.role) or header or choice.implied
+        if text is None or (text == choice.implied and is_scaled):
+            return None
+        where = f"{self.table.source}, column '{self.table.names[choice.index]}'"
+        named = choice.role not in self.stated and not header
+        return role_unit(choice.role, text, scaled=is_scaled, where=where, named=named)
+
+    def overridden(self) -> list[str]:
+        """A note on each unit that the user gave in place of another one in the header."""
+        said = []
+        for choice in self.choices:
+            given, header = self.stated.get(choice.role), self.table.units[choice.index]
+            here = parse_unit(header) if given and header else None
+            if given and header and (here is None or here != parse_unit(given)):
+                said.append(
+                    f"The header says {choice.role} [{header}]; "
+                    f"{option('units', f'{choice.role}={given}')} was used in its place."
+                )
+        return said
+
+    def channels(self, raw: Sequence[np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
+        """The columns in SI units by role, and notes on how their numbers were interpreted."""
+        channels, said = {}, []
+        for choice, column in zip(self.choices, raw, strict=True):
+            values, more = signed(choice.role, column)
+            said += more
+            if choice.role not in self.questions:
+                said += self._remarks(choice, values)
+            unit = self.units[choice.role]
+            factor = self.scaled.get(choice.role, 1.0) * (unit.factor if unit else 1.0)
+            # a mark of a missing value may be as large as a float goes, or a NaN that signals
+            with np.errstate(over="ignore", invalid="ignore"):
+                channels[choice.role] = values * factor
+        if self.questions:
+            raise InputError(" ".join(self.questions.values()))
+        return channels, said
+
+    def _remarks(self, choice: Choice, values: np.ndarray) -> list[str]:
+        """Notes on the numbers of a channel, or the question that they raise."""
+        role, name = choice.role, self.table.names[choice.index]
+        unit, assumed = self.units[role], si_unit(role, self.motion)
+        if role in self.scaled:
+            per = f" (in {unit.name})" if unit else ""
+            return [f"{role} is {self.scaled[role]:g} times column '{name}'{per}."]
+        if unit is not None or role not in ("u", "w", "theta"):
+            return []
+        values = values[np.isfinite(values)]
+        largest = np.abs(values).max(initial=0)
+        whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
+        factor, other = option("scale", f"{role}=FACTOR"), option("units", f"{role}=UNIT")
+        if role == "theta" and whole:
+            self.questions[role] = (
+                f"{self.table.source}, column '{name}': theta has no unit and holds whole numbers "
+                f"only, as encoder counts do: give {factor} (SI value per count) or {other}."
             )
-    return said
+        elif whole:
+            return [
+                f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
+                f"are counts or another unit, give {factor} or {other}."
+            ]
+        elif role == "w" and "theta" not in self.units and largest > _FAST[self.motion]:
+            return [
+                f"w has no unit and reaches {largest:.4g}: {assumed} was assumed; "
+                f"if that is wrong, give {other}."
+            ]
+        return []
 
 
 def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
@@ -250,41 +276,3 @@ def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) ->
                 f'{unit.motion} drive the model needs motion = "{unit.motion}".'
             )
     return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
-
-
-def _remarks(
-    table: Table,
-    choice: Choice,
-    values: np.ndarray,
-    found: Mapping[str, Unit | None],
-    scaled: Mapping[str, float],
-    motion: str,
-) -> list[str]:
-    """Return notes on how the numbers of a channel were interpreted."""
-    role, name, unit = choice.role, table.names[choice.index], found[choice.role]
-    if role in scaled:
-        per = f" (in {unit.name})" if unit else ""
-        return [f"{role} is {scaled[role]:g} times column '{name}'{per}."]
-    if unit is not None or role not in ("u", "w", "theta"):
-        return []
-    values = values[np.isfinite(values)]
-    assumed = si_unit(role, motion)
-    whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
-    if role == "theta" and whole:
-        raise InputError(
-            f"{table.source}, column '{name}': theta has no unit and holds whole numbers only, as "
-            f"encoder counts do: give {option('scale', 'theta=FACTOR')} (SI value per count) or "
-            f"{option('units', 'theta=UNIT')}."
-        )
-    if whole:
-        return [
-            f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
-            f"are counts or another unit, give {option('scale', f'{role}=FACTOR')} or "
-            f"{option('units', f'{role}=UNIT')}."
-        ]
-    if role == "w" and "theta" not in found and np.abs(values).max(initial=0) > _FAST[motion]:
-        return [
-            f"w has no unit and reaches {np.abs(values).max():.4g}: {assumed} was assumed; "
-            f"if that is wrong, give {option('units', 'w=UNIT')}."
-        ]
-    return []

@@ -7,10 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from ..core.errors import InputError, Refused
-from .consistency import audit
+from .consistency import audit, fitting_speed, unit_mistake
 from .log import Kept, Log, rows_of
 from .record import Record
-from .recorded_speed import fitting_speed, unit_mistake
 from .samples.usable import usable
 from .uniform_time import uniform
 

@@ -20,23 +20,6 @@ from .log import Log, log_of_arrays
 _MOTIONS = ("rotary", "linear")
 _ROLES = ("t", "u", "w", "theta", "r", "d", "temperature", "theta_load")
 
-LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
-
-
-def smallest_step(x: np.ndarray) -> float:
-    """The smallest change of a sampled signal (N,) between samples, due to its resolution.
-
-    In the signal's unit. The smallest thousandth of the changes is left out. 0 for a constant, and
-    for a signal that always goes one way: its smallest change is a part of the motion.
-    """
-    x = x[np.isfinite(x)]
-    steps = np.diff(x)
-    moved = steps[np.abs(steps) > 1e-9 * max(float(np.ptp(x)), 1e-300)] if len(x) else steps
-    up = np.count_nonzero(moved > 0)
-    if max(up, len(moved) - up) >= (1.0 - LEFT_OUT) * len(steps):  # nowhere at rest
-        return 0.0
-    return float(np.quantile(np.abs(moved), LEFT_OUT)) if len(moved) else 0.0
-
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Record(Shown):
@@ -140,9 +123,9 @@ class Record(Shown):
             made = made if values is None else crc32(values, crc32(role.encode(), made))
         return made
 
-    def read_from(self, log: Log) -> Record:
+    def read_from(self, log: Log | None) -> Record:
         """The same record, with the log that it was read from."""
-        return replace(self, log=replace(log, of=self.checksum()))
+        return self if log is None else replace(self, log=replace(log, of=self.checksum()))
 
     def _title(self) -> str:
         return f"Record {self.source}: {self.motion}"

@@ -1,4 +1,4 @@
-"""The noise of a sampled signal, without a model of what made it."""
+"""The step and the noise of a sampled signal, without a model of what made it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,6 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import coherence
 
-from .record import smallest_step
-from .samples.outliers import quantum
-
 _THIRD_DIFFERENCE = np.sqrt(20.0)  # std of white noise of unit variance, differenced three times
 NORMAL_MAD = 0.6745  # median absolute value of a unit normal variable
 SEGMENT = 256  # length of a segment of a spectrum, samples
@@ -19,24 +16,60 @@ TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the
 BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
 TOGETHER = 0.8  # median coherence there from which two channels share their noise
 NO_NOISE = 1e-12  # a standard deviation is never below this
+LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
 
 
-def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Standard deviation of a sampled signal's own noise, estimated without a model.
+# ---- the step -----------------------------------------------------------------------
 
-    Computed from the median size of the third differences, which are near zero for a finely
-    sampled motion. Never below the rounding noise of the ``resolution`` (a step of q: q /
-    sqrt(12)). The smallest step in the samples is used as well, but interpolated samples do not
-    show it. The estimate is too high if the motion itself changes within four samples.
+
+def smallest_step(x: np.ndarray) -> float:
+    """Return the smallest change of a sampled signal (N,) between samples, due to its resolution.
+
+    In the signal's unit. The smallest thousandth of the changes is left out. 0 for a constant, and
+    for a signal that always goes one way: its smallest change is a part of the motion.
     """
     x = x[np.isfinite(x)]
-    third = np.abs(np.diff(x, 3))
-    spread = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE
-    return max(spread, max(resolution, smallest_step(x)) / np.sqrt(12.0))
+    steps = np.diff(x)
+    moved = steps[np.abs(steps) > 1e-9 * max(float(np.ptp(x)), 1e-300)] if len(x) else steps
+    up = np.count_nonzero(moved > 0)
+    if max(up, len(moved) - up) >= (1.0 - LEFT_OUT) * len(steps):  # nowhere at rest
+        return 0.0
+    return float(np.quantile(np.abs(moved), LEFT_OUT)) if len(moved) else 0.0
+
+
+def spread(x: np.ndarray) -> float:
+    """Return the range of a channel without its rarest values, which may be none of it."""
+    low, high = np.quantile(x, [0.01, 0.99])
+    return float(high - low) or float(np.ptp(x))
+
+
+def quantum(x: np.ndarray) -> float:
+    """Return the step of the lattice that the values of a channel (N,) lie on; 0 if there is none.
+
+    Unlike :func:`smallest_step` it needs no change from one sample to the next: a register is known
+    by all the values that it takes.
+    """
+    values = np.unique(x[:: max(1, len(x) // 20_000)])
+    if len(values) < 3:
+        return 0.0
+    steps = np.diff(values)
+    steps = steps[steps > 1e-9 * spread(values)]
+    if len(steps) < 2:
+        return 0.0
+    unit = float(np.median(steps[steps <= 1.5 * np.quantile(steps, 0.05)]))
+    near = steps[steps < 20.5 * unit] / unit
+    return unit if np.mean(np.abs(near - np.rint(near)) < 0.1) > 0.9 else 0.0
+
+
+def resolution(x: np.ndarray) -> float:
+    """Return the smallest change that the channel shows: its lattice, or what its digits make."""
+    changes = np.abs(np.diff(x))
+    changes = changes[changes > 1e-9 * spread(x)]
+    return max(quantum(x), float(np.quantile(changes, 0.02))) if len(changes) else 0.0
 
 
 def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Usual number of samples after which a signal changes its value; 1 if it always does.
+    """Return after how many samples a signal usually changes its value; 1 if it always does.
 
     Samples between two encoder counts share one rounding error and carry the information of one
     sample.
@@ -48,14 +81,31 @@ def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
 
 
 def repeats(x: np.ndarray, count: float) -> np.ndarray:
-    """For each sample, how many in a row stay on the same count."""
+    """Return for each sample how many in a row stay on the same count."""
     steps = np.round((x - x[0]) / count) if count > 0.0 else x
     lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
     return np.repeat(lengths, lengths)
 
 
+# ---- the noise ----------------------------------------------------------------------
+
+
+def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
+    """Return the standard deviation of a sampled signal's own noise, estimated without a model.
+
+    Computed from the median size of the third differences, which are near zero for a finely
+    sampled motion. Never below the rounding noise of the ``resolution`` (a step of q: q /
+    sqrt(12)). The smallest step in the samples is used as well, but interpolated samples do not
+    show it. The estimate is too high if the motion itself changes within four samples.
+    """
+    x = x[np.isfinite(x)]
+    third = np.abs(np.diff(x, 3))
+    noise = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE
+    return max(noise, max(resolution, smallest_step(x)) / np.sqrt(12.0))
+
+
 def share_noise(theta: np.ndarray, w: np.ndarray) -> bool:
-    """True if theta and w are coherent above the frequencies of motion: one noise is in both."""
+    """Return whether theta and w are coherent above the frequencies of motion: one noise."""
     if len(theta) < 4 * SEGMENT:
         return False
     f, shared = coherence(np.diff(theta, 2), np.diff(w[1:]), nperseg=SEGMENT)
@@ -63,7 +113,7 @@ def share_noise(theta: np.ndarray, w: np.ndarray) -> bool:
 
 
 def white_noise(parts: Sequence[np.ndarray]) -> float:
-    """Standard deviation of the white noise per sample, at least that of the quantum.
+    """Return the standard deviation of the white noise per sample, at least that of the quantum.
 
     The level of the top of the spectrum of the fourth difference, divided by the gain of that
     difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there.
@@ -78,13 +128,13 @@ def white_noise(parts: Sequence[np.ndarray]) -> float:
 
 
 def _top(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies per sample of the top of the spectrum, and Welch's transforms there.
+    """Return frequencies per sample of the top of the spectrum, and Welch's transforms there.
 
     Hann windows of ``length`` samples, half overlapping, without their means, of unit power.
     """
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
     parts = sliding_window_view(x, length)[:: length - length // 2]
-    made = np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
+    lines = np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
     f = np.fft.rfftfreq(length)
     top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
-    return f[top], made[:, top] / np.linalg.norm(window)
+    return f[top], lines[:, top] / np.linalg.norm(window)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .log import Log
 from .samples.clock import FEWEST, multiples, typical_step
-from .samples.resampling import HELD, between, held_mean
+from .samples.resampling import on_grid
 from .samples.rows import Stamped
 from .samples.usable import usable
 
@@ -43,9 +43,7 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     ticks = np.r_[0, np.cumsum(multiples(np.diff(t), dt))]
     for role, x in values.items():
         good = np.isfinite(x)
-        held = role in HELD
-        made[role] = (held_mean(t[good], x[good], grid, dt) if held
-                      else between(role, t[good], x[good], grid))  # fmt: skip
+        made[role] = on_grid(role, t[good], x[good], grid, dt)
         near.append(_near(grid, t[good], ticks[good], dt))
     ok = np.all(near, axis=0)
     sound = np.flatnonzero(ok)

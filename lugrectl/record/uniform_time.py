@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,14 +12,25 @@ from ..core.errors import Refused
 from ..core.option_names import option
 from .columns.units import UNITS
 from .record import Record
-from .samples.clock import FEWEST, FILL, multiples, nice, plausible, slow, typical_step
-from .samples.resampling import HELD, between, held_mean, speed
-from .samples.rows import Stamped, count, runs
+from .samples.clock import (
+    FEWEST,
+    FILL,
+    leave_out_scraps,
+    multiples,
+    nice,
+    plausible,
+    slow,
+    typical_step,
+)
+from .samples.resampling import HELD, between, on_grid, speed
+from .samples.rows import Stamped, count, runs, smallest_steps
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
 _SLOW = ", at which models of friction cannot be compared"
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
+_SAME = 1e-3  # rates of runs that differ by less are one
+_NEAR = 0.25  # rates of runs that differ by more are not brought together
 
 
 def uniform(log: Stamped) -> Record:
@@ -32,7 +44,11 @@ def uniform(log: Stamped) -> Record:
     Raises Refused when no 12 rows in one piece are left.
     """
     _enough(log, len(log.t))
+    _fill_optional(log)
     _fill_missing(log)
+    leave_out_scraps(log)
+    whole = " in one piece" if log.new.sum() > 1 else ""
+    _enough(log, max(p.stop - p.start for p in log.parts()), whole)
     return _regular(log)
 
 
@@ -47,40 +63,34 @@ def _enough(log: Stamped, rows: int, whole: str = "") -> None:
 
 def _fill_missing(log: Stamped) -> None:
     """Fill what is missing for a few samples; a longer loss in torque or motion leaves a gap."""
-    _optional(log)
-    lost = {role: ~np.isfinite(log.channels[role]) for role in log.required}
-    long = np.zeros(len(log.t), bool)
-    for where in lost.values():
-        for a, n in runs(where):
+    some, long = np.zeros(len(log.t), bool), np.zeros(len(log.t), bool)
+    for role in log.required:
+        lost = ~np.isfinite(log.channels[role])
+        some |= lost
+        for a, n in runs(lost):
             long[a : a + n] |= n > FILL
-    affected = np.zeros(len(log.t), bool)
-    for role, where in lost.items():
-        affected |= where
-        if where.any() and not where.all():
-            log.channels[role] = _filled(role, log.channels[role], where)
-    log.dropped += int(affected.sum())
+        if lost.any() and not lost.all():
+            log.channels[role] = _filled(role, log.channels[role], lost)
+    log.dropped += int(some.sum())
     if long.any():
         log.new |= np.r_[False, long[:-1]] & ~long
         log.keep(~long)
         _enough(log, len(log.t))
 
 
-def _optional(log: Stamped) -> None:
+def _fill_optional(log: Stamped) -> None:
     """Fill the channels beside torque and motion, or leave them out."""
     for role in [role for role in log.channels if role not in log.required]:
         lost = ~np.isfinite(log.channels[role])
-        if lost.all() or (role != "temperature" and not _isolated(lost)):
+        longest = max((length for _, length in runs(lost)), default=0)
+        isolated = longest <= FILL and lost.mean() < _FILL_SHARE
+        if lost.all() or (role != "temperature" and not isolated):
             del log.channels[role]
             log.say(f"{role} has too many missing samples and is left out.")
         elif lost.any():
             log.channels[role] = _filled(role, log.channels[role], lost)
             how = "held" if role in HELD else "interpolated"
             log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how}).")
-
-
-def _isolated(lost: np.ndarray) -> bool:
-    longest = max((length for _, length in runs(lost)), default=0)
-    return longest <= FILL and lost.mean() < _FILL_SHARE
 
 
 def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
@@ -92,101 +102,130 @@ def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
 
 
 def _regular(log: Stamped) -> Record:
-    parts = _long_parts(log, log.parts())
-    _enough(log, max(p.stop - p.start for p in parts), " in one piece" if log.new.sum() > 1 else "")
-    steps = np.diff(log.t)
-    inside = np.concatenate([np.arange(p.start, p.stop - 1) for p in parts])
-    dt = typical_step(steps[inside])
+    """Return the record on grids of one step, one for each part."""
+    parts, steps = log.parts(), np.diff(log.t)
+    dt = typical_step(steps[~log.new[1:]])
     counts = [np.r_[0, np.cumsum(multiples(steps[p.start : p.stop - 1], dt))] for p in parts]
     ticks = sum(int(n[-1]) for n in counts)
     dt = nice(float(sum(log.t[p.stop - 1] - log.t[p.start] for p in parts)) / max(ticks, 1))
     filled = ticks - sum(len(n) - 1 for n in counts)
+    said = [
+        f"{count(filled, 'sample')} missing between the stamps of t, filled in "
+        "(u held, motion interpolated)."
+    ]
     pieces = [_piece(log, p, n, dt) for p, n in zip(parts, counts, strict=True)]
-    return _joined(log, pieces, dt, filled)
-
-
-def _long_parts(log: Stamped, parts: list[slice]) -> list[slice]:
-    """Leave out stretches between gaps that are too short to be useful."""
-    kept = [p for p in parts if p.stop - p.start >= FEWEST]
-    lost = len(log.t) - sum(p.stop - p.start for p in kept)
-    if kept and lost:
-        log.dropped += lost
-        log.say(
-            f"{count(lost, 'sample')} in stretches shorter than {FEWEST} samples "
-            "between gaps were left out."
-        )
-    return kept or [max(parts, key=lambda p: p.stop - p.start)]
-
-
-@dataclass(frozen=True)
-class _Piece:
-    t: np.ndarray
-    channels: dict[str, np.ndarray]
-    resampled: bool
-
-
-def _piece(log: Stamped, part: slice, counts: np.ndarray, dt: float) -> _Piece:
-    """Put one stretch without gap on its own grid."""
-    stamps = log.t[part] - log.t[part.start]
-    resampled = bool(np.abs(stamps - counts * dt).max() > _EXACT * dt)
-    last = int(stamps[-1] / dt + _EXACT) if resampled else int(counts[-1])
-    grid = np.arange(last + 1)
-    at = stamps / dt if resampled else counts
-    channels = {}
-    for role, values in log.channels.items():
-        if not resampled and len(grid) == len(counts):
-            channels[role] = values[part]
-        elif role in HELD and not resampled:
-            channels[role] = values[part][np.searchsorted(counts, grid, side="right") - 1]
-        elif role in HELD:
-            channels[role] = held_mean(stamps, values[part], grid * dt, dt)
-        elif role == "w":
-            channels[role] = speed(at, counts, values[part], grid, resampled)
-        else:
-            channels[role] = between(role, at, values[part], grid)
-    return _Piece(log.t[part.start] + grid * dt, channels, resampled)
-
-
-def _resolution(log: Stamped, dt: float) -> dict[str, float]:
-    """The smallest steps; that of a summed speed is given as theta's."""
-    return {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
-
-
-def _joined(log: Stamped, pieces: list[_Piece], dt: float, filled: int) -> Record:
-    said = list(log.said)
-    if filled:
-        said.append(
-            f"{count(filled, 'sample')} missing between the stamps of t, filled in "
-            "(u held, motion interpolated)."
-        )
-    sizes = np.cumsum([len(piece.t) for piece in pieces])
-    gaps = tuple(int(g) for g in sizes[:-1])
-    channels = {
-        role: np.concatenate([piece.channels[role] for piece in pieces]) for role in log.channels
-    }
-    changed = log.dropped or filled or any(piece.resampled for piece in pieces)
+    times = [log.t[p.start] + grid * dt for p, (grid, *_) in zip(parts, pieces, strict=True)]
+    changed = log.dropped or filled or any(resampled for *_, resampled in pieces)
+    steps = {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
     return Record(
-        _onward([piece.t for piece in pieces], dt),
-        **channels,
+        _onward(times, dt),
+        **{role: np.concatenate([made[role] for _, made, _ in pieces]) for role in log.channels},
         dt=dt,
         motion=log.motion,
         source=log.source,
         file=None,
         log=None,
         dropped=log.dropped + filled,
-        messages=tuple(said),
-        gaps=gaps,
-        resolution=_resolution(log, dt) if changed else {},
+        messages=(*log.said, *(said if filled else ())),
+        gaps=tuple(int(g) for g in np.cumsum([len(t) for t in times])[:-1]),
+        resolution=steps if changed else {},
     )
 
 
+def _piece(
+    log: Stamped, part: slice, counts: np.ndarray, dt: float
+) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
+    """Return the grid of a part in steps, its channels there, and whether they are resampled.
+
+    ``counts`` are the steps of the clock from the first row on.
+    """
+    at = (log.t[part] - log.t[part.start]) / dt
+    resampled = bool(np.abs(at - counts).max() > _EXACT)
+    grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
+    at, made = at if resampled else counts, {}
+    for role, values in log.channels.items():
+        values = values[part]
+        if not resampled and len(grid) == len(counts):
+            made[role] = values
+        elif role in HELD and not resampled:
+            made[role] = values[np.searchsorted(counts, grid, side="right") - 1]
+        elif role == "w":
+            made[role] = speed(at, counts, values, grid, resampled)
+        else:
+            made[role] = on_grid(role, at, values, grid, 1.0)
+    return grid, made, resampled
+
+
 def _onward(times: list[np.ndarray], dt: float) -> np.ndarray:
-    """The times of all pieces; one whose clock starts again follows a second after the last."""
+    """Return the times of all pieces; one whose clock starts again follows a second after the
+    last."""
     made = times[:1]
     for t in times[1:]:
         end = made[-1][-1]
         made.append(t if t[0] > end else t - t[0] + end + max(1.0, 10 * dt))
     return np.concatenate(made)
+
+
+# ---- runs made alike ----------------------------------------------------------------
+
+
+def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the runs at their commonest rate, where theirs differ by a little, with common
+    channels.
+
+    Each change is a message of the run. Runs whose rates differ a lot stay as they are.
+    """
+    if len(records) < 2:
+        return tuple(records)
+    return _with_common_channels(_at_one_rate(records))
+
+
+def _at_one_rate(records: Sequence[Record]) -> list[Record]:
+    rates = [float(f"{r.rate:.4g}") for r in records]
+    common = Counter(rates).most_common(1)[0][0]
+    dt = records[rates.index(common)].dt
+    if any(abs(r.dt / dt - 1) > _NEAR for r in records):
+        return list(records)
+    return [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
+
+
+def _resampled(record: Record, dt: float) -> Record:
+    """Return the record with another step: u held with its time integral, motion by splines."""
+    pieces = []
+    for part in record.segments():
+        start, stamps = record.t[part.start], record.t[part] - record.t[part.start]
+        grid = dt * np.arange(int(stamps[-1] / dt + 1e-6) + 1)
+        others = {k: x[part] for k, x in record.channels().items() if k != "t"}
+        made = {k: on_grid(k, stamps, x, grid, dt) for k, x in others.items()}
+        pieces.append({"t": start + grid, **made})
+    made = replace(
+        record,
+        **{role: np.concatenate([p[role] for p in pieces]) for role in pieces[0]},
+        dt=dt,
+        gaps=tuple(int(g) for g in np.cumsum([len(p["t"]) for p in pieces])[:-1]),
+        resolution=record.resolution or smallest_steps(record.channels()),
+        log=None,
+    )
+    return made.read_from(record.log).with_messages(
+        f"{record.source} has {record.rate:.6g} samples per second: resampled to {1 / dt:.6g}, "
+        "the rate of the other runs."
+    )
+
+
+def _with_common_channels(records: Sequence[Record]) -> tuple[Record, ...]:
+    """Leave out w or theta where a run has none, if the other is in every run."""
+    for role, other in (("w", "theta"), ("theta", "w")):
+        without = [r for r in records if getattr(r, role) is None]
+        if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
+            first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
+            made = [replace(r, **{role: None}, log=None).read_from(r.log) for r in records]
+            said = f"{without[0].source} has no {role}: it is left out in all runs."
+            made[first] = made[first].with_messages(said)
+            return tuple(made)
+    return tuple(records)
+
+
+# ---- what time says of a log --------------------------------------------------------
 
 
 def long_enough_to_judge(record: Record) -> None:
@@ -213,7 +252,7 @@ def long_enough_to_judge(record: Record) -> None:
 
 
 def unlikely_time(record: Record) -> bool:
-    """Whether t of a log has no unit, and no drive writes a log at that rate in s.
+    """Return whether t of a log has no unit, and no drive writes a log at that rate in s.
 
     All rates and the inertia depend on the unit of t. A record that was built of arrays is in s.
     """
@@ -227,9 +266,19 @@ def _open_time(labels: Mapping[str, str | None], dt: float) -> bool:
 def refuse_unlikely_time(record: Record) -> None:
     """Raise Refused, with the unit to state, for a log of :func:`unlikely_time`, and for one that
     is too short in its stated unit because no drive writes a log at that rate."""
-    if record.log is not None:
-        _refuse_stated_time(record, record.log.labels)
-        refuse_open_time(record.source, record.log.labels, record.dt)
+    if record.log is None:
+        return
+    label, seconds = record.log.labels.get("t"), record.samples * record.dt
+    if label is not None and not plausible(record.dt) and seconds < _TO_JUDGE[1]:
+        other = _unit_of_time(record.dt / UNITS[label].factor)
+        if other is not None:
+            raise Refused(
+                f"{record.source}: t is stated in {label}, which gives a sampling rate of "
+                f"{record.rate:.6g} Hz and a record of {seconds:.3g} s: give "
+                f"{option('units', f't={other}')} if t is in {other}. If not, it is too short.",
+                f"Write the unit of t into the header, as in t [{other}].",
+            )
+    refuse_open_time(record.source, record.log.labels, record.dt)
 
 
 def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
@@ -237,8 +286,7 @@ def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -
     the log by role."""
     if not _open_time(labels, dt):
         return
-    finer = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
-    unit = next((u.name for u in finer if plausible(dt * u.factor)), "ms")
+    unit = _unit_of_time(dt, below=1.0) or "ms"
     raise Refused(
         f"{source}: t has no unit, and read as s it gives a sampling rate of "
         f"{1.0 / dt:.6g} Hz, at which no drive writes a log: give "
@@ -247,18 +295,7 @@ def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -
     )
 
 
-def _refuse_stated_time(record: Record, labels: Mapping[str, str | None]) -> None:
-    label = labels.get("t")
-    seconds = record.samples * record.dt
-    if label is None or plausible(record.dt) or seconds >= _TO_JUDGE[1]:
-        return
-    times = [u for u in UNITS.values() if u.quantity == "time"]
-    taken = next(u.factor for u in times if u.name == label)
-    other = next((u.name for u in times if plausible(record.dt * u.factor / taken)), None)
-    if other is not None:
-        raise Refused(
-            f"{record.source}: t is stated in {label}, which gives a sampling rate of "
-            f"{record.rate:.6g} Hz and a record of {seconds:.3g} s: give "
-            f"{option('units', f't={other}')} if t is in {other}. If not, it is too short.",
-            f"Write the unit of t into the header, as in t [{other}].",
-        )
+def _unit_of_time(step: float, below: float = np.inf) -> str | None:
+    """Return a unit, smaller than ``below`` s, in which a step is that of a log."""
+    times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < below]
+    return next((u.name for u in times if plausible(step * u.factor)), None)

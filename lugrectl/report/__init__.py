@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-import textwrap
+from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from ..core.display import grid_text as _grid_text
 from ..core.errors import InputError
 from ..core.validation import shown
-from .atomic import nearest, write_all_or_say
-from .page import fragment, html
-from .section import Section
-from .wording import headline, sections, toml_of
+from ..core.writing import nearest, write_together
+from .comparison_section import BUDGET
+from .page import Beside, Figure, Markup, Page, Section
+from .wording import ERRORS, headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 
-WIDTH = 80
 FILES: tuple[str, ...] = ("report.html", "report.json", "model.toml")
 
 
@@ -27,35 +26,75 @@ def text(d: Any) -> str:
 
     ``d`` is a Diagnosis, or any result with ``estimates``, ``error``, ``model``, ``messages``.
     """
-    title, meaning = headline(d)
-    parts = [f"{title}\n{_wrapped(meaning, '  ')}", *map(_section_text, sections(d))]
-    return "\n\n".join(parts) + "\n"
+    return Page(*headline(d), sections(d)).text()
 
 
 def plain_text(balance: Any) -> str:
     """The plain torque balance alone, with what was noticed, in 80 columns."""
     d = SimpleNamespace(plain=balance, messages=balance.reading)
-    return "\n\n".join(_section_text(part) for part in sections(d)) + "\n"
+    return "\n\n".join(part.text() for part in sections(d)) + "\n"
 
 
-def _section_text(part: Section) -> str:
-    lines = [part.title]
-    lines += [_wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in part.lines]
-    if part.grid:
-        lines += _grid_text(part.grid)
-    if part.footnote:
-        lines.append(_wrapped(part.footnote, "  "))
-    return "\n".join(lines)
+def fragment(d: Any) -> str:
+    """The report as an HTML fragment with its own style and inline plots, for Jupyter."""
+    return _page(d, [*_parts(d), *_model_file(d, None)]).fragment()
 
 
-def _wrapped(line: str, indent: str, later: str | None = None) -> str:
-    return textwrap.fill(
-        line,
-        WIDTH,
-        initial_indent=indent,
-        subsequent_indent=indent if later is None else later,
-        break_on_hyphens=False,
-    )
+def html(d: Any, folder: Path | None = None) -> str:
+    """The report as one self-contained page: inline style and plots, nothing to fetch.
+
+    Its model file is that of the folder.
+    """
+    return _page(d, [*_parts(d), *_model_file(d, folder), *_provenance(d)]).html()
+
+
+def _page(d: Any, parts: list[Any]) -> Page:
+    title, meaning = headline(d)
+    return Page(title, meaning, parts, kind=title.split(":")[0])
+
+
+def _parts(d: Any) -> Iterator[Section | Figure | Beside]:
+    """Sections, each with its figures; the log stands below the budget, or first."""
+    from .diagnosis_plots import figures
+
+    plots = {figure.name: figure for figure in figures(d)}
+    budget, log = plots.pop("budget", None), _log(d)
+    said = sections(d)
+    if not said or said[0].title != BUDGET:
+        yield from log
+    for part in said:
+        yield part
+        if part.title == BUDGET:
+            yield from filter(None, (budget, *log))
+        if part.title == ERRORS:
+            yield from plots.values()
+            plots = {}
+    yield from plots.values()
+
+
+def _log(d: Any) -> list[Beside]:
+    """The log as it was read and the plain balance, side by side where there is room."""
+    from .log_plot import figures
+
+    balance = getattr(d, "plain", None)
+    return [] if balance is None or not balance.stretches else [Beside(figures(balance))]
+
+
+def _model_file(d: Any, folder: Path | None) -> list[Markup]:
+    if getattr(d, "model", None) is None:
+        return []
+    return [Markup(f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>")]
+
+
+def _provenance(d: Any) -> list[Markup]:
+    """What the report was computed by and from, in small print."""
+    known = getattr(d, "provenance", None)
+    if known is None:
+        return []
+    said = [f"lugrectl {known.version}, {known.date}", known.command]
+    said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
+    lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
+    return [Markup(f"<h2>Provenance</h2>\n{lines}")]
 
 
 def content(d: Any, folder: Path) -> dict[str, str]:
@@ -73,7 +112,13 @@ def write(d: Any, folder: str | Path) -> list[Path]:
     written.
     """
     folder = _path(folder)
-    return write_all_or_say(content(d, folder), folder, "report")
+    return written(content(d, folder), folder, "report")
+
+
+def written(content: dict[str, str], folder: Path, what: str) -> list[Path]:
+    """The paths of files written together; InputError says that ``what`` cannot be written."""
+    complaint = f"the {what} cannot be written there ({{}}); choose another folder."
+    return write_together(content, folder, complaint)
 
 
 def check_folder(folder: str | Path) -> None:

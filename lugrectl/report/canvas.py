@@ -13,9 +13,13 @@ import re
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
+LINE, MARK = "#2c5f8a", "#c0392b"  # of a curve over frequency, and of what is marked on it
 SIZE = (6.4, 3.3)  # inches, of one plot
 HALF = (4.2, 2.6)  # of one of two side by side on a page
 _RC: dict[Any, Any] = {
@@ -104,21 +108,43 @@ def empty(ax: Axes, said: str) -> None:
     ax.text(0.5, 0.6, said, ha="center", transform=ax.transAxes, color="0.4")
 
 
-def headed(ax: Axes, title: str, marks: Sequence[Any] = ()) -> None:
+def headed(ax: Axes, title: str, marks: Sequence[Any] = (), columns: int = 3) -> Axes:
     """Set the title, with the legend, of all that has a label or of ``marks``, in lines of three
     between it and the axes."""
     known = marks or ax.get_legend_handles_labels()[0]
-    ax.set_title(title, pad=8 + 14 * -(-len(known) // 3))
-    if not known:
-        return
-    ax.legend(
-        handles=known,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=3,
-        fontsize="small",
-        borderaxespad=0.2,
-        borderpad=0.0,
-        handlelength=1.4,
-        columnspacing=1.2,
-    )
+    ax.set_title(title, pad=8 + 14 * -(-len(known) // columns))
+    if known:
+        ax.legend(
+            handles=known,
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=columns,
+            fontsize="small",
+            borderaxespad=0.2,
+            borderpad=0.0,
+            handlelength=1.4,
+            columnspacing=1.2,
+        )
+    return ax
+
+
+def octaves(ax: Axes) -> None:
+    """Write 1, 2, 5 and their multiples along a logarithmic axis."""
+    from matplotlib.ticker import LogLocator, NullFormatter
+
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
+
+
+def binned(
+    x: np.ndarray, y: np.ndarray, edges: np.ndarray, least: int = 5
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centres and means of y in bins of x; NaN for bins of fewer than ``least`` finite values."""
+    good = np.isfinite(x) & np.isfinite(y)
+    bins = len(edges) - 1
+    where = np.clip(np.searchsorted(edges, x[good], side="right") - 1, 0, bins - 1)
+    count = np.bincount(where, minlength=bins)
+    total = np.bincount(where, weights=y[good], minlength=bins)
+    mean = np.where(count >= least, total / np.maximum(count, 1), np.nan)
+    return (edges[1:] + edges[:-1]) / 2, mean

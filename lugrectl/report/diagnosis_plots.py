@@ -2,64 +2,124 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..blocks.block import unit_for
+from ..blocks.block import Block, members, unit_for
 from ..core.errors import InputError
-from . import comparison_section, friction_map_plots, loop_plots
-from .canvas import drawn, headed, inline_svg, on_pyplot
-from .views import Residual, binned, limits, motion_of, residual, rms_over_time, simulated, stretch
-from .wording import readable
+from ..core.numeric import Z95
+from . import comparison_section, loop_plots
+from .canvas import AFTER, BEFORE, MEASURED, QUIET, binned, drawn, headed, on_pyplot
+from .comparison_section import motion_of
+from .page import Figure
+from .wording import UNITS, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-MEASURED, BEFORE, AFTER, QUIET = "#3b4450", "#d1622b", "#1f6fb4", "#b9c2cd"
+    from ..estimates.findings import Traces
+
 _POINTS = 2500  # largest number of points drawn of a scatter or a line
 _DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
+STRETCH = 2.0  # s of measured and simulated motion that are shown
+_BINS = 200  # of the error over the record
+_LEAST = 60  # of the residual over a signal
+_FINE, _IN_BIN = 20, 20  # bins in a cycle of the effect, at so many samples in each
+_TURNS = 12  # harmonics up to this order are shown over one whole turn
+_CURVES = {"refitted": BEFORE, "augmented": AFTER}
+_RUN: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}
+_TERMS = {"friction": "#5b6675", "effect": AFTER, "rest": QUIET}
+_LAGS = {
+    "autocorrelation": (AFTER, "of the residual"),
+    "cross": (BEFORE, "with the change of u before"),
+}
+
+
+# --- motion and error over time ------------------------------------------------------------
 
 
 @drawn
 def motion(d: Any, ax: Axes) -> Axes:
     """Measured and simulated signal over the two held-out seconds with the largest error."""
-    traces = d.traces
-    if simulated(traces, "refitted") is None:
-        raise InputError("this diagnosis holds no simulated motion to plot.")
+    traces, models = d.traces, _models(d)
     cut = stretch(traces)
     step = max((cut.stop - cut.start) // _POINTS, 1)
     cut = slice(cut.start, cut.stop, step)
     t = traces.t[cut]
     ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
-    for name, color, values in _models(d):
-        ax.plot(t, values[cut], color=color, lw=1.3, label=f"simulated, {name}")
+    for name, values in models.items():
+        ax.plot(t, values[cut], color=_CURVES[name], lw=1.3, label=f"simulated, {name}")
     ax.set(xlabel="t [s]", ylabel="{} [{}]".format(*_signal(d)), xlim=(t[0], t[-1]))
-    headed(ax, "Measured and simulated, held-out samples")
-    return ax
+    return headed(ax, "Measured and simulated, held-out samples")
 
 
 @drawn
 def error(d: Any, ax: Axes) -> Axes:
     """RMS of measured minus simulated over the whole record, in short bins of held-out samples."""
-    traces = d.traces
-    if simulated(traces, "refitted") is None:
-        raise InputError("this diagnosis holds no simulated motion to plot.")
-    curves = [(n, c, *rms_over_time(traces.t, traces.measured - v)) for n, c, v in _models(d)]
+    traces, models = d.traces, _models(d)
+    curves = {n: rms_over_time(traces.t, traces.measured - x) for n, x in models.items()}
     name, unit = _signal(d)
-    factor, unit = readable([float(np.nanmax(rms)) for *_, rms in curves], unit)
-    for label, color, edges, rms in curves:
-        ax.stairs(factor * rms, edges, baseline=None, color=color, lw=1.4, label=label)
+    factor, unit = readable([float(np.nanmax(rms)) for _, rms in curves.values()], unit)
+    for label, (edges, rms) in curves.items():
+        look = {"color": _CURVES[label], "lw": 1.4, "label": label}
+        ax.stairs(factor * rms, edges, baseline=None, **look)
     floor = (d.error or {}).get("noise_floor")
     if floor:
         ax.axhline(factor * floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
     ax.set(xlabel="t [s]", ylabel=f"RMS error of {name} [{unit}]")
     ax.set_xlim(traces.t[0], traces.t[-1])
-    _from_zero_or_log(ax, [factor * rms for *_, rms in curves])
-    headed(ax, "Error over the record, held-out samples")
-    return ax
+    middles = [float(np.nanmedian(rms)) for _, rms in curves.values()]
+    if 0 < min(middles) < 0.1 * max(middles):  # else one curve would lie on the axis
+        ax.set_yscale("log")
+    else:
+        ax.set_ylim(bottom=0)
+    return headed(ax, "Error over the record, held-out samples")
+
+
+def _models(d: Any) -> dict[str, np.ndarray]:
+    """The trace of each model to draw: refitted and, with effects, augmented."""
+    made = {name: simulated(d.traces, name) for name in _CURVES}
+    if made["refitted"] is None:
+        raise InputError("this diagnosis holds no simulated motion to plot.")
+    return {k: x for k, x in made.items() if x is not None and (k == "refitted" or d.effects)}
+
+
+def _signal(d: Any) -> tuple[str, str]:
+    """The signal that errors refer to, and its unit."""
+    error = d.error or {}
+    return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
+
+
+def simulated(traces: Traces | None, name: str) -> np.ndarray | None:
+    """A simulated trace, or None if it is missing or all NaN."""
+    values = traces.simulated.get(name) if traces is not None else None
+    return values if values is not None and np.isfinite(values).any() else None
+
+
+def stretch(traces: Traces) -> slice:
+    """The two seconds of samples with the largest error of the refitted model."""
+    model = simulated(traces, "refitted")
+    n = len(traces.t)
+    if model is None or n < 2:
+        return slice(0, n)
+    width = min(max(round(STRETCH / float(np.median(np.diff(traces.t)))), 2), n)
+    power = np.nan_to_num(np.square(traces.measured - model))
+    total = np.r_[0.0, np.cumsum(power)]
+    start = int(np.argmax(total[width:] - total[:-width]))
+    return slice(start, start + width)
+
+
+def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges and RMS of an error in equal bins of the record; NaN for a bin without values."""
+    edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
+    return edges, np.sqrt(binned(t, np.square(error), edges, least=1)[1])
+
+
+# --- residual torque -----------------------------------------------------------------------
 
 
 @drawn
@@ -73,8 +133,10 @@ def torque(d: Any, ax: Axes) -> Axes:
     name = "residual torque" if unit == "N m" else "residual force"
     factor, unit = readable(shown, unit)
     shown = [factor * y for y in shown]
-    for torque, label, color in _residuals(view):
-        y = factor * torque
+    for label, torque in (("refitted", view.before), ("augmented", view.after)):
+        if torque is None:
+            continue
+        y, color = factor * torque, _CURVES[label]
         x, mean = binned(view.x, y, edges)
         ax.plot(view.x[some], y[some], ".", **_DOTS, color=color)
         ax.plot(x, mean, color="white", lw=3.6)
@@ -84,57 +146,236 @@ def torque(d: Any, ax: Axes) -> Axes:
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
     ax.set_ylim(min(shown) - margin, max(shown) + margin)
-    headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
+    return headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
+
+
+def _some(n: int) -> np.ndarray:
+    """Indices of at most ``_POINTS`` samples, chosen at random but always the same."""
+    if n <= _POINTS:
+        return np.arange(n)
+    return np.random.default_rng(0).choice(n, _POINTS, replace=False)
+
+
+def limits(values: np.ndarray, cut: float) -> tuple[float, float]:
+    """Range of the finite values without ``cut`` percent at either end; never empty."""
+    finite = values[np.isfinite(values)]
+    low, high = np.percentile(finite, [cut, 100.0 - cut])
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Residual torque against the signal that explains it.
+
+    ``before`` and ``after`` belong to the refitted and the augmented model (``after`` is None
+    if they are the same), both multiplied by the sign of the signal ``times``, if any. Samples
+    where ``x`` or ``before`` is NaN are left out. ``x`` is shown modulo ``span``, 0 if as it is,
+    in which the effect repeats ``cycles`` times.
+    """
+
+    x: np.ndarray
+    label: str
+    before: np.ndarray
+    after: np.ndarray | None
+    times: str
+    held_out: bool
+    span: float = 0.0
+    cycles: float = 1.0
+
+    def edges(self) -> np.ndarray:
+        """Edges of the bins of ``x`` in which the residual is averaged."""
+        if not self.span:
+            return np.linspace(*limits(self.x, 0.1), _LEAST + 1)
+        fine = min(round(_FINE * self.cycles), len(self.x) // _IN_BIN)
+        return np.linspace(0.0, self.span, max(fine, _LEAST) + 1)
+
+
+def residual(d: Any) -> Residual | None:
+    """The residual torque against the signal that explains it; None without traces."""
+    traces: Any = getattr(d, "traces", None)
+    before = None if traces is None else traces.residual.get("refitted")
+    if before is None or not np.isfinite(before).any():
+        return None
+    times = _times(d)
+    x, label, span, cycles = _explaining(d, times)
+    after = traces.residual.get("augmented")
+    sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
+    good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
+    if not good.any():
+        return None
+    held_out = bool((good & traces.held_out).any())
+    good = good & traces.held_out if held_out else good
+    if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
+        after = None
+    before, after = (None if y is None else y[good] * sign[good] for y in (before, after))
+    return Residual(x[good], label, before, after, times, held_out, span, cycles)
+
+
+def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
+    """The best effect's block and its values; no block if the verdict is "unexplained"."""
+    if not d.effects or d.verdict == "unexplained":
+        return None, {}
+    first = d.effects[0]
+    return members("effect").get(first.name), {k: e.value for k, e in first.parameters.items()}
+
+
+def _times(d: Any) -> str:
+    """The signal whose sign the residual is multiplied by, "" if none.
+
+    w if an effect changes a friction parameter, so that the plot shows the friction level. If
+    the unexplained residual depends on two signals: a, else u, else w.
+    """
+    block, _ = _effect(d)
+    signals = d.traces.signals
+    if block is None:
+        pair = d.depends_on if d.verdict == "unexplained" and len(d.depends_on) == 2 else ()
+        return next((s for s in "auw" if s in pair and s in signals), "")
+    plain = block.acts in (("torque",), ("input",)) or not block.acts
+    return "w" if "w" in signals and not plain else ""
+
+
+def _explaining(d: Any, times: str) -> tuple[np.ndarray, str, float, float]:
+    """The abscissa of the residual, its label with unit, what it is folded over and how often the
+    effect repeats in that; never the signal ``times`` of an unexplained residual."""
+    block, values = _effect(d)
+    signals = {"t": d.traces.t, **d.traces.signals}
+    own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
+    wanted = [*own, *(s for s in d.depends_on if block or s != times)]
+    name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
+    motion = motion_of(d)
+    unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]
+    if block and block.acts == ("input",) and block.states and name == "u":
+        return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]", 0.0, 1.0
+    period = _period(name, block, values, motion)
+    if period and np.ptp(x[np.isfinite(x)]) > period:
+        turn = "one turn" if period == 2 * np.pi and motion == "rotary" else f"{period:.4g} {unit}"
+        cycles = max(values.get("harmonic", 1.0) * period / (2 * np.pi), 1.0)
+        return np.mod(x, period), f"{name} modulo {turn} [{unit}]", period, cycles
+    return x, f"{name} [{unit}]" if unit else name, 0.0, 1.0
+
+
+def _period(name: str, block: Block | None, values: dict[str, float], motion: str) -> float | None:
+    """The period modulo which a signal is shown, None if it is shown as it is."""
+    if "frequency" in values and name == "t":
+        return 1.0 / values["frequency"]
+    if name not in ("theta", "theta_load"):
+        return None
+    order = values.get("harmonic", 1.0)
+    if motion == "linear":
+        return 2 * np.pi / order if "harmonic" in values else None
+    if block is not None and "phase" not in block.parameters:
+        return None
+    return 2 * np.pi if order <= _TURNS else 2 * np.pi / order
+
+
+# --- budget, friction map, prediction errors -----------------------------------------------
+
+
+@drawn
+def bars(d: Any, ax: Axes) -> Axes:
+    """The torque budget as bars."""
+    parts = d.comparison.budget[::-1]
+    colours = [_TERMS[comparison_section.kind(s.term)] for s in parts]
+    ax.barh(range(len(parts)), [100.0 * s.share for s in parts], color=colours, height=0.7)
+    beside: dict[str, Any] = {"xytext": (4, 0), "textcoords": "offset points"}
+    for i, s in enumerate(parts):
+        if s.ci95 is not None:
+            ax.plot([100 * x for x in s.ci95], [i, i], color="#1c2430", lw=1.2)
+        end = 100.0 * max((s.share, *(s.ci95 or ())))  # else the interval strikes it through
+        share = comparison_section.percent(s.share)
+        ax.annotate(share, (end, i), **beside, va="center", fontsize="small")
+    ax.set_yticks(range(len(parts)), comparison_section.terms(parts))
+    ax.grid(False, axis="y")
+    ax.margins(x=0.15)
+    ax.set_xlabel("RMS torque [% of friction]")
+    ax.set_title(comparison_section.BUDGET)
     return ax
 
 
-PANELS: dict[str, tuple[Callable[..., Any], str]] = {
-    "budget": (
-        comparison_section.bars,
-        "Where the torque goes, RMS as a share of friction: blue what is missing from the model.",
-    ),
-    "motion": (
-        motion,
-        "Measured and simulated motion over the two held-out seconds where the refitted model has "
-        "its largest error. The models are simulated from the recorded torque alone; where they "
-        "jump, they are restarted from the measured motion.",
-    ),
-    "map": (
-        lambda d, ax: friction_map_plots.torque(d.map, ax),
-        "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
-    ),
-    "missed": (
-        lambda d, ax: friction_map_plots.missed(d.map, ax),
-        "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
-    ),
-    "error": (error, "Error of the simulated motion on held-out samples, in short bins."),
-    "torque": (torque, "Residual torque: single samples (dots) and their mean (lines)."),
-    "table": (
-        lambda d, ax: loop_plots.table(d.table, ax),
-        "The residual torque as a table, with its 95 % band. It describes the residual without "
-        "a physical explanation.",
-    ),
-    "tracking": (
-        lambda d, ax: loop_plots.tracking(d.compensation, ax),
-        "Tracking error of the simulated loop: motion minus reference.",
-    ),
-}
+@drawn
+def friction_map(made: Any, ax: Axes) -> Axes:
+    """Mean torque over speed, one point with its 95 % bar per run, and the models' curves."""
+    factor, name = _labelled(made, ax, "mean", made.u)
+    left = made.at < 0.0
+    for model, curve in made.curves.items():
+        for side, label in ((left, model), (~left, None)):
+            ax.plot(made.at[side], factor * curve[side], color=_CURVES[model], label=label)
+    for which, face, label in ((~made.held_out, MEASURED, None), (made.held_out, "w", "held out")):
+        y, bars = (factor * values[which] for values in (made.u, Z95 * made.error))
+        ax.errorbar(made.w[which], y, bars, color=MEASURED, mfc=face, label=label, **_RUN)
+    return headed(ax, f"Mean {name} over speed, one point for each run")
 
 
-def available(d: Any) -> list[str]:
-    """Names of the plots for which the diagnosis holds data; none if it was refused."""
-    if getattr(d, "verdict", None) in (None, "refused"):
-        return []
-    names = (
-        ["motion", "error"] if simulated(getattr(d, "traces", None), "refitted") is not None else []
-    )
-    found = getattr(d, "comparison", None)
-    names += ["budget"] if found is not None and found.budget else []
-    names += ["map", "missed"] if getattr(d, "map", None) is not None else []
-    names += ["torque"] if getattr(d, "traces", None) is not None and residual(d) else []
-    names += ["table"] if getattr(d, "table", None) is not None else []
-    made = getattr(d, "compensation", None)
-    return names + (["tracking"] if made is not None and made.runs else [])
+@drawn
+def missed(made: Any, ax: Axes) -> Axes:
+    """Mean torque of each run minus that of the models at its speed."""
+    rest = {k: made.u - np.interp(made.w, made.at, curve) for k, curve in made.curves.items()}
+    factor, name = _labelled(made, ax, "residual", rest["refitted"])
+    for model, left in rest.items():
+        y, bars = factor * left, factor * Z95 * made.error
+        ax.errorbar(made.w, y, bars, color=_CURVES[model], label=model, **_RUN)
+    ax.axhline(0.0, color=MEASURED, lw=1.0)
+    return headed(ax, f"Residual {name}, measured minus model")
+
+
+def _labelled(made: Any, ax: Axes, which: str, values: np.ndarray) -> tuple[float, str]:
+    """Label the axes; returns the factor that brings the torque into its unit, and its name."""
+    factor, unit = readable([float(np.max(np.abs(values)))], unit_for("N m", made.motion))
+    name = "torque" if made.motion == "rotary" else "force"
+    ax.set(xlabel=f"w [{unit_for('rad/s', made.motion)}]", ylabel=f"{which} {name} [{unit}]")
+    return factor, name
+
+
+@drawn
+def correlations(r: Any, ax: Axes) -> Axes:
+    """Autocorrelation and cross-correlation over the lag, with their 99 % bound."""
+    ax.axhspan(-r.bound, r.bound, color="#e6eaef", label="99 % of chance")
+    for i, (name, (colour, label)) in enumerate(_LAGS.items()):
+        first = 1 if name == "autocorrelation" else 0
+        y, at = getattr(r, name)[first:], r.lags[first:] + 0.2 * i
+        ax.vlines(at, 0.0, y, color=colour, lw=2, label=label)
+    ax.set(xlabel="lag [samples]", ylabel="correlation")
+    return headed(ax, f"Prediction errors of {r.signal}")
+
+
+# --- all of them ---------------------------------------------------------------------------
+
+
+def figures(d: Any) -> list[Figure]:
+    """Every plot that the result holds data for, with its caption; none if it was refused."""
+    return [] if getattr(d, "verdict", None) in (None, "refused") else [*_figures(d)]
+
+
+def _figures(d: Any) -> Iterator[Figure]:
+    if simulated(getattr(d, "traces", None), "refitted") is not None:
+        yield Figure(
+            "motion",
+            "Measured and simulated motion over the two held-out seconds where the refitted model "
+            "has its largest error. The models are simulated from the recorded torque alone; where "
+            "they jump, they are restarted from the measured motion.",
+            partial(motion, d),
+        )
+        said = "Error of the simulated motion on held-out samples, in short bins."
+        yield Figure("error", said, partial(error, d))
+    if getattr(getattr(d, "comparison", None), "budget", ()):
+        said = "Where the torque goes, RMS as a share of friction: blue what is missing from the "
+        yield Figure("budget", f"{said}model.", partial(bars, d))
+    if (runs := getattr(d, "map", None)) is not None:
+        said = "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves."
+        yield Figure("map", said, partial(friction_map, runs))
+        said = "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means."
+        yield Figure("missed", said, partial(missed, runs))
+    if residual(d) is not None:
+        said = "Residual torque: single samples (dots) and their mean (lines)."
+        yield Figure("torque", said, partial(torque, d))
+    if (found := getattr(d, "table", None)) is not None:
+        said = "The residual torque as a table, with its 95 % band. It describes the residual "
+        yield Figure(
+            "table", f"{said}without a physical explanation.", partial(loop_plots.table, found)
+        )
+    if (loop := getattr(d, "compensation", None)) is not None and loop.runs:
+        said = "Tracking error of the simulated loop: motion minus reference."
+        yield Figure("tracking", said, partial(loop_plots.tracking, loop))
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:
@@ -144,53 +385,10 @@ def overview(d: Any, ax: Axes | None = None) -> Any:
     (measured and simulated motion, if there is any) is drawn into it, and that Axes is returned.
     Raises InputError when there is nothing to plot.
     """
-    names = available(d)
-    if not names:
+    plots = [figure.draw for figure in figures(d)]
+    if not plots:
         raise InputError("there is nothing to plot here (refused, or without traces).")
     if ax is not None:
-        return PANELS[names[0]][0](d, ax)
-    axes = on_pyplot([partial(PANELS[name][0], d) for name in names], columns=2)
+        return plots[0](ax)
+    axes = on_pyplot(plots, columns=2)
     return axes[0] if len(axes) == 1 else np.array(axes, dtype=object)
-
-
-def drawings(d: Any) -> list[tuple[str, str]]:
-    """Caption and inline SVG of every plot that the result has data for; pyplot is not used."""
-    return [
-        (PANELS[name][1], inline_svg(partial(PANELS[name][0], d), name)) for name in available(d)
-    ]
-
-
-def _from_zero_or_log(ax: Axes, curves: list[np.ndarray]) -> None:
-    """A logarithmic axis where one of the curves would lie on the axis beside the other."""
-    middles = [float(np.nanmedian(y)) for y in curves]
-    if 0 < min(middles) < 0.1 * max(middles):
-        ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=0)
-
-
-def _models(d: Any) -> list[tuple[str, str, np.ndarray]]:
-    """Name, colour and trace of each model to draw: refitted and, with effects, augmented."""
-    refitted, augmented = (simulated(d.traces, name) for name in ("refitted", "augmented"))
-    made = [] if refitted is None else [("refitted", BEFORE, refitted)]
-    if augmented is not None and d.effects:
-        made.append(("augmented", AFTER, augmented))
-    return made
-
-
-def _residuals(view: Residual) -> list[tuple[np.ndarray, str, str]]:
-    made = [(view.before, "refitted", BEFORE)]
-    return made if view.after is None else [*made, (view.after, "augmented", AFTER)]
-
-
-def _signal(d: Any) -> tuple[str, str]:
-    """The signal that errors refer to, and its unit."""
-    error = d.error or {}
-    return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
-
-
-def _some(n: int) -> np.ndarray:
-    """Indices of at most ``_POINTS`` samples, chosen at random but always the same."""
-    if n <= _POINTS:
-        return np.arange(n)
-    return np.random.default_rng(0).choice(n, _POINTS, replace=False)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import csv
-import html as markup
 import io
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from ..core.errors import InputError
-from . import FILES, _grid_text, _wrapped, page
-from .atomic import write_together
-from .wording import NONE, Grid, number, readable
+from ..core.display import NONE, Grid, grid_text, number
+from ..core.writing import write_together
+from . import FILES, check_folder, write
+from .page import Markup, Page, wrapped
+from .wording import readable
 
 INDEX: tuple[str, ...] = ("index.html", "summary.csv")
 ERRORS = ("declared", "refitted", "augmented", "noise_floor")
@@ -24,16 +25,6 @@ _NOTE = (
     "RMS of measured minus simulated on held-out samples, for the declared model, the refitted "
     "one and the augmented one; noise is that of the sensor; s is the computing time."
 )
-_STYLE = """
-.lugrectl.fleet { max-width: 76rem; }
-.fleet .table > table { width: 100%; }
-.fleet td.log { display: table-cell; white-space: normal; overflow-wrap: anywhere;
-  min-width: 8rem; }
-.fleet tr.more > * { border-bottom: none; }
-.fleet td.what { white-space: normal; padding: 0 0 .5rem 1.2rem; color: #4a5563; }
-.fleet .tag { border-left-width: .35rem; border-left-style: solid; padding-left: .5rem; }
-.fleet .failed { border-color: #b03a2e; }
-"""
 
 
 def headline(fleet: Any) -> tuple[str, str]:
@@ -51,15 +42,15 @@ def headline(fleet: Any) -> tuple[str, str]:
 def text(fleet: Any) -> str:
     """The table; each log is followed by what was found or why there is no answer."""
     title, meaning = headline(fleet)
-    lines = [title, _wrapped(meaning, "  ")]
+    lines = [title, wrapped(meaning, "  ")]
     if fleet.rows:
         shown = _shown([row["file"] for row in fleet.rows])
         cells = [_cells(row, name) for row, name in zip(fleet.rows, shown, strict=True)]
-        head, *table = _grid_text(Grid(_HEAD, _ALIGN, tuple(cells)))
+        head, *table = grid_text(Grid(_HEAD, _ALIGN, tuple(cells)))
         lines += ["", head]
         for line, row in zip(table, fleet.rows, strict=True):
-            lines += [line, *(_wrapped(said, "      ", "        ") for said in details(row))]
-        lines += ["", _wrapped(_NOTE, "  ")]
+            lines += [line, *(wrapped(said, "      ", "        ") for said in details(row))]
+        lines += ["", wrapped(_NOTE, "  ")]
     return "\n".join(lines) + "\n"
 
 
@@ -98,46 +89,38 @@ def _shown(files: Sequence[str]) -> list[str]:
 
 def fragment(fleet: Any, links: Mapping[str, str] | None = None) -> str:
     """The table as an HTML fragment with its own style; ``links`` maps a file to its page."""
-    return f"<style>{page._STYLE}{_STYLE}</style>\n{_body(fleet, links or {})}"
+    return _page(fleet, links or {}).fragment()
 
 
 def html(fleet: Any, links: Mapping[str, str] | None = None) -> str:
     """The table as one self-contained page that links to the reports."""
-    title = markup.escape(f"lugrectl: {headline(fleet)[0]}")
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>{page._STYLE}{page._PAGE_STYLE}{_STYLE}</style>\n"
-        f"</head>\n<body>\n{_body(fleet, links or {})}\n</body>\n</html>\n"
-    )
+    return _page(fleet, links or {}).html()
 
 
-def _body(fleet: Any, links: Mapping[str, str]) -> str:
-    title, meaning = map(markup.escape, headline(fleet))
+def _page(fleet: Any, links: Mapping[str, str]) -> Page:
+    parts = [Markup(_table(fleet.rows, links)), Markup(f'<p class="small">{_NOTE}</p>')]
+    left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
+    parts += [Markup(f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>")] if left else []
+    return Page(*headline(fleet), parts, style="fleet")
+
+
+def _table(rows: Sequence[Mapping[str, Any]], links: Mapping[str, str]) -> str:
+    """The table, each log followed by a row with what was found in it."""
     ths = "".join(f'<th class="{a}">{h}</th>' for h, a in zip(_HEAD, _ALIGN, strict=True))
-    shown = _shown([row["file"] for row in fleet.rows])
-    rows = "\n".join(
-        _row(row, name, links.get(row["file"])) for row, name in zip(fleet.rows, shown, strict=True)
-    )
-    left = "".join(f"<li>{markup.escape(file)}</li>" for file in fleet.unfinished)
-    return (
-        f'<div class="lugrectl fleet">\n<div class="verdict">\n<h1>{title}</h1>\n'
-        f"<p>{meaning}</p>\n</div>\n"
-        f'<div class="table"><table>\n<thead><tr>{ths}</tr></thead>\n<tbody>\n{rows}\n'
-        f'</tbody>\n</table></div>\n<p class="small">{_NOTE}</p>\n'
-        + (f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>\n" if left else "")
-        + "</div>"
-    )
+    names = _shown([row["file"] for row in rows])
+    made = [_row(row, n, links.get(row["file"])) for row, n in zip(rows, names, strict=True)]
+    head, body = f"<thead><tr>{ths}</tr></thead>", "\n".join(made)
+    return f'<div class="table"><table>\n{head}\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
 def _row(row: Mapping[str, Any], name: str, link: str | None) -> str:
-    log = markup.escape(name)
+    log = escape(name)
     if link is not None:
         log = f'<a href="{quote(link)}">{log}</a>'
     verdict = f'<span class="tag {row["verdict"]}">{row["verdict"]}</span>'
     rest = zip(_cells(row, name)[2:], _ALIGN[2:], strict=True)
-    cells = "".join(f'<td class="{a}">{markup.escape(cell)}</td>' for cell, a in rest)
-    what = "<br>".join(markup.escape(said) for said in details(row))
+    cells = "".join(f'<td class="{a}">{escape(cell)}</td>' for cell, a in rest)
+    what = "<br>".join(escape(said) for said in details(row))
     more = f'\n<tr><td class="what" colspan="{len(_HEAD)}">{what}</td></tr>' if what else ""
     kind = ' class="more"' if what else ""
     return f'<tr{kind}><td class="log">{log}</td><td>{verdict}</td>{cells}</tr>{more}'
@@ -184,12 +167,7 @@ def folder_names(files: Iterable[str]) -> list[str]:
 
 def store(content: Mapping[str, str], folder: Path) -> None:
     """Write texts by file name into a folder, all or none; InputError if that fails."""
-    try:
-        write_together(content, folder)
-    except OSError as error:
-        raise InputError(
-            f"{folder}: {' and '.join(content)} cannot be written ({error.strerror or error})."
-        ) from None
+    write_together(content, folder, f"{' and '.join(content)} cannot be written ({{}}).")
 
 
 def write_all(fleet: Any, folder: str | Path) -> list[Path]:
@@ -197,8 +175,6 @@ def write_all(fleet: Any, folder: str | Path) -> list[Path]:
 
     Returns the paths of the latter two.
     """
-    from . import check_folder, write
-
     check_folder(folder)
     links = {}
     kept = fleet.diagnoses

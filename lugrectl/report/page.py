@@ -1,16 +1,17 @@
-"""The HTML report: a fragment for Jupyter and a self-contained page."""
+"""The one page of a result: sections and figures, as text, in Jupyter and as a file of its own."""
 
 from __future__ import annotations
 
-import html as markup
-from pathlib import Path
+import textwrap
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from html import escape
 from typing import Any
 
-from ..core.display import grid_html as _grid_html
-from .comparison_section import BUDGET
-from .section import Section
-from .wording import headline, sections, toml_of
+from ..core.display import Grid, grid_html, grid_text
+from .canvas import SIZE, inline_svg
 
+WIDTH = 80
 _STYLE = """
 .lugrectl { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif;
   color: #1c2430; background: #fff; max-width: 46rem; overflow-wrap: break-word; }
@@ -44,8 +45,17 @@ _STYLE = """
   column-gap: 1rem; }
 .lugrectl pre { font-size: .85rem; line-height: 1.4; background: #f4f6f8; padding: .8rem 1rem;
   overflow-x: auto; }
+.lugrectl .prose td { white-space: normal; vertical-align: top; }
+.lugrectl.fleet { max-width: 76rem; }
+.fleet .table > table { width: 100%; }
+.lugrectl.fleet td.log { display: table-cell; white-space: normal; overflow-wrap: anywhere;
+  min-width: 8rem; }
+.fleet tr.more > * { border-bottom: none; }
+.fleet td.what { white-space: normal; padding: 0 0 .5rem 1.2rem; color: #4a5563; }
+.fleet .tag { border-left-width: .35rem; border-left-style: solid; padding-left: .5rem; }
+.fleet .failed { border-color: #b03a2e; }
 """
-_PAGE_STYLE = """
+_ALONE = """
 @media (max-width: 36rem) {
   .lugrectl { font-size: 15px; }
   .lugrectl table { font-size: .8rem; }
@@ -67,92 +77,126 @@ body { margin: 0; padding: 1.5rem 1rem 3rem; background: #fff; }
 """
 
 
-def fragment(d: Any) -> str:
-    """The report as an HTML fragment with its own style and inline plots, for Jupyter."""
-    return f"<style>{_STYLE}</style>\n{_body(d)}"
-
-
-def html(d: Any, folder: Path | None = None) -> str:
-    """The report as one self-contained page: inline style and plots, nothing to fetch.
-
-    Its model file is that of the folder.
-    """
-    title = markup.escape(f"lugrectl: {headline(d)[0]}")
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{title}</title>\n<style>{_STYLE}{_PAGE_STYLE}</style>\n</head>\n"
-        f"<body>\n{_body(d, _provenance_html(d), folder)}\n</body>\n</html>\n"
+def wrapped(line: str, indent: str, later: str | None = None) -> str:
+    """A paragraph of a text; ``later``: what its lines after the first begin with."""
+    later = indent if later is None else later
+    return textwrap.fill(
+        line, WIDTH, initial_indent=indent, subsequent_indent=later, break_on_hyphens=False
     )
 
 
-def _body(d: Any, end: str = "", folder: Path | None = None) -> str:
-    title, meaning = headline(d)
-    kind = markup.escape(title.split(":")[0])
-    first = f"<h1>{markup.escape(title)}</h1>\n<p>{markup.escape(meaning)}</p>"
-    parts, log = [f'<div class="verdict {kind}">\n{first}\n</div>'], [_log(d)]
-    figures = _figures(d)
-    budget = figures.pop("budget", "")
-    made = sections(d)
-    if not made or made[0].title != BUDGET:
-        parts, log = parts + log, []
-    for part in made:
-        parts.append(_section_html(part))
-        if part.title == BUDGET:
-            parts += [budget, *log]
-        if part.title == "Error before and after":
-            parts, figures = parts + [*figures.values()], {}
-    parts += [*figures.values(), _model_html(d, folder), end]
-    return '<div class="lugrectl">\n' + "\n".join(p for p in parts if p) + "\n</div>"
+@dataclass(frozen=True)
+class Section:
+    """A titled part of a report: paragraphs, then a table, then a footnote.
+
+    ``prose``: the cells of the table are sentences, which a text reads in this order.
+    """
+
+    title: str
+    lines: tuple[str, ...] = ()
+    grid: Grid | None = None
+    footnote: str = ""
+    formula: bool = False
+    prose: tuple[int, ...] = ()
+
+    def text(self) -> str:
+        """Return the section in 80 columns."""
+        lines = (*self.lines, *self._sentences())
+        parts = [wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in lines]
+        parts += grid_text(self.grid) if self.grid and not self.prose else []
+        parts += [wrapped(self.footnote, "  ")] if self.footnote else []
+        return "\n".join([self.title, *parts])
+
+    def _sentences(self) -> list[str]:
+        """Return the rows of a table of sentences: what, status, why."""
+        rows = self.grid.rows if self.grid and self.prose else ()
+        cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
+        return ["- {} ({}): {}.".format(*row) for row in cells]
+
+    def html(self) -> str:
+        """Return the section as HTML, all names in it escaped."""
+        style = ' class="equation"' if self.formula else ""
+        parts = [f"<h2>{escape(self.title)}</h2>"]
+        parts += [f"<p{style}>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
+        parts += [grid_html(self.grid)] if self.grid else []
+        parts += [f'<p class="small">{escape(self.footnote)}</p>'] if self.footnote else []
+        made = "\n".join(parts)
+        return f'<div class="prose">{made}</div>' if self.prose else made
 
 
-def _section_html(part: Section) -> str:
-    lines = [f"<h2>{markup.escape(part.title)}</h2>"]
-    for line in part.lines:
-        style = ' class="equation"' if part.formula else ""
-        lines.append(f"<p{style}>{markup.escape(line.removeprefix('- '))}</p>")
-    if part.grid:
-        lines.append(_grid_html(part.grid))
-    if part.footnote:
-        lines.append(f'<p class="small">{markup.escape(part.footnote)}</p>')
-    return "\n".join(lines)
+@dataclass(frozen=True)
+class Figure:
+    """A plot with its caption, drawn where a page needs it."""
+
+    name: str
+    caption: str
+    draw: Callable[..., Any]
+    size: tuple[float, float] = SIZE
+
+    def html(self) -> str:
+        """Return the figure with its plot as SVG; pyplot is not used."""
+        svg = inline_svg(self.draw, self.name, self.size)
+        return f"<figure>\n{svg}\n<figcaption>{escape(self.caption)}</figcaption>\n</figure>"
 
 
-def _figures(d: Any) -> dict[str, str]:
-    """The figures by name, in their order."""
-    from .diagnosis_plots import available, drawings
+@dataclass(frozen=True)
+class Beside:
+    """Figures side by side where there is room."""
 
-    made = [_figure(caption, svg) for caption, svg in drawings(d)]
-    return dict(zip(available(d), made, strict=True))
+    figures: Sequence[Figure]
 
-
-def _figure(caption: str, svg: str) -> str:
-    return f"<figure>\n{svg}\n<figcaption>{markup.escape(caption)}</figcaption>\n</figure>"
-
-
-def _log(d: Any) -> str:
-    """The log as it was read and the plain balance, side by side where there is room."""
-    from .log_plot import drawings
-
-    balance = getattr(d, "plain", None)
-    if balance is None or not balance.stretches:
-        return ""
-    made = "\n".join(_figure(*one) for one in drawings(balance))
-    return f'<div class="log">\n{made}\n</div>'
+    def html(self) -> str:
+        """Return the figures as a block of HTML."""
+        made = "\n".join(figure.html() for figure in self.figures)
+        return f'<div class="log">\n{made}\n</div>'
 
 
-def _model_html(d: Any, folder: Path | None) -> str:
-    if getattr(d, "model", None) is None:
-        return ""
-    return f"<h2>Model file</h2>\n<pre>{markup.escape(toml_of(d, folder))}</pre>"
+@dataclass(frozen=True)
+class Markup:
+    """A part that only pages have."""
+
+    body: str
+
+    def html(self) -> str:
+        """Return it as it is."""
+        return self.body
 
 
-def _provenance_html(d: Any) -> str:
-    """What the report was computed by and from, in small print."""
-    known = getattr(d, "provenance", None)
-    if known is None:
-        return ""
-    said = [f"lugrectl {known.version}, {known.date}", known.command]
-    said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
-    lines = "\n".join(f'<p class="small">{markup.escape(line)}</p>' for line in said)
-    return f"<h2>Provenance</h2>\n{lines}"
+@dataclass(frozen=True)
+class Page:
+    """A title, what it means, and the parts below; ``kind`` colours the title.
+
+    ``tab`` is the name of a browser's tab, ``style`` a class of the page.
+    """
+
+    title: str
+    meaning: str
+    parts: Sequence[Section | Figure | Beside | Markup]
+    kind: str = ""
+    tab: str = ""
+    style: str = ""
+
+    def text(self) -> str:
+        """Return title, meaning and sections in 80 columns."""
+        sections = [part.text() for part in self.parts if isinstance(part, Section)]
+        return "\n\n".join([f"{self.title}\n{wrapped(self.meaning, '  ')}", *sections]) + "\n"
+
+    def fragment(self) -> str:
+        """Return HTML with its own style and inline plots, for Jupyter."""
+        return f"<style>{_STYLE}</style>\n{self._body()}"
+
+    def html(self) -> str:
+        """Return one self-contained page: inline style and plots, nothing to fetch."""
+        return (
+            '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+            '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+            f"<title>lugrectl: {escape(self.tab or self.title)}</title>\n"
+            f"<style>{_STYLE}{_ALONE}</style>\n</head>\n<body>\n{self._body()}\n</body>\n</html>\n"
+        )
+
+    def _body(self) -> str:
+        kind = f"verdict {escape(self.kind)}".strip()
+        first = f"<h1>{escape(self.title)}</h1>\n<p>{escape(self.meaning)}</p>"
+        parts = [f'<div class="{kind}">\n{first}\n</div>', *(part.html() for part in self.parts)]
+        style = f"lugrectl {self.style}".strip()
+        return f'<div class="{style}">\n' + "\n".join(parts) + "\n</div>"

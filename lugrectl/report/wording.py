@@ -9,14 +9,15 @@ from typing import Any
 
 from ..blocks.block import members
 from ..blocks.model import model_toml
-from ..core.display import NONE, Grid, between, number, to_interval
-from ..core.display import with_interval as _with_interval
+from ..core.display import NONE, Grid, between, number, to_interval, with_interval
 from ..estimates.findings import AGAINST_HELD, Estimate
 from . import comparison_section
-from .section import Section
+from .page import Section
 
 LISTED = 8  # runs with a line each; of more, the names
-_SMALL = {"rad": "rad", "m": "m", "rad/s": "rad/s", "m/s": "m/s", "N m": "N m", "N": "N"}
+ERRORS = "Error before and after"
+UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}  # of signals of a rotary drive
+_SMALL = {"rad", "m", "rad/s", "m/s", "N m", "N"}  # units that take a prefix
 
 
 def toml_of(d: Any, folder: Path | None) -> str:
@@ -154,7 +155,7 @@ def _effect(d: Any, finding: Any) -> Section:
         footnote = "Explain it equally well: " if same else "Next best: "
         footnote += "; ".join(others) + "."
     rows = [
-        (key, *_with_interval(estimate), estimate.unit)
+        (key, *with_interval(estimate), estimate.unit)
         for key, estimate in finding.parameters.items()
     ]
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
@@ -291,9 +292,9 @@ def errors(d: Any) -> Section | None:
     grid = Grid(head, "llrrrrr", tuple(rows))
     lines = _scope(d, error)
     if all(row[head.index("augmented")] == number(None, 3) for row in rows):  # an identification
-        return Section("Error before and after", lines, _fitted_only(grid), footnote)
+        return Section(ERRORS, lines, _fitted_only(grid), footnote)
     lines = (f"{lines[0]} {RELATIVE}", *lines[1:]) if lines else ()
-    return Section("Error before and after", lines, grid, footnote)
+    return Section(ERRORS, lines, grid, footnote)
 
 
 def _fitted_only(grid: Grid) -> Grid:
@@ -356,7 +357,7 @@ def _parameters(d: Any) -> Section | None:
     declared = _get(d, "declared")
     before = declared.values() if declared else {}
     rows = [
-        (key, number(before.get(key)), *_with_interval(estimate), estimate.unit)
+        (key, number(before.get(key)), *with_interval(estimate), estimate.unit)
         for key, estimate in _get(d, "estimates", {}).items()
         if key.split(".")[0] not in shown
     ]
@@ -378,7 +379,7 @@ def plain(d: Any) -> Section | None:
     rows = []
     for key, one in found["parameters"].items():
         estimate = Estimate(one["value"], one["unit"], one["ci95"])
-        rows.append((key, *_with_interval(estimate), one["unit"]))
+        rows.append((key, *with_interval(estimate), one["unit"]))
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     lines = [*(test.text for test in balance.bench_tests), _left(found["left"])]
     if _get(d, "verdict") == "unexplained":
@@ -423,7 +424,7 @@ def _left(share: float | None) -> str:
 
 
 def _together(one: Mapping[str, Any]) -> str:
-    value, interval = _with_interval(Estimate(one["value"], one["unit"], one["ci95"]))
+    value, interval = with_interval(Estimate(one["value"], one["unit"], one["ci95"]))
     how = f" To separate them: {one['to_separate']}." if one["to_separate"] else ""
     return f"Only together: {one['text']} = {value} {one['unit']} ({interval}).{how}"
 

@@ -1,7 +1,16 @@
 """The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
 
-from ..axis_response import FrequencyResponse, ResponsePlan, Tuning
-from ..compensated_loop import Assurance, Compensation, HuntingChance, Run
+from ..bench import (
+    Assurance,
+    Compared,
+    Compensation,
+    HuntingChance,
+    ObserverComparison,
+    Recommendation,
+    Run,
+)
+from ..bench import Candidate as RankedObserver
+from ..commissioning import FrequencyResponse, ResponsePlan, Tuning
 from ..design import Certificate, Design, Excitation, ObserverDesign
 from ..diagnosis.compare_laws import ComparedLaw, LawComparison
 from ..diagnosis.fleet import Fleet, Outcome
@@ -21,9 +30,6 @@ from ..linear.passivity import PassivityVerdict
 from ..linear.repair import Repair
 from ..linear.spr import SprVerdict
 from ..linear.stability import StabilityVerdict
-from ..observer_comparison import ObserverComparison, Recommendation
-from ..observer_comparison.comparison import Compared
-from ..observer_comparison.recommendation import Candidate as RankedObserver
 from ..paper.results import Reproduction
 from ..sweeps import Sweep
 

@@ -10,7 +10,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.dead_times import dead_times
+from ..blocks.drive import dead_times
 from ..core.errors import Diverged
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.course import Accuracy, Course, Track

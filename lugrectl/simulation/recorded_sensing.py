@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..record import Record
-from ..record.record import smallest_step
-from ..record.signal_noise import sensor_noise
+from ..record.signal_noise import sensor_noise, smallest_step
 from .encoder import Sensing
 
 

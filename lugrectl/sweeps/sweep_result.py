@@ -150,7 +150,7 @@ class Sweep(Result):
 
         Draws into ``ax``, or into a new figure that shows itself.
         """
-        return view("sweep_plots.band")(self, ax, output)
+        return view("loop_plots.sweep")(self, ax, output)
 
     def _signals(self) -> list[str]:
         outputs = self.outputs if self.y is not None else ()

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.errors import Refused
-from ..record.record import smallest_step
+from ..record.signal_noise import smallest_step
 from ..record.stretches import Stretch
 
 SHORTEST = 40  # samples: a shorter piece is left out

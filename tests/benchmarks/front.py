@@ -25,8 +25,8 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.engine.runtime.backend import threads
 
-from ..rig import make
-from ..rig.record import Case
+from ..drives import make
+from ..drives.record import Case
 from . import item
 
 ROOT = Path(__file__).parents[2]

@@ -65,7 +65,7 @@ def planned(args: argparse.Namespace) -> list[Task]:
 
 
 def _effects(text: str | None) -> list[str]:
-    from ..rig import CATALOGUE
+    from ..drives import CATALOGUE
 
     groups = {"all": list(CATALOGUE)}
     if text and "known" in text.split(","):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..rig import problems
+from ..drives import problems
 from . import work
 from .plan import Task
 

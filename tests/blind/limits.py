@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from ..rig.bench import replay
-from ..rig.hiding import CATALOGUE
-from ..rig.machines import CONSTANT_LOAD, GRAVITY_LOAD, PARAMETERS
-from ..rig.record import Case
+from ..drives.effects import CATALOGUE
+from ..drives.machines import CONSTANT_LOAD, GRAVITY_LOAD, PARAMETERS
+from ..drives.record import Case
+from ..drives.run import replay
 
 
 def true_model(case: Case) -> dict[str, Any] | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import lugrectl as lg
 
-from ..rig.steady import EFFECTS, STRANGERS, draw
+from ..drives.steady import EFFECTS, STRANGERS, draw
 from .__main__ import seeds
 from .score import credit
 

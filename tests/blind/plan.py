@@ -8,9 +8,9 @@ from itertools import combinations
 
 import numpy as np
 
-from ..rig import CATALOGUE, STRANGERS
-from ..rig.exported import forms
-from ..rig.hiding import Effect, find
+from ..drives import CATALOGUE, STRANGERS
+from ..drives.effects import Effect, find
+from ..drives.sample import forms
 
 STRENGTHS = {"normal": 0.20, "weak": 0.08}
 ALIKE = (  # no record tells these from each other when both are there

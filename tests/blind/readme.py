@@ -158,7 +158,7 @@ def picture(path: Path) -> str:
     from matplotlib.figure import Figure
 
     import lugrectl as lg
-    from lugrectl.report import canvas, comparison_section, diagnosis_plots
+    from lugrectl.report import canvas, diagnosis_plots
 
     demo = files("lugrectl") / "demo"
     found = lg.diagnose(str(demo / "record.csv"), str(demo / "model.toml"))
@@ -167,7 +167,7 @@ def picture(path: Path) -> str:
         grid = figure.add_gridspec(2, 2)
         diagnosis_plots.motion(found, figure.add_subplot(grid[0, :]))
         diagnosis_plots.torque(found, figure.add_subplot(grid[1, 0]))
-        comparison_section.bars(found, figure.add_subplot(grid[1, 1]))
+        diagnosis_plots.bars(found, figure.add_subplot(grid[1, 1]))
         figure.savefig(path, dpi=80, metadata={"Software": None})
     return str(found)
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..rig.bench import FINE, STIFF
-from ..rig.machines import CONSTANT_LOAD, GRAVITY_LOAD, NO_LOAD
-from ..rig.plant import EFFECTS, STATES, TH, UA, WIDTH, WS, W, Z, compiled, step
+from ..drives.machines import CONSTANT_LOAD, GRAVITY_LOAD, NO_LOAD
+from ..drives.plant import EFFECTS, LUGRE, STATES, TH, UA, WIDTH, WS, W, Z, advance, compiled
+from ..drives.run import FINE, STIFF
 from .limits import restarts, stretches
 
 LAGS = (2e-3, 10e-3, 40e-3)  # s
@@ -28,12 +28,10 @@ LOADS = {"gravity": GRAVITY_LOAD, "constant_torque": CONSTANT_LOAD}
 
 
 @compiled
-def advance(x, u, extra, m, on, p, period, n):
+def windows(x, u, extra, m, on, p, period, n):
     """Every window (rows of x) over one sample of held torque, ``extra`` resisting."""
-    h = period / n
     for i in range(len(x)):
-        for _ in range(n):
-            step(0.0, h, u[i] - extra[i], u[i] - extra[i], True, x[i], m, on, p)
+        advance(x[i], 0.0, u[i] - extra[i], period, n, m, on, p)
 
 
 def machine_row(model: dict, dt: float) -> np.ndarray:
@@ -49,7 +47,7 @@ def machine_row(model: dict, dt: float) -> np.ndarray:
         size = e.get("amplitude", e.get("torque", 0.0))
         load = (LOADS[e["name"]], size, e.get("phase", 0.0))
     keys = ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
-    return np.array([J, *(f[k] for k in keys), *load, f["Fs"], 0.0])
+    return np.array([J, *(f[k] for k in keys), *load, f["Fs"], 0.0, LUGRE, 2.0, 1.0])
 
 
 def features(theta, w, u, a, t, lags) -> np.ndarray:
@@ -121,5 +119,5 @@ def _simulate(m, s, starts, span, dt, lags, tree) -> np.ndarray:
             past = [(w[:, reach + k - g], s["u"][np.maximum(at - g, 0)]) for g in lags]
             theta, speed = x[:, TH] + half * x[:, W], x[:, W] + half * a
             extra = tree.predict(features(theta, speed, s["u"][at], a, s["t"][at], past))
-        advance(x, s["u"][at], extra, m, on, p, dt, n)
+        windows(x, s["u"][at], extra, m, on, p, dt, n)
     return kept

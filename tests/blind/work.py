@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from ..rig import exported, problems, sample
-from ..rig.declared import model_text
-from ..rig.record import Case
+from ..drives import exported, problems, sample
+from ..drives.declared import model_text
+from ..drives.record import Case
 from .plan import STRENGTHS, Task
 
 THREADS = ("OMP", "NUMBA", "OPENBLAS", "MKL")

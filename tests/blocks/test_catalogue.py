@@ -14,11 +14,6 @@ OBSERVERS = (
     "natural existing proposed friedland_park adaptive disturbance extended_state temperature "
     "friction_state normal_force lyapunov general_coulomb position_coulomb position_lugre"
 )
-CONTROLLERS = (
-    "error pi pid compensation feedforward prefilter limiter proportional notch sliding_error "
-    "slotine_li adaptive_slotine_li dual_observer_control backstepping_smc repetitive_control "
-    "repetitive_memory smith_velocity coulomb_predictor coulomb_compensation"
-)
 LISTS = {"effect": lg.effects, "friction": lg.laws}
 SIZE = P(0.0, "N m", neutral=0.0)
 LISTS |= {"observer": lg.observers, "controller": lg.controllers}
@@ -49,12 +44,14 @@ def own():
         spec.REGISTRY.pop(key, None)
 
 
-def test_the_lists_are_complete():
+def test_the_lists_are_complete_and_have_a_factory_for_each_controller():
     assert lg.effects().names == tuple(members("effect"))
     assert lg.laws().names == tuple(members("friction"))
     assert {f"{name}_observer" for name in OBSERVERS.split()} <= set(lg.observers().names)
-    assert lg.controllers().names == tuple(CONTROLLERS.split())
-    assert all(callable(getattr(lg, name)) for name in CONTROLLERS.split())
+    assert all(callable(getattr(lg, name)) for name in lg.controllers().names)
+    assert lg.controllers().names[:6] == tuple(
+        "error pi pid compensation feedforward prefilter".split()
+    )
 
 
 @pytest.mark.parametrize("kind", LISTS)
@@ -171,33 +168,17 @@ def test_common_names_are_understood_wherever_an_effect_is_named(name):
     assert list(ripple.params) == list(lg.effect("torque_ripple").params)
 
 
-@pytest.mark.parametrize(
-    ("name", "values", "left"),
-    [
-        (
-            "torque_ripple",
-            {"amplitude": 0.1, "phase": 1.0},
-            "harmonic is missing: give it in 1/rev",
-        ),
-        ("cogging", {"amplitude": 0.1}, "harmonic"),
-        ("position_dependent_friction", {"ratio": 0.1}, "harmonic"),
-        ("torque_constant_ripple", {"ratio": 0.1}, "harmonic"),
-        ("pose_dependent_inertia", {"ratio": 0.1}, "harmonic"),
-        ("periodic_disturbance", {"amplitude": 0.1}, "frequency is missing: give it in Hz"),
-    ],
-)
-def test_a_periodic_effect_of_some_size_needs_its_period(name, values, left):
-    with pytest.raises(lg.InputError, match=left):
-        lg.effect(name, **values)
-    neutral = lg.effect(name, **dict.fromkeys(values, 0.0))  # a sweep may give it all
-    assert neutral.params.keys() == lg.effect(name).params.keys()
+PERIODIC = {name: made for name, made in members("effect").items()
+            if any(p.unit in ("1/rev", "Hz") for p in made.own.values())}  # fmt: skip
 
 
-def test_every_period_in_the_catalogue_is_asked_for():
-    for name, made in members("effect").items():
-        if any(p.unit in ("1/rev", "Hz") for p in made.own.values()):
-            with pytest.raises(lg.InputError, match="is missing: give it in"):
-                lg.effect(name, **{made.gain: 0.1})
+@pytest.mark.parametrize("name", [*PERIODIC, "cogging"])
+def test_a_periodic_effect_of_some_size_needs_its_period(name):
+    size = "amplitude" if name == "cogging" else PERIODIC[name].gain
+    period = "frequency is missing: give it in Hz" if "dist" in name else "harmonic is missing: giv"
+    with pytest.raises(lg.InputError, match=period):
+        lg.effect(name, **{size: 0.1})
+    assert lg.effect(name, **{size: 0.0}).params.keys() == lg.effect(name).params.keys()
 
 
 def test_the_default_period_of_ones_own_is_that_of_the_drive():

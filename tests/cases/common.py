@@ -5,7 +5,7 @@ from lugrectl.blocks.model import Model, model_from_dict
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.record import Record
 
-from ..rig import Case
+from ..drives import Case
 
 
 def record_of(case: Case) -> Record:

@@ -19,6 +19,11 @@ def test_spr_on_the_two_sides_for_table_1(capsys):
     assert code == 1 and out.startswith("not SPR") and "Kd above 0.953333" in out
     code, out, _ = run(capsys, "spr --kp 15 --kd 0.955")
     assert code == 0 and out.startswith("SPR") and "becomes SPR" not in out
+    for line, expected in (("spr", 1), ("spr --velocity", 1), ("spr --velocity --kp 1.6", 0)):
+        code, out, _ = run(capsys, f"{line} --json")
+        found = json.loads(out)
+        assert code == expected and found["holds"] == (code == 0)
+        assert found["loop"] == ("velocity" if "--velocity" in line else "position")
 
 
 def test_the_suggested_repair_works_when_typed(capsys):
@@ -30,8 +35,10 @@ def test_the_suggested_repair_works_when_typed(capsys):
 
 
 def test_unstable_position_loop_exits_1_with_its_poles(capsys):
-    code, out, _ = run(capsys, "bandwidth --position --kp 15 --ki 1.55")
-    assert code == 1 and "poles +0.05167 +- 82.57j, -0.1033" in out
+    for gains in ("", " --kp 15 --ki 1.55"):
+        code, out, _ = run(capsys, f"bandwidth --position{gains}")
+        assert code == 1 and out.startswith("unstable loop")
+        assert "poles +0.05167 +- 82.57j, -0.1033" in out
 
 
 def test_prefilter_and_half_power(capsys):

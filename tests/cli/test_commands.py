@@ -1,6 +1,5 @@
 """The command line: exit codes, one JSON document, sentences instead of tracebacks."""
 
-import io
 import json
 import math
 import shutil
@@ -8,13 +7,11 @@ import subprocess
 import sys
 from types import ModuleType
 
-import control as ct
 import numpy as np
 import pytest
 
 from lugrectl.blocks.model import Model, read_model, table1, write_model
 from lugrectl.cli import commands, main
-from lugrectl.cli.progress import Bar
 from lugrectl.core.errors import InputError, Refused
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.estimates.findings import Candidate, Estimate, Finding
@@ -264,38 +261,6 @@ def test_a_reader_that_leaves_a_pipe_is_no_error():
 # --- check -------------------------------------------------------------------------------
 
 
-def test_bandwidth_of_the_paper_loops(capsys):
-    code, out, _ = run(capsys, "check bandwidth --json")
-    loop = ct.tf([1.6, 0.16], [0.0022, 1.6, 0.16])
-    document = one_document(out)
-    assert code == 0 and document["loop"] == "velocity" and document["holds"]
-    assert document["bandwidth"] == pytest.approx(ct.bandwidth(loop), rel=1e-3)
-    assert document["hertz"] == pytest.approx(115.5, abs=0.05)
-    code, out, _ = run(capsys, "check bandwidth --position")
-    assert code == 1 and out.startswith("unstable loop") and "poles +0.05" in out
-
-
-@pytest.mark.parametrize(
-    ("options", "code"),
-    [
-        ("", 1),  # the paper's PI: an integrator is never SPR
-        ("--kp 15", 1),
-        ("--kp 15 --kd 5.08e-6", 0),
-        ("--kp 15 --kd 5.06e-6", 1),
-        ("--velocity --kp 1.6", 0),
-        ("--velocity", 1),
-    ],
-)
-def test_spr_on_both_sides_of_its_condition(files, capsys, options, code):
-    """PD on position: SPR iff sigma1 Kd > sigma0 J; here sigma0 J / sigma1 = 5.07e-6."""
-    J = 5.07e-6 * 0.6 / 260.0
-    write_model(MODEL.with_values({"J": J}), files / "light.toml")
-    got, out, _ = run(capsys, f"check spr --model light.toml {options} --json")
-    document = one_document(out)
-    assert got == code and document["holds"] == (code == 0)
-    assert document["loop"] == ("velocity" if "--velocity" in options else "position")
-
-
 def test_l2_gain_and_its_gains(capsys):
     code, out, _ = run(capsys, "check l2 --json")
     assert code == 0 and one_document(out)["gain"] == pytest.approx(22 / 260)
@@ -339,7 +304,7 @@ def test_check_text_answers_first(name, capsys):
     assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
 
 
-# --- template, progress ------------------------------------------------------------------
+# --- template ------------------------------------------------------------------
 
 
 def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):
@@ -356,21 +321,3 @@ def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):
     (files / "full.toml").write_text("\n".join(filled))
     model = read_model(files / "full.toml")
     assert model.values() == MODEL.values() | {"gravity.amplitude": 0.2, "gravity.phase": 0.0}
-
-
-class Terminal(io.StringIO):
-    def isatty(self):
-        return True
-
-
-def test_progress_shows_on_a_terminal_and_leaves_nothing_behind():
-    shown = Terminal()
-    with Bar(shown) as bar:
-        bar(0.5, "refitting")
-        bar(1.0, "done")
-    assert "50 %  refitting" in shown.getvalue() and shown.getvalue().endswith("\r\x1b[K")
-    assert len(Bar.line(0.3, "long " * 99, 60)) == 60
-    silent = io.StringIO()
-    with Bar(silent) as bar:
-        bar(0.5, "refitting")
-    assert silent.getvalue() == ""

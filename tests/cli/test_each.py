@@ -7,8 +7,8 @@ import pytest
 
 from lugrectl.blocks.model import Model, table1, write_model
 from lugrectl.cli import each, main
-from lugrectl.cli.progress import Bar
 from lugrectl.core.errors import InputError
+from lugrectl.core.progress import Terminal
 from lugrectl.report import FILES, fleet_page
 
 from ..cases.logs import csv as log
@@ -108,10 +108,10 @@ def test_an_interrupt_prints_and_writes_what_is_done(files, job, capsys):
 def test_a_report_that_cannot_be_written_costs_no_answer(files, job, capsys, monkeypatch):
     whole = fleet_page.write_together
 
-    def full(content, folder):
+    def full(content, folder, complaint):
         if folder.name == "axis":
-            raise OSError(28, "No space left on device")
-        whole(content, folder)
+            raise InputError(f"{folder}: {complaint.format('No space left on device')}")
+        whole(content, folder, complaint)
 
     monkeypatch.setattr(fleet_page, "write_together", full)
     code, out, _ = run(capsys, "right --each --out made")
@@ -195,7 +195,7 @@ def test_processes_read_and_refuse_by_themselves(files, capsys):
 
 def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):
     said = []
-    monkeypatch.setattr(Bar, "__call__", lambda self, part, what="": said.append((part, what)))
+    monkeypatch.setattr(Terminal, "__call__", lambda self, part, what="": said.append((part, what)))
     run(capsys, "left right --each")
     assert said[0] == (0.0, "0 of 3") and said[-1] == (1.0, "3 of 3")
 

@@ -7,6 +7,7 @@ import pickle
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,10 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.bench.feedforward import effects_torque
 from lugrectl.blocks.block import REGISTRY, Block, P, members
 from lugrectl.blocks.declaration import block
 from lugrectl.blocks.plant import assemble
-from lugrectl.compensated_loop.feedforward import effects_torque
 from lugrectl.core.errors import InputError
 from lugrectl.core.pickling import NotPicklable
 
@@ -75,39 +76,13 @@ MADE: dict[str, Any] = {
     "plant with effects": lambda: lg.plant(model()),
     "sensor": lambda: lg.sensor(model()),
     "torque of the effects": lambda: effects_torque(model()),
-    "pi": lambda: lg.pi(),
-    "pid": lambda: lg.pid(tau=0.1),
+    "pid of an integral with tau": lambda: lg.pid(tau=0.1),
     "error": lambda: lg.error("position"),
-    "compensation": lambda: lg.compensation(),
-    "feedforward": lambda: lg.feedforward(TABLE),
     "prefilter": lambda: lg.prefilter(kind="position"),
-    "proposed observer": lambda: lg.proposed_observer(TABLE),
     "observer with functions": lambda: lg.proposed_observer(TABLE, K1=gain, K2=Schedule(20.0)),
     "observer with np.tanh": lambda: lg.proposed_observer(TABLE, K1=np.tanh),
-    "existing observer": lambda: lg.existing_observer(TABLE),
-    "natural observer": lambda: lg.natural_observer(TABLE),
-    "adaptive observer": lambda: lg.adaptive_observer(TABLE),
-    "disturbance observer": lambda: lg.disturbance_observer(TABLE),
-    "extended-state observer": lambda: lg.extended_state_observer(TABLE),
-    "temperature observer": lambda: lg.temperature_observer(TABLE),
-    "friction-state observer": lambda: lg.friction_state_observer(TABLE),
-    "normal-force observer": lambda: lg.normal_force_observer(TABLE),
-    "Lyapunov observer": lambda: lg.lyapunov_observer(TABLE),
-    "general Coulomb observer": lambda: lg.general_coulomb_observer(TABLE),
-    "position Coulomb observer": lambda: lg.position_coulomb_observer(TABLE),
-    "position LuGre observer": lambda: lg.position_lugre_observer(TABLE),
-    "sliding error": lambda: lg.sliding_error(),
-    "Slotine-Li": lambda: lg.slotine_li(TABLE),
-    "adaptive Slotine-Li": lambda: lg.adaptive_slotine_li(),
-    "dual observer control": lambda: lg.dual_observer_control(TABLE),
-    "backstepping": lambda: lg.backstepping_smc(TABLE),
-    "Smith velocity": lambda: lg.smith_velocity(),
-    "Coulomb predictor": lambda: lg.coulomb_predictor(TABLE),
-    "repetitive control": lambda: lg.repetitive_control(TABLE),
     "repetitive control of 3 harmonics": lambda: lg.repetitive_control(TABLE, harmonics=3),
-    "repetitive memory": lambda: lg.repetitive_memory(TABLE, 0.02),
     "loop of a named controller": lambda: lg.position_loop(TABLE, controller="backstepping_smc"),
-    "Friedland-Park observer": lambda: lg.friedland_park_observer(TABLE),
     "table": lambda: lg.tabulated("theta", [0.0, 1.0, 3.0], [0.1, 0.2, 0.1], periodic=True),
     "table of two directions": lambda: lg.tabulated("theta", [0.0, 1.0], [[1.0, 2.0], [3.0, 1.0]]),
     "table over time": lambda: lg.tabulated("t", [0.0, 1.0], [0.1, 0.2]),
@@ -123,6 +98,27 @@ MADE: dict[str, Any] = {
         [ct.ss(-1, 1, 1, 0, inputs="u", outputs="y", name="one")], inputs="u", outputs="y"
     ),
 }
+PARTS = {k: getattr(lg, k) for k in (*lg.observers().names[1:], *lg.controllers().names)}
+FREE = (
+    "error",
+    "pi",
+    "pid",
+    "compensation",
+    "prefilter",
+    "limiter",
+    "sliding_error",
+    "adaptive_slotine_li",
+    "smith_velocity",
+)  # need no parameters
+MORE = {"proportional": (0.5,), "notch": (40.0,), "repetitive_memory": (TABLE, 0.02)}
+
+
+def part(name: str) -> Any:
+    """An observer or a controller of the catalogue."""
+    return PARTS[name](*(() if name in FREE else MORE.get(name, (TABLE,))))
+
+
+MADE |= {name: partial(part, name) for name in PARTS}
 MADE |= {f"law {k}": lambda k=k: lg.friction(k) for k in members("friction")}
 MADE |= {f"effect {k}": lambda k=k: lg.effect(k) for k in members("effect")}
 

@@ -211,7 +211,7 @@ def test_the_paper_says_version_and_date(noon, capsys, monkeypatch):
 
     quick = paper.Reproduction(lg.table1(), (), (), None, ())
     monkeypatch.setattr(paper, "reproduce", lambda progress: quick)
-    monkeypatch.setattr("lugrectl.paper.claims.claims", lambda r: ())
+    monkeypatch.setattr("lugrectl.paper.runs.claims", lambda r: ())
     code, out = run(capsys, "reproduce", "--json")
     made = json.loads(out)["provenance"]
     assert code == 0 and made["command"] == "lugrectl reproduce --json"

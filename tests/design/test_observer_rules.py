@@ -15,7 +15,6 @@ from lugrectl.design.quadratic import common_rate, decay
 from ..cases.observed import P
 
 SHORT = [k.removesuffix("_observer") for k in RULES]
-VALUES = {k: getattr(P, k) for k in ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")}
 
 
 def test_every_observer_has_a_rule_or_is_the_proposed_one():
@@ -65,7 +64,7 @@ def test_the_poles_at_rest_are_those_of_the_linearised_block():
 
 
 def test_a_common_function_decays_at_every_corner():
-    _, corners = position_corners(VALUES, 1000.0, 0.5)
+    _, corners = position_corners(P, 1000.0, 0.5)
     rate, V = common_rate(corners)
     assert decay(V, corners) == pytest.approx(rate, rel=1e-6)
     assert np.linalg.eigvalsh(V)[0] > 0.0

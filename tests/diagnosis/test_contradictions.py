@@ -9,7 +9,7 @@ import pytest
 from lugrectl import diagnose
 from lugrectl.core.errors import Refused
 from lugrectl.record import Record, refuse_dead
-from tests.rig import make
+from tests.drives import make
 
 from ..cases.common import model_of, record_of
 

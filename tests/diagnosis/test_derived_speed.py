@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
 from lugrectl import diagnose
-from tests.rig import make
+from tests.drives import make
 
 from ..cases.common import model_of, record_of
 

@@ -3,7 +3,7 @@
 import pytest
 
 from lugrectl import diagnose
-from tests.rig import make
+from tests.drives import make
 
 from ..cases.common import model_of, record_of
 

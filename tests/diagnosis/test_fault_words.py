@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl import InputError, Refused, balance, identify, read_record
 from lugrectl.cli import main
-from lugrectl.record.files.cells import with_remark
+from lugrectl.record.files.text import with_remark
 
 from ..cases.faulty_logs import columns, late, put, with_w, write
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY, P
-from lugrectl.blocks.sent_model import Sent
+from lugrectl.blocks.model import Sent
 from lugrectl.core import blas_threads
 from lugrectl.core.blas_threads import one_thread_each
 from lugrectl.core.errors import InputError, Refused

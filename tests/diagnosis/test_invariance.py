@@ -12,7 +12,7 @@ from lugrectl import diagnose
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.record import Record
-from tests.rig import sample
+from tests.drives import sample
 
 from ..cases.common import record_of
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose
-from lugrectl.record.record import smallest_step
-from lugrectl.record.signal_noise import sensor_noise
+from lugrectl.record.signal_noise import sensor_noise, smallest_step
 from lugrectl.report import text
 
 from ..cases.balance_drive import FC, simulate, torque

@@ -10,7 +10,7 @@ from lugrectl.report.wording import toml_of
 from ..blind.plan import STRENGTHS
 from ..blind.work import write
 from ..cases.balance_drive import FC, simulate
-from ..rig import sample
+from ..drives import sample
 
 DT, LOAD = 2e-3, 0.05
 SUM = "Fc + constant_torque"

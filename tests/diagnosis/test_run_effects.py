@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lugrectl import diagnose, identify
-from tests.rig import make
+from tests.drives import make
 
 from ..cases.common import model_of, record_of
 

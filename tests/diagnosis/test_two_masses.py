@@ -4,7 +4,7 @@ import pytest
 
 import lugrectl as lg
 
-from ..axis_response.drives import draw, log
+from ..commissioning.drives import draw, log
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.record import Record
 from tests.blind.plan import Task
 from tests.blind.work import case_of, write
-from tests.rig import Case, exported, sample
+from tests.drives import Case, exported, sample
 
 from ..cases.common import model_of, record_of, verdict
 

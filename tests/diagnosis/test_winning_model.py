@@ -9,7 +9,7 @@ import lugrectl as lg
 
 from ..blind.plan import STRENGTHS
 from ..blind.work import write
-from ..rig import sample
+from ..drives import sample
 
 J, FV, VS = 0.012, 0.03, 0.05  # kg m2, N m s/rad, rad/s
 

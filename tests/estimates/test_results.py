@@ -17,7 +17,7 @@ from lugrectl.diagnosis.fleet import Outcome
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.estimates.findings import Candidate, Estimate, Finding
 from lugrectl.estimates.fitted import ParameterTable
-from lugrectl.report.log_plot import drawings
+from lugrectl.report.log_plot import figures
 
 from ..cases.made_up import bare, diagnosis
 from ..cases.shown_results import friction_map, identification, table
@@ -190,7 +190,7 @@ def test_an_identification_prints_declared_beside_fitted(found):
 def test_an_identification_draws_measured_and_simulated(found):
     axes = found["identified"].plot()
     assert axes[0].get_ylabel() == "w [rad/s]" and axes[0].get_title(loc="left")
-    log = drawings(found["identified"].plain)
+    log = figures(found["identified"].plain)
     assert found["identified"]._repr_html_().count("<figure>") == len(axes) + len(log)
 
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.hunting.critical import changes, in_words
-from lugrectl.hunting.curve import curve_of
-from lugrectl.hunting.lanes import Loop
+from lugrectl.hunting.gains import critical
+from lugrectl.hunting.loop import Loop, curve_of
 from lugrectl.hunting.stick_map import excess
 
 from .brute_force import HUNTS, RESTS
@@ -165,12 +164,12 @@ def test_where_hunting_is_undecided_a_critical_gain_has_two_ends():
     def hunts(ki):
         return None if 3.0 < ki < 4.0 else ki > 3.5
 
-    ((ends, begins),) = changes(hunts, {"ki": (1.0, 10.0)})["ki"]
-    assert ends == pytest.approx((3.0, 4.0), rel=2e-3) and begins
-    found = changes(lambda ki: ki < 3.5, {"ki": (1.0, 10.0)})
-    ((one, begins),) = found["ki"]
-    assert one == pytest.approx(3.5, rel=2e-3) and not begins
-    assert [*in_words(found, "hunting")] == ["as ki rises, hunting ends at 3.5"]
+    found = critical(hunts, {"ki": (1.0, 10.0)}, "hunting")
+    assert found["critical"]["ki"][0] == pytest.approx((3.0, 4.0), rel=2e-3)
+    assert found["messages"][0].startswith("as ki rises, hunting begins between 3")
+    found = critical(lambda ki: ki < 3.5, {"ki": (1.0, 10.0)}, "hunting")
+    assert found["critical"]["ki"] == pytest.approx((3.5,), rel=2e-3)
+    assert found["messages"] == ("as ki rises, hunting ends at 3.5",)
 
 
 @pytest.mark.parametrize(("kp", "ki"), [(3.0, 3.9), (100.0, 90.0), (3.0, 0.04)])

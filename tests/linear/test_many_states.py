@@ -10,11 +10,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.linear.realness import band_edge, classify, margin
-from lugrectl.linear.sampled import Sampled
-from lugrectl.linear.spr import of_sampled
+from lugrectl.linear.exact_system import ExactSystem
 from lugrectl.linear.sure_signs import SureSigns
-from lugrectl.linear.transfer import read_transfer
 
 from ..cases.structures import structure
 
@@ -22,10 +19,9 @@ from ..cases.structures import structure
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_verdict_on_many_states_is_that_of_exact_arithmetic(turned):
     T = structure(4, turned=turned)
-    num, den, _ = read_transfer(structure(4))
-    found = lg.spr_check(T)
-    assert found.classification == classify(num, den) == "SPR"
-    assert found.margin == pytest.approx(margin(num, den), rel=1e-5)
+    found, exact = lg.spr_check(T), ExactSystem.of(structure(4)).realness()
+    assert found.classification == exact.kind == "SPR"
+    assert found.margin == pytest.approx(exact.margin, rel=1e-5)
     assert "floating point" in found.reason
 
 
@@ -110,21 +106,20 @@ def port_hamiltonian(seed: int) -> ct.StateSpace:
 @pytest.mark.parametrize("seed", range(12))
 def test_edges_and_bandwidths_are_those_of_exact_arithmetic(seed):
     T = port_hamiltonian(seed)
-    num, den, _ = read_transfer(T)
-    found, width = lg.spr_check(T), lg.bandwidth_check(T)
-    assert found.classification == classify(num, den)
-    assert found.band_edge == pytest.approx(band_edge(num, den), rel=1e-6)
-    exact = lg.bandwidth_check((num[::-1], den[::-1]))
+    found, width, system = lg.spr_check(T), lg.bandwidth_check(T), ExactSystem.of(T)
+    exact = system.realness()
+    assert found.classification == exact.kind
+    assert found.band_edge == pytest.approx(exact.edge, rel=1e-6)
+    exact = lg.bandwidth_check([p[::-1] for p in system.ratio])
     assert width.crossings == pytest.approx(exact.crossings, rel=1e-6)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 3, 4, 5, 6])  # 2 is PR within rounding
 def test_edges_of_sampled_models_are_those_of_exact_arithmetic(seed):
     T = ct.sample_system(port_hamiltonian(seed), 0.2, "bilinear")
-    kind, _, edge, _ = of_sampled(Sampled.of(T))
-    found = lg.spr_check(T)
-    assert found.classification == kind
-    assert found.band_edge == pytest.approx(edge, rel=1e-6)
+    found, exact = lg.spr_check(T), ExactSystem.of(T).realness()
+    assert found.classification == exact.kind
+    assert found.band_edge == pytest.approx(exact.edge, rel=1e-6)
 
 
 def test_an_edge_that_rounding_blurs_is_a_range():

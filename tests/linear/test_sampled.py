@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from fractions import Fraction
 
 import control as ct
 import mpmath as mp
@@ -13,7 +12,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.linear import UnstableLoopWarning
-from lugrectl.linear.sampled import Sampled, classify, margin
 
 from ..cases.structures import structure
 
@@ -107,7 +105,7 @@ def compared(number, seed):
     rng, counts = np.random.default_rng(seed), Counter()
     for _ in range(number):
         kind, num, den = draw(rng)
-        exact = classify(Sampled.of(ct.tf(num, den, 0.01)))
+        exact = lg.spr_check(ct.tf(num, den, 0.01)).classification
         counts[kind, exact] += 1
         if (exact == "SPR") != swept(num, den):
             counts["disagreements"] += 1
@@ -130,12 +128,14 @@ def test_the_exact_decision_is_that_of_a_sweep_or_of_a_finer_one_at_length():
 def test_the_margin_is_where_positive_realness_ends():
     rng, seen = np.random.default_rng(3), 0
     for _ in range(20):
-        T = Sampled.of(ct.tf(*passive(rng, int(rng.integers(1, 4))), 0.01))
-        if classify(T) != "SPR":
+        T = passive(rng, int(rng.integers(1, 4)))
+        if not (found := lg.spr_check(ct.tf(*T, 0.01))):
             continue
-        seen, eps = seen + 1, margin(T)
-        less, more = (T.scaled(Fraction(math.exp(-eps * T.dt * f))) for f in (1 - 1e-6, 1 + 1e-6))
-        assert classify(less) != "not PR" and classify(more) == "not PR"
+        seen += 1
+        radii = [math.exp(-0.01 * found.margin * f) for f in (1 - 1e-6, 1 + 1e-6)]
+        inner = [[p * r ** np.arange(len(p))[::-1] for p in T] for r in radii]
+        less, more = (lg.spr_check(ct.tf(*p, 0.01)).classification for p in inner)
+        assert less != "not PR" and more == "not PR"
     assert seen > 10
 
 

@@ -85,19 +85,9 @@ def test_the_ready_made_cascade_is_the_one_wired_by_hand(tracking):
     assert (np.abs(theirs - one).max(axis=1) < 1e-6 * np.abs(one).max(axis=1)).all()
 
 
-def test_with_an_observer_too():
-    """The hand-wired observer reads the clipped torque by its name."""
-    t, r = T, STEP
-    ready = lg.cascade_loop(P, "proposed", kv=KV, kp=KP, ki=KI, **OPTIONS)
-    hand = by_hand(KP / KI, [lg.proposed_observer(P)])
-    one, other = (simulate(m, t, r, rtol=1e-8) for m in (ready, hand))
-    assert rows(one, "theta") == pytest.approx(rows(other, "theta"), abs=1e-6)
-    assert rows(one, "u") == pytest.approx(rows(other, "u"), abs=1e-6)
-
-
-def test_from_the_ready_made_blocks_as_well():
+def from_ready_made_blocks():
     """The blocks of the package, connected by their names alone."""
-    hand = ct.interconnect(
+    return ct.interconnect(
         [
             lg.plant(P, inputs=["u_motor", "d"]),
             lg.error("position"),
@@ -111,7 +101,13 @@ def test_from_the_ready_made_blocks_as_well():
         outputs=["theta", "u"],
         check_unused=False,
     )
-    ready = lg.cascade_loop(P, kv=KV, kp=KP, ki=KI, **OPTIONS)
+
+
+@pytest.mark.parametrize("observer", [None, "proposed"])
+def test_with_ready_made_blocks_or_an_observer_too(observer):
+    """The hand-wired observer reads the clipped torque by its name."""
+    hand = by_hand(KP / KI, [lg.proposed_observer(P)]) if observer else from_ready_made_blocks()
+    ready = lg.cascade_loop(P, observer, kv=KV, kp=KP, ki=KI, **OPTIONS)
     one, other = (simulate(m, T, STEP, rtol=1e-8) for m in (ready, hand))
     assert rows(one, "theta", "u") == pytest.approx(rows(other, "theta", "u"), abs=1e-6)
 

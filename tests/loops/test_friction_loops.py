@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl import position_loop, velocity_loop
 from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.declaration import block
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.observers import natural_observer
-from lugrectl.loops.friction_loops import position_loop, velocity_loop
 
 from ..cases.wired import (
     LOW,
@@ -32,41 +32,24 @@ from ..cases.wired import (
 # Observer Fc and Fs 20 % low, the paper's gains, no feed-forward, all states zero at t = 0.
 
 
-@pytest.fixture(scope="module")
-def tracking_error():
-    """RMS of e in rad/s over one period of 0.1 sin(2 pi t), after half a second."""
-    t = np.arange(0, 1.5001, 5e-3)
-
-    def rms(observer, **gains):
-        loop = velocity_loop(P, observer, observer_parameters=LOW, **gains)
+@pytest.mark.slow
+@pytest.mark.sample
+def test_the_figures_of_the_readme():
+    """RMS of e in mrad/s over one period of 0.1 sin(2 pi t), after half a second; the ranking
+    belongs to the gains."""
+    t, rms = np.arange(0, 1.5001, 5e-3), {}
+    for observer, k, figure in (
+        (None, "own", 69.9),
+        ("natural", "own", 31.3),
+        ("existing", "own", 16.5),
+        ("proposed", "own", 11.6),
+        ("existing", 20.0, None),
+    ):
+        loop = velocity_loop(P, observer, observer_parameters=LOW, k=k)
         resp = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-5, atol=1e-8)
-        return np.sqrt(np.mean(signal(resp, "e")[t > 0.5] ** 2))
-
-    found = {name: rms(name) for name in (None, "natural", "existing", "proposed")}
-    return found | {"existing at k = 20": rms("existing", k=20.0)}
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_observers_with_friction_levels_20_percent_low(tracking_error):
-    rms = tracking_error
-    assert rms["proposed"] < min(rms["natural"], rms["existing"])
-    assert max(rms["natural"], rms["existing"], rms["proposed"]) < rms[None]
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_the_four_figures(tracking_error):
-    """As published in the README, in mrad/s."""
-    figures = {None: 69.9, "natural": 31.3, "existing": 16.5, "proposed": 11.6}
-    for name, value in figures.items():
-        assert 1e3 * tracking_error[name] == pytest.approx(value, rel=0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_the_ranking_belongs_to_the_gains(tracking_error):
-    assert tracking_error["existing at k = 20"] < tracking_error["proposed"]
+        rms[observer, k] = 1e3 * np.sqrt(np.mean(signal(resp, "e")[t > 0.5] ** 2))
+        assert figure is None or rms[observer, k] == pytest.approx(figure, rel=0.01)
+    assert rms["existing", 20.0] < rms["proposed", "own"]
 
 
 @pytest.mark.parametrize("observer", ["natural", "proposed"])
@@ -155,22 +138,14 @@ OPTIONS = list(itertools.product((False, True), repeat=3))
 @pytest.mark.parametrize("observer", [None, "natural", "existing", "proposed"])
 @pytest.mark.parametrize(("make", "rate"), [(velocity_loop, "dr"), (position_loop, "ddr")])
 def test_signals_of_every_ready_loop(make, rate, observer):
-    for smooth, ahead, load in OPTIONS:
+    """None hangs in the air: only the observer's states may stay unread, and nothing but d without
+    a source."""
+    for smooth, ahead, load in itertools.product((False, True), repeat=3):
         loop = make(P, observer, prefilter=smooth, feedforward=ahead, load=load)
         derived = smooth and make is velocity_loop
-        wanted = ["r"] + [rate] * (ahead and not derived) + ["d"] * load
-        assert loop.input_labels == wanted
-        assert loop.output_labels == OUTPUTS
-        assert loop.name == make.__name__
+        assert loop.input_labels == ["r"] + [rate] * (ahead and not derived) + ["d"] * load
+        assert loop.output_labels == OUTPUTS and loop.name == make.__name__
         assert loop.state_labels[:3] == ["plant_theta", "plant_w", "plant_z"]
-
-
-@pytest.mark.parametrize("make", [velocity_loop, position_loop])
-@pytest.mark.parametrize("observer", [None, "natural", "existing", "proposed"])
-def test_no_signal_of_a_ready_loop_hangs_in_the_air(make, observer):
-    """Only the observer's states may stay unread, and nothing but d without a source."""
-    for smooth, ahead, load in OPTIONS:
-        loop = make(P, observer, prefilter=smooth, feedforward=ahead, load=load)
         inputs, unread = loop.check_unused_signals(print_warning=False)
         names = {loop.syslist[i].output_labels[j] for i, j in unread}
         assert names <= {"zhat", "what"}
@@ -313,21 +288,23 @@ def test_any_registered_observer_can_be_named(registered):
         velocity_loop(P, "no_torque")
 
 
-@pytest.mark.parametrize("make", [velocity_loop, position_loop])
-def test_unknown_observer_names_the_known_ones(make):
-    with pytest.raises(lg.InputError, match="'kalman'.*natural, existing, proposed"):
-        make(P, "kalman")
-
-
 def test_full_names_of_observers_work_too():
     assert velocity_loop(P, "natural_observer").syslist[1].name == "natural_observer"
 
 
-def test_parameters_without_a_value_are_refused():
-    unknown = lg.Model.of(P).with_values({"Fc": None})
-    with pytest.raises(lg.InputError, match="Fc"):
-        velocity_loop(unknown)
-    with pytest.raises(lg.InputError, match="Fc"):
-        velocity_loop(P, "natural", observer_parameters=unknown)
-    with pytest.raises(lg.InputError, match="kp"):
-        velocity_loop(P, kp=None)
+UNKNOWN = lg.Model.of(P).with_values({"Fc": None})
+
+
+@pytest.mark.parametrize(
+    ("given", "options", "said"),
+    [
+        (P, {"observer": "kalman"}, "'kalman'.*natural, existing, proposed"),
+        (UNKNOWN, {}, "Fc"),
+        (P, {"observer": "natural", "observer_parameters": UNKNOWN}, "Fc"),
+        (P, {"kp": None}, "kp"),
+    ],
+)
+@pytest.mark.parametrize("make", [velocity_loop, position_loop])
+def test_wrong_usage_is_one_sentence(make, given, options, said):
+    with pytest.raises(lg.InputError, match=said):
+        make(given, **options)

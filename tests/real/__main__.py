@@ -29,9 +29,7 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="python -m tests.real", description=__doc__)
     p.add_argument("--row", action="append", help="a name or a part of it; may be repeated")
     p.add_argument("--group", help="rows of one group: table, map, format")
-    p.add_argument("--judge", default="lugrectl", metavar="NAME",
-                   help="lugrectl, prototype or MODULE:FUNCTION")  # fmt: skip
-    p.add_argument("--prototype", metavar="DIR", help="folder of comparison_prototype.py")
+    p.add_argument("--judge", default="lugrectl", help="lugrectl or MODULE:FUNCTION")
     p.add_argument("--rows", type=Path, metavar="FILE", help="own rows, a TOML file")
     p.add_argument("--data", type=Path, help="folder of the logs; with --rows that of the file")
     p.add_argument("--limit", type=float, default=LIMIT, help="most seconds for a row")
@@ -74,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if missing:
             print(f"{row.name:{page.WIDTH}s} left out: {data / missing[0]} is not there")
             continue
-        answer = ask(row, data, args.judge, args.prototype, args.limit)
+        answer = ask(row, data, args.judge, args.limit)
         lines.append((row, answer, score(row, answer)))
         print(page.line(*lines[-1]), flush=True)
     print(page.closing(lines))

@@ -10,18 +10,18 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from .judges import answer_of, judge_named
+from ..scores.judges import judge_named, timed
+from ..scores.question import Answer
 from .row import Row
-from .score import Answer
 
 LIMIT = 300.0  # s
 
 
-def ask(row: Row, data: Path, judge: str, prototype: str | None, limit: float = LIMIT) -> Answer:
+def ask(row: Row, data: Path, judge: str, limit: float = LIMIT) -> Answer:
     """The answer of a judge, within ``limit`` seconds; "timeout" or "crash" where there is none."""
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe(duplex=False)
-    process = context.Process(target=_work, args=(there, row, data, judge, prototype))
+    process = context.Process(target=_work, args=(there, row, data, judge))
     began = time.perf_counter()
     process.start()
     there.close()
@@ -36,14 +36,10 @@ def ask(row: Row, data: Path, judge: str, prototype: str | None, limit: float = 
     return answer
 
 
-def answered(row: Row, data: Path, judge: str, prototype: str | None = None) -> Answer:
+def answered(row: Row, data: Path, judge: str) -> Answer:
     """The answer of a judge in this process, with the seconds that it took after imports."""
-    function = judge_named(judge, prototype)
     logs = [(data / source.file, source.options) for source in row.sources]
-    began, cpu = time.perf_counter(), time.process_time()
-    answer = answer_of(function(logs, row.model))
-    seconds = time.perf_counter() - began
-    return replace(answer, seconds=seconds, cpu=time.process_time() - cpu)
+    return timed(judge_named(judge), logs, row.model)
 
 
 def _work(pipe: Connection, *given: Any) -> None:

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from .__main__ import DATA, RESULTS, THREADS
-from .judges import CHANNELS
 from .models import MODELS, StandIn
 from .motion import Motion, Run, motion_of, rms
 from .page import WIDTH, commit, keep
 from .row import Source
 from .sets import SPLITS, Cut, Split
 
+CHANNELS = ("u", "theta", "w")
 DEFAULT = ("ours", "hand", "trees")
 
 

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from ..scores.question import Answer
 from .row import Row
-from .score import Answer, Score, total
+from .score import Score, total
 
 Line = tuple[Row, Answer, Score]
 WIDTH = 26  # of the names

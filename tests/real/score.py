@@ -3,34 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from ..scores.question import Answer, Estimate
 from .row import Row, Value, Way
 
 MOST = 3  # causes that an ambiguous answer may list
 MORE_LEFT = 0.01  # share of RMS torque that may be left beyond the fit by hand
-Estimate = tuple[float, float | None, float | None]  # value, 95 % interval where there is one
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What a judge says of a row.
-
-    ``verdict``: as in the package, or "crash" or "timeout". ``effects`` are names, the likeliest
-    first; ``alternatives`` explain as well. ``parameters``: name -> (value, low, high).
-    ``left``: share of RMS torque that remains. ``seconds`` and ``cpu``: after all imports.
-    ``reason``: of a refusal.
-    """
-
-    verdict: str
-    effects: tuple[str, ...] = ()
-    alternatives: tuple[str, ...] = ()
-    depends_on: tuple[str, ...] = ()
-    parameters: dict[str, Estimate] = field(default_factory=dict)
-    left: float | None = None
-    seconds: float = float("nan")
-    cpu: float = float("nan")
-    reason: str = ""
 
 
 @dataclass(frozen=True)

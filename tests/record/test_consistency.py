@@ -13,8 +13,7 @@ from scipy.signal import lfilter
 from lugrectl.core.errors import Refused
 from lugrectl.record import Record, consistent, read_record
 from lugrectl.record.consistency import audit as checked
-from lugrectl.record.consistency import torque_fit
-from lugrectl.record.samples.position_jumps import unwrapped
+from lugrectl.record.samples.position_jumps import jumps, unwrapped
 
 from ..cases.logs import DATA, measured
 
@@ -143,14 +142,6 @@ def test_a_sensor_beyond_a_soft_coupling_does_not_turn_the_torque():
     assert "was changed" not in said(audit(Record(t, u, w, theta, dt=dt)))
 
 
-def test_the_fit_finds_the_balance_of_the_machine():
-    fit = torque_fit(PLAIN)
-    assert fit is not None and fit.r2 > 0.98 and fit.inertia_t > 20 and fit.power_t > 20
-    turned = torque_fit(replace(PLAIN, u=-PLAIN.u))
-    assert turned is not None
-    assert turned.inertia_t == pytest.approx(-fit.inertia_t) and turned.r2 == pytest.approx(fit.r2)
-
-
 # ---- wrapped angles -----------------------------------------------------------------
 
 
@@ -168,9 +159,9 @@ def test_wrapped_angles_are_unwrapped(low, turns):
 
 
 def test_wrapped_degrees_without_a_unit_are_converted():
-    theta, told = unwrapped("theta", np.rad2deg(PLAIN.theta) % 360)
-    np.testing.assert_allclose(theta, PLAIN.theta - PLAIN.theta[0], atol=1e-9)
-    assert len(told) == 1 and "deg" in told[0]
+    seen = audit(replace(PLAIN, w=None, theta=np.rad2deg(PLAIN.theta) % 360))
+    np.testing.assert_allclose(seen.theta, PLAIN.theta - PLAIN.theta[0], atol=1e-9)
+    assert len(seen.messages) == 1 and "converted from deg" in said(seen)
 
 
 def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
@@ -189,14 +180,15 @@ def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
 def test_unwrapping_never_invents_a_jump(steps):
     """A smooth angle that never nears half a turn in one step is left alone."""
     theta = np.cumsum(steps)
-    seen, told = unwrapped("theta", theta)
+    found = jumps(np.arange(float(len(theta))), theta)
+    seen, told = unwrapped("theta", theta, found, "rotary")
     assert told == [] and seen is theta
 
 
 def test_one_outlier_is_no_wrap():
-    theta = np.sin(np.arange(1000) * 0.01)
+    theta = PLAIN.theta.copy()
     theta[500] += 4.0
-    assert unwrapped("theta", theta)[1] == []
+    assert "far off its neighbours" in said(audit(replace(PLAIN, theta=theta)))
 
 
 # ---- w against theta ----------------------------------------------------------------

@@ -3,7 +3,7 @@
 import numpy as np
 
 from lugrectl.record import read_log
-from lugrectl.record.columns.unsigned import signed
+from lugrectl.record.columns.raw_numbers import signed
 
 
 def test_an_unsigned_register_is_read_with_its_sign():

@@ -14,9 +14,14 @@ from lugrectl.blocks.block import members
 from lugrectl.blocks.model import Model, table1
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.result import Diagnosis
-from lugrectl.report import comparison_section, diagnosis_plots, views
+from lugrectl.report import canvas, diagnosis_plots
 
 from ..cases.made_up import PHI, A, N, diagnosis, effect, traces
+
+
+def names(d):
+    return [figure.name for figure in diagnosis_plots.figures(d)]
+
 
 # --- plots -------------------------------------------------------------------------------
 
@@ -34,7 +39,7 @@ def test_overview_draws_into_the_axes_given():
 
 def test_nothing_to_plot_is_said():
     for d in (diagnosis("refused"), Diagnosis("adequate")):
-        assert diagnosis_plots.available(d) == []
+        assert names(d) == []
         with pytest.raises(InputError, match="nothing to plot"):
             d.plot()
     for draw in (diagnosis_plots.motion, diagnosis_plots.error, diagnosis_plots.torque):
@@ -44,19 +49,19 @@ def test_nothing_to_plot_is_said():
 
 def test_missing_traces_leave_only_their_own_plot_out():
     tr, nan = traces(), np.full(12000, np.nan)
-    assert diagnosis_plots.available(diagnosis(traces=None)) == ["budget"]
-    assert diagnosis_plots.available(diagnosis(traces=replace(tr, simulated={}))) == [
+    assert names(diagnosis(traces=None)) == ["budget"]
+    assert names(diagnosis(traces=replace(tr, simulated={}))) == [
         "budget",
         "torque",
     ]
     blank = replace(tr, simulated={"refitted": nan}, residual={"refitted": nan})
-    assert diagnosis_plots.available(diagnosis(traces=blank, comparison=None)) == []
+    assert names(diagnosis(traces=blank, comparison=None)) == []
 
 
 def test_the_stretch_shown_is_the_worst_held_out_one():
     tr = traces()
-    cut = views.stretch(tr)
-    assert tr.t[cut.stop - 1] - tr.t[cut.start] == pytest.approx(views.STRETCH, abs=0.01)
+    cut = diagnosis_plots.stretch(tr)
+    assert tr.t[cut.stop - 1] - tr.t[cut.start] == pytest.approx(diagnosis_plots.STRETCH, abs=0.01)
     assert tr.t[cut.start] <= 6.3 and tr.t[cut.stop - 1] >= 7.3
     ax = diagnosis_plots.motion(diagnosis())
     low, high = ax.get_xlim()
@@ -66,7 +71,7 @@ def test_the_stretch_shown_is_the_worst_held_out_one():
 def test_error_over_time_agrees_with_the_error_itself():
     tr = traces()
     error = tr.measured - tr.simulated["refitted"]
-    edges, rms = views.rms_over_time(tr.t, error)
+    edges, rms = diagnosis_plots.rms_over_time(tr.t, error)
     share, _ = np.histogram(tr.t[tr.held_out], edges)
     total = np.sqrt(np.nansum(share * rms**2) / tr.held_out.sum())
     assert total == pytest.approx(np.sqrt(np.nanmean(error**2)), rel=1e-12)
@@ -77,16 +82,16 @@ def test_error_over_time_agrees_with_the_error_itself():
 def test_bin_means_add_up_to_the_mean(points, bins):
     x, y = np.array(points).T
     edges = np.linspace(0, 1, bins + 1)
-    centres, mean = views.binned(x, y, edges, least=1)
+    centres, mean = canvas.binned(x, y, edges, least=1)
     count, _ = np.histogram(x, edges)
     assert np.nansum(mean * count) == pytest.approx(y.sum(), abs=1e-9)
     assert np.array_equal(np.isnan(mean), count == 0) and len(centres) == bins
 
 
 def test_residual_of_a_ripple_is_shown_over_one_turn():
-    view = views.residual(diagnosis())
+    view = diagnosis_plots.residual(diagnosis())
     assert view.label == "theta modulo one turn [rad]" and view.held_out
-    centres, mean = views.binned(view.x, view.before, np.linspace(0, 2 * np.pi, 65))
+    centres, mean = canvas.binned(view.x, view.before, np.linspace(0, 2 * np.pi, 65))
     good = np.isfinite(mean)
     assert np.allclose(mean[good], A * np.sin(N * centres[good] + PHI), atol=0.012)
     assert np.sqrt(np.mean(view.after**2)) < 0.011
@@ -106,7 +111,7 @@ def test_residual_of_a_ripple_is_shown_over_one_turn():
     ],
 )
 def test_residual_is_shown_against_the_signal_that_explains_it(finding, label):
-    assert views.residual(diagnosis(effects=(finding,))).label == label
+    assert diagnosis_plots.residual(diagnosis(effects=(finding,))).label == label
 
 
 def test_a_change_of_friction_level_is_shown_with_the_sign_taken_out():
@@ -114,7 +119,7 @@ def test_a_change_of_friction_level_is_shown_with_the_sign_taken_out():
     step = 0.03 * (tr.t > 6.0) * np.sign(tr.signals["w"])
     tr = replace(tr, residual={"refitted": step, "augmented": 0.0 * step})
     d = diagnosis(effects=(effect("friction_step", ratio=0.1, time=6.0),), traces=tr)
-    view = views.residual(d)
+    view = diagnosis_plots.residual(d)
     assert view.times == "w" and np.allclose(view.before, 0.03 * (view.x > 6.0))
     assert "x sign(w)" in diagnosis_plots.torque(d).get_ylabel()
 
@@ -132,14 +137,14 @@ def test_a_product_of_two_signals_is_shown_over_one_with_the_sign_of_the_other(p
     tr = traces()
     tr = replace(tr, signals={**tr.signals, "a": np.gradient(tr.signals["w"], tr.t)})
     d = replace(diagnosis("unexplained", traces=tr), depends_on=pair)
-    view, ax = views.residual(d), diagnosis_plots.torque(d)
+    view, ax = diagnosis_plots.residual(d), diagnosis_plots.torque(d)
     assert view.times == times and view.label.startswith(over)
     assert f"x sign({times})" in ax.get_ylabel()
 
 
 def test_the_budget_has_a_bar_for_each_term_with_its_share():
     d = diagnosis()
-    ax = comparison_section.bars(d)
+    ax = diagnosis_plots.bars(d)
     names = [label.get_text() for label in ax.get_yticklabels()][::-1]
     assert names == ["coulomb", "viscous", "torque_ripple", "not explained", "of it sensor noise"]
     assert [bar.get_width() for bar in ax.patches][::-1][2] == pytest.approx(11.0)
@@ -155,16 +160,16 @@ def test_linear_drives_have_linear_labels():
 
 
 def test_residual_of_an_unexplained_record_hangs_on_what_was_named():
-    view = views.residual(diagnosis("unexplained"))
+    view = diagnosis_plots.residual(diagnosis("unexplained"))
     assert view.label.startswith("theta") and view.after is None
     d = diagnosis("unexplained", depends_on=("t",), effects=(effect("quadratic_drag"),))
-    assert views.residual(d).label == "t [s]"
+    assert diagnosis_plots.residual(d).label == "t [s]"
     assert "quadratic_drag explains a part" in " ".join(report.text(d).split())
 
 
 def test_without_held_out_samples_the_whole_record_is_shown():
     tr = replace(traces(), held_out=np.zeros(12000, bool))
-    view = views.residual(diagnosis(traces=tr))
+    view = diagnosis_plots.residual(diagnosis(traces=tr))
     assert not view.held_out and len(view.x) == 12000
 
 
@@ -197,11 +202,11 @@ def test_small_residuals_are_drawn_with_the_prefix_of_the_table():
 
 
 def test_a_residual_over_one_turn_shows_all_of_it_and_each_ripple_in_fine_bins():
-    view = views.residual(diagnosis())
+    view = diagnosis_plots.residual(diagnosis())
     edges = view.edges()
     assert (edges[0], edges[-1]) == (0.0, pytest.approx(2 * np.pi))
     assert len(edges) - 1 == min(20 * N, len(view.x) // 20) >= 60
-    _, mean = views.binned(view.x, view.before, edges)
+    _, mean = canvas.binned(view.x, view.before, edges)
     assert np.nanmax(mean) > 0.95 * A
     assert diagnosis_plots.torque(diagnosis()).get_xlim() == pytest.approx((0.0, 2 * np.pi))
 

@@ -8,8 +8,9 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.cli.plotting import NO_SCREEN, has_screen
-from lugrectl.report.log_plot import sampled_rest
+from lugrectl.cli.commands import NO_SCREEN
+from lugrectl.cli.output import has_screen
+from lugrectl.estimates.balance import at_samples
 
 from ..cases.logs import csv, machine
 
@@ -39,7 +40,7 @@ def test_a_cogging_shows_over_the_angle_and_runs_are_parted():
     )
     u = 0.002 * a + 0.3 * np.sign(w) + 0.02 * w + 0.06 * np.sin(10 * theta)
     found = lg.balance([{"t": t, "u": u, "theta": theta}, {"t": t, "u": -u, "theta": -theta}])
-    part = sampled_rest(found, found.stretches[0])
+    part = at_samples(found, found.stretches[0])
     good = np.isfinite(part["left"])
     wave = np.sin(10 * part["theta"][good])
     assert good.mean() > 0.5 and np.corrcoef(part["left"][good], wave)[0, 1] > 0.8

@@ -71,7 +71,7 @@ def test_a_name_is_text_in_the_report_and_in_its_pictures(name):
     said = safe(report.html(d))
     if "\x00" not in name:
         assert name in said
-    assert d._repr_html_() and diagnosis_plots.drawings(d)
+    assert d._repr_html_() and diagnosis_plots.figures(d)
 
 
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)

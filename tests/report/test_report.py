@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 
 from lugrectl import report
 from lugrectl.blocks.model import Model, read_model, table1
-from lugrectl.core.display import between
+from lugrectl.core import writing
+from lugrectl.core.display import between, with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.estimates.balance import Balance
 from lugrectl.estimates.findings import Estimate
-from lugrectl.report import atomic, diagnosis_plots, wording
+from lugrectl.report import diagnosis_plots, wording
 
 from ..cases.html_page import Page
 from ..cases.made_up import HOSTILE, bare, diagnosis
@@ -124,7 +125,7 @@ def test_an_identification_shows_each_declared_value_beside_the_fitted_one():
 def test_interval_text_keeps_the_interval(middle, width):
     """A place of the last digit is at most a fifth of it: more digits would say nothing."""
     low, high = middle - width / 2, middle + width / 2
-    value, text = wording._with_interval(Estimate(middle, "1", (low, high)))
+    value, text = with_interval(Estimate(middle, "1", (low, high)))
     shown = [float(x) for x in (value, *text.split(" to "))]
     assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.11 * width)
 
@@ -145,7 +146,7 @@ def test_the_ends_of_an_interval_are_never_one_text(interval, shown):
 
 def test_large_values_show_no_digit_that_the_interval_does_not_know():
     estimate = Estimate(1517863.0, "N/m", (624699.0, 3688028.0))
-    assert wording._with_interval(estimate) == ("1500000", "600000 to 3700000")
+    assert with_interval(estimate) == ("1500000", "600000 to 3700000")
 
 
 def test_names_are_listed_as_in_a_sentence():
@@ -172,7 +173,7 @@ def test_page_is_whole_self_contained_and_safe(verdict):
     assert all(v.startswith(("#", "data:image/png;base64,")) for v in addresses)
     style = "".join(s for s in page.said)
     assert "url(" not in style.replace("url(#", "") and "@import" not in style
-    assert HOSTILE in style and page.tags.count("figure") == len(diagnosis_plots.available(d))
+    assert HOSTILE in style and page.tags.count("figure") == len(diagnosis_plots.figures(d))
     ids = [v for k, v in page.attributes if k == "id"]
     assert len(ids) == len(set(ids))
 
@@ -185,7 +186,8 @@ def test_fragment_carries_the_same_content_and_notebooks_find_it():
 
 
 def test_no_figure_holds_a_coordinate_that_is_no_number():
-    for _, svg in diagnosis_plots.drawings(diagnosis()):
+    for figure in diagnosis_plots.figures(diagnosis()):
+        svg = figure.html()
         paths = re.findall(r'\bd="([^"]*)"', svg)
         assert paths and not any("nan" in p.lower() or "inf" in p.lower() for p in paths)
 
@@ -233,7 +235,7 @@ def test_write_replaces_its_own_files_and_no_others(tmp_path):
 @pytest.mark.parametrize("fails", range(6))
 def test_a_failure_half_way_leaves_everything_as_it_was(tmp_path, monkeypatch, fails):
     report.write(bare("found"), tmp_path)
-    before, calls, move = content(tmp_path), [], atomic.os.replace
+    before, calls, move = content(tmp_path), [], writing.os.replace
 
     def breaking(source, target):
         calls.append(source)
@@ -241,7 +243,7 @@ def test_a_failure_half_way_leaves_everything_as_it_was(tmp_path, monkeypatch, f
             raise OSError(28, "No space left on device")
         move(source, target)
 
-    monkeypatch.setattr(atomic.os, "replace", breaking)
+    monkeypatch.setattr(writing.os, "replace", breaking)
     with pytest.raises(InputError, match="No space left"):
         report.write(bare("adequate"), tmp_path)
     assert content(tmp_path) == before
@@ -252,7 +254,7 @@ def test_a_failure_leaves_no_new_folder(tmp_path, monkeypatch, method):
     def broken(*_, **__):
         raise OSError(30, "Read-only file system")
 
-    monkeypatch.setattr(atomic.Path, method, broken)
+    monkeypatch.setattr(writing.Path, method, broken)
     with pytest.raises(InputError, match="Read-only"):
         report.write(bare(), tmp_path / "new" / "folder")
     assert not list(tmp_path.iterdir())

@@ -9,7 +9,7 @@ from lugrectl import Model, diagnose, read_record
 from lugrectl.estimates.comparison import Share
 from lugrectl.estimates.findings import FrictionMap
 from lugrectl.report import html, text
-from lugrectl.report.comparison_section import COLOURS, bars
+from lugrectl.report.diagnosis_plots import bars
 
 from ..cases.balance_drive import FC, simulate, torque
 from ..cases.made_up import bare, diagnosis
@@ -72,4 +72,3 @@ def test_gravity_has_the_colour_of_an_effect_in_the_budget():
         for tick, bar in zip(ax.get_yticklabels(), ax.patches, strict=True)
     }
     assert colours["gravity"] == colours["torque_ripple"] != colours["coulomb"]
-    assert COLOURS["effect"] != COLOURS["friction"]

@@ -10,12 +10,11 @@ import pytest
 
 from lugrectl.cli import main
 from lugrectl.core.provenance import SourceFile, provenance
-from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
-from lugrectl.estimates.findings import Estimate, FrictionMap, Table
 
 from ..cases.made_up import bare
 from ..cases.schema import SCHEMA, VALID, closed, document
+from ..cases.shown_results import friction_map, identification, table
 
 jsonschema = pytest.importorskip("jsonschema")
 
@@ -24,28 +23,14 @@ def stamped():
     return provenance("lugrectl.diagnose", [SourceFile.of_bytes("run.csv", b"t,u,w")])
 
 
-def table():
-    points = np.linspace(-1.0, 1.0, 5)
-    pair = (0.2, 0.4)
-    return Table(("theta",), points, points, 0.0 * points, False, 0.3, pair, 0.01, "N m", 20)
-
-
-def friction_map():
-    w, held = np.array([1.0, 2.0]), np.array([True, False])
-    swing = ((1, Estimate(0.1, "N m", (0.0, 0.2))),)
-    return FrictionMap(w, w, w, held, w, {"refitted": w}, "rotary", swing)
-
-
 def diagnosis(verdict="found", **changes):
     return document(replace(bare(verdict), provenance=stamped(), **changes))
 
 
 def identified():
-    d = bare()
-    error = {k: v for k, v in d.error.items() if k != "augmented"}
-    keys = ("estimates", "model", "record", "declared")
-    same = {k: getattr(d, k) for k in keys}
-    return Identification(**same, error=error, messages=("a note.",), provenance=stamped())
+    made = identification()
+    error = {k: v for k, v in made.error.items() if k != "augmented"}
+    return replace(made, error=error, messages=("a note.",), provenance=stamped())
 
 
 def changed(d, *path, to):
@@ -79,7 +64,7 @@ def test_an_identification_fits():
 
 
 def test_table_map_and_compensation_fit():
-    pair = np.array([[0.1] * 5, [0.2] * 5])
+    pair = np.array([[0.1] * 3, [0.2] * 3])
     for made in (table(), replace(table(), signals=("theta", "w"), values=pair, error=pair)):
         VALID.validate(diagnosis("unexplained", table=made))
     VALID.validate(diagnosis(map=friction_map()))

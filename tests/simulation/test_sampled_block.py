@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.blocks.comparison_observers import (
+from lugrectl.blocks.observers import (
     disturbance_observer,
     extended_state_observer,
     friedland_park_observer,

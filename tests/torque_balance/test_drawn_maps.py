@@ -12,7 +12,7 @@ from lugrectl.cli import main
 from lugrectl.report import text
 from tests.blind import maps
 from tests.cases.logs import DATA
-from tests.rig.steady import EFFECTS, STRANGERS, draw
+from tests.drives.steady import EFFECTS, STRANGERS, draw
 
 SCREW = DATA / "screw-drive/steady_state/0.096kg"
 NAMES = {

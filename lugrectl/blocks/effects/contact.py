@@ -11,8 +11,10 @@ from ..block import P
 from ..declaration import block
 from ..friction import EPS, FC, FS, SIGMA1, SMOOTH, VS, bristle, bristle_torque, level
 
-SHARED_FC, SHARED_FS = replace(FC, shared=True), replace(FS, shared=True)
-SHARED_VS, SHARED_EPS = replace(VS, shared=True), replace(EPS, shared=True)
+SHARED_FC: Any = replace(FC, shared=True)
+SHARED_FS: Any = replace(FS, shared=True)
+SHARED_VS: Any = replace(VS, shared=True)
+SHARED_EPS: Any = replace(EPS, shared=True)
 RIGID = 1e12  # N m/rad; bristles of this stiffness and above count as rigid
 LEAST = 1e-12  # N m
 ONSET = 0.05  # the drive slides fully at a speed higher by this share than where sliding begins
@@ -45,7 +47,7 @@ def sublinear_viscous(
     w,
     coefficient: Any = P(0.0, "N m (s/rad)^n", 0.0, neutral=0.0),
     exponent: Any = P(0.5, "1", 0.02, 0.98),
-    eps: Any = SMOOTH,
+    eps=SMOOTH,
 ):
     """r_e = c |w|^n sign(w), 0 < n < 1.
 
@@ -72,7 +74,7 @@ def dwell_stiction(
     ratio: Any = P(0.0, "1", 0.0, 20.0, neutral=0.0),
     time_constant=P(1.0, "s", 1e-9),
     release=P(3e-4, "s", 1e-9, fitted=False),
-    vs: Any = SHARED_VS,
+    vs=SHARED_VS,
 ):
     """Fs (1 + a (1 - exp(-t_rest/tau))).
 
@@ -96,7 +98,7 @@ def dwell_stiction(
     confused="sublinear_viscous presliding dwell_stiction",
     experiment="record many constant speeds, from the slowest steady one upwards",
 )
-def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs: Any = VS, Fc: Any = SHARED_FC):
+def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs=VS, Fc=SHARED_FC):
     """G = 1 + max(Fs/Fc - 1, 0) exp(-(w/vs)^2).
 
     Turns Coulomb friction into the static Stribeck map; no change if Fs <= Fc. In a log: below
@@ -121,10 +123,10 @@ def presliding(
     z,
     sigma0: Any = P(np.inf, "N m/rad", 0.0, neutral=np.inf),
     sigma1=SIGMA1,
-    Fc: Any = SHARED_FC,
-    Fs: Any = SHARED_FS,
-    vs: Any = SHARED_VS,
-    eps: Any = SHARED_EPS,
+    Fc=SHARED_FC,
+    Fs=SHARED_FS,
+    vs=SHARED_VS,
+    eps=SHARED_EPS,
 ):
     """r_e = sigma0 z + sigma1 dz/dt - h(w) sign(w), dz/dt = w - sigma0 |w| z / h(w).
 

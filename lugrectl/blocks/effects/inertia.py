@@ -13,10 +13,10 @@ from ..friction import EPS, J
 from .levels import RATIO
 from .loads import PHASE
 
-SHARED_J = replace(J, shared=True)
-LOAD = P(0.0, "kg m2", 0.0, neutral=0.0)
-STIFFNESS = P(10.0, "N m/rad", 0.0)
-DAMPING = P(0.01, "N m s/rad", 0.0)
+SHARED_J: Any = replace(J, shared=True)
+LOAD: Any = P(0.0, "kg m2", 0.0, neutral=0.0)
+STIFFNESS: Any = P(10.0, "N m/rad", 0.0)
+DAMPING: Any = P(0.01, "N m s/rad", 0.0)
 
 
 @block(
@@ -26,7 +26,7 @@ DAMPING = P(0.01, "N m s/rad", 0.0)
     confused="friction_step pose_dependent_inertia",
     experiment="accelerate and brake along the same path before and after the change",
 )
-def inertia_step(t, ratio: Any = RATIO, time=P(0.0, "s")):
+def inertia_step(t, ratio=RATIO, time=P(0.0, "s")):
     """J (1 + a) from t0.
 
     A payload picked up or put down at the speed of the drive. In a log: from one time on the
@@ -49,7 +49,7 @@ def pose_dependent_inertia(
     ratio=P(0.0, "1", 0.0, 0.9, neutral=0.0),
     harmonic=P(1.0, "1/rev", 1e-3, 1e9, whole=True),
     phase=PHASE,
-    J: Any = SHARED_J,
+    J=SHARED_J,
 ):
     """J(theta) = J (1 + a cos(N theta + phi)), r_e = (1/2) dJ/dtheta w^2.
 
@@ -101,9 +101,7 @@ def load_motion(theta: Any, w: Any, twist: Any, w_load: Any, load_inertia: Any) 
     confused="input_delay velocity_sensor_lag backlash presliding",
     experiment="record a torque chirp through the resonance, with an encoder on the load if any",
 )
-def elastic_coupling(
-    w, twist, w_load, load_inertia=LOAD, stiffness: Any = STIFFNESS, damping: Any = DAMPING
-):
+def elastic_coupling(w, twist, w_load, load_inertia=LOAD, stiffness=STIFFNESS, damping=DAMPING):
     """r_e = K twist + D (w - w_load), Jl dw_load/dt = r_e, dtwist/dt = w - w_load.
 
     A load inertia Jl in addition to J, behind a spring and a damper; friction acts on the motor.
@@ -129,10 +127,10 @@ def backlash(
     w_load,
     load_inertia=LOAD,
     gap=P(0.01, "rad", 0.0),
-    stiffness: Any = STIFFNESS,
-    damping: Any = DAMPING,
+    stiffness=STIFFNESS,
+    damping=DAMPING,
     load_friction: Any = P(0.0, "N m", 0.0, usual=True),
-    eps: Any = EPS,
+    eps=EPS,
 ):
     """r_e = K s + D (w - w_load), s = twist beyond +-gap/2, Jl dw_load/dt = r_e.
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..block import P
 from ..declaration import block
 from .loads import PHASE
 
-RATIO = P(0.0, "1", -0.95, 20.0, neutral=0.0)
+RATIO: Any = P(0.0, "1", -0.95, 20.0, neutral=0.0)
 
 
 @block(
@@ -74,11 +76,7 @@ def viscous_asymmetry(w, ratio=P(0.0, "1", -1.0, 1.0, neutral=0.0)):
     confused="friction_step quadratic_drag",
     experiment="repeat the same run cold and warm, alternating two speeds, and log the temperature",
 )
-def thermal_drift(
-    t,
-    ratio=RATIO,
-    time_constant=P(10.0, "s", 1e-9),
-):
+def thermal_drift(t, ratio=RATIO, time_constant=P(10.0, "s", 1e-9)):
     """G, Fv scaled by 1 + a (1 - exp(-t/tau)).
 
     t is the time of the log; the drive is cold until t = 0. In a log: all friction drifts

@@ -9,8 +9,8 @@ import numpy as np
 from ..block import P
 from ..declaration import block
 
-PHASE = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
-AMPLITUDE = P(0.0, "N m", 0.0, neutral=0.0)
+PHASE: Any = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
+AMPLITUDE: Any = P(0.0, "N m", 0.0, neutral=0.0)
 
 
 @block(
@@ -57,10 +57,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
     experiment="record slow moves over several periods, at two speeds and in both directions",
 )
 def torque_ripple(
-    theta,
-    amplitude: Any = AMPLITUDE,
-    harmonic=P(2.0, "1/rev", 1e-3, 1e9, whole=True),
-    phase=PHASE,
+    theta, amplitude=AMPLITUDE, harmonic=P(2.0, "1/rev", 1e-3, 1e9, whole=True), phase=PHASE
 ):
     """r_e = A sin(N theta + phi).
 
@@ -80,9 +77,7 @@ def torque_ripple(
     experiment="record slow moves over the whole travel, in both directions, at two frequencies",
 )
 def return_spring(
-    theta,
-    stiffness: Any = P(0.0, "N m/rad", 0.0, neutral=0.0),
-    rest=P(0.0, "rad", span=(0.0, 1.0)),
+    theta, stiffness: Any = P(0.0, "N m/rad", 0.0, neutral=0.0), rest=P(0.0, "rad", span=(0.0, 1.0))
 ):
     """r_e = K (theta - theta0).
 
@@ -124,10 +119,7 @@ def hard_stop(
     "change",
 )
 def periodic_disturbance(
-    t,
-    amplitude: Any = AMPLITUDE,
-    frequency: Any = P(1.0, "Hz", 1e-9, 1e6),
-    phase=PHASE,
+    t, amplitude=AMPLITUDE, frequency: Any = P(1.0, "Hz", 1e-9, 1e6), phase=PHASE
 ):
     """r_e = A sin(2 pi f t + phi).
 

@@ -16,8 +16,7 @@ from ...core.errors import InputError, Refused
 from ...core.option_names import option
 from ...engine.runtime.backend import compiler
 from ...record import Record, consistent, long_enough_to_judge
-from ...record.record import smallest_step
-from ...record.signal_noise import repeating, repeats, sensor_noise, share_noise
+from ...record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
 
 BLOCK = 2.0  # s, least length of a held-out block
 AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach

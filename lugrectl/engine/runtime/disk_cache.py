@@ -8,11 +8,10 @@ import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from ...core.unfinished import unfinished
+from ...core.writing import whole as written_whole
 
 
 def cache_dir() -> Path:
@@ -62,16 +61,9 @@ def _is_own(path: Path) -> bool:
     return found.st_uid == os.getuid() and not found.st_mode & 0o022
 
 
-@contextlib.contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def whole(path: Path) -> contextlib.AbstractContextManager[Path]:
     """A temporary file that is renamed at the end: other processes see all of it or nothing."""
-    part = unfinished(path.parent)
-    part.touch(0o600)
-    try:
-        yield part
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    return written_whole(path, 0o600)
 
 
 def keep(path: Path, text: str) -> None:

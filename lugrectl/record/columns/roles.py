@@ -68,11 +68,6 @@ def _named(table: Table, role: str, name: str) -> Choice:
     return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
 
 
-def fits_role(names: Sequence[str], role: str) -> bool:
-    """True if a column of these names may be the role."""
-    return bool(fitting(names, role, range(len(names)))[0])
-
-
 def _same(table: Table, fits: Sequence[int]) -> bool:
     """Whether columns that may be one role hold the same values."""
     try:
@@ -133,7 +128,7 @@ def _nothing_known(table: Table, need_time: bool) -> str:
     start = (
         f"{table.source}: its columns are {table.listed()}, which say nothing of torque and motion"
         if table.headed
-        else f"{table.source} has no header (its numbers begin in {table.where(0)})"
+        else f"{table.source} has no header (its numbers begin in {table.begins})"
     )
     how = "name them" if table.headed else "give the numbers of its columns, counted from 1"
     hint = f" {table.hint}" if table.hint else ""

@@ -1,14 +1,20 @@
-"""A table of named columns, whatever it was read from."""
+"""Tables of named columns: of a file, or in memory (dict of arrays, structured array, DataFrame).
+
+A DataFrame is known by what it can do; pandas is never imported.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
+from typing import Any
 
 import numpy as np
 
 from ...core.errors import InputError
-from .column_names import fitting, split_unit, stamp_pair, unit_in_name
+from ...core.validation import array, real, shown
+from .column_names import fitting, rank, split_unit, stamp_pair, unit_in_name
 
 Columns = tuple[list[np.ndarray], list[str]]  # the columns, and notes on how they were read
 
@@ -20,12 +26,18 @@ _SHOWN = 30  # names that a sentence lists at most
 _EPOCH = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
 
+def row_number(row: int) -> str:
+    """Return 'row 2100', counted from 0 as arrays are."""
+    return f"row {row}"
+
+
 @dataclass(frozen=True)
 class Table:
     """Named columns of a file, read only on request.
 
     ``load(indices)`` returns the float64 columns of these indices and notes on how they were
-    read; ``where(row)`` describes the place of a row in the file. ``plain`` are the names
+    read; ``where(row)`` names the place of a row, "line 2102" of a text (its header counted),
+    "row 2100" (from 0) elsewhere, ``begins`` that of the first. ``plain`` are the names
     without units, by which roles are found; ``hint`` is a sentence for a table whose columns
     cannot be identified; ``headed`` is False where the file has no names.
     """
@@ -34,10 +46,11 @@ class Table:
     names: tuple[str, ...]
     units: tuple[str | None, ...]
     load: Callable[[Sequence[int]], Columns]
-    where: Callable[[int], str]
+    where: Callable[[int], str] = row_number
     plain: tuple[str, ...] = ()
     hint: str = ""
     headed: bool = True
+    begins: str = "sample 1"
 
     def __post_init__(self) -> None:
         if not self.plain:
@@ -121,28 +134,33 @@ def time_columns(plain: Sequence[str], units: Sequence[str | None]) -> list[int]
 
 def array_table(
     source: str,
-    columns: Sequence[tuple[str, str, str | None, np.ndarray]],
+    columns: Sequence[tuple[str, str, str | None, Any]],
     hint: str = "",
     headed: bool = True,
+    number_of: Callable[[int], np.ndarray] | None = None,
 ) -> Table:
-    """The table of (name, plain name, unit, values (N,)) in memory."""
-    names, plain, units, arrays = (list(part) for part in zip(*columns, strict=True))
+    """Return the table of (name, plain name, unit, values) in memory; ``number_of`` makes numbers
+    of the values of a column, in place of :func:`as_float`."""
+    names, plain, units, values = (list(part) for part in zip(*columns, strict=True))
+    arrays = [_as_array(one).ravel() for one in values]
     epoch = epochs(plain, units, arrays)
     units = [epoch.get(i, unit) for i, unit in enumerate(units)]
 
-    def load(indices: Sequence[int]) -> Columns:
-        chosen = [arrays[i] for i in indices]
-        if len({values.size for values in chosen}) > 1:
-            sizes = ", ".join(f"{names[i]} {arrays[i].size}" for i in indices)
-            raise InputError(f"{source}: the columns differ in length ({sizes}).")
-        return [as_float(values) for values in chosen], epoch_said(names, epoch, indices)
+    def numbers(i: int) -> np.ndarray:
+        if number_of is None or i in epoch:
+            return as_float(arrays[i])
+        return number_of(i)
 
-    where = "sample {}"
-    made = Table(
-        source, tuple(names), tuple(units), load, lambda row: where.format(row + 1),
-        tuple(plain), hint, headed,
-    )  # fmt: skip
-    return joined_stamps(made)
+    def load(indices: Sequence[int]) -> Columns:
+        chosen = [numbers(i) for i in indices]
+        if len({one.size for one in chosen}) > 1:
+            pairs = zip(indices, chosen, strict=True)
+            sizes = ", ".join(f"{names[i]} {one.size}" for i, one in pairs)
+            raise InputError(f"{source}: the columns differ in length ({sizes}).")
+        return chosen, epoch_said(names, epoch, indices)
+
+    made = Table(source, tuple(names), tuple(units), load, plain=tuple(plain))
+    return joined_stamps(replace(made, hint=hint, headed=headed))
 
 
 def epochs(
@@ -174,3 +192,139 @@ def as_float(values: np.ndarray) -> np.ndarray:
     if values.dtype.kind in "iu" and values.size and int(np.max(values)) > 2**53:
         values = values.astype(np.int64) - np.int64(values[0])
     return np.asarray(values, dtype=np.float64)
+
+
+# ---- in memory -------------------------------------------------------------------
+
+
+FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
+
+
+def is_table(given: Any) -> bool:
+    """Whether this holds columns by name."""
+    structured = isinstance(given, np.ndarray) and given.dtype.names is not None
+    return isinstance(given, Mapping) or structured or _is_frame(given)
+
+
+def _is_frame(given: Any) -> bool:
+    return hasattr(given, "columns") and hasattr(given, "__getitem__") and hasattr(given, "shape")
+
+
+def source_of(given: Any) -> str:
+    """What such a table is called in a sentence."""
+    return "the data frame" if _is_frame(given) else "the dict of arrays"
+
+
+def table_of(given: Any, named: Mapping[str, str]) -> Table:
+    """The columns as those of a file; ``named`` are the roles whose columns the user names.
+
+    Names may carry units, ``w [rpm]``. Instants become seconds from the first. The index of a
+    DataFrame is a column where it holds instants or has a usual name of t, and no column is t.
+    """
+    source, columns = source_of(given), _columns(given)
+    if _is_frame(given):
+        columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)
+    if not columns:
+        raise InputError(f"{source} has no columns.")
+    described = zip(heads([name for name, _ in columns]), columns, strict=True)
+    made = [
+        (name, plain, "s" if _is_dated(values) else unit, values)
+        for (name, plain, unit), (_, values) in described
+    ]
+
+    def number_of(i: int) -> np.ndarray:
+        name, values = columns[i]
+        return _numbers(f"{source}: column '{name}'", values)
+
+    return array_table(source, made, number_of=number_of)
+
+
+def _as_array(values: Any) -> np.ndarray:
+    try:
+        return np.asarray(values)
+    except ValueError:  # ragged
+        return np.zeros(0)
+
+
+def _columns(given: Any) -> list[tuple[str, Any]]:
+    """Names and columns; those of nested dicts by dotted names, what is None left out."""
+    if isinstance(given, np.ndarray):
+        return [(name, given[name]) for name in given.dtype.names or ()]
+    if not isinstance(given, Mapping):
+        at = getattr(given, "iloc", None)  # by place: a frame may have two columns of one name
+        names = [_label(name) for name in given.columns]
+        return [(n, given[n] if at is None else at[:, i]) for i, n in enumerate(names)]
+    found = []
+    for name, values in given.items():
+        if isinstance(values, Mapping):
+            found += [(f"{name}.{inner}", v) for inner, v in _columns(values)]
+        elif values is not None and not str(name).startswith("__"):
+            found.append((str(name), values))
+    return found
+
+
+def _label(name: Any) -> str:
+    return ".".join(map(str, name)) if isinstance(name, tuple) else str(name)
+
+
+def _index(frame: Any, names: Sequence[str], named: Mapping[str, str]) -> list[tuple[str, Any]]:
+    """The index as the column of t, or nothing."""
+    index = getattr(frame, "index", None)
+    if not hasattr(index, "dtype"):
+        return []
+    own = _label(getattr(index, "name", None) or "")
+    if "t" in named:
+        return [(own, index)] if named["t"] in {own, split_unit(own)[0]} - {*names, ""} else []
+    if fitting(names, "t", range(len(names)))[0]:
+        return []
+    if rank(split_unit(own)[0], "t") is not None:
+        return [(own, index)]
+    return [("t", index)] if _is_dated(index) else []
+
+
+def _is_dated(values: Any) -> bool:
+    """Whether these are instants or durations rather than numbers."""
+    if hasattr(values, "dtype"):
+        return getattr(values.dtype, "kind", "") in ("M", "m")
+    return isinstance(values, (list, tuple)) and bool(values) and isinstance(values[0], datetime)
+
+
+def _numbers(where: str, values: Any) -> np.ndarray:
+    """A column as (N,) float64; InputError names the first value that is no number."""
+    if _is_dated(values):
+        return _seconds(values)
+    try:  # pandas knows how its own missing values become nan
+        made = np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
+    except (AttributeError, TypeError, ValueError):
+        made = array(_without_none(where, values), where)
+    if made.ndim == 0 or made.size != max(made.shape):
+        raise InputError(f"{where} must hold one number for each sample, not {shown(values)}.")
+    return made.ravel()
+
+
+def _without_none(where: str, values: Any) -> Any:
+    """The same with nan for None."""
+    try:
+        made = np.asarray(values)
+    except ValueError:  # ragged
+        return values
+    if made.dtype.kind != "O" and made.dtype.kind not in "US":
+        return values
+    for k, value in enumerate(made.ravel()):
+        if value is not None and real(value) is None:
+            raise InputError(f"{where} holds {shown(value)} at sample {k + 1}, which is no number.")
+    return [np.nan if value is None else value for value in made.ravel()]
+
+
+def _seconds(values: Any) -> np.ndarray:
+    """Instants as seconds from the first of them, durations in seconds; nan where there is none."""
+    if not hasattr(values, "dtype"):
+        return np.array([(value - values[0]).total_seconds() for value in values])
+    kind = "datetime64[ns]" if values.dtype.kind == "M" else "timedelta64[ns]"
+    if hasattr(values, "to_numpy"):
+        values = values.to_numpy(dtype=kind)  # one with a time zone, too
+    stamps = np.asarray(values).astype(kind)
+    if values.dtype.kind == "M":
+        known = stamps[~np.isnat(stamps)]
+        stamps = stamps - (known[0] if known.size else stamps[:1])
+    return stamps / np.timedelta64(1, "s")

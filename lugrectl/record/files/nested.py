@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..columns.table import heads
-from .dates import is_stamp, seconds
+from .text import is_stamp, seconds
 
 _MOST = 200  # columns of one matrix
 _DEPTH = 12

@@ -12,8 +12,8 @@ import subprocess
 import sys
 import tempfile
 import zipfile
-import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +23,9 @@ from ...core.errors import InputError
 from ...core.validation import like_it
 from ..columns.table import Table, array_table
 from . import child_process
-from .mat_file import Damaged, Opaque, read_mat
+from .mat_file import Opaque, read_mat
 from .nested import columns_of
-from .text_table import lines_table, read_text
+from .text import lines_table, read_text
 
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
@@ -101,11 +101,24 @@ def _of_bytes(name: str, data: bytes) -> Table:
         return read_table(path)
 
 
-def _read_gzip(path: Path) -> Table:
+@contextmanager
+def _readable(path: Path, kind: str) -> Iterator[None]:
+    """One sentence where a library fails on a damaged file: libraries raise many kinds."""
     try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise _damaged(path, kind, error) from None
+
+
+def _damaged(path: Path, kind: str, error: Any) -> InputError:
+    return InputError(f"{path.name} is not a readable {kind} file: {_why(error)}.")
+
+
+def _read_gzip(path: Path) -> Table:
+    with _readable(path, "gzip"):
         data = gzip.decompress(path.read_bytes())
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{path.name} is not a readable gzip file: {_why(error)}.") from None
     return _of_bytes(path.name.removesuffix(".gz"), data)
 
 
@@ -113,10 +126,8 @@ def _read_gzip(path: Path) -> Table:
 
 
 def _read_mat(path: Path) -> Table:
-    try:
+    with _readable(path, "MAT"):
         content = read_mat(path.read_bytes())
-    except Damaged as error:
-        raise InputError(f"{path.name} is not a readable MAT file: {_why(error)}.") from None
     hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
     hint = ""
     if hidden:
@@ -128,31 +139,22 @@ def _read_mat(path: Path) -> Table:
 
 
 def _read_npy(path: Path) -> Table:
-    try:
+    with _readable(path, "NPY"):
         return _array_table(path, np.load(path, allow_pickle=False))
-    except InputError:
-        raise
-    except Exception as error:  # numpy raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable NPY file: {_why(error)}.") from None
 
 
 def _read_zip(path: Path) -> Table:
-    try:
+    with _readable(path, "NPZ"):
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-    except Exception as error:  # zipfile raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable NPZ file: {_why(error)}.") from None
-    if "[Content_Types].xml" in names:
-        return _read_sheet(path)
-    if not any(name.endswith(".npy") for name in names):
-        raise InputError(f"{path.name} is an archive of files; unpack it and name the log in it.")
-    try:
+        if "[Content_Types].xml" in names:
+            return _read_sheet(path)
+        if not any(name.endswith(".npy") for name in names):
+            raise InputError(
+                f"{path.name} is an archive of files; unpack it and name the log in it."
+            )
         with np.load(path, allow_pickle=False) as arrays:
             return _array_table(path, {name: arrays[name] for name in arrays.files})
-    except InputError:
-        raise
-    except Exception as error:  # numpy raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable NPZ file: {_why(error)}.") from None
 
 
 def _read_json(path: Path) -> Table:
@@ -185,15 +187,13 @@ def _read_sheet(path: Path) -> Table:
     _needed("openpyxl", f"{path.name} is an Excel file", "save it as CSV")
     import openpyxl  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
 
-    try:
+    with _readable(path, "Excel"):
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         sheets = [
             ["\t".join(map(_sheet_cell, row)) for row in sheet.iter_rows(values_only=True)]
             for sheet in book.worksheets
         ]
         book.close()
-    except Exception as error:  # openpyxl raises many kinds on a damaged file
-        raise InputError(f"{path.name} is not a readable Excel file: {_why(error)}.") from None
     problem = InputError(f"{path.name} holds no sheet.")
     for lines in sheets:
         try:
@@ -233,7 +233,7 @@ def _by_child(how: str, path: Path, kind: str) -> Any:
     else:
         good, answer = _answer_of(done)
     if not good:
-        raise InputError(f"{path.name} is not a readable {kind} file: {_why(answer)}.")
+        raise _damaged(path, kind, answer)
     return answer
 
 

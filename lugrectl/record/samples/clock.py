@@ -8,10 +8,10 @@ import numpy as np
 from scipy import ndimage
 
 from ...core.option_names import option
-from .outliers import HUGE, bridged, off_cubic_in_time
 from .resampling import HELD
-from .rows import Stamped, count
+from .rows import Stamped, bridged, count
 
+HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
 FILL = 3  # most rows missing in a row that do not make a gap
 _EXACT = 0.01  # stamps this close to the grid (in steps) count as on it
@@ -72,9 +72,7 @@ def _empty_rows(log: Stamped) -> None:
     if len(empty):
         empty[0] &= len(empty) > 1 and bool(empty[1])  # a log may begin at rest
     if empty.any() and not empty.all():
-        first = int(empty.argmax())
-        where = f"in {count(int(empty.sum()), 'row')}, first at {log.place(first)}"
-        log.say(f"All columns are 0 {where}: left out.")
+        log.say(f"All columns are 0 {log.places(empty)}: left out.")
         log.keep(~empty)
 
 
@@ -104,17 +102,12 @@ def _wild(log: Stamped) -> None:
         wild[bad] = True
     if not wild.any():
         return
-    rows = np.flatnonzero(wild)
-    if len(rows) == 1:
-        log.say(
-            f"t at {log.place(rows[0])} is {log.t[rows[0]]:.9g} s, which does not go on from the "
-            "rows around it: left out."
-        )
+    first, around = int(wild.argmax()), "go on from the rows around it"
+    t = f"{log.t[first]:.9g} s"
+    if wild.sum() == 1:
+        log.say(f"t at {log.place(first)} is {t}, which does not {around}: left out.")
     else:
-        log.say(
-            f"t does not go on from the rows around it in {count(len(rows), 'row')}, first at "
-            f"{log.place(rows[0])} ({log.t[rows[0]]:.9g} s): left out."
-        )
+        log.say(f"t does not {around} {log.places(wild)} ({t}): left out.")
     log.keep(~wild)
 
 
@@ -166,10 +159,10 @@ def _timer(period: float, dt: float) -> float:
 
 def _goes_on(log: Stamped, k: int) -> bool:
     """Whether the motion goes on from row k to the next as it does around them."""
-    theta, w = log.position, log.channels.get("w")
-    x = np.cumsum(w) if theta is None and w is not None else theta
+    x = log.motion_signal
     if x is None:
         return False
+    x = x if "theta" in log.channels else np.cumsum(x)
     before, after = np.diff(x[max(k - 10, 0) : k + 1]), np.diff(x[k + 1 : k + 12])
     if not len(before) or not len(after):
         return False
@@ -215,7 +208,7 @@ def _even_out(log: Stamped) -> None:
 
     Rows that are lost one by one leave the same steps; then the motion is smoother over the stamps.
     """
-    t, x = log.t.copy(), log.channels.get("theta", log.channels.get("w"))
+    t, x = log.t.copy(), log.motion_signal
     for part in log.parts():
         if part.stop - part.start > FEWEST and _rounded(t[part]):
             grid = np.arange(part.stop - part.start)
@@ -239,12 +232,8 @@ def _rounded(t: np.ndarray) -> bool:
     """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
     steps = np.diff(t)
     typical, spread = float(np.mean(steps)), np.ptp(steps)
-    if (
-        typical <= 0.0
-        or spread < 2 * _EXACT * typical
-        or steps.min() > 0
-        and steps.max() > 4 * typical
-    ):
+    has_loss = steps.min() > 0 and steps.max() > 4 * typical
+    if typical <= 0.0 or spread < 2 * _EXACT * typical or has_loss:
         return False
     _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
     if len(shares) != 2 or shares.min() < 0.02 * len(steps):
@@ -285,9 +274,14 @@ def _gaps(log: Stamped) -> None:
             continue
         dt = typical_step(np.diff(t))
         for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
-            missing = _missing(t, int(k), dt)
-            if missing > FILL + 0.5:
+            if _missing(t, int(k), dt) > FILL + 0.5:
                 log.new[part.start + k + 1] = True
+    leave_out_scraps(log)
+    _say_gaps(log)
+
+
+def leave_out_scraps(log: Stamped) -> None:
+    """Leave out parts that are too short to be useful, if there are others."""
     scraps = np.zeros(len(log.t), bool)
     for part in log.parts():
         scraps[part] = part.stop - part.start < FEWEST
@@ -298,7 +292,6 @@ def _gaps(log: Stamped) -> None:
             "between gaps were left out."
         )
         log.keep(~scraps)
-    _say_gaps(log)
 
 
 def _missing(t: np.ndarray, k: int, dt: float) -> float:
@@ -344,10 +337,9 @@ def _jitter(log: Stamped) -> None:
 
 def use_true_times(log: Stamped) -> None:
     """Replace stamps by a smooth clock where that makes the motion much smoother."""
-    x = log.channels.get("theta", log.channels.get("w"))
+    x, t = log.motion_signal, log.t.copy()
     if x is None:
         return
-    t = log.t.copy()
     for part in log.parts():
         values = x[part]
         good = np.isfinite(values)
@@ -373,6 +365,22 @@ def _believed(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     if np.any(np.diff(even) <= 0) or np.abs(np.diff(late)).max() > 3 * np.mean(steps):
         return t  # rows are missing
     return even if _roughness(t, x) > _SMOOTHER * _roughness(even, x) else t
+
+
+def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the distance of samples x (N,) from the cubic through two on either side, over their
+    stamps; nan where these do not allow it."""
+    off, beside = np.full(len(x), np.nan), (0, 1, 3, 4)
+    since = [t[k : len(t) - 4 + k] - t[2:-2] for k in beside]
+    value = np.zeros(len(x) - 4)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for i, k in enumerate(beside):
+            share = np.ones(len(value))
+            for other in (b for j, b in enumerate(since) if j != i):
+                share *= other / (other - since[i])
+            value += share * x[k : len(x) - 4 + k]
+    off[2:-2] = np.abs(x[2:-2] - value)
+    return off
 
 
 def _roughness(t: np.ndarray, x: np.ndarray) -> float:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...core.numeric import top_speed
 from .clock import FEWEST, typical_step
-from .outliers import bridged
-from .rows import Stamped
+from .rows import Stamped, bridged
 
 _WIDTHS = (4, 6, 9, 14, 20, 30, 45, 70)  # samples, half-widths of the windows that are tried
 _LONGEST = 0.15  # s, half-width of the widest window
@@ -32,7 +30,7 @@ class Needed:
     ``width`` is the half-width of the windows in rows. ``error`` (N,) is the usual difference about
     each row: where the drive rests, friction may be anything up to its level. ``judged`` marks the
     rows that the fit may judge: it has seen such motion, and not at low speed, where friction may
-    be another. ``a`` (N,) is the acceleration.
+    be another. ``a`` (N,) is the acceleration. ``share`` is the part of the torque that is left.
     """
 
     torque: np.ndarray
@@ -43,6 +41,7 @@ class Needed:
     error: np.ndarray
     judged: np.ndarray
     a: np.ndarray
+    share: float
 
     @property
     def kernel(self) -> np.ndarray:
@@ -50,15 +49,32 @@ class Needed:
         return _kernel(self.width, 0)
 
     def averaged(self, u: np.ndarray) -> np.ndarray:
-        """A torque (N,) averaged as the balance is; NaN at the ends of the parts."""
-        made = np.full(len(u), np.nan)
-        for part in self.parts:
-            made[part] = _over(u[part], self.kernel)
-        return made
+        """Return a torque (N,) averaged as the balance is; NaN at the ends of the parts."""
+        return _over(self.parts, u, self.kernel)
 
     def missing(self, u: np.ndarray) -> np.ndarray:
-        """What the motion needs beyond a torque (N,), averaged."""
+        """Return what the motion needs beyond a torque (N,), averaged."""
         return self.torque - self.averaged(u)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Torque and motion (N,) in parts of even time; ``skip`` marks rows where u is unknown."""
+
+    parts: tuple[slice, ...]
+    u: np.ndarray
+    motion: np.ndarray
+    skip: np.ndarray
+    dt: float
+    is_position: bool
+    is_rotary: bool
+
+    def load(self) -> list[np.ndarray]:
+        """The terms of a load that depends on the position."""
+        if not self.is_position:
+            return []
+        x = self.motion
+        return [np.sin(x), np.cos(x)] if self.is_rotary else [x - x.mean()]
 
 
 def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
@@ -66,110 +82,90 @@ def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
 
     None if the motion explains less than half of the torque.
     """
-    u, x, w = (log.channels.get(role) for role in ("u", "theta", "w"))
+    u, motion = log.channels.get("u"), log.motion_signal
     parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
-    if u is None or not parts or not np.isfinite(u).any():
+    if u is None or motion is None or not parts or not np.isfinite(u).any():
+        return None
+    if np.isfinite(motion).sum() < FEWEST:
         return None
     skip = ~np.isfinite(u) if unknown is None else ~np.isfinite(u) | unknown
-    torque = bridged(u, skip)
-    motion = x if x is not None else w
-    if motion is None or np.isfinite(motion).sum() < FEWEST:
-        return None
     motion = bridged(motion, ~np.isfinite(motion))
-    steps = np.concatenate([np.diff(log.t[p]) for p in parts])
-    dt, longest = typical_step(steps), max(p.stop - p.start for p in parts)
+    dt = typical_step(np.concatenate([np.diff(log.t[p]) for p in parts]))
+    is_position, is_rotary = "theta" in log.channels, log.motion == "rotary"
+    rows = _Rows(parts, bridged(u, skip), motion, skip, dt, is_position, is_rotary)
+    longest = max(p.stop - p.start for p in parts)
     widths = [w for w in _WIDTHS if w * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * w < longest]
-    kind = dt, x is not None, log.motion == "rotary"
-    few, rows = _stretches(parts)
-    if few != parts:
-        found = _best(few, torque[rows], motion[rows], skip[rows], widths, *kind)
+    some = _thinned(rows)
+    if some is not rows:
+        found = _best(some, widths)
         widths = widths if found is None else [found.width]
-    return _best(parts, torque, motion, skip, widths, *kind)
+    return _best(rows, widths)
 
 
-def _stretches(parts: tuple[slice, ...]) -> tuple[tuple[slice, ...], np.ndarray]:
-    """Stretches of about as many rows as are enough, one behind the other, and their rows."""
-    every = max(1.0, sum(p.stop - p.start for p in parts) / _ENOUGH)
-    if every == 1.0:
-        return parts, np.zeros(0, dtype=int)
+def _thinned(rows: _Rows) -> _Rows:
+    """Return stretches of about as many rows as are enough, all along a long log."""
+    every = sum(p.stop - p.start for p in rows.parts) / _ENOUGH
+    if every <= 1.0:
+        return rows
     step = round(every * _STRETCH)
-    cut = [range(a, min(a + _STRETCH, p.stop)) for p in parts for a in range(p.start, p.stop, step)]
+    cut = [
+        range(a, min(a + _STRETCH, p.stop))
+        for p in rows.parts
+        for a in range(p.start, p.stop, step)
+    ]
     cut = [c for c in cut if len(c) >= 4 * FEWEST]
     ends = np.cumsum([0, *map(len, cut)]).tolist()
-    return tuple(map(slice, ends, ends[1:])), np.concatenate([np.zeros(0, dtype=int), *cut])
+    at = np.concatenate([np.zeros(0, dtype=int), *cut])
+    some = {k: getattr(rows, k)[at] for k in ("u", "motion", "skip")}
+    return replace(rows, parts=tuple(map(slice, ends, ends[1:])), **some)
 
 
-def _best(
-    parts: Sequence[slice],
-    u: np.ndarray,
-    motion: np.ndarray,
-    skip: np.ndarray,
-    widths: Sequence[int],
-    *kind: Any,
-) -> Needed | None:
-    """The balance that explains most of the torque; None if it is less than half."""
-    tried = [_fit(parts, u, motion, skip, width, *kind) for width in widths]
-    share, best = min(filter(None, tried), key=lambda pair: pair[0], default=(1.0, None))
-    return best if share < 0.5 else None
+def _best(rows: _Rows, widths: Sequence[int]) -> Needed | None:
+    """Return the balance that explains most of the torque; None if it is less than half."""
+    tried = [fit for width in widths if (fit := _fit(rows, width)) is not None]
+    best = min(tried, key=lambda fit: fit.share, default=None)
+    return best if best is not None and best.share < 0.5 else None
 
 
-def _fit(
-    parts: Sequence[slice],
-    u: np.ndarray,
-    motion: np.ndarray,
-    skip: np.ndarray,
-    width: int,
-    dt: float,
-    position: bool,
-    rotary: bool,
-) -> tuple[float, Needed] | None:
-    """The balance with windows of one width, and the share of torque that it leaves."""
-    n = len(u)
-    a, w, mean, near = (np.full(n, np.nan) for _ in range(4))
+def _fit(rows: _Rows, width: int) -> Needed | None:
+    """Return the balance with windows of one width; None where the motion is too little."""
+
+    def over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+        return _over(rows.parts, x, kernel)
+
     k0, k1, k2 = (_kernel(width, order) for order in range(3))
-    first, second = (k1 / dt, k2 / dt**2) if position else (k0, k1 / dt)
-    for p in parts:
-        w[p], a[p] = _over(motion[p], first), _over(motion[p], second)
-        mean[p], near[p] = _over(u[p], k0), _over(skip[p].astype(float), k0)
+    first, second = (k1 / rows.dt, k2 / rows.dt**2) if rows.is_position else (k0, k1 / rows.dt)
+    w, a = over(rows.motion, first), over(rows.motion, second)
+    mean, unknown = over(rows.u, k0), np.nan_to_num(over(rows.skip.astype(float), k0))
     known = np.isfinite(a) & np.isfinite(mean)
-    if known.sum() < 4 * FEWEST:
-        return None
-    top = top_speed(w[known])
+    top = top_speed(w[known]) if known.sum() >= 4 * FEWEST else 0.0
     if not top > 0:
         return None
-    rest = np.abs(np.nan_to_num(w)) <= _REST * top
-    sign, still = np.full(n, np.nan), np.full(n, np.nan)
-    for p in parts:
-        sign[p] = _over(np.where(rest[p], 0.0, np.sign(np.nan_to_num(w[p]))), k0)
-        still[p] = _over(rest[p].astype(float), k0)
-    columns = [a, w, np.ones(n), sign]
-    if position:
-        columns += [np.sin(motion), np.cos(motion)] if rotary else [motion - motion.mean()]
-    x = np.column_stack(columns)
+    speed = np.abs(np.nan_to_num(w))
+    rest = (speed <= _REST * top).astype(float)
+    sign = over(np.where(rest, 0.0, np.sign(np.nan_to_num(w))), k0)
+    x = np.column_stack([a, w, np.ones(len(w)), sign, *rows.load()])
     known &= np.isfinite(sign)
-    moving = known & (np.nan_to_num(still) < 0.02) & (np.abs(np.nan_to_num(sign)) > 0.98)
-    used = np.flatnonzero(moving & (np.nan_to_num(near) < 0.02))[:: max(1, width // 3)]
-    if abs(np.sign(sign[used]).sum()) == len(used):  # one way: Coulomb friction is the constant
+    moving = known & (np.nan_to_num(over(rest, k0)) < 0.02) & (np.abs(np.nan_to_num(sign)) > 0.98)
+    used = np.flatnonzero(moving & (unknown < 0.02))[:: max(1, width // 3)]
+    one_way = abs(np.sign(sign[used]).sum()) == len(used)
+    if one_way:  # Coulomb friction is the constant
         x = np.delete(x, 3, axis=1)
     if len(used) < 3 * x.shape[1]:
         return None
     p, scale = _robust(x[used], mean[used])
     usual = 1.4826 * float(np.median(np.abs(mean[used] - np.median(mean[used]))))
-    share = scale / max(usual, 1e-300)
-    level = abs(p[3]) if x.shape[1] == len(columns) else 0.0
-    error = np.full(n, scale + level)
-    for part in parts:  # at most so much of the mean is of rows at rest
-        error[part] = scale + level * np.nan_to_num(
-            _over(rest[part].astype(float), np.abs(k0)), nan=1.0
-        )
-    torque = np.where(known, x @ p, np.nan)
-    judged = moving & (np.abs(np.nan_to_num(w)) > _QUICK * top)
+    level = 0.0 if one_way else abs(p[3])
+    # at most so much of the mean is of rows at rest
+    error = scale + level * np.nan_to_num(over(rest, np.abs(k0)), nan=1.0)
+    judged = moving & (speed > _QUICK * top)
     judged[judged] &= _far(x[judged], x[used]) < _SEEN
-    return share, Needed(torque, scale, moving, width, tuple(parts), error, judged, a)
+    torque, share = np.where(known, x @ p, np.nan), scale / max(usual, 1e-300)
+    return Needed(torque, scale, moving, width, rows.parts, error, judged, a, share)
 
 
 def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """How far rows (n, k) are from those that were seen: 1 for the usual one of them."""
+    """Return how far rows (n, k) are from those that were seen: 1 for the usual one of them."""
     size = np.linalg.norm(seen, axis=0)
     size[size == 0] = 1.0
     inverse = np.linalg.pinv((seen / size).T @ (seen / size), hermitian=True)
@@ -178,7 +174,7 @@ def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
 
 
 def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
-    """Least squares with weights of a Student density (nu = 2): coefficients and usual error."""
+    """Fit with weights of a Student density (nu = 2): coefficients and usual error."""
     size = np.linalg.norm(x, axis=0)
     size[size == 0] = 1.0
     weight, p, scale = np.ones(len(y)), np.zeros(x.shape[1]), 0.0
@@ -194,8 +190,8 @@ def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _kernel(width: int, order: int) -> np.ndarray:
-    """Weights on samples -width..width for the average, the slope or the curvature of a signal,
-    exact for parabolas."""
+    """Return weights on samples -width..width for the average, the slope or the curvature of a
+    signal, exact for parabolas."""
     s = np.arange(-width, width + 1) / (width + 1)
     bump = (1 - s**2) ** 4
     powers = np.vander(s, 4, increasing=True)
@@ -205,12 +201,14 @@ def _kernel(width: int, order: int) -> np.ndarray:
     return basis @ np.linalg.solve(powers.T @ basis, want)
 
 
-def _over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-    """The windows about each sample; NaN where they reach beyond the ends."""
+def _over(parts: Sequence[slice], x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+    """Return the windows about each sample; NaN where they reach beyond the ends of a part."""
     half = len(kernel) // 2
-    made = np.full(len(x), np.nan)
-    if len(x) > 2 * half:
-        middle = x[len(x) // 2]
-        made[half : len(x) - half] = np.convolve(x - middle, kernel[::-1], "valid")
-        made[half : len(x) - half] += middle * kernel.sum()
-    return made
+    means = np.full(len(x), np.nan)
+    for part in parts:
+        own = x[part]
+        if len(own) > 2 * half:
+            middle = own[len(own) // 2]
+            inner = np.convolve(own - middle, kernel[::-1], "valid") + middle * kernel.sum()
+            means[part.start + half : part.stop - half] = inner
+    return means

@@ -1,22 +1,24 @@
-"""Positions without jumps: wrapped angles and counters unwrapped, pasted runs cut."""
+"""Positions without jumps: wrapped angles and counters unwrapped, pasted runs cut, and motion that
+stands still in the log while the drive goes on left out."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .bad_samples import OFF, confirmed, leave_out, over_loss
+from ..signal_noise import quantum, resolution
 from .clock import usual_step
-from .frozen_motion import leave_out_stuck
-from .outliers import distances, limits, quantum, resolution
-from .rows import Stamped, count
+from .outliers import OFF, confirmed, distances, leave_out, limits, over_loss
+from .rows import Stamped, count, in_runs, runs
 
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _TURN = 2 * np.pi
 _SMALL = 1 / 3  # of the period, largest step beside which a wrap (above two thirds) is plain
 _BRIEF = 4  # rows that may be off together
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
+_FEWEST = 3  # equal samples in a row that may be a stuck sensor
+_LONG = 20  # the same of a speed, whose noise never stops
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +40,9 @@ class Jumps:
         return len(self.a)
 
     def only(self, which: np.ndarray) -> Jumps:
-        """Some of them."""
-        a, b, size = self.a[which], self.b[which], self.size[which]
-        return Jumps(a, b, size, self.steady[which], self.pace[which], self.resolution)
+        """Return some of them."""
+        some = {k: getattr(self, k)[which] for k in ("a", "b", "size", "steady", "pace")}
+        return replace(self, **some)
 
     @property
     def margin(self) -> np.ndarray:
@@ -73,7 +75,7 @@ def jumps(t: np.ndarray, x: np.ndarray) -> Jumps:
 
 
 def _jumps(log: Stamped, role: str) -> Jumps:
-    """The jumps of a channel; searched for again only where it or its stamps have changed."""
+    """Return the jumps of a channel; searched for again only where it or its stamps changed."""
     t, x = log.t, log.channels[role]
     known = log.known.get(role)
     if known is None or known[0] is not t or known[1] is not x:
@@ -81,8 +83,14 @@ def _jumps(log: Stamped, role: str) -> Jumps:
     return known[2]
 
 
-def _medians(x: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The medians of up to four values before and after each place; nan without any."""
+def _unconfirmed(log: Stamped, role: str) -> Jumps:
+    """Return the jumps that no other signal shows."""
+    found = _jumps(log, role)
+    return found.only(~confirmed(log, role)[found.b])
+
+
+def _medians(x: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
+    """Return the medians of up to four values before and after each place; nan without any."""
     sides = []
     for side in (np.arange(-4, 0), np.arange(1, 5)):
         where = at[:, None] + side
@@ -91,141 +99,121 @@ def _medians(x: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         found = np.full(len(at), np.nan)
         found[some] = np.nanmedian(values[some], axis=1)
         sides.append(found)
-    return sides[0], sides[1]
+    return sides
 
 
 # ---- wrapped positions --------------------------------------------------------------
-
-
-def unwrapped(
-    role: str,
-    theta: np.ndarray,
-    label: str | None = None,
-    t: np.ndarray | None = None,
-    motion: str = "rotary",
-    found: Jumps | None = None,
-) -> tuple[np.ndarray, list[str]]:
-    """Return a position without wraps, and a sentence if there were any.
-
-    A position wraps by whole turns, by a power of two of its own steps, or by any period where
-    all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
-    mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
-    ``found`` are the jumps of the position where they are known already.
-    """
-    if found is None:
-        found = jumps(np.arange(len(theta)) if t is None else t, theta)
-    lasting = _lasting(found)
-    period, is_wrap = _period(theta, found, lasting, motion)
-    if not period:
-        either = len(found) == 0 or bool(lasting.any())
-        return _many_wraps(role, theta, label, motion) if either else (theta, [])
-    factor = np.pi / 180 if motion == "rotary" and abs(period - 360) < 1e-6 else 1.0
-    moved = np.zeros(len(theta))
-    np.add.at(moved, found.b[is_wrap], -period * np.rint(found.size[is_wrap] / period))
-    said = f"{role} jumps by {period:.6g} {_times(int(is_wrap.sum()))}: unwrapped"
-    if factor != 1.0:
-        said += _converted(label)
-    return factor * (theta + np.cumsum(moved)), [said + "."]
-
-
-def _lasting(found: Jumps) -> np.ndarray:
-    """Which jumps are not taken back within a few rows."""
-    made = np.ones(len(found), bool)
-    for i in range(len(found) - 1):
-        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
-        if near and found.size[i] * found.size[i + 1] < 0:
-            made[i : i + 2] = False
-    return made
-
-
-def _converted(label: str | None) -> str:
-    stated = f"stated in {label}" if label else "without a unit"
-    return f", and converted from deg ({stated}, but a turn is 360)"
-
-
-def _times(number: int) -> str:
-    return "once" if number == 1 else f"{number} times"
-
-
-def _many_wraps(
-    role: str, theta: np.ndarray, label: str | None, motion: str
-) -> tuple[np.ndarray, list[str]]:
-    """Wraps of a position that stays within its period, however often it wraps."""
-    good = np.flatnonzero(np.isfinite(theta))
-    values = theta[good]
-    travel = float(np.ptp(values)) if values.size else 0.0
-    periods = [2.0**bits * quantum(values) for bits in _BITS] if values.size else []
-    tries = [(period, 1.0) for period in periods if travel < period < 1.1 * travel]
-    if motion == "rotary":
-        whole = _TURN * min(max(1, round(travel / _TURN)), _TURNS)
-        tries = [(whole, 1.0), (360.0, np.pi / 180), *tries]
-    for period, factor in tries:
-        found = _whole_turns(values, period)
-        if not found.any():
-            continue
-        result = theta.copy()
-        result[good] = factor * np.unwrap(values, period=period)
-        said = f"{role} jumps by {period:.6g} {_times(int(found.sum()))}: unwrapped"
-        if factor != 1.0:
-            said += _converted(label)
-        return result, [said + "."]
-    return theta, []
-
-
-def _whole_turns(values: np.ndarray, period: float) -> np.ndarray:
-    """Return where values wrap by the period; nowhere if that does not explain the jumps."""
-    steps = np.diff(values)
-    found = np.abs(steps) > period / 2
-    if not found.any() or np.ptp(values) > 1.02 * period:
-        return np.zeros(0, bool)
-    after = np.abs(np.abs(steps[found]) - period)
-    usual = np.abs(steps[~found]).max(initial=0.0)
-    if usual > _SMALL * period:  # a wrap looks like a fast motion
-        return np.zeros(0, bool)
-    return found if np.all(after <= 2 * usual + 0.01 * period) else np.zeros(0, bool)
-
-
-def _period(
-    theta: np.ndarray, found: Jumps, lasting: np.ndarray, motion: str
-) -> tuple[float, np.ndarray]:
-    """The period of a register or of whole turns, and which jumps are its wraps; 0 for none."""
-    sizes, margin = np.abs(found.size), found.margin
-    none = np.zeros(len(found), bool)
-    if not lasting.any():
-        return 0.0, none
-    alike = [lasting & (np.abs(sizes - size) <= margin) for size in sizes[lasting]]
-    is_wrap = max(alike, key=lambda fits: int(fits.sum()))
-    period = float(np.median(sizes[is_wrap]))
-    error = 2 * found.resolution + float(np.median(margin[is_wrap])) / np.sqrt(is_wrap.sum())
-    if period < 20 * float(np.median(margin[is_wrap])):
-        return 0.0, none
-    known = _known(quantum(theta[np.isfinite(theta)]), motion)
-    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
-    if abs(nearest - period) <= error:
-        return float(nearest), is_wrap
-    spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + float(margin[is_wrap].max())
-    goes_on = found.steady[is_wrap].mean() > 0.6
-    return (period, is_wrap) if spans and goes_on and is_wrap[lasting].all() else (0.0, none)
-
-
-def _known(step: float, motion: str) -> list[float]:
-    """Whole turns, and the spans of counters whose step is known."""
-    turns = [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
-    return turns + [2.0**bits * step for bits in _BITS if step]
-
-
-# ---- jumps that are no wraps --------------------------------------------------------
 
 
 def unwrap_positions(log: Stamped) -> None:
     """Unwrap the positions of a log."""
     for role in ("theta", "theta_load"):
         if role in log.channels:
-            x, label = log.channels[role], log.labels.get(role)
+            found, label = _jumps(log, role), log.labels.get(role)
             log.channels[role], said = unwrapped(
-                role, x, label, log.t, log.motion, _jumps(log, role)
-            )
+                role, log.channels[role], found, log.motion, label
+            )  # fmt: skip
             log.say(*said)
+
+
+def unwrapped(
+    role: str, theta: np.ndarray, found: Jumps, motion: str, label: str | None = None
+) -> tuple[np.ndarray, list[str]]:
+    """Return a position without wraps, and a sentence if there were any.
+
+    A position wraps by whole turns, by a power of two of its own steps, or by any period where
+    all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
+    mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
+    """
+    lasting = _lasting(found)
+    period, is_wrap = _period(theta, found, lasting, motion)
+    if period:
+        turns = np.zeros(len(theta))
+        np.add.at(turns, found.b[is_wrap], -np.rint(found.size[is_wrap] / period))
+        theta, times = theta + np.cumsum(period * turns), int(is_wrap.sum())
+    elif len(found) == 0 or lasting.any():
+        period, theta, times = _many_wraps(theta, motion)
+    if not period:
+        return theta, []
+    said = f"{role} jumps by {period:.6g} {'once' if times == 1 else f'{times} times'}: unwrapped"
+    if motion == "rotary" and abs(period - 360) < 1e-6:
+        theta = np.pi / 180 * theta
+        stated = f"stated in {label}" if label else "without a unit"
+        said += f", and converted from deg ({stated}, but a turn is 360)"
+    return theta, [said + "."]
+
+
+def _lasting(found: Jumps) -> np.ndarray:
+    """Return which jumps are not taken back within a few rows."""
+    lasting = np.ones(len(found), bool)
+    for i in range(len(found) - 1):
+        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
+        if near and found.size[i] * found.size[i + 1] < 0:
+            lasting[i : i + 2] = False
+    return lasting
+
+
+def _period(
+    theta: np.ndarray, found: Jumps, lasting: np.ndarray, motion: str
+) -> tuple[float, np.ndarray]:
+    """Return the period of a register or of whole turns (0: none), and which jumps are wraps."""
+    sizes, margin = np.abs(found.size), found.margin
+    none = np.zeros(len(found), bool)
+    if not lasting.any():
+        return 0.0, none
+    alike = [lasting & (np.abs(sizes - size) <= margin) for size in sizes[lasting]]
+    is_wrap = max(alike, key=lambda fits: int(fits.sum()))
+    period, usual = float(np.median(sizes[is_wrap])), float(np.median(margin[is_wrap]))
+    if period < 20 * usual:
+        return 0.0, none
+    turns = [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
+    known = [*turns, *_counters(theta[np.isfinite(theta)])]
+    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
+    if abs(nearest - period) <= 2 * found.resolution + usual / np.sqrt(is_wrap.sum()):
+        return float(nearest), is_wrap
+    spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + float(margin[is_wrap].max())
+    goes_on = found.steady[is_wrap].mean() > 0.6
+    return (period, is_wrap) if spans and goes_on and is_wrap[lasting].all() else (0.0, none)
+
+
+def _counters(values: np.ndarray) -> list[float]:
+    """Return the spans of counters with the step of these values."""
+    step = quantum(values) if values.size else 0.0
+    return [2.0**bits * step for bits in _BITS if step]
+
+
+def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray, int]:
+    """Return the period of a position that stays within it (0: none), the position without wraps,
+    and how many there are."""
+    good = np.flatnonzero(np.isfinite(theta))
+    values = theta[good]
+    travel = float(np.ptp(values)) if values.size else 0.0
+    tries = [period for period in _counters(values) if travel < period < 1.1 * travel]
+    if motion == "rotary":
+        tries = [_TURN * min(max(1, round(travel / _TURN)), _TURNS), 360.0, *tries]
+    for period in tries:
+        times = _whole_turns(values, period)
+        if times:
+            theta = theta.copy()
+            theta[good] = np.unwrap(values, period=period)
+            return period, theta, times
+    return 0.0, theta, 0
+
+
+def _whole_turns(values: np.ndarray, period: float) -> int:
+    """Return how often values wrap by the period; 0 if that does not explain the jumps."""
+    steps = np.abs(np.diff(values))
+    is_wrap = steps > period / 2
+    usual = steps[~is_wrap].max(initial=0.0)
+    if not is_wrap.any() or np.ptp(values) > 1.02 * period:
+        return 0
+    if usual > _SMALL * period:  # a wrap looks like a fast motion
+        return 0
+    whole = np.all(np.abs(steps[is_wrap] - period) <= 2 * usual + 0.01 * period)
+    return int(is_wrap.sum()) if whole else 0
+
+
+# ---- jumps that are no wraps --------------------------------------------------------
 
 
 def make_continuous(log: Stamped) -> None:
@@ -234,12 +222,9 @@ def make_continuous(log: Stamped) -> None:
     for role in ("theta", "w"):
         if role in log.channels:
             _leave_out_excursions(log, role)
-            found = _jumps(log, role)
-            found = found.only(~confirmed(log, role)[found.b])
-            leave_out_stuck(log, role, found.a, found.b)
+            _leave_out_stuck(log, role, _unconfirmed(log, role))
     if "theta" in log.channels:
-        found = _jumps(log, "theta")
-        _cut(log, found.only(~confirmed(log, "theta")[found.b]))
+        _cut(log, _unconfirmed(log, "theta"))
 
 
 def _leave_out_excursions(log: Stamped, role: str) -> None:
@@ -259,12 +244,83 @@ def _leave_out_excursions(log: Stamped, role: str) -> None:
 
 def _cut(log: Stamped, found: Jumps) -> None:
     """Begin a new part after each jump."""
-    fresh = [k for k in range(len(found)) if not log.new[found.a[k] + 1 : found.b[k] + 1].any()]
-    if not fresh:
+    at = [k for k in range(len(found)) if not log.new[found.a[k] + 1 : found.b[k] + 1].any()]
+    if not at:
         return
-    log.new[found.b[fresh]] = True
-    first = fresh[0]
+    log.new[found.b[at]] = True
     unit = "rad" if log.motion == "rotary" else "m"
-    where = f"by {found.size[first]:.4g} {unit} at {log.place(found.b[first])}"
-    more = f" and {count(len(fresh) - 1, 'time')} more" if len(fresh) > 1 else ""
+    where = f"by {found.size[at[0]]:.4g} {unit} at {log.place(found.b[at[0]])}"
+    more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
     log.say(f"theta jumps {where}{more}, which is no motion: the parts are treated separately.")
+
+
+# ---- motion that stands still by mistake --------------------------------------------
+
+
+def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
+    """Leave out runs of one value that end or begin at a jump.
+
+    A drive comes to rest gradually: a position that stops at once, a speed that loses its noise,
+    or a channel that stands still together with all others, was not read.
+    """
+    x = log.channels[role]
+    bad = np.zeros(len(x), bool)
+    for before, after in zip(found.a, found.b, strict=True):
+        for start, stop in (_same(x, int(before), -1), _same(x, int(after), 1)):
+            starts = role == "w" and x[start] == 0  # a drive at rest may start within a row
+            if not starts and stop - start >= _FEWEST:
+                bad[start:stop] |= _is_stuck(log, role, slice(start, stop), before >= start)
+    if not bad.any():
+        return
+    bad = bad | _kept(x) if role == "w" else bad
+    first = int(bad.argmax())
+    log.leave_out(
+        role,
+        bad,
+        f"{role} stands at {log.value(role, first)} for {count(int(bad.sum()), 'row')} from "
+        f"{log.place(first)} on and then jumps: these rows are left out.",
+    )
+
+
+def _same(x: np.ndarray, row: int, way: int) -> tuple[int, int]:
+    """Return start and stop of the run of equal values from a row on, forward or backward."""
+    part = x[row::way] if way > 0 else x[row::-1]
+    other = np.flatnonzero(part != x[row])
+    length = int(other[0]) if len(other) else len(part)
+    return (row, row + length) if way > 0 else (row - length + 1, row + 1)
+
+
+def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
+    """Return whether the rows of one value before (``backward``) or after a jump were not read."""
+    x = log.channels[role]
+    beside = (
+        x[max(run.start - 4, 0) : run.start + 1] if backward else x[run.stop - 1 : run.stop + 4]
+    )
+    if _at_once(np.diff(beside[np.isfinite(beside)]), backward):
+        return True
+    others = (log.channels[other][run] for other in log.required)
+    if all(bool((part == part[0]).all()) for part in others):
+        return True
+    noisy = _differ(np.r_[x[: run.start], x[run.stop :]])
+    return role == "w" and run.stop - run.start >= _LONG and noisy
+
+
+def _at_once(steps: np.ndarray, backward: bool) -> bool:
+    """Return whether a motion stops or sets in at once, by its steps beside the run."""
+    if len(steps) < 2:
+        return False
+    last, usual = steps[-1] if backward else steps[0], np.median(steps)
+    changes = np.abs(np.diff(steps)).max()
+    return bool(abs(usual) > 3 * changes + 1e-12 and abs(last) > 0.5 * abs(usual))
+
+
+def _kept(x: np.ndarray) -> np.ndarray:
+    """Return where a speed that keeps its last value now and then stands, whatever ends that."""
+    flat = [(a - 1, n + 1) for a, n in runs(np.r_[False, np.diff(x) == 0]) if x[a] != 0]
+    kept = in_runs(len(x), [(a, n) for a, n in flat if n > _LONG])
+    return kept & _differ(x[~kept])
+
+
+def _differ(x: np.ndarray) -> bool:
+    """Return whether nearly every sample differs from the one before."""
+    return len(x) > 1 and bool(np.mean(np.diff(x) == 0) < 0.05)

@@ -21,6 +21,15 @@ def between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> 
     return np.asarray(CubicSpline(at[apart], values[apart])(np.clip(grid, at[0], at[-1])))
 
 
+def on_grid(
+    role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float
+) -> np.ndarray:
+    """Return a channel on a grid of step dt: a held one with its time integral."""
+    if role in HELD:
+        return held_mean(at, values, grid, dt)
+    return between(role, at, values, grid)
+
+
 def speed(
     at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
 ) -> np.ndarray:

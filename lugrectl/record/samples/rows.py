@@ -10,21 +10,37 @@ import numpy as np
 
 from ..columns.units import si_unit
 from ..log import Log
-from ..record import smallest_step
+from ..signal_noise import smallest_step
 from .resampling import MOTION
 
 REQUIRED = ("u", "w", "theta")
 
 
 def count(number: int, noun: str) -> str:
-    """'1 row', '3 rows'."""
+    """Return '1 row', '3 rows'."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """(start, length) of every run of True."""
+    """Return (start, length) of every run of True."""
     edges = np.flatnonzero(np.diff(np.r_[False, mask, False]))
     return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def in_runs(number: int, found: list[tuple[int, int]]) -> np.ndarray:
+    """Return the mask (number,) of the rows in runs of (start, length)."""
+    mask = np.zeros(number, bool)
+    for a, n in found:
+        mask[a : a + n] = True
+    return mask
+
+
+def bridged(x: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """Return the channel with straight lines over its bad samples."""
+    if not bad.any() or bad.all():
+        return x
+    rows = np.arange(len(x))
+    return np.interp(rows, rows[~bad], x[~bad])
 
 
 @dataclass
@@ -52,28 +68,21 @@ class Stamped:
 
     @classmethod
     def of(cls, log: Log) -> Stamped:
-        """All rows of a log."""
+        """Return all rows of a log."""
         finite = {
             role: np.where(np.isinf(x), np.nan, x) if np.isinf(x).any() else x
             for role, x in log.channels.items()
         }
-        made = cls(log.source, log.motion, log.t, finite, log.where, log.labels)
-        made.rows = np.arange(len(log.t))
-        made.new = np.isin(made.rows, (0, *log.cuts))
-        return made
+        rows = np.arange(len(log.t))
+        new = np.isin(rows, (0, *log.cuts))
+        return cls(log.source, log.motion, log.t, finite, log.where, log.labels, rows, new)
 
     def copy(self) -> Stamped:
-        """The same rows; a change of the copy leaves these as they are."""
-        return replace(
-            self,
-            channels={role: x.copy() for role, x in self.channels.items()},
-            t=self.t.copy(),
-            rows=self.rows.copy(),
-            new=self.new.copy(),
-            said=[*self.said],
-            steps={**self.steps},
-            known={},
-        )
+        """Return the same rows; a change of the copy leaves these as they are."""
+        arrays = {k: getattr(self, k).copy() for k in ("t", "rows", "new")}
+        channels = {role: x.copy() for role, x in self.channels.items()}
+        said, steps = [*self.said], {**self.steps}
+        return replace(self, **arrays, channels=channels, said=said, steps=steps, known={})
 
     @property
     def required(self) -> list[str]:
@@ -86,8 +95,13 @@ class Stamped:
         return [*self.required, *(["d"] if "d" in self.channels else [])]
 
     @property
-    def position(self) -> np.ndarray | None:
-        return self.channels.get("theta")
+    def motion_signal(self) -> np.ndarray | None:
+        """The position where it was recorded, else the speed."""
+        return self.channels.get("theta", self.channels.get("w"))
+
+    @property
+    def unit_of_u(self) -> str:
+        return si_unit("u", self.motion)
 
     def keep(self, mask: np.ndarray) -> None:
         """Leave out the other rows; a part begins at the first of its rows that is left."""
@@ -96,12 +110,22 @@ class Stamped:
         self.new = np.diff(part, prepend=part[0] - 1 if len(part) else 0) > 0
         self.channels = {role: values[mask] for role, values in self.channels.items()}
 
+    def leave_out(self, role: str, bad: np.ndarray, sentence: str) -> None:
+        """Make the samples of a channel missing where ``bad``, and say it."""
+        self.say(sentence)
+        self.channels[role] = np.where(bad, np.nan, self.channels[role])
+
     def place(self, row: int) -> str:
-        """'line 2102' or 'row 2100' of one of these rows."""
+        """Return 'line 2102' or 'row 2100' of one of these rows."""
         return self.where(int(self.rows[row]))
 
+    def places(self, mask: np.ndarray) -> str:
+        """Return 'in 3 rows, first at line 2102' of the rows in a mask."""
+        many = int(np.count_nonzero(mask))
+        return f"in {count(many, 'row')}, first at {self.place(int(mask.argmax()))}"
+
     def value(self, role: str, row: int) -> str:
-        """The value of a channel in one of these rows with its unit."""
+        """Return the value of a channel in one of these rows with its unit."""
         unit = si_unit(role, self.motion)
         return f"{self.channels[role][row]:.6g}{' ' if unit else ''}{unit}"
 
@@ -109,13 +133,13 @@ class Stamped:
         self.said += sentences
 
     def parts(self) -> list[slice]:
-        """The rows of each part."""
+        """Return the rows of each part."""
         edges = [*np.flatnonzero(self.new), len(self.t)]
         return [slice(int(a), int(b)) for a, b in zip(edges, edges[1:], strict=False)]
 
 
 def smallest_steps(channels: dict[str, np.ndarray]) -> dict[str, float]:
-    """Smallest steps of the motion channels; without theta, that of the summed w in its place."""
+    """Return the smallest steps of the motion; without theta, that of the summed w as its."""
     motion = {r: x for r, x in channels.items() if r in MOTION}
     if "theta" not in motion and "w" in motion:
         motion["theta"] = np.cumsum(np.nan_to_num(motion["w"], posinf=0.0, neginf=0.0))

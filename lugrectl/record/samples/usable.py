@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..log import Log
-from .bad_samples import leave_out_bad_samples, leave_out_huge, say_missing
 from .clock import put_in_time, use_true_times
+from .outliers import leave_out_bad_samples, leave_out_huge, say_missing
 from .position_jumps import make_continuous, unwrap_positions
 from .rows import Stamped, smallest_steps
 from .sample_and_hold import keep_renewed

@@ -1,0 +1,544 @@
+"""Which observer for this drive: all that it can run, simulated on it and put in order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..blocks.aliases import meant
+from ..blocks.block import unit_for
+from ..blocks.controllers import MEASURED
+from ..blocks.model import Model, as_model, model_first
+from ..blocks.observers import observer_block
+from ..blocks.plant import plant
+from ..core.errors import Diverged, InputError
+from ..core.numeric import rms
+from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
+from ..core.result import plain
+from ..core.validation import flag, number, positive, real, share, shown
+from ..design import Certificate
+from ..design.observer_rules import RULES, SAMPLED
+from ..estimates.fitted import Fitted
+from ..loops.gains import crossing
+from ..record import Record
+from ..record.as_record import as_record, is_record
+from ..simulation.encoder import Sensing
+from ..simulation.recorded_sensing import sensing_of
+from .compare import chosen_observers
+from .gains import LUGRE, correction, designed, fastest
+from .loop import unit_of
+from .recommendation import (
+    ALIKE,
+    EXACT,
+    Candidate,
+    Recommendation,
+    broken,
+    reasons,
+    unknown,
+    unseen,
+)
+from .reference import SETTLED, enough_samples, sine, top_speed
+from .terms import Terms, wrong
+
+PERIOD = 4000  # samples in a period of the reference, at most
+QUICK = 500.0  # rad/s, the highest crossover
+LEVEL, OTHERS = [("Fc", "Fs")], [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)]
+GROWN = 100.0  # times the amplitude of the reference: a loop with such an error has diverged
+NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further
+FAR = 1e300  # below infinity: a loop that diverged is not tried any further
+FASTER = 3.0  # times the controller's bandwidth: the rate of an observer that knows J alone
+LITTLE = 0.9  # of the error without an observer: above it even the best one helps little
+ON_ERROR = ("existing_observer", "lyapunov_observer")  # their rule takes the controller's gain
+ALONE = ("disturbance_observer", "extended_state_observer")  # noise grows with their rate
+
+
+@shows_progress
+def recommend_observer(
+    p: Any,
+    record: Any = None,
+    *,
+    observers: str | Sequence[str] | None = None,
+    rate: float | None = None,
+    noise: float | None = None,
+    resolution: float | None = None,
+    speed_noise: float | None = None,
+    delay: float | None = None,
+    measured: str | Sequence[str] | None = None,
+    uncertainty: float | Mapping[str, float] | None = None,
+    speed: float | None = None,
+    frequency: float | None = None,
+    bandwidth: float | None = None,
+    load: float | None = None,
+    gains: Mapping[str, Mapping[str, Any]] | None = None,
+    certified: bool = False,
+    progress: Wanted = None,
+) -> Recommendation:
+    """The friction observer for a drive: those that it can run, simulated and put in order.
+
+    Parameters
+    ----------
+    p : Model, Parameters, dict, path, Diagnosis or Identification
+        The drive with all values; of a diagnosis its model, and its record if none is given.
+    record : Record, path, DataFrame, dict of arrays, or dict of numbers, optional
+        A log of the drive, from which the rate, the noise and the step of the encoder, the speed
+        and what is measured are estimated; or these values by the names below. Values that are
+        given as arguments go first.
+    observers : str or list of str, optional
+        The observers to consider; default: all of ``lugrectl.observers()``.
+    rate : float
+        Sample rate of the drive in Hz.
+    noise, resolution : float
+        RMS noise of the position and step of the encoder in rad; default 0.
+    speed_noise : float, optional
+        RMS noise of the speed in rad/s, for a drive with a speed of its own. Without it the
+        speed is the difference of two positions.
+    delay : float
+        Dead time between the torque command and the motor in s; default 0.
+    measured : str
+        "theta", "w" or "theta w", which observers may read; without w the loop is one of position.
+    uncertainty : float or dict
+        By what share the parameters may be wrong, each way; default 0.2. A dict gives it by name,
+        ``{"Fc": 0.3, "J": 0.05}``.
+    speed, frequency : float, optional
+        Amplitude in rad/s and frequency in Hz of the reference, a sine; default: well outside
+        presliding and above vs, or 0.8 of the record's speed; 1 Hz, at rates above 4 kHz rate/4000.
+    bandwidth : float, optional
+        Crossover of the controller in rad/s; default: what sampling and dead time allow, at
+        most 500.
+    load : float, optional
+        Load torque in N m that steps in during the run "with a load step"; default: a fifth of
+        the friction level.
+    gains : dict, optional
+        Gains by observer in place of those of :func:`design_gains`,
+        ``{"extended_state": {"bandwidth": 200}}``.
+    certified : bool
+        Whether only observers whose gains have a certificate are admissible.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
+
+    Returns
+    -------
+    Recommendation
+        ``.best``, ``.ranked`` with reasons, ``.refused`` with reasons. ``print`` shows all.
+
+    Raises
+    ------
+    InputError
+        For a model without a value, a missing rate, or an argument that cannot be used.
+
+    Notes
+    -----
+    Every loop is that of :func:`compare_observers`, sampled: the encoder rounds, the observer and
+    the controller run at the rate, the torque is held and acts after the dead time. All
+    loops have the same linear feedback, and the feed-forward of the torque that accelerates J.
+    The order is that of the largest RMS error over these cases: exact parameters, Fc and Fs wrong
+    together, then J, sigma0, sigma1, Fv, vs wrong one at a time, each way. Observers that are
+    more than 1.5 times worse than the best after the first three cases are not tried with the
+    others. Of observers within 5 % of the best the one that passes least noise to the torque is
+    first. The drive has the effects of the model; the observers do not know them.
+
+    Examples
+    --------
+    Two observers for a drive at 1 kHz with an encoder of 20 bits:
+
+    >>> advice = lg.recommend_observer(
+    ...     lg.table1(), observers=["natural", "disturbance"],
+    ...     rate=1000.0, resolution=2 * np.pi / 2**20,
+    ... )
+    >>> advice.best.name
+    'disturbance'
+    """
+    model_first(p, record, "record")
+    said = {k: v for k, v in locals().items() if k in KEYS}
+    model, record = _model(p, record)
+    stand = _stand(model, drive_spec(record, said, model.motion), given_gains(gains))
+    wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
+    if not wanted:
+        raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
+    able, refused = _admissible(stand, wanted, flag(certified, "certified"))
+    terms = replace(stand.terms, designed={name: gains for name, (gains, _) in able.items()})
+    stand, report = replace(stand, terms=terms), reporter(progress)
+    report(0.0, "simulating the loop without an observer")
+    none = stand.error("no_observer", {})
+    unit, rows = unit_of(stand.kind, model), []
+    for name, trial in _trials(stand, list(able), report).items():
+        why = broken(trial.errors, none, unit, stand.spec.rate, bool(np.isfinite(none)))
+        if why:
+            refused[name] = why
+        else:
+            rows.append(_candidate(name, trial, stand, able[name][1]))
+    return _answer(_ordered(rows), refused, none, stand)
+
+
+def _model(p: Any, record: Any) -> tuple[Model, Any]:
+    """Return the drive's model; that of a result with its record."""
+    if isinstance(p, Fitted):
+        model = getattr(p, "model", None)
+        if not isinstance(model, Model):
+            raise InputError("p: this result holds no model; give a model with all values.")
+        record, p = (p.record if record is None else record), model
+    model = as_model(p, "p").with_defaults()
+    plant(model)  # a missing value is named
+    return model, record
+
+
+def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
+    """Return gains by the full name of an observer, checked."""
+    if gains is None:
+        return {}
+    if not isinstance(gains, Mapping) or not all(isinstance(v, Mapping) for v in gains.values()):
+        raise InputError(f"gains must be a dict of dicts by observer, not {shown(gains)}.")
+    checked = {observer_block(name).name: dict(own) for name, own in gains.items()}
+    for name, own in checked.items():
+        observer_block(name).check(own)
+    return checked
+
+
+def _stand(model: Model, said: Mapping[str, Any], gains: Mapping[str, Any]) -> Stand:
+    known = {k: float(v) for k, v in model.values().items() if k in LUGRE and v is not None}
+    spec = completed(said, known)
+    kind = "velocity" if "w" in spec.measured else "position"
+    terms = Terms(model, correction(known, spec.bandwidth), True, gains, ahead=True)
+    return Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
+
+
+Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certificate by name
+
+
+def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Able, dict[str, str]]:
+    """Return the observers that can be tried, and reasons for those that cannot."""
+    able: Able = {}
+    refused: dict[str, str] = {}
+    for name in names:
+        why = unseen(observer_block(name).inputs, stand.spec.measured)
+        if why := why or unknown(name, stand.terms.model):
+            refused[name] = why
+            continue
+        try:
+            own = _designed(stand, name)
+        except InputError as error:
+            refused[name] = f"its gains cannot be designed for this drive: {error}"
+            continue
+        if certified and not own[1]:
+            refused[name] = "its gains have no certificate, and certified=True asks for one."
+        else:
+            able[name] = own
+    return able, refused
+
+
+def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | None]:
+    """Return gains by the design rule, at the rate and the speed of the drive."""
+    own, rule, spec = stand.terms.designed.get(name), RULES.get(name), stand.spec
+    if own is not None or (rule is None and name != "proposed_observer"):
+        return dict(own or {}), None
+    dt = max(1.0 / spec.rate, SAMPLED / (FASTER * spec.bandwidth) if name in ALONE else 0.0)
+    more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
+    gains, made = designed(stand.terms.model, name, dt, spec.speed, **more)
+    if name == "normal_force_observer" and stand.kind == "velocity":
+        made = replace(made, holds=False, valid="its proof is about a position loop")
+    return gains, made
+
+
+def _trials(stand: Stand, names: Sequence[str], report: Progress) -> dict[str, Trial]:
+    """Return all observers in the first cases, then the better ones in the others."""
+    trials: dict[str, Trial] = {}
+    for i, name in enumerate(names):
+        part = part_of(report, 0.6 * i / len(names), 0.6 * (i + 1) / len(names))
+        trials[name] = stand.first(name, part)
+    best = np.inf
+    for i, name in enumerate(sorted(trials, key=lambda k: trials[k].worst[1])):
+        if not trials[name].worst[1] <= min(NEAR * best, FAR):
+            break
+        part = part_of(report, 0.6 + 0.4 * i / len(names), 0.6 + 0.4 * (i + 1) / len(names))
+        stand.finish(name, trials[name], part)
+        best = min(best, trials[name].worst[1])
+    return trials
+
+
+def _candidate(name: str, trial: Trial, stand: Stand, certificate: Certificate | None) -> Candidate:
+    block, (case, worst) = observer_block(name), trial.worst
+    return Candidate(
+        name=name.removesuffix("_observer"),
+        worst=worst,
+        worst_case=case,
+        errors=trial.errors,
+        load=trial.load,
+        noise=trial.noise,
+        gains=stand.terms.own(name, stand.kind),
+        certificate=certificate,
+        reads=block.inputs,
+        knows=tuple(k for k in LUGRE if k in block.parameters),
+        complete=trial.complete,
+    )
+
+
+def _ordered(rows: Sequence[Candidate]) -> list[Candidate]:
+    """By the largest error; those alike the best by noise."""
+    found = sorted(rows, key=lambda row: row.worst)
+    alike = [row for row in found if row.worst <= ALIKE * found[0].worst]
+    return sorted(alike, key=lambda row: row.noise) + found[len(alike) :]
+
+
+def _answer(
+    rows: Sequence[Candidate], refused: Mapping[str, str], none: float, stand: Stand
+) -> Recommendation:
+    model, known = stand.terms.model, stand.terms.values()
+    unit = unit_of(stand.kind, model)
+    said = {"e": unit, "u": unit_for("N m", model.motion)}
+    level = float(max(known.get("Fc", 0.0), known.get("Fs", 0.0)))
+    explained = [replace(row, reasons=reasons(row, rows, none, said, level)) for row in rows]
+    return Recommendation(
+        ranked=tuple(explained),
+        refused={k.removesuffix("_observer"): v for k, v in refused.items()},
+        none=none,
+        signal=MEASURED[stand.kind],
+        unit=unit,
+        motion=model.motion,
+        drive=plain(asdict(stand.spec)),
+        controller=dict(stand.gains),
+        messages=_messages(stand, none, rows),
+    )
+
+
+def _messages(stand: Stand, none: float, rows: Sequence[Candidate]) -> tuple[str, ...]:
+    said = []
+    if not np.isfinite(none):
+        said.append("The loop diverges without an observer too: give a lower bandwidth.")
+    if stand.terms.model.effects:
+        names = ", ".join(use.key for use in stand.terms.model.effects)
+        said.append(f"The drive has {names}; the observers do not know of it.")
+    spec = stand.spec
+    if not (spec.noise or spec.resolution or spec.speed_noise):
+        said.append("The sensor is taken as exact: give noise or resolution.")
+    if rows and rows[0].worst > LITTLE * none:
+        said.append("Even the best observer may help little with parameters as wrong as these.")
+    if not rows:
+        said.append("No observer is admissible on this drive; the reasons are in refused.")
+    return tuple(said)
+
+
+@dataclass
+class Trial:
+    """RMS errors by case, infinite where the loop diverges; ``noise``: torque in N m."""
+
+    errors: dict[str, float] = field(default_factory=dict)
+    load: float = np.inf
+    noise: float = np.inf
+    complete: bool = False
+
+    @property
+    def worst(self) -> tuple[str, float]:
+        """The case with the largest error."""
+        case = max(self.errors, key=lambda k: self.errors[k])
+        return case, self.errors[case]
+
+
+@dataclass(frozen=True)
+class Stand:
+    """The loop in which the observers are tried: a sine of the speed, from rest."""
+
+    terms: Terms
+    spec: DriveSpec
+    kind: str
+    gains: Mapping[str, float]
+
+    @cached_property
+    def t(self) -> np.ndarray:
+        rate, f = self.spec.rate, self.spec.frequency
+        what = f"a sine of {f:g} Hz at {rate:g} samples per second"
+        return np.arange(enough_samples(f, rate, what)) / rate
+
+    @cached_property
+    def rows(self) -> dict[str, np.ndarray]:
+        return sine(self.t, self.spec.speed, self.spec.frequency).rows(self.kind)
+
+    def error(self, name: str, believed: Mapping[str, float], load: float = 0.0) -> float:
+        """Return the RMS error with these parameters believed; infinite if the loop diverges."""
+        try:
+            return self._missed(self._run(name, believed, self.spec.sensing, load))
+        except Diverged:
+            return np.inf
+
+    def noise(self, name: str) -> float:
+        """Return the RMS torque that the sensor causes, its rounding included."""
+        try:
+            runs = (self.spec.sensing, self.spec.sensing.quiet())
+            loud, quiet = (self._run(name, {}, sensing)["u"] for sensing in runs)
+        except Diverged:
+            return np.inf
+        return self._counted(loud - quiet)
+
+    def _counted(self, x: np.ndarray) -> float:
+        return rms(x[self.t >= SETTLED / self.spec.frequency])
+
+    def _missed(self, out: Mapping[str, np.ndarray]) -> float:
+        return self._counted(out[MEASURED[self.kind]] - self.rows["r"])
+
+    def _run(
+        self, name: str, believed: Mapping[str, float], sensing: Sensing, load: float = 0.0
+    ) -> dict[str, np.ndarray]:
+        rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
+        control = self.terms.control(name, self.kind, self.gains, believed)
+        out = self.terms.run(control, self.kind, sensing, self.spec.speed, rows)
+        with np.errstate(all="ignore"):
+            if not self._missed(out) < GROWN * float(np.abs(self.rows["r"]).max()):
+                raise Diverged(f"{name}: the error grows without bound.")
+        return out
+
+    def first(self, name: str, report: Progress) -> Trial:
+        """Return exact parameters, the level of friction wrong, a load step, noise."""
+        report(0.0, f"simulating {name}")
+        trial = Trial({EXACT: self.error(name, {})})
+        if np.isfinite(trial.errors[EXACT]):
+            self._try(name, trial, LEVEL, report)
+            trial.load, trial.noise = self.error(name, {}, self.spec.load), self.noise(name)
+        return trial
+
+    def finish(self, name: str, trial: Trial, report: Progress) -> None:
+        """Try the other parameters, one at a time."""
+        self._try(name, trial, OTHERS, report)
+        trial.complete = True
+
+    def _try(
+        self, name: str, trial: Trial, groups: Sequence[Sequence[str]], report: Progress
+    ) -> None:
+        cases = wrong(name, self.terms.values(), groups, self.spec.uncertainty)
+        for i, (case, believed) in enumerate(cases.items()):
+            report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
+            trial.errors[case] = self.error(name, believed)
+
+
+@dataclass(frozen=True)
+class DriveSpec:
+    """A drive's sensor and task in SI units.
+
+    ``measured``: theta, w or both. ``speed_noise`` None: the speed is the difference of two
+    positions. ``source``: where the values come from.
+    """
+
+    rate: float
+    noise: float
+    resolution: float
+    speed_noise: float | None
+    delay: float
+    measured: tuple[str, ...]
+    speed: float
+    frequency: float
+    bandwidth: float
+    load: float
+    uncertainty: Mapping[str, float]
+    source: str
+
+    @property
+    def sensing(self) -> Sensing:
+        """The same for the simulation."""
+        return Sensing(1.0 / self.rate, self.noise, self.resolution, self.speed_noise, self.delay)
+
+
+KEYS = tuple(k for k in DriveSpec.__dataclass_fields__ if k != "source")
+
+
+def completed(said: Mapping[str, Any], known: Mapping[str, float]) -> DriveSpec:
+    """Return all values, those that are not said by the drive's parameters ``known``."""
+    usual = {"noise": 0.0, "resolution": 0.0, "speed_noise": None, "delay": 0.0}
+    usual |= {"measured": ("theta", "w"), "source": "the arguments"}
+    spec = usual | dict(said)
+    sensing = Sensing(1.0 / spec["rate"], speed_noise=spec["speed_noise"], delay=spec["delay"])
+    level = max(known.get("Fc", 0.0), known.get("Fs", 0.0))
+    f = spec.setdefault("frequency", max(1.0, spec["rate"] / PERIOD))
+    presliding = level / known["sigma0"] if known.get("sigma0") else 0.0
+    slow = max(10.0 * known.get("vs", 0.0), presliding * 20.0 * np.pi * f)
+    spec.setdefault("speed", slow or 1.0)
+    spec.setdefault("bandwidth", min(QUICK, fastest(sensing)))
+    spec.setdefault("load", 0.2 * level)
+    spec.setdefault("uncertainty", dict.fromkeys(LUGRE, 0.2))
+    return DriveSpec(**spec)
+
+
+def drive_spec(given: Any, own: Mapping[str, Any], motion: str) -> dict[str, Any]:
+    """Return the values that are given by name, those of a dict of numbers, or estimates from a
+    record; values by name go before the others."""
+    said = {k: v for k, v in own.items() if v is not None}
+    if isinstance(given, Mapping) and not _holds_arrays(given):
+        strange = [k for k in given if k not in KEYS]
+        if strange:
+            hint = meant(strange[0], KEYS)
+            raise InputError(f"record: a drive has no value {shown(strange[0])}; {hint}")
+        return _checked({**given, **said})
+    if given is None:
+        return _checked(said)
+    if not is_record(given):
+        raise InputError(
+            "record must be a record (a path, DataFrame, dict of arrays or Record) or a dict of "
+            f"numbers such as {{'rate': 1000}}, not {shown(given)}."
+        )
+    seen = estimated(as_record(given, motion))
+    return seen | _checked({"rate": seen["rate"]} | said)
+
+
+def _holds_arrays(given: Mapping[Any, Any]) -> bool:
+    return any(np.ndim(v) > 0 and not isinstance(v, str) for k, v in given.items()
+               if k not in ("measured", "uncertainty"))  # fmt: skip
+
+
+def estimated(record: Record) -> dict[str, Any]:
+    """Return rate, noise, step of the encoder and speed of a record."""
+    seen, speed = sensing_of(record), top_speed(record)
+    values = {k: getattr(seen, k) for k in ("noise", "resolution", "speed_noise")}
+    values["measured"] = tuple(k for k in ("theta", "w") if getattr(record, k) is not None)
+    values |= {"speed": speed} if speed else {}
+    return values | {"rate": record.rate, "source": record.source}
+
+
+def _checked(said: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values by name, where all are of their kind."""
+    if "rate" not in said:
+        raise InputError(
+            "rate is missing: give the drive's sample rate in Hz, rate=1000, or a record."
+        )
+    return {key: CHECKS[key](said[key], key) for key in KEYS if key in said}
+
+
+def _hertz(value: Any, key: str) -> float:
+    return positive(value, key, "Hz")
+
+
+def _not_negative(value: Any, key: str) -> float:
+    if (checked := number(value, key)) < 0.0:
+        raise InputError(f"{key} must be 0 or positive, not {shown(value)}.")
+    return checked
+
+
+def _measured(given: Any, _: str) -> tuple[str, ...]:
+    words = given.replace(",", " ").split() if isinstance(given, str) else given
+    if not isinstance(words, (list, tuple)) or not words or set(words) - {"theta", "w"}:
+        raise InputError(f"measured must be 'theta', 'w' or 'theta w', not {shown(given)}.")
+    return tuple(k for k in ("theta", "w") if k in words)
+
+
+def _uncertain(given: Any, _: str) -> dict[str, float]:
+    """Return by how much each parameter may be wrong, as a share."""
+    if not isinstance(given, Mapping):
+        if real(given) == 0.0:
+            return dict.fromkeys(LUGRE, 0.0)
+        return dict.fromkeys(LUGRE, share(given, "uncertainty"))
+    for key in given:
+        if key not in LUGRE:
+            raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, LUGRE)}")
+    sizes = {k: 0.0 if real(v) == 0.0 else share(v, f"uncertainty of {k}")
+             for k, v in given.items()}  # fmt: skip
+    return dict.fromkeys(LUGRE, 0.0) | sizes
+
+
+CHECKS: dict[str, Callable[[Any, str], Any]] = {
+    **dict.fromkeys(("rate", "frequency"), _hertz),
+    **dict.fromkeys(("speed", "bandwidth"), positive),
+    **dict.fromkeys(("noise", "resolution", "speed_noise", "delay"), _not_negative),
+    "load": number,
+    "measured": _measured,
+    "uncertainty": _uncertain,
+}

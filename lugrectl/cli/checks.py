@@ -1,0 +1,249 @@
+"""``lugrectl check``: the linear checks of a loop, or of a transfer function that is typed.
+
+The latter is ``--num 1,10 --den 1,2,0.5 [--dt 0.001]``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import textwrap
+from argparse import Namespace
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+from ..core.errors import InputError
+from .inputs import given
+from .output import answer, as_json, say
+
+SIGNED = ("--num", "--den")  # options whose value may begin with a minus sign
+# The source paper's gains, by loop; K2 of the proposed observer.
+PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
+PAPER_K2 = 22.0
+_MADE = {"spr": "T", "bandwidth": "loop_tf", "stability": "L"}  # of which transfer function
+_BRISTLES = ("J", "sigma0", "sigma1")
+_NEEDED = {"l2": _BRISTLES, "spr": _BRISTLES, "passivity": ("sigma1", "Fc", "Fs", "Fv", "vs")}
+_SHOWN = (
+    *("gain", "frequency", "bandwidth", "hertz", "margin", "band_edge", "gain_margin"),
+    *("phase_margin", "modulus_margin", "delay_margin", "least_Fv", "largest_sigma1", "speed"),
+)
+_ANSWERS = {  # where the property holds, and where not
+    "l2": ("finite L2 gain", "no finite L2 gain"),
+    "spr": ("SPR", "not SPR"),
+    "passivity": ("passive friction", "friction that is not passive"),
+    "stability": ("stable loop", "unstable loop"),
+}
+_LOOP, _FILTERS = (
+    ("kp", "ki", "kd", "tau", "leak", "derivative_filter"),
+    ("prefilter", "half_power"),
+)
+UNUSED = {  # options on which a property does not depend
+    "l2": (*_LOOP, *_FILTERS, "dead_time"),
+    "spr": ("K2", *_FILTERS),
+    "bandwidth": ("K2",),
+    "stability": ("K2", *_FILTERS),
+    "passivity": (*_LOOP, *_FILTERS, "K2", "dead_time", "dt"),
+}
+
+
+def check(a: Namespace) -> int:
+    """``lugrectl check``: 0 when the property holds, 1 when not."""
+    from ..core.result import plain
+
+    T = _transfer(a)
+    verdict, about = _of_loop(a) if T is None else (_checking(a)(T), {"transfer": _typed(a)})
+    _say_unused(a)
+    about = {"model": None, "gains": {}} | about
+    last = {k: about.pop(k) for k in ("model", "gains")}
+    facts = {"schema": 1, "check": a.property, **about, **last, **verdict.summary()}
+    answer(verdict, a, as_json(plain(facts)) if a.json else _text(facts, verdict._units))
+    return 0 if verdict else 1
+
+
+def _checking(a: Namespace) -> Any:
+    """The function of a check."""
+    from .. import linear
+
+    level = {"level": "half-power" if a.half_power else "-3dB"}
+    work = getattr(linear, f"{a.property}_check")
+    return partial(work, **level) if a.property == "bandwidth" else work
+
+
+def _of_loop(a: Namespace) -> tuple[Any, dict[str, Any]]:
+    """The verdict on a loop with a model, and what it is about."""
+    from .. import linear
+
+    (p, name), work = _parameters(a), _checking(a)
+    if a.property == "passivity":
+        return work(p), {"model": name}
+    if a.property == "l2":
+        gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
+        return work(p, **gains), {"model": name, "gains": gains}
+    loop = a.loop or ("position" if a.property == "spr" else "velocity")
+    gains = _gains(a, loop)
+    filtered = {"prefilter": bool(a.prefilter)} if a.property == "bandwidth" else {}
+    made = getattr(linear, f"{loop}_{_MADE[a.property]}")(p, **gains, **filtered)
+    return work(made), {"loop": loop, **filtered, "model": name, "gains": gains}
+
+
+def _parameters(a: Namespace) -> tuple[Any, str]:
+    """An object with the parameters that a check needs, and the model's name."""
+    from ..blocks.model import read_model, table1
+
+    if a.model is None:
+        return table1(), "Table 1"
+    model = read_model(a.model)
+    needed = _NEEDED.get(a.property, ("J",))
+    values = model.values()
+    if set(needed) - set(values):
+        raise InputError(
+            f"{a.model}: {a.property} is about LuGre friction, but the file declares "
+            f"'{model.friction.block.name}'; set model = \"lugre\" with sigma0 and sigma1."
+        )
+    missing = [k for k in needed if values[k] is None]
+    if missing:
+        raise InputError(
+            f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file does not give."
+        )
+    return (model if a.property == "passivity" else Namespace(**values)), model.name
+
+
+def _gains(a: Namespace, loop: str) -> dict[str, float]:
+    """The paper's gains if none is given, else the given ones and 0 for the others."""
+    gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given(a, "kp ki kd") or PAPER[loop])
+    return gains | given(a, "tau leak derivative_filter dead_time")
+
+
+def _say_unused(a: Namespace) -> None:
+    names = UNUSED[a.property]
+    if a.num is not None:
+        more = () if a.property == "bandwidth" else ("half_power",)
+        names = ("model", "K2", *_LOOP, "prefilter", *more)
+    extra = [f"--{k.replace('_', '-')}" for k in given(a, " ".join(names))]
+    extra += [f"--{a.loop}"] if a.loop and (a.property in ("l2", "passivity") or a.num) else []
+    if extra:
+        say(f"note: {a.property} does not depend on {', '.join(extra)}: not used.")
+
+
+# --- a transfer function that is typed -----------------------------------------------------
+
+
+def _transfer(a: Namespace) -> Any:
+    """T of --num and --den; None where neither is given."""
+    if a.num is None and a.den is None:
+        if a.dt is not None:
+            raise InputError("--dt is the sample time of T(z): give --num and --den too.")
+        return None
+    if a.num is None or a.den is None:
+        missing = "--num" if a.num is None else "--den"
+        raise InputError(f"{missing} is missing: a transfer function needs --num and --den.")
+    num, den = _coefficients(a.num, "--num"), _coefficients(a.den, "--den")
+    if not any(den):
+        raise InputError("--den is zero; give the coefficients of a polynomial.")
+    if a.property == "passivity":
+        raise InputError("--num: passivity is about the friction of a model; give it --model.")
+    T: Any = (num, den)
+    if a.dt is not None:
+        import control as ct
+
+        T = ct.tf([float(c) for c in num], [float(c) for c in den], a.dt)
+    if a.dead_time is None:
+        return T
+    from ..linear import delayed
+
+    return delayed(T, a.dead_time)
+
+
+def _coefficients(text: str, option: str) -> list[Fraction]:
+    """Decimal numbers, exactly, in descending powers."""
+    try:
+        found = [Fraction(word) for word in text.replace(",", " ").split()]
+        if not found or not all(abs(float(c)) < float("inf") for c in found):
+            raise ValueError
+    except (ValueError, OverflowError, ZeroDivisionError):
+        raise InputError(
+            f"{option} is '{text}', but numbers in descending powers are needed, such as 1,2,0.5."
+        ) from None
+    return found
+
+
+def _typed(a: Namespace) -> dict[str, Any]:
+    """T for the JSON document."""
+    num, den = ([float(c) for c in _coefficients(text, "")] for text in (a.num, a.den))
+    return {"num": num, "den": den, "dt": a.dt, **given(a, "dead_time")}
+
+
+def joined(words: Sequence[str]) -> list[str]:
+    """``--num -1 2`` as ``--num=-1 2``: argparse takes "-1" for an option."""
+    out: list[str] = []
+    for word in words:
+        option, known, _ = out[-1].partition("=") if out else ("", "", "")
+        if option in SIGNED and re.match(r"[-+]?[0-9.]", word):
+            out[-1] += f" {word}" if known else f"={word}"
+        else:
+            out.append(word)
+    return out
+
+
+# --- the answer in words -------------------------------------------------------------------
+
+
+def _text(facts: dict[str, Any], units: Mapping[str, str]) -> str:
+    said = [facts[k].rstrip(".") + "." for k in ("reason", "meaning", "repair") if facts.get(k)]
+    known = [k for k in _SHOWN if k in facts and not math.isnan(facts[k])]
+    return "\n".join(
+        [
+            f"{_answer(facts)}: {_about(facts)}",
+            *(textwrap.fill(s, 80, initial_indent="  ", subsequent_indent="  ") for s in said),
+            *(f"  {k}: {facts[k]:.6g} {units.get(k, '')}".rstrip() + _at(facts, k) for k in known),
+        ]
+    )
+
+
+def _about(facts: dict[str, Any]) -> str:
+    """The loop with its gains, or T(s) = ... or T(z) = ... in one line."""
+    if T := facts.get("transfer"):
+        name = "s" if T["dt"] is None else "z"
+        of = f"T({name}) = ({_polynomial(T['num'], name)})/({_polynomial(T['den'], name)})"
+        of += f" exp(-{T['dead_time']:g} s)" if T.get("dead_time") else ""
+        return of if T["dt"] is None else f"{of}, dt = {T['dt']:g} s"
+    loop = f"{facts['loop']} loop of " if "loop" in facts else ""
+    gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
+    gains += ", prefilter 2/(s + 2)" if facts.get("prefilter") else ""
+    return loop + ", ".join(filter(None, (facts["model"], gains)))
+
+
+def _polynomial(p: Sequence[float], name: str) -> str:
+    terms = []
+    for power, c in zip(range(len(p) - 1, -1, -1), p, strict=True):
+        if not c:
+            continue
+        x = "" if not power else name if power == 1 else f"{name}^{power}"
+        size = x if x and abs(c) == 1 else f"{abs(c):g} {x}".strip()
+        sign = ("-" if c < 0 else "") if not terms else (" - " if c < 0 else " + ")
+        terms.append(sign + size)
+    return "".join(terms) or "0"
+
+
+def _at(facts: dict[str, Any], margin: str) -> str:
+    """At which frequency a margin is, and the other form in which it is known."""
+    more = []
+    if margin == "gain_margin" and 0 < facts[margin] < math.inf:
+        more.append(f"{20 * math.log10(facts[margin]):.4g} dB")
+    if margin == "modulus_margin":
+        more.append(f"Ms {facts['Ms']:.6g}")
+    at = facts.get(f"{margin}_frequency", math.nan)
+    more += [] if math.isnan(at) else [f"at {at:.6g} rad/s" if math.isfinite(at) else "as w grows"]
+    return f" ({', '.join(more)})" if more else ""
+
+
+def _answer(facts: dict[str, Any]) -> str:
+    if facts["check"] in _ANSWERS:
+        return _ANSWERS[facts["check"]][not facts["holds"]]
+    if math.isnan(facts["bandwidth"]):
+        return "no bandwidth"
+    if not facts["stable"]:
+        return "unstable T" if "transfer" in facts else "unstable loop"
+    return f"bandwidth {facts['hertz']:.4g} Hz" if facts["holds"] else "no bandwidth"

@@ -1,0 +1,325 @@
+"""From a log and a model to the frequency response of the axis: friction, response, mechanics, and
+once more with what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import control as ct
+import numpy as np
+
+from ..blocks.model import Model, as_model
+from ..core.errors import InputError, Refused
+from ..core.provenance import stamped
+from ..record import Record, pooled, record_of, refuse_dead
+from ..record.as_record import as_logs
+from .effects import Known, known_effects
+from .friction import Friction, fit_friction, load_motion, problem_of
+from .local_response import SPACING, Response, Shape, local_response
+from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
+from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
+from .runs import Run, Window, runs_of, windows
+
+HIGHEST = 0.4  # of half the sampling rate
+LOWEST = 30  # periods in the longest run
+ROUNDS = 2  # with the mechanics that the round before showed
+OCTAVE = 0.35  # of log frequency to either side: over it what friction does is a median
+SURE = 0.01  # by which the mean log residual must fall for friction, and once more for the load's
+ON_LOAD = 0.25  # of the friction: with so much on the load its motion is first computed
+SLOW = 10.0  # Hz below which friction is looked for
+NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
+VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
+LEAST_RANGE = 0.5  # decades of frequency
+NOWHERE = (
+    "the response is certain at no frequency from {:.3g} to {:.3g} Hz: the torque explains at most "
+    "{:.0%} of the speed about {:.3g} Hz, and it must be 95 %. The log excites the axis too little "
+    "there, or something else moves it."
+)
+NONE = "No dry friction shows clearly in the log: nothing is taken out."
+ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
+
+
+@stamped("lugrectl.frequency_response")
+def frequency_response(
+    record: Any,
+    model: Any,
+    *,
+    columns: Mapping[str, str] | str | None = None,
+    units: Mapping[str, str] | str | None = None,
+    scale: Mapping[str, float] | str | None = None,
+    rate: float | None = None,
+) -> FrequencyResponse:
+    """The frequency response of an axis from an ordinary log, with friction taken out.
+
+        U(k) = W(k)/P(k) + T(k) + a(k) F(k)
+
+    U and W are the spectra of torque and motor speed, F that of friction along the measured
+    motion, T transients. Friction is fitted together with 1/P, without a model of the mechanics;
+    then P is estimated from torque less friction to speed.
+
+    Parameters
+    ----------
+    record : path, DataFrame, dict of arrays or Record, or a list of them
+        Runs of one axis, in open or closed loop, that reverse. A reference r, of position or
+        speed, serves as instrument: noise in the loop does not bias the response then.
+    model : Model, Parameters, dict or path
+        The declared model. The level of friction is fitted; a law without dry friction
+        ("viscous") takes none out. Its other effects are taken out with their values.
+    columns, units, scale, rate : optional
+        How to read a log, as for :func:`lugrectl.read_record`.
+
+    Returns
+    -------
+    FrequencyResponse
+        ``frd`` from torque (N m, or N) to speed (rad/s, or m/s), from 30 periods of the log to 0.4
+        of half the sampling rate; ``low``, ``high``, ``coherence``, ``modes``, ``plot()``.
+
+    Raises
+    ------
+    InputError
+        When an argument cannot be meant, or a file cannot be read or understood.
+    Refused
+        When the log is too short, shows no motion, or makes the response certain nowhere.
+
+    Notes
+    -----
+    Viscous friction is linear and stays in P, and so do dead time, current lag and the hold of the
+    torque. The motion must be that of the motor: behind an elastic coupling a resonance comes
+    without its antiresonance. Coherence does not show friction where the excitation is periodic;
+    ``correction`` does, and where it is above 2 dB no band holds: these points are ``governed``,
+    and the fitted mechanics, its modes and the gains of :func:`tune` follow from the others.
+
+    References
+    ----------
+    R. Pintelon and J. Schoukens, System Identification: A Frequency Domain Approach, 2nd ed.,
+    Wiley 2012, ch. 7 (local polynomials, instruments).
+
+    Examples
+    --------
+    A rigid axis of 0.02 kg m2 with 0.3 N m of Coulomb friction, moved to and fro:
+
+    >>> t, rng = 2e-3 * np.arange(8000), np.random.default_rng(0)
+    >>> w = 10.0 * np.sin(20.0 * t) + np.convolve(rng.normal(0.0, 2.0, 8000), np.ones(5), "same")
+    >>> u = 0.02 * np.gradient(w, t) + 0.3 * np.sign(w)
+    >>> found = lg.frequency_response({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
+    >>> found.trusted, round(found.friction["Fc"], 1)
+    (True, 0.3)
+    """
+    made = as_model(model)
+    logs = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
+    records = pooled([record_of(log, alone=len(logs) == 1) for log in logs])
+    refuse_dead(records)
+    _refuse_unlike(records)
+    runs = runs_of(records)
+    _refuse_short(runs)
+    known = known_effects(runs, made)
+    reverses = any(len(run.strokes[1]) > 1 for run in runs)
+    dry = "Fc" in made.friction.values
+    found = estimate(known, dry and reverses)
+    _refuse_uncertain(found.response)
+    said = [*known.said, *(message for one in records for message in one.messages)]
+    return _result(found, runs, made, [*_verdict(found, dry), *said])
+
+
+def _refuse_unlike(records: Sequence[Record]) -> None:
+    steps = [record.dt for record in records]
+    if max(steps) > 1.001 * min(steps):
+        rates = ", ".join(f"{record.source} {record.rate:g} Hz" for record in records)
+        raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
+
+
+def _refuse_short(runs: Sequence[Run]) -> None:
+    longest = max(runs, key=lambda run: len(run.u))
+    low, high = LOWEST / (len(longest.u) * longest.dt), 0.5 * HIGHEST / longest.dt
+    if high < low * 10**LEAST_RANGE:
+        raise Refused(
+            f"the longest stretch has {len(longest.u)} samples: its response would reach from "
+            f"{low:.3g} to {high:.3g} Hz only; record longer or faster.",
+            RECORD,
+        )
+
+
+def _refuse_uncertain(r: Response) -> None:
+    best = int(np.argmax(r.coherence))
+    if r.coherence[best] < CERTAIN:
+        f = r.w / (2.0 * np.pi)
+        raise Refused(NOWHERE.format(f[0], f[-1], float(r.coherence[best]), f[best]), RECORD)
+
+
+def _verdict(found: Estimate, dry: bool) -> list[str]:
+    """What friction does to the response, how much of it is certain, and what to record."""
+    (correction, below), sure, bad = found.correction, found.certain, found.governed
+    f, few = found.response.w[bad] / (2.0 * np.pi), sure.mean() < FEW
+    taken = found.friction is not None and found.friction.levels
+    made = [GOOD.format(below, correction)] if taken and not len(f) else []
+    made += [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
+    made += [] if taken or not dry else [ONE_WAY if found.friction is None else NONE]
+    made += [THIN.format(sure.sum(), len(sure))] if few else []
+    return [*made, *([RECORD] if len(f) or few else [])]
+
+
+def _result(
+    found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
+) -> FrequencyResponse:
+    r, dt, sure = found.response, runs[0].dt, found.certain
+    size = np.abs(r.P)
+    mechanics = found.mechanics if sure.sum() >= FEWEST else None
+    modes = () if mechanics is None else mechanics.modes()
+    inertia = None if mechanics is None else mechanics.inertia
+    known = inertia is not None and _narrow(inertia[1])
+    return FrequencyResponse(
+        frd=ct.FrequencyResponseData(r.P, r.w, dt),
+        raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
+        unwrapped=unwrapped(r.w, r.P, r.coherence >= CERTAIN),
+        low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
+        high=np.where(sure, size + r.radius, np.nan),
+        coherence=r.coherence,
+        correction=found.correction[0],
+        governed=found.governed,
+        modes=tuple(mode for mode in modes if _seen(mode, r.w, sure)),
+        inertia=inertia[0] if inertia and known else None,
+        inertia_ci95=inertia[1] if inertia and known else None,
+        friction={} if found.friction is None else found.friction.levels,
+        reference=runs[0].E is not None,
+        motion=model.motion,
+        messages=tuple(dict.fromkeys(said)),
+        mechanics=mechanics,
+    )
+
+
+def _seen(mode: Mode, w: np.ndarray, sure: np.ndarray) -> bool:
+    """Whether its frequency is known, and some points about it are certain: in an antiresonance,
+    where the axis hardly moves, few are."""
+    near = np.abs(np.log(w / mode.frequency)) < NEAR
+    return _narrow(mode.ci95) and bool(np.mean(sure[near]) >= TENTH)
+
+
+def _narrow(ci95: tuple[float, float]) -> bool:
+    return ci95[1] <= (1.0 + VAGUE) ** 2 * ci95[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The response without and with friction taken out; ``friction`` is None without dry friction
+    in the model, ``mechanics`` where the response shows none."""
+
+    raw: Response
+    response: Response
+    friction: Friction | None
+    mechanics: Mechanics | None
+
+    @cached_property
+    def governed(self) -> np.ndarray:
+        """Where friction governs the response (n,)."""
+        return _governed(self.raw, self.response)
+
+    @cached_property
+    def certain(self) -> np.ndarray:
+        return (self.response.coherence >= CERTAIN) & ~self.governed
+
+    @property
+    def correction(self) -> tuple[float, float]:
+        """By how many dB friction changes the response at low frequencies, and below how many
+        Hz."""
+        w = self.response.w
+        top = max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
+        change = _change(self.raw, self.response)[w < top]
+        return float(np.median(change)), top / (2.0 * np.pi)
+
+
+def _change(raw: Response, taken: Response) -> np.ndarray:
+    """By how many dB friction changes the response (n,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.abs(20.0 * np.log10(np.abs(raw.P / taken.P)))
+
+
+def _governed(raw: Response, taken: Response) -> np.ndarray:
+    """Where friction changes the response by too many dB (n,), by the median over an octave."""
+    dB, x = _change(raw, taken), np.log(taken.w)
+    ends = (np.searchsorted(x, x - OCTAVE), np.searchsorted(x, x + OCTAVE, "right"))
+    return np.array([np.nanmedian(dB[a:b]) for a, b in zip(*ends, strict=True)]) >= LARGE
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """Runs with their windows, and what is known of the mechanics so far."""
+
+    known: Known
+    windows: Sequence[Window]
+    w: np.ndarray
+    mechanics: Mechanics | None = None
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        return self.known.runs
+
+    def torques(self) -> list[np.ndarray]:
+        """The spectra of the commands, less what the known torques cost."""
+        every = zip(self.runs, self.known.resisting, self.advance(), strict=True)
+        return [run.U - run.spectrum(d) * a for run, d, a in every]
+
+    def moving(self) -> list[np.ndarray]:
+        """The same with rests filled in."""
+        if self.mechanics is None:
+            return self.torques()
+        both = zip(self.runs, self.torques(), strict=True)
+        return [self.mechanics.filled(run, U) for run, U in both]
+
+    def advance(self) -> list[np.ndarray]:
+        """What takes a torque in force to the command; a sample early before more is known."""
+        if self.mechanics is None:
+            return [np.exp(1j * run.w * run.dt) for run in self.runs]
+        return [self.mechanics.advance(run.w) for run in self.runs]
+
+    def shape(self, w: np.ndarray) -> Shape:
+        if self.mechanics is None:
+            return Shape(np.ones(len(w)), np.ones(len(w)))
+        return self.mechanics.shape(w)
+
+    def response(self, friction: Sequence[np.ndarray] | None = None) -> Response:
+        V = self.torques()
+        if friction is not None:
+            V = [U - F for U, F in zip(self.moving(), friction, strict=True)]
+        shapes = [self.shape(run.w) for run in self.runs]
+        return local_response(self.runs, self.windows, V, shapes, self.shape(self.w))
+
+    def knowing(self, found: Response) -> _Stage:
+        """The same with the mechanics that a response shows where friction does not govern it."""
+        raw = self.response()
+        shown = replace(found, coherence=np.where(_governed(raw, found), 0.0, found.coherence))
+        return replace(self, mechanics=fit_mechanics(shown, raw, self.runs[0].dt))
+
+    def friction(self, before: Friction | None) -> Friction:
+        """The friction of motor and of load, each where the residual falls clearly with it."""
+        shapes = [self.shape(run.w) for run in self.runs]
+        advance, scales = self.advance(), self.known.scales
+        problem = problem_of(self.runs, advance, scales, shapes, self.moving())
+        found = fit_friction(problem, before)
+        none = problem.without(found)
+        if found.cost > none.cost - SURE:
+            found = none
+        if before is None or self.mechanics is None or not len(self.mechanics.pairs):
+            return found
+        level = before.levels.get("load Fc") or ON_LOAD * before.levels.get("Fc", 0.0)
+        loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
+        both = fit_friction(replace(problem, loads=loads), before)
+        return both if both.cost < found.cost - SURE else found
+
+
+def estimate(known: Known, dry: bool) -> Estimate:
+    """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
+    runs = known.runs
+    longest = max(len(run.u) * run.dt for run in runs)
+    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / runs[0].dt
+    every = windows(runs, *ends, SPACING)
+    stage = _Stage(known, every, np.array([one.centre for one in every]))
+    friction, taken = None, None
+    for _ in range(1 + ROUNDS):
+        if dry:
+            friction = stage.friction(friction)
+            taken = friction.spectra if friction.levels else None
+        stage = stage.knowing(stage.response(taken))
+    return Estimate(stage.response(), stage.response(taken), friction, stage.mechanics)

@@ -1,0 +1,220 @@
+"""The runs of a log as spectra: torque, speed, reference; the motion that friction follows; and the
+windows of frequency in which a smooth response and a transient are polynomials.
+
+The torque u[k] is held from sample k to k + 1. The speed is the derivative of the recorded
+position, jw Theta(jw), so that no difference quotient delays it; without a position it is the
+recorded speed. Friction of the interval from k to k + 1 belongs to u[k]. Several runs share the
+response; each has a transient of its own (the local polynomial method: Schoukens, Vandersteen,
+Barbe, Pintelon 2009).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
+
+from ..blocks.bristle_laws import strokes
+from ..record import Record
+from ..record.signal_noise import smallest_step
+
+SMOOTH = 0.34  # of the sampling rate: where the motion that friction follows is down to 1/e
+FINER = 4  # parts of an interval: the axis may reverse within it
+REST_SAMPLES = 1  # before and after, within one count: the axis stands
+ORDER = 2  # of the polynomials
+POWERS = np.arange(ORDER + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples.
+
+    ``steps`` (FINER n,) is the smoothed motion of each part of an interval, rad or m.
+    ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
+    the measured load torque, 0 without one.
+    """
+
+    dt: float
+    t: np.ndarray
+    u: np.ndarray
+    theta: np.ndarray
+    count: float
+    w: np.ndarray
+    W: np.ndarray
+    E: np.ndarray | None
+    load: np.ndarray
+    steps: np.ndarray
+
+    @cached_property
+    def U(self) -> np.ndarray:
+        return self.spectrum(self.u)
+
+    @cached_property
+    def strokes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return strokes(self.steps)
+
+    def spectrum(self, x: np.ndarray) -> np.ndarray:
+        """The spectrum of signals (n,) or (n, m)."""
+        return np.asarray(rfft(x, axis=0))
+
+    def signal(self, X: np.ndarray) -> np.ndarray:
+        """The signals (n,) or (n, m) of spectra."""
+        return np.asarray(irfft(X, len(self.u), axis=0))
+
+    @cached_property
+    def fine_speed(self) -> np.ndarray:
+        """The speed (FINER n,) in each part of an interval."""
+        return self.steps * (FINER / self.dt)
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """The mean speed (n,) in each interval."""
+        return means(self.fine_speed)
+
+    @cached_property
+    def stands(self) -> np.ndarray:
+        """Whether the axis stands in an interval (n,): friction is then what the torque leaves."""
+        if not self.count:
+            return np.zeros(len(self.u), bool)
+        near = np.pad(self.theta, REST_SAMPLES, mode="edge")
+        windows = np.lib.stride_tricks.sliding_window_view(near, 2 * REST_SAMPLES + 1)
+        still = np.ptp(windows, axis=1) <= 1.01 * self.count
+        return np.append(still[1:], still[-1])
+
+
+def hold(w: np.ndarray, dt: float | None) -> np.ndarray:
+    """Return what holding a value over a sample does to its spectrum; 1 in continuous time."""
+    s = 1j * w
+    return np.ones(len(w), complex) if dt is None else -np.expm1(-s * dt) / (s * dt)
+
+
+def means(x: np.ndarray) -> np.ndarray:
+    """Return the means (n,) over intervals of what is given in their parts."""
+    return x.reshape(-1, FINER).mean(axis=1)
+
+
+def runs_of(records: Sequence[Record]) -> list[Run]:
+    """Return every stretch of the records of at least a quarter of the longest."""
+    pieces = [(r, part) for r in records for part in r.segments()]
+    longest = max(part.stop - part.start for _, part in pieces)
+    kept = [(r, part) for r, part in pieces if 4 * (part.stop - part.start) >= longest]
+    logged = all(r.r is not None and np.ptp(r.r[part]) > 0 for r, part in kept)
+    return [_run(r, part, logged) for r, part in kept]
+
+
+def _run(record: Record, part: slice, logged: bool) -> Run:
+    fast = prev_fast_len(part.stop - part.start, real=True) or 0  # zeros in its place would not do:
+    part = slice(part.start, part.start + int(fast))  # the transients would not be smooth
+    dt, u = record.dt, record.u[part]
+    w = 2.0 * np.pi * np.asarray(rfftfreq(len(u), dt))
+    if record.theta is not None:
+        theta, count = record.theta[part], smallest_step(record.theta)
+        W = np.asarray(rfft(np.diff(theta, prepend=theta[0]) / dt))
+        W[1:] /= hold(w[1:], dt)  # from the difference quotient to the derivative
+    else:
+        speed: Any = record.w
+        speed = speed[part]
+        theta, count = dt * np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1]))), 0.0
+        W = np.asarray(rfft(speed))
+    E, reference = None, record.r
+    if logged and reference is not None:
+        E = np.asarray(rfft(np.diff(reference[part], append=reference[part.stop - 1])))
+    load = np.zeros(len(u)) if record.d is None else record.d[part]
+    return Run(dt, record.t[part], u, theta, count, w, W, E, load, _motion(theta, count))
+
+
+def _motion(theta: np.ndarray, count: float) -> np.ndarray:
+    """The motion of each part of an interval, smoothed without a shift in time.
+
+    Half a count of play is taken out: a resting axis does not chatter.
+    """
+    n = len(theta)
+    line = np.linspace(theta[0], theta[-1], n)
+    about = theta - line
+    spectrum: Any = rfft(np.concatenate([about, -about[::-1]]))
+    spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(2 * n)) / SMOOTH) ** 2))
+    smooth = FINER * np.asarray(irfft(spectrum, 2 * n * FINER))[: n * FINER]
+    smooth += theta[0] + (theta[-1] - theta[0]) / (n - 1) * np.arange(n * FINER) / FINER
+    steps = np.diff(_without_play(smooth, 0.5 * count), append=smooth[-1])
+    steps[-FINER:] = 0.0  # beyond the last sample
+    return steps
+
+
+def _without_play(x: np.ndarray, half: float) -> np.ndarray:
+    """The position behind a play of ``half`` to either side."""
+    if not half:
+        return x
+    made, c = [], float(x[0])
+    for one in x.tolist():
+        c = one - half if one > c + half else one + half if one < c - half else c
+        made.append(c)
+    return np.array(made)
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """The bins of each run about ``centre`` in rad/s.
+
+    ``poly`` (n, 3) are the powers of the distance from the centre, and ``transient`` (n, m) an
+    orthonormal basis of the transients of all runs.
+    """
+
+    centre: float
+    parts: tuple[slice, ...]
+    poly: np.ndarray
+    transient: np.ndarray
+
+    def rows(self, spectra: Sequence[np.ndarray]) -> np.ndarray:
+        """Spectra of each run (M,) or (M, m), one below the other within the window."""
+        return np.concatenate([X[part] for X, part in zip(spectra, self.parts, strict=True)])
+
+    def without_transient(self, rows: np.ndarray) -> np.ndarray:
+        return rows - self.transient @ (self.transient.T @ rows)
+
+    @property
+    def free(self) -> int:
+        """Equations that the transients leave."""
+        return len(self.poly) - self.transient.shape[1]
+
+
+def window(runs: Sequence[Run], centre: float, half: float) -> Window:
+    """Return the window of a half-width in rad/s."""
+    parts, polys = [], []
+    for run in runs:
+        first, last = np.searchsorted(run.w, [centre - half, centre + half])
+        part = slice(max(int(first), 1), int(last))
+        parts.append(part)
+        polys.append(((run.w[part] - centre) / half)[:, None] ** POWERS)
+    rows = np.cumsum([0, *map(len, polys)])
+    width = ORDER + 1
+    basis = np.zeros((rows[-1], width * len(polys)))
+    for i, poly in enumerate(polys):
+        if len(poly) >= width:
+            basis[rows[i] : rows[i + 1], width * i : width * (i + 1)] = np.linalg.qr(poly)[0]
+        else:  # too few bins to tell a transient from the response: the run says nothing here
+            poly[:] = 0.0
+    return Window(centre, tuple(parts), np.concatenate(polys), basis)
+
+
+class Spacing(NamedTuple):
+    """Windows as wide to either side as so many bins of the longest run, or as a share of their
+    centre frequency where that is wider, and so many half-widths from one to the next."""
+
+    bins: int
+    share: float
+    step: float = 1.0
+
+
+def windows(runs: Sequence[Run], low: float, high: float, by: Spacing) -> list[Window]:
+    """Return the windows from ``low`` to ``high``, rad/s; a low of 0: from the first whole one."""
+    least, made = by.bins * min(run.w[1] for run in runs), []
+    centre = low or least
+    while centre < high:
+        half = max(least, by.share * centre)
+        made.append(window(runs, centre, half))
+        centre += by.step * half
+    return made

@@ -1,0 +1,200 @@
+"""A PID position loop around a rigid drive: its sliding curve, its gains, and its units.
+
+J dw/dt = u - F(w), de/dt = w, u = -(kp e + ki int e + kd w). Units: e in Fs/kp, torque in Fs, time
+in 1/wn = sqrt(J/kp). What is left of the gains is delta = kd/sqrt(kp J) and rho = ki/(kp wn); the
+linear loop is stable iff delta > rho (Routh). Many loops and starts at once are lanes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from ..blocks.friction import free_level, level
+from ..blocks.model import Model
+from ..core.errors import InputError
+
+REST = 1e-12  # rad/s, where a curve is read for a speed of 0: its limit, not the sign of 0
+SHARP = 1e-15  # rad/s, the width of a smooth sign: far below REST
+PROBED = np.geomspace(1e-6, 1e3, 200)  # speeds in rad/s at which a curve is compared with a line
+STRAIGHT = 1e-9  # of Fs, by which a straight curve may differ from its line
+STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
+NEAR = 1e-5  # relative distance of two speeds between which a slope is measured
+
+
+@dataclass(frozen=True)
+class Curve:
+    """F(|w|) in N m between two sticks, its limit Fs at rest, and whether it is Fs + Fv |w|."""
+
+    torque: Callable[[Any], Any]
+
+    @cached_property
+    def Fs(self) -> float:
+        return float(self.torque(np.array([REST]))[0])
+
+    def drop(self, speed: np.ndarray) -> np.ndarray:
+        """(Fs - F)/Fs: what sliding takes off the friction."""
+        return 1.0 - self.torque(np.maximum(speed, REST)) / self.Fs
+
+    @property
+    def viscous(self) -> float:
+        """N m s/rad, the slope of F at high speed."""
+        F = self.torque(PROBED[-2:])
+        return float((F[1] - F[0]) / (PROBED[-1] - PROBED[-2]))
+
+    @cached_property
+    def most(self) -> float:
+        """The largest |F - Fv w|, N m."""
+        return max(self.Fs, float(np.abs(self.torque(PROBED) - self.viscous * PROBED).max()))
+
+    def is_straight(self) -> bool:
+        """Whether the law is Coulomb and viscous friction alone."""
+        F = self.torque(PROBED)
+        return bool(np.abs(F - self.Fs - self.viscous * PROBED).max() <= STRAIGHT * abs(F[-1]))
+
+    def compensated(self, share: float, vd: float, scale: float) -> Curve:
+        """Return ``scale`` times the curve with ``share`` of the curve added to the torque: in
+        proportion to the speed below ``vd``, so that nothing is added at rest."""
+        return Curve(lambda w: self.torque(w) * (scale - share * np.minimum(1.0, w / vd)))
+
+
+def curve_of(model: Model) -> Curve:
+    """Return the sliding curve of a model: of a law with states, its level h(w) + Fv w."""
+    block, values = model.friction.block, dict(model.friction.values)
+    unknown = [k for k, v in {"J": model.J, **values}.items() if v is None]
+    if unknown:
+        raise InputError(f"{model.name}: hunting needs {', '.join(unknown)}: give a value.")
+    if block.states:
+        return Curve(_level_of(values, block.name))
+    values |= {k: SHARP for k, p in block.parameters.items() if p.smooths}
+    values = block.defaults() | values  # bound once: it is asked at each stage of each step
+    return Curve(lambda w: block(w, **values)[0] + 0.0 * w)
+
+
+def _level_of(v: Mapping[str, Any], name: str) -> Callable[[Any], Any]:
+    if "Fc" not in v:
+        raise InputError(f"the law {name} has states and no Fc: its sliding curve is not known.")
+    shape, Fv = (v["Fc"], v.get("Fs", v["Fc"]), v.get("vs", 1.0)), v.get("Fv", 0.0)
+    if "delta" in v:
+        return lambda w: free_level(w, *shape, v["delta"]) + Fv * w
+    return lambda w: level(w, *shape) + Fv * w
+
+
+@dataclass(frozen=True)
+class Lanes:
+    """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
+
+    A stick at an error of at most ``calm`` (units) is known to come to rest; a swing beyond
+    ``large`` grows without bound. ``drift`` is the speed of a reference (units) in the direction of
+    the slip.
+    """
+
+    delta: np.ndarray
+    rho: np.ndarray
+    speed: np.ndarray
+    fall: Callable[[np.ndarray], np.ndarray]
+    calm: float = 0.0
+    large: float = 300.0
+    drift: np.ndarray | None = None
+
+    def __getitem__(self, which: np.ndarray) -> Lanes:
+        own = (self.delta[which], self.rho[which], self.speed[which])
+        drift = None if self.drift is None else self.drift[which]
+        return Lanes(*own, self.fall, self.calm, self.large, drift)
+
+    def many(self, count: int) -> Lanes:
+        """Return so many lanes of the first loop."""
+        return self[np.zeros(count, int)]
+
+    def drop(self, a: np.ndarray) -> np.ndarray:
+        """1 - F/Fs at the speed a."""
+        return self.fall(a * self.speed)
+
+    def steepness(self, a: np.ndarray) -> np.ndarray:
+        """dF/da / Fs at the speed a."""
+        return (self.drop(a * (1.0 - NEAR)) - self.drop(a * (1.0 + NEAR))) / (2.0 * NEAR * a)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A PID position loop around a rigid drive."""
+
+    curve: Curve
+    J: float
+    kp: float
+    ki: float
+    kd: float
+
+    @classmethod
+    def of(cls, model: Model, gains: Mapping[str, float]) -> Loop:
+        return cls(curve_of(model), float(model.J or 0.0), **gains)
+
+    @property
+    def wn(self) -> float:
+        """1/s, the frequency that is the unit of time."""
+        return float(np.sqrt(self.kp / self.J))
+
+    @property
+    def unit(self) -> float:
+        """rad, the error at which kp alone breaks away."""
+        return self.curve.Fs / self.kp
+
+    @property
+    def speed(self) -> float:
+        """rad/s, the unit of speed."""
+        return self.unit * self.wn
+
+    def lanes(self, count: int, drift: np.ndarray | None = None) -> Lanes:
+        """Return so many lanes of this loop; ``drift`` in rad/s."""
+        lanes = together([self], count)
+        return lanes if drift is None else replace(lanes, drift=drift / self.speed)
+
+    def is_stable(self) -> bool:
+        """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""
+        return (self.kd + self.curve.viscous) * self.kp > self.ki * self.J
+
+    @cached_property
+    def matrix(self) -> np.ndarray:
+        """The loop without friction: the rates of e, w and the integral's torque by these."""
+        gains = [-self.kp / self.J, -self.kd / self.J, 1.0 / self.J]
+        return np.array([[0.0, 1.0, 0.0], gains, [-self.ki, 0.0, 0.0]])
+
+    @property
+    def reach(self) -> float:
+        """The largest error that friction can keep up, in units; inf where fast motion grows."""
+        return self.largest[1]
+
+    @cached_property
+    def largest(self) -> tuple[float, float]:
+        """The largest speed, and error, that friction can keep up about a steady motion, in units.
+
+        |F - Fv w| is bounded: that bound times the L1 norm from torque to each of the linear loop,
+        a sum over steps that double as motion gets slower; inf where fast motion grows.
+        """
+        if not self.is_stable():
+            return np.inf, np.inf
+        own = self.matrix.copy()
+        own[1, 1] -= self.curve.viscous / self.J
+        step = STEP / self.wn
+        M, x, total = expm(step * own), np.array([0.0, 1.0 / self.J, 0.0]), np.zeros(2)
+        last = total + np.inf
+        while np.any(last > ENOUGH * total):
+            last = np.zeros(2)
+            for _ in range(PER_OCTAVE):
+                x = M @ x
+                last += step * np.abs(x[:2])
+            total, M, step = total + last, M @ M, 2.0 * step
+        error, speed = total * self.curve.most / self.unit
+        return float(speed / self.wn), float(error)
+
+
+def together(loops: list[Loop], count: int) -> Lanes:
+    """Return ``count`` lanes of each loop, one loop after the other, all with one sliding curve."""
+    rows = [(g.kd / np.sqrt(g.kp * g.J), g.ki / (g.kp * g.wn), g.speed) for g in loops]
+    delta, rho, speed = np.repeat(np.array(rows), count, axis=0).T
+    return Lanes(delta, rho, speed, loops[0].curve.drop)

@@ -1,0 +1,458 @@
+"""State-space systems in floating point, at the cost of a few eigenvalue problems.
+
+Between neighbouring zeros of T(s) + T(-s), or of |T|^2 - c, on the imaginary axis nothing changes
+its sign: a point in each gap decides, with what rounding of the matrices may change there. The
+H-infinity norm: a frequency with a singular value equal to a level g is a zero of
+g^2 I - T(-s)^T T(s) on the axis (Boyd, Balakrishnan and Kabamba 1989). From the largest value that
+is known, the zeros of the next higher level and the points between them give a larger one, or none
+(Bruinsma and Steinbuch 1990). Times grow with the third power of the order; exact arithmetic takes
+minutes at 30 states. T(z) is evaluated on the circle, with the matrices as they are; its zeros are
+those of the same function of v (:mod:`border`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.linalg import schur, solve_sylvester
+from scipy.optimize import minimize_scalar
+
+from .border import Axis, border_of
+from .pencil import EPS, balanced, level_zeros, solve_shifted, zeros_of
+from .sure_signs import Edge, Function, SureSigns, last_that_holds
+from .transfer import require_siso, state_space_polynomials
+from .verdict import Falls, NoGain, Realness
+
+RISE = 1e-11  # of the largest value: the next level is higher by this
+LEVELS = 60
+EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
+OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
+UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
+UNDECIDED = "whether the system is stable is within rounding"
+MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
+BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
+AT_BORDER = "within rounding on the border of stability"
+FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
+SINGLE = 1e-9  # relative distance of two candidates that count as one
+
+
+@dataclass(frozen=True)
+class StateSystem:
+    """T = C (sI - A)^-1 B + D, or of z, with any number of channels.
+
+    ``shift``: T(s - shift), or T(exp(-shift) z), instead. ``unseen``: modes that are not stable and
+    were taken out, as they do not show in T; ``lost``: whether one is so beyond rounding. Places
+    on the border are v, jv = s.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    border: Axis = Axis()
+    shift: float = 0.0
+    unseen: tuple[complex, ...] = ()
+    lost: bool = False
+    meaning, said = "||y||_2 <= {:.6g} ||u||_2 from rest", ""
+
+    @classmethod
+    def of(cls, T: Any) -> StateSystem:
+        """In the units of :func:`pencil.balanced`; InputError for values that are not finite."""
+        A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
+        return cls(A, B, C, D, border_of(T))
+
+    @classmethod
+    def single(cls, T: Any) -> StateSystem:
+        """Of one input and one output, without modes that are not stable and do not show."""
+        require_siso(T, "T")
+        return cls.of(T).shown()
+
+    # --- poles ---
+
+    @cached_property
+    def poles(self) -> np.ndarray:
+        """The least stable first, without the shift."""
+        return self.border.order(np.linalg.eigvals(self.A) if len(self.A) else np.zeros(0))
+
+    @cached_property
+    def norm(self) -> float:
+        return float(np.linalg.norm(self.A))
+
+    @property
+    def rounding(self) -> float:
+        """How far rounding of the matrices may move a pole."""
+        return MANY * EPS * max(self.norm, 0.0 if self.border.dt is None else 1.0)
+
+    @property
+    def beyond(self) -> np.ndarray:
+        """How far outside the border the poles are."""
+        return self.border.beyond(self.poles)
+
+    @property
+    def surely_stable(self) -> bool:
+        """Whether every pole is stable by more than rounding."""
+        return bool((self.beyond < -self.rounding).all())
+
+    @cached_property
+    def stable(self) -> bool | None:
+        """Whether every pole is, exactly where rounding hides it; None where this takes long."""
+        if self.surely_stable:
+            return True
+        if self.beyond.max() > self.rounding:
+            return False
+        if len(self.A) > EXACT:
+            return None
+        _, den = state_space_polynomials(ct.ss(self.A, self.B, self.C, self.D))
+        return self.border.stable(den)
+
+    @property
+    def seen(self) -> str:
+        return self.border.show(self.poles)
+
+    @property
+    def hidden(self) -> str:
+        """A remark on the modes that do not show; empty without one."""
+        if not self.unseen:
+            return ""
+        return (
+            f"a mode of the system that is not stable ({self.border.modes(self.unseen)}) does not "
+            "show in T, within rounding: the system itself is not stable"
+        )
+
+    def shown(self) -> StateSystem:
+        """The same without modes that are not stable and do not show."""
+        if self.surely_stable:
+            return self
+        part, unseen = self.split()
+        if not len(unseen):
+            return self
+        lost = bool(self.border.beyond(unseen).max() > self.rounding)
+        found = [complex(pole.real, abs(pole.imag)) for pole in self.border.order(unseen)]
+        return replace(part, unseen=tuple(found), lost=lost)
+
+    def split(self) -> tuple[StateSystem, np.ndarray]:
+        """The stable part, and the poles that are not stable but do not show in T.
+
+        Without such a part (a pole that is not stable shows), the system itself and no poles.
+        """
+        found: Any = schur(self.A, output="complex", sort=self._is_stable)
+        S, Q, many = found
+        A1, A2, A12 = S[:many, :many], S[many:, many:], S[:many, many:]
+        X = solve_sylvester(A1, -A2, -A12)  # the coordinates in which the two do not meet
+        B, C = Q.conj().T @ self.B, self.C @ Q
+        B1, B2 = B[:many] - X @ B[many:], B[many:]
+        C1, C2 = C[:, :many], C[:, many:] + C[:, :many] @ X
+        size = np.linalg.norm(B1) * np.linalg.norm(C1) + np.linalg.norm(B2) * np.linalg.norm(C2)
+        step = A2 - np.diag(A2).mean() * np.eye(len(A2))  # beside 1, powers of A2 are all alike
+        step /= max(np.linalg.norm(step), 1e-300)
+        seen = [C2 @ np.linalg.matrix_power(step, k) @ B2 for k in range(len(A2))]
+        if not many or max(np.abs(m).max() for m in seen) > UNSEEN * size:
+            return self, np.zeros(0)
+        return StateSystem(A1, B1, C1, self.D, self.border), np.diag(A2)
+
+    def _is_stable(self, pole: Any) -> bool:
+        return bool(self.border.beyond(np.asarray(pole)) < -self.rounding)
+
+    # --- values ---
+
+    @cached_property
+    def triangular(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """A, B and C in the coordinates in which A is triangular."""
+        found: Any = schur(self.A, output="complex")
+        S, Q = found
+        return S, Q.conj().T @ self.B, self.C @ Q
+
+    def at(self, v: float) -> tuple[complex, float]:
+        """T of one channel at jv, and what rounding of the matrices may change of it."""
+        (S, B, C), D = self.triangular, float(self.D[0, 0])
+        s = self.border.point(v, self.shift)
+        if math.isinf(abs(s)):
+            return complex(D), 0.0
+        b, c = B[:, 0], C[0]
+        right, left = solve_shifted(S, b, s), solve_shifted(S, c, s, transposed=True)
+        if right is None or left is None:
+            return complex(math.nan), math.inf
+        reach = float(np.linalg.norm(left) * np.linalg.norm(right))
+        size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(D)
+        return complex(c @ right) + D, EPS * ((self.norm + abs(s)) * reach + size)
+
+    def real_part(self, v: float) -> tuple[float, float]:
+        """Re T at jv, and what rounding of the matrices may change of it."""
+        t, slack = self.at(v)
+        return t.real, slack
+
+    def _states(self, v: float) -> np.ndarray:
+        """C (sI - A)^-1 B at jv."""
+        s = self.border.point(v)
+        if math.isinf(abs(s)):
+            return np.zeros(self.D.shape)
+        S, B, C = self.triangular
+        right = solve_shifted(S, B, s)
+        if right is None:
+            raise np.linalg.LinAlgError("singular matrix")
+        return C @ right
+
+    def size_at(self, v: float) -> float:
+        """The largest singular value of T at jv."""
+        return _norm(self.D + self._states(v)) if len(self.A) else _norm(self.D)
+
+    # --- where something may change ---
+
+    @cached_property
+    def continuous(self) -> StateSystem:
+        """The system, its shift apart, or the one in v with the same values."""
+        if self.border.dt is None:
+            return self
+        grow = math.exp(self.shift)
+        return StateSystem(*self.border.mapped_states(self.A * grow, self.B, self.C * grow, self.D))
+
+    def mirrored_zeros(self, sign: float) -> np.ndarray:
+        """The zeros of T(s) + sign T(-s); among those with sign -1, where T(jw) is real."""
+        of = self.continuous
+        A = of.A + of.shift * np.eye(len(of.A))
+        zero = np.zeros_like(A)
+        return zeros_of(
+            np.block([[A, zero], [zero, -A.T]]),
+            np.vstack([of.B, of.C.T]),
+            np.hstack([of.C, -sign * of.B.T]),
+            (1.0 + sign) * of.D,
+        )
+
+    def level_zeros(self, square: float) -> np.ndarray:
+        """The zeros of T(s)^T T(-s) - square I."""
+        of = self.continuous
+        return level_zeros(of.A, of.B, of.C, of.D, square)
+
+    def places(self, zeros: np.ndarray) -> np.ndarray:
+        """0, the places of zeros and poles, points between them and beyond."""
+        found = between(np.concatenate([zeros, self.border.marks(self.poles)]))
+        return found if self.border.dt is None else np.append(found, math.inf)
+
+    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> SureSigns:
+        """The signs of a function of v, and where they change."""
+        if self.border.dt is None:
+            return SureSigns.of(function, points, values)
+        # along the circle: v ends at infinity
+        along = SureSigns.of(lambda x: function(math.tan(x)), np.arctan(points), values)
+        return along.moved(math.tan)
+
+    # --- the checks ---
+
+    def falls(self, power: Fraction) -> Falls:
+        """Where |T|^2 crosses ``power`` times its value at w = 0, as far as rounding can tell."""
+        dc, slack = self.at(0.0)
+        if not slack < abs(dc):  # nan too
+            integrates = np.abs(self.border.marks(self.poles)).min() <= self.rounding
+            return Falls(math.inf if integrates else 0.0, said=" within rounding")
+        signs = self._level_signs(float(power))
+        first = min([*signs.edges[:1], *signs.touches[:1]], key=lambda e: e.low, default=None)
+        width, said = first.first if first else math.inf, ""
+        if first and (first in signs.touches or not first.sharp):
+            said = f", or up to {first.high:.6g} rad/s: rounding decides"
+        return Falls(abs(dc), tuple(e.first for e in signs.edges), width, said)
+
+    def _level_signs(self, power: float) -> SureSigns:
+        dc, rounding = self.at(0.0)
+        square = power * abs(dc) ** 2
+
+        def above(v: float) -> tuple[float, float]:
+            t, slack = self.at(v)
+            size = abs(t) ** 2 / square
+            return size - 1.0, 2 * size * (slack / max(abs(t), slack) + rounding / abs(dc)) + EPS
+
+        signs = self.signs(above, self.places(self.level_zeros(square)))
+        return signs.moved(self.border.frequency)
+
+    def no_gain(self) -> NoGain | None:
+        """Why there is no L2 gain; None where there is one."""
+        if self.stable and not self.lost:
+            return None
+        said = UNDECIDED if not self.lost and self.stable is None else "the system is not stable"
+        least_stable = self.unseen[0] if self.lost else self.poles[0]
+        return NoGain(f"{said}: {self.border.worst(least_stable)}")
+
+    @property
+    def size(self) -> str:
+        """What the gain is the largest value of."""
+        return "|T|" if self.D.size == 1 else "the largest singular value of T"
+
+    @cached_property
+    def _sweep(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there.
+
+        A level far from the top has its zeros off the axis by more than such a width.
+        """
+        rates = self.border.rates(self.poles)
+        w, width = np.imag(rates), np.abs(np.real(rates))
+        sharp = (width > 0) & (width < 10 * w)
+        near = self.border.place((w[sharp, None] + width[sharp, None] * BESIDE).ravel())
+        places = np.unique([*between(self.continuous.poles), *near[near > 0]])
+        return places, [self._states(x) for x in places]
+
+    def plus(self, D: float) -> StateSystem:
+        """The same with another direct term; what is known of A serves both."""
+        result = replace(self, D=self.D + D)
+        known = ("poles", "triangular", "_sweep")
+        vars(result).update({name: getattr(self, name) for name in known if len(self.A)})
+        return result
+
+    def largest(self) -> tuple[float, float]:
+        """The norm of a stable system and its frequency in rad/s; inf: approached as w grows."""
+        best, v = self._best(np.array([0.0, math.inf]))
+        if len(self.A):
+            places, states = self._sweep
+            k = int(np.argmax([_norm(self.D + x) for x in states]))
+            about = places[[k, max(k - 1, 0), min(k + 1, len(places) - 1)]]
+            best, v = max((best, v), self._top(*about))
+        for _ in range(LEVELS if len(self.A) and best > 0 else 0):
+            zeros: Any = self.level_zeros((best * (1 + RISE)) ** 2)
+            near = zeros[np.abs(zeros.real) <= OFF * np.abs(zeros)]
+            found, at = self._best(between(near))
+            if found <= best * (1 + RISE):
+                break
+            best, v = found, at
+        if 0 < v < math.inf:
+            best, v = self._top(v, v * (1 - 1e-4), v * (1 + 1e-4))
+        return best, self.border.frequency(v)
+
+    def _best(self, places: np.ndarray) -> tuple[float, float]:
+        values = [self.size_at(v) for v in places]
+        k = int(np.argmax(values))
+        return values[k], float(places[k])
+
+    def _top(self, v: float, low: float, high: float) -> tuple[float, float]:
+        """The largest value at v, or at the top of a peak between two places about it."""
+        sharp = {"xatol": 1e-12 * v}
+        found: Any = minimize_scalar(
+            lambda x: -self.size_at(x), bounds=(low, high), method="bounded", options=sharp
+        )
+        return max((self.size_at(v), float(v)), (-float(found.fun), float(found.x)))
+
+    # --- realness ---
+
+    @property
+    def name(self) -> str:
+        return f"Re T({self.border.argument})"
+
+    def realness(self) -> Realness:
+        """How real T is, with its reason in words, its band edge and margin."""
+        found = self._realness()
+        hidden = f"; {self.hidden}" if self.hidden else ""
+        return found._replace(reason=f"{found.reason} (decided in floating point){hidden}")
+
+    def _realness(self) -> Realness:
+        v = self.places(self.mirrored_zeros(1.0))
+        values = np.array([self.real_part(x) for x in v])
+        end, least = self.at_infinity()
+        signs = self.signs(self.real_part, v, values).moved(self.border.frequency)
+        if end < -least:
+            signs = signs.below_beyond()
+        touch = next((zone for zone in signs.touches if zone.low > 0), None)
+        below, why = self._first_below(signs, touch)
+        if (over := self.beyond > self.rounding).any():
+            poles = f"T has poles {self.border.outside} ({self.border.show(self.poles[over])})"
+            blur = f"{self.name} is 0 within rounding at {touch} rad/s" if touch else ""
+            return Realness("not PR", "; ".join(filter(None, [poles, why or blur])), below)
+        if why:
+            return Realness("not PR", why, below)
+        if self.beyond.max() > -self.rounding:
+            return self._on_the_border()
+        if signs.touches:
+            w = signs.touches[0].at if touch is None else touch.at
+            reason = f"{self.name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
+            return Realness("PR", reason, touch.first if touch else math.inf, rounded=True)
+        if end <= least:
+            reason = f"{self.name} > 0 at every finite w, but {self._limit(end)} within rounding"
+            return Realness("WSPR", reason)
+        where, tail = self.border.least_stable(self.poles[0]), f" and {self._limit(end)}"
+        if self.border.dt:
+            k = int(np.argmin(values[:, 0]))
+            w = self.border.frequency(v[k])
+            tail = f", about {values[k, 0]:.6g} at w = {w:.6g} rad/s"
+        return Realness("SPR", f"{where}, {self.name} > 0 at every w{tail}", margin=self.margin())
+
+    def _on_the_border(self) -> Realness:
+        """With poles that are, within rounding, neither stable nor unstable."""
+        at = self.border.show(self.poles[self.beyond > -self.rounding])
+        own = 1.0 + float(self.D[0, 0])
+        closed = replace(self, A=self.A - self.B @ self.C / own) if own > 0 else None
+        if closed is None or (closed.beyond > closed.rounding).any():  # n + d is not Hurwitz
+            why = f"a pole is repeated or its residue is not positive where T has one, at {at}"
+            return Realness("not PR", f"{why}, {AT_BORDER}")
+        return Realness("PR", f"{self.name} >= 0, with poles, {AT_BORDER}: {at}")
+
+    def _first_below(self, signs: SureSigns, touch: Edge | None) -> tuple[float, str]:
+        """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any.
+
+        ``touch``: where Re T is first 0 within rounding, w = 0 apart.
+        """
+        if signs.above.all():
+            return touch.first if touch else math.inf, ""
+        low, high, later = signs.first_band()
+        said = f"{self.name} < 0 for w > {low} rad/s"
+        last = self.border.frequency(math.inf)
+        if high is not None or math.isfinite(last):
+            more = f" and at {later} higher places" if later else ""
+            said = f"{self.name} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
+        if signs.touches and not signs.touches[0].low:
+            said += f"; below {signs.touches[0].high:.6g} rad/s rounding decides on its sign"
+        if touch is None or touch.low > low.first:
+            return low.first, said
+        return touch.first, f"{said}; before it, it is 0 within rounding at {touch} rad/s"
+
+    def at_infinity(self) -> tuple[float, float]:
+        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change.
+
+        The circle is closed: half the rate is a point like all others.
+        """
+        if self.border.dt:
+            return math.inf, 0.0
+        if D := float(self.D[0, 0]):
+            return D, 0.0
+        A = self.A + self.shift * np.eye(len(self.A))
+        sizes = np.linalg.norm(self.C) * np.linalg.norm(self.B) * self.norm
+        return -float(np.real(self.C @ A @ self.B)[0, 0]), EPS * float(sizes)
+
+    def _limit(self, end: float) -> str:
+        power = self.name if self.D.any() else f"w^2 {self.name}"
+        return f"{power} tends to {end:.6g} as w grows"
+
+    def shifted(self, eps: float) -> StateSystem:
+        """The same with another shift."""
+        moved = replace(self, shift=eps)
+        vars(moved).update(triangular=self.triangular, poles=self.poles)
+        return moved
+
+    def is_real(self) -> bool:
+        """Whether Re T is nowhere negative beyond rounding, where its sign may change."""
+        end, least = self.at_infinity()
+        values = map(self.at, self.places(self.mirrored_zeros(1.0)))
+        return end >= -least and all(t.real >= -slack for t, slack in values)
+
+    def margin(self) -> float:
+        """The largest eps in 1/s with T(s - eps), or T(exp(-eps dt) z), positive real."""
+        dt = self.border.dt or 1.0
+        high = -dt * float(np.real(self.border.rates(self.poles)).max())
+        high = high if math.isfinite(high) else FAR
+        return last_that_holds(lambda eps: self.shifted(eps).is_real(), high) / dt
+
+
+def between(marks: np.ndarray) -> np.ndarray:
+    """0, the frequencies of roots, and points between and beyond them."""
+    marks = np.concatenate([np.abs(marks), np.abs(np.imag(marks))])
+    marks = np.sort(marks[np.isfinite(marks) & (marks > 0)])
+    marks = marks[np.append(True, np.diff(marks) > SINGLE * marks[1:])] if len(marks) else marks
+    if not len(marks):
+        return np.array([0.0, 1.0])
+    ends = [0.0, 0.1 * marks[0], 10 * marks[-1]]
+    return np.sort(np.concatenate([ends, marks, np.sqrt(marks[1:] * marks[:-1])]))
+
+
+def _norm(M: np.ndarray) -> float:
+    return float(abs(M[0, 0])) if M.size == 1 else float(np.linalg.norm(M, 2))

@@ -1,0 +1,295 @@
+"""The source paper recomputed: its bandwidths, its two figures, and further studies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import control as ct
+import numpy as np
+from scipy.optimize import brentq
+
+from ..blocks.model import Parameters, table1
+from ..core.errors import Diverged, InputError
+from ..core.progress import Wanted, reporter, shows_progress
+from ..linear import (
+    bandwidth_check,
+    position_loop_tf,
+    position_T,
+    spr_check,
+    velocity_loop_tf,
+    velocity_T,
+)
+from ..loops.friction_loops import position_loop, velocity_loop
+from ..simulation.response import simulate
+from .results import Errors, Growth, Outcome, PaperFigure, Reproduction, Trace, Width, claims
+from .studies import (
+    NONE,
+    POSITION,
+    PROPOSED,
+    SINE,
+    SINE_TEXT,
+    STEP,
+    STRONG,
+    VELOCITY,
+    VELOCITY_TEXT,
+    Case,
+    Compensation,
+    Drawn,
+    Measure,
+    Study,
+    all_studies,
+)
+
+Run = tuple[np.ndarray, dict[str, np.ndarray]]  # times, and signals by name
+LOOPS = {"velocity": velocity_loop, "position": position_loop}
+LOOPS_TF = {"velocity": velocity_loop_tf, "position": position_loop_tf}
+SAID = {"velocity": "around 115 Hz at -3 dB", "position": "approximately 20 Hz"}  # by the paper
+CHOSEN = "(the text of the paper gives no reference: this one is chosen here)"
+
+
+@shows_progress
+def reproduce(
+    *,
+    only: Collection[str] | None = None,
+    progress: Wanted = None,
+) -> Reproduction:
+    """Recompute the source paper's numbers and figures, and cases that it does not show.
+
+    Parameters
+    ----------
+    only : collection of str, optional
+        Keys of studies and figures ("velocity", "position") to run; default: all.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
+
+    Raises
+    ------
+    InputError
+        For an unknown key.
+    """
+    p, report = table1(), reporter(progress)
+    bench, known = Bench(p), all_studies(same_width(p), same_width_spr(p))
+    keys = [*LOOPS, *(s.key for s in known)]
+    chosen = keys if only is None else [k for k in keys if k in only]
+    strange = sorted({*(only or ())} - {*keys})
+    if strange:
+        raise InputError(f"unknown study '{strange[0]}'; known: {', '.join(keys)}.")
+    studies = [s for s in known if s.key in chosen]
+    total, done = sum(len(s.cases) * len(s.compensations) for s in studies) or 1, iter(range(9999))
+    figures = tuple(figure(bench, key) for key in LOOPS if key in chosen)
+    outcomes = tuple(
+        run(bench, s, lambda what: report((next(done) + 1) / total, what)) for s in studies
+    )
+    grown = growth(bench) if "position-pi" in chosen else None
+    made = Reproduction(p, widths(p), figures, grown, outcomes)
+    return replace(made, claims=claims(made))
+
+
+# --- bandwidths ----------------------------------------------------------------------------
+
+
+def widths(p: Parameters) -> tuple[Width, ...]:
+    """Bandwidths of the paper's loops and of the loops compared with them."""
+    velocity = [
+        ("paper's PI", VELOCITY, "-3dB"),
+        ("paper's PI", VELOCITY, "half-power"),
+        ("paper's PI, Fv left in", VELOCITY, "-3dB"),
+        *(("strong PI", c.gains, "-3dB") for c in STRONG),
+    ]
+    position = [
+        ("paper's PI", POSITION, "-3dB"),
+        ("paper's PI, Fv left in", POSITION, "-3dB"),
+        ("PID", same_width(p), "-3dB"),
+        ("PD", same_width_spr(p), "-3dB"),
+    ]
+    both = {"velocity": velocity, "position": position}
+    return tuple(_width(p, loop, *row) for loop, rows in both.items() for row in rows)
+
+
+def _width(p: Parameters, loop: str, label: str, gains: Mapping[str, float], level: str) -> Width:
+    T: Any = LOOPS_TF[loop](p, **gains)
+    left_in = "Fv" in label
+    if left_in:  # Fv s^(n-1) in the denominator of degree n, led by J s^n
+        den = np.array(T.den[0][0], dtype=float)
+        den[1] += p.Fv
+        T = ct.tf(T.num[0][0], den)
+    found = bandwidth_check(T, level)
+    of_spr = velocity_T if loop == "velocity" else position_T
+    spr = None if left_in else spr_check(of_spr(p, **gains)).classification
+    said = SAID[loop] if label.startswith("paper's") else ""
+    return Width(loop, label, {**gains}, level, found.hertz, found.stable, found.poles, spr, said)
+
+
+def _crossing(p: Parameters, gains: Mapping[str, float] = POSITION) -> float:
+    """Where |T| of a position loop crosses -3 dB, in rad/s."""
+    return bandwidth_check(position_loop_tf(p, **gains)).bandwidth
+
+
+def same_width(p: Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
+    """A stable PID with the -3 dB crossing of the source paper's position PI.
+
+    Kp = J wn^2, Kd = 2 damping J wn, Ki in the paper's ratio to Kp; wn is solved for.
+    """
+    wanted, ratio = _crossing(p), POSITION["ki"] / POSITION["kp"]
+
+    def gains(wn: float) -> dict[str, float]:
+        kp = p.J * wn**2
+        return {"kp": kp, "ki": ratio * kp, "kd": 2 * damping * p.J * wn}
+
+    miss = lambda wn: _crossing(p, gains(wn)) - wanted  # noqa: E731
+    return gains(float(brentq(miss, 0.2 * wanted, 5 * wanted, xtol=1e-10)))  # type: ignore
+
+
+def same_width_spr(p: Parameters) -> dict[str, float]:
+    """A PD with the same crossing whose T(s) is SPR: Kd 5 % above sigma0 J / sigma1.
+
+    Kp solves c |Kp + j Kd w - J w^2|^2 = Kp^2 at the crossing w, with c = 10^(-3/10).
+    """
+    w = _crossing(p)
+    kd, c = 1.05 * p.sigma0 * p.J / p.sigma1, 10 ** (-3 / 10)
+    a, half = 1 / c - 1, p.J * w**2
+    # (1/c - 1) Kp^2 + 2 J w^2 Kp - (J w^2)^2 - (Kd w)^2 = 0
+    kp = (-half + math.sqrt(half**2 + a * (half**2 + (kd * w) ** 2))) / a
+    return {"kp": kp, "ki": 0.0, "kd": kd}
+
+
+# --- simulations ---------------------------------------------------------------------------
+
+
+@dataclass
+class Bench:
+    """The loops of one drive, built when first needed; only values change between runs."""
+
+    p: Parameters
+    _loops: dict[tuple[str, str | None], Any] = field(default_factory=dict)
+
+    def respond(
+        self, loop: str, controller: Mapping[str, float], c: Compensation, case: Case
+    ) -> Run:
+        """Times and signals of one run (outputs of the loop, and F - Fhat).
+
+        Raises
+        ------
+        Diverged
+            When the loop diverges.
+        """
+        if (loop, c.observer) not in self._loops:
+            self._loops[loop, c.observer] = LOOPS[loop](self.p, c.observer, feedforward=True)
+        system = self._loops[loop, c.observer]
+        t = np.arange(round(case.duration / case.dt) + 1) * case.dt
+        start = [case.start.get(label, 0.0) for label in system.state_labels]
+        r = case.reference.inputs(t, loop, case.feedforward)
+        values = self._values("pi" if loop == "velocity" else "pid", controller, c, case)
+        outputs = np.asarray(simulate(system, t, r, start, params=values).outputs)
+        y = dict(zip(system.output_labels, outputs, strict=True))
+        return t, y | {"F - Fhat": y["F"] - y["Fhat"]}
+
+    def _values(
+        self, block: str, controller: Mapping[str, float], c: Compensation, case: Case
+    ) -> dict[str, float]:
+        """Every value that differs between cases, so that one compilation is used for all."""
+        gains = {k: c.gains.get(k, v) for k, v in controller.items()}
+        values = {f"{block}.{k}": v for k, v in gains.items()}
+        if c.observer is None:
+            return values
+        believed = {k: v * case.scale.get(k, 1.0) for k, v in self.p.friction().items()}
+        return values | {
+            f"{c.observer}_observer.{k}": v for k, v in (believed | {**c.gains}).items()
+        }
+
+
+def rms(t: np.ndarray, y: np.ndarray, window: tuple[float, float]) -> float:
+    """Root of the mean square of the samples in a window (s), ends included."""
+    slack = 1e-9 * max(window[1], 1.0)
+    inside = (t >= window[0] - slack) & (t <= window[1] + slack)
+    return float(np.sqrt(np.mean(np.square(y[inside]))))
+
+
+def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
+    """All cases of a study under all its compensations."""
+    rows: list[Errors] = []
+    traces: list[Trace] = []
+    for number, case in enumerate(study.cases):
+        runs = {}
+        for c in study.compensations:
+            runs[c.name] = _respond(bench, study, c, case)
+            tick(f"{study.title}: {c.name}")
+        for m in case.measures:
+            errors = {
+                name: rms(run[0], run[1][m.signal], m.window) if run else np.inf
+                for name, run in runs.items()
+            }
+            rows.append(Errors(case.label, m, errors, case.x))
+        if study.drawn and number == study.drawn.case:
+            traces += _traces(study.drawn, runs)
+    return Outcome(study, tuple(rows), tuple(traces))
+
+
+def _respond(bench: Bench, study: Study, c: Compensation, case: Case) -> Run | None:
+    """One run; None where the loop diverges."""
+    try:
+        return bench.respond(study.loop, study.controller, c, case)
+    except Diverged:
+        return None
+
+
+def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:
+    for name, run in runs.items():
+        if run and name in (drawn.columns or runs):
+            t, y = run[0], run[1][drawn.signal]
+            inside = (t >= drawn.span[0]) & (t <= drawn.span[1])
+            yield Trace(name, t[inside], y[inside])
+
+
+# --- the figures of the paper --------------------------------------------------------------
+
+
+def figure(bench: Bench, loop: str) -> PaperFigure:
+    """A loop without friction, with friction, and with the proposed observer.
+
+    The position loop with the prefilter 2/(s + 2), over the first seconds.
+    """
+    if loop == "velocity":
+        gains, case = VELOCITY, Case("", SINE, (Measure("w", "rad/s", (1.0, 3.0)),), duration=3.0)
+        text = f"{VELOCITY_TEXT}, no feed-forward, no prefilter, {SINE_TEXT}"
+    else:
+        gains, case = POSITION, Case("", STEP, (Measure("theta", "rad", (1.0, 5.0)),))
+        text = "Position loop, Kp 15, Ki 1.55, prefilter 2/(s + 2), no feed-forward, reference a "
+        text += "step of 1 rad"
+    (m,) = case.measures
+    t, with_friction = bench.respond(loop, gains, NONE, case)
+    _, compensated = bench.respond(loop, gains, PROPOSED, case)
+    r = case.reference.inputs(t, loop, False)[0]
+    responses = {
+        "no friction": np.asarray(
+            ct.forced_response(LOOPS_TF[loop](bench.p, **gains), t, r).outputs
+        ),
+        "friction, no observer": with_friction[m.signal],
+        f"friction, {PROPOSED.label}": compensated[m.signal],
+    }
+    said = f"{text} {CHOSEN}, observer parameters exact, all states 0 at the start."
+    errors = {name: rms(t, y - r, m.window) for name, y in responses.items()}
+    traces = tuple(Trace(name, t, y) for name, y in responses.items())
+    return PaperFigure(loop, said, m.unit, m.window, Trace("reference", t, r), traces, errors)
+
+
+def growth(bench: Bench, observer: Compensation = PROPOSED) -> Growth:
+    """Time constant of the paper's position PI with exact compensation: pole and simulation."""
+    poles = bandwidth_check(position_loop_tf(bench.p, **POSITION)).poles
+    window = (40.0, 100.0)
+    t, y = bench.respond(
+        "position", POSITION, observer, Case("", STEP, (), duration=100.0, dt=2e-3)
+    )
+    times, highs = peaks(t, y["e"], window)
+    slope = np.polyfit(times, np.log(highs), 1)[0]
+    return Growth(1 / poles[0].real, float(1 / slope), observer.label, window)
+
+
+def peaks(t: np.ndarray, y: np.ndarray, span: tuple[float, float]) -> tuple[list[Any], list[Any]]:
+    """When |y| is largest in each second of a span, and how large it is."""
+    starts = np.searchsorted(t, np.arange(span[0], span[1] + 0.5))
+    pieces = [(a, np.abs(y[a:b])) for a, b in zip(starts, starts[1:], strict=False)]
+    return [t[a + np.argmax(x)] for a, x in pieces], [x.max() for _, x in pieces]

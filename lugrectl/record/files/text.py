@@ -1,0 +1,646 @@
+"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place.
+
+Cells hold numbers (missing marks, decimal commas, thousands, Fortran's D), dates or times of day.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...core.errors import InputError
+from ..columns.column_names import split_unit
+from ..columns.table import (
+    Columns,
+    Table,
+    epoch_said,
+    epoch_unit,
+    heads,
+    joined_stamps,
+    time_columns,
+)
+from ..columns.units import parse_unit
+
+# ---- dates and times of day ------------------------------------------------------
+
+
+_DATE = r"(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
+_CLOCK = r"(?P<clock>\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?)\s*(?P<half>[AaPp][Mm])?"
+_ZONE = r"(?P<zone>Z|UTC|\s?[+-]\d{2}:?\d{2})?"
+_STAMP = re.compile(rf"(?:{_DATE}[T ,_]\s*)?{_CLOCK}{_ZONE}", re.ASCII)
+_DAY = 86400.0
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell holds a time of day, 23:59:59.9, with or without a date before it."""
+    return ":" in cell and _STAMP.fullmatch(cell.strip()) is not None
+
+
+def seconds(cells: Sequence[str]) -> np.ndarray:
+    """Seconds (N,) from the first stamp; nan where a cell is empty.
+
+    A time of day without date that falls by more than half a day has passed midnight. Raises
+    ValueError with the index of the first cell that is no stamp.
+    """
+    days: dict[str, float] = {}
+    made = np.full(len(cells), np.nan)
+    dated = False
+    for k, cell in enumerate(cells):
+        match = _STAMP.fullmatch(cell.strip())
+        if match is None:
+            if cell.strip().lower() in ("", "nan", "nat"):
+                continue
+            raise ValueError(k)
+        made[k] = _of_day(match["clock"], match["half"])
+        if match["date"]:
+            dated = True
+            if match["date"] not in days:
+                days[match["date"]] = _day(match["date"], list(days))
+            made[k] += _DAY * days[match["date"]]
+    known = np.flatnonzero(np.isfinite(made))
+    if not dated and known.size:
+        made[known] += _DAY * np.r_[0, np.cumsum(np.diff(made[known]) < -_DAY / 2)]
+    return made - (made[known[0]] if known.size else 0.0)
+
+
+def _of_day(clock: str, half: str | None) -> float:
+    hour, minute, rest = clock.split(":", 2)
+    h = int(hour) % 12 + 12 * (half.lower() == "pm") if half else int(hour)
+    return 3600 * h + 60 * int(minute) + float(re.sub("[,:]", ".", rest))
+
+
+def _day(text: str, before: Sequence[str]) -> float:
+    """The number of a day from the first date on; a date of unclear order is the next day."""
+    if not before:
+        return 0.0
+    parts = [_parts(text), _parts(before[0])]
+    for order in ("ymd", "dmy", "mdy"):
+        try:
+            then, first = (_date(part, order) for part in parts)
+        except ValueError:
+            continue
+        if 0 <= (then - first).days <= 31:
+            return float((then - first).days)
+    return float(len(before))
+
+
+def _parts(text: str) -> list[int]:
+    return [int(part) for part in re.split("[-/.]", text)]
+
+
+def _date(parts: Sequence[int], order: str) -> date:
+    by = dict(zip(order, parts, strict=True))
+    return date(by["y"], by["m"], by["d"])
+
+
+# ---- numbers ---------------------------------------------------------------------
+
+
+DECIMAL_COMMAS = "Decimal commas were read as decimal points."
+THOUSANDS = "Commas were read as separators of thousands."
+_POINTS = "Points were read as separators of thousands, commas as decimal points."
+_MISSING = frozenset(
+    "nan na n/a n.a. #n/a #na #value! #div/0! #num! #ref! nat null none - -- --- ? missing "
+    "undefined -nan nan(ind) -nan(ind) 1.#qnan -1.#ind".split()
+) | {""}
+_EXPONENT = r"(?:[eEdD][+-]?\d+)?"
+# Numbers with commas: of groups of thousands, or of decimals.
+_ENGLISH = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d*)(?:\.\d*)?{_EXPONENT}")
+_GERMAN = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d*)(?:,\d*)?{_EXPONENT}")
+_TYPED_OVER = re.compile(rf"[+-]?\d+(?:\.\d*)?{_EXPONENT}[\s,;(]+[A-Za-z].*")
+FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
+
+
+def is_missing(cell: str) -> bool:
+    """Whether a cell says that there is no sample."""
+    return cell.strip().lower() in _MISSING
+
+
+def number(cell: str) -> float:
+    """Return the number in a cell, nan for a missing one; raise ValueError for text."""
+    cell = cell.strip()
+    if is_missing(cell):
+        return np.nan
+    if "_" in cell:
+        raise ValueError(cell)
+    if "," in cell:
+        cell = _with_point(cell)
+    try:
+        return float(cell)
+    except ValueError:
+        return float(FORTRAN.sub("e", cell))
+
+
+def _with_point(cell: str) -> str:
+    if "." not in cell and cell.count(",") == 1:
+        return cell.replace(",", ".")
+    if _ENGLISH.fullmatch(cell):
+        return cell.replace(",", "")
+    return cell.replace(".", "").replace(",", ".") if _GERMAN.fullmatch(cell) else cell
+
+
+def with_remark(cell: str) -> bool:
+    """Whether a cell was typed over by hand: a number and words beside it, "-1200, was -8.9"."""
+    return bool(_TYPED_OVER.fullmatch(cell.strip()))
+
+
+def is_number(cell: str) -> bool:
+    """Whether a cell holds a number or a stamp of time."""
+    try:
+        return is_stamp(cell) or not np.isnan(number(cell))
+    except ValueError:
+        return False
+
+
+def without_commas(
+    source: str, rows: Sequence[tuple[int, list[str]]]
+) -> tuple[list[list[str]], list[str]]:
+    """The cells of (line, cells) with decimal points only, and what commas were taken for.
+
+    Raises InputError where the cells mix decimal points and decimal commas.
+    """
+    cells = [row for _, row in rows]
+    marked = [c for row in cells for c in row if "," in c or "." in c]
+    marked = [c for c in marked if not (is_missing(c) or is_stamp(c))]
+    if not any("," in c for c in marked):
+        return cells, []
+    english = all(map(_ENGLISH.fullmatch, marked))
+    german = all(map(_GERMAN.fullmatch, marked))
+    if german and (not english or not any("." in c for c in marked)):
+        said = _POINTS if any("." in c for c in marked) else DECIMAL_COMMAS
+        return [[_german(c) for c in row] for row in cells], [said]
+    if english and not german:
+        return [[c if is_stamp(c) else c.replace(",", "") for c in row] for row in cells], [
+            THOUSANDS
+        ]
+    return cells, _mixed(source, rows)
+
+
+def _german(cell: str) -> str:
+    if is_stamp(cell) or "," not in cell and cell.count(".") == 0:
+        return cell
+    return cell.replace(".", "").replace(",", ".")
+
+
+def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
+    """Raise InputError at the line where both points and commas have occurred.
+
+    What is text in its own right is left for the reader of the cells to name.
+    """
+    points = commas = False
+    for line, row in rows:
+        plain = [c for c in row if not is_stamp(c) and re.fullmatch(r"[\d+.,eEdD-]*", c.strip())]
+        points = points or any("." in cell for cell in plain)
+        commas = commas or any("," in cell for cell in plain)
+        if points and commas:
+            raise InputError(
+                f"{source}: line {line} mixes decimal points and decimal commas; use one."
+            )
+    return [DECIMAL_COMMAS] if commas else []
+
+
+# ---- the table -------------------------------------------------------------------
+
+
+_SNIFF = 400  # lines read to find the delimiter, the header and the first row
+_STEADY = 10  # rows of numbers in a row that begin the data
+_COMMENTS = ("#", "%", "//")
+_BLANKS = " "  # the delimiter that stands for any number of blanks
+
+
+@dataclass(frozen=True)
+class _Layout:
+    delimiter: str
+    width: int
+    first: int  # index of the first row of numbers
+    names: tuple[str, ...]
+    plain: tuple[str, ...]
+    units: tuple[str | None, ...]
+    stamped: frozenset[int]  # columns of dates and times of day
+    epoch: dict[int, str]  # columns of seconds since 1970 and their unit
+    headed: bool
+
+
+def read_text(path: Path) -> Table:
+    return lines_table(path.name, _decode(path))
+
+
+def lines_table(source: str, lines: list[str]) -> Table:
+    """The table in the lines of a text."""
+    layout = _layout(source, lines)
+
+    def load(indices: Sequence[int]) -> Columns:
+        exact = layout.stamped | set(layout.epoch)
+        fast = None if exact & set(indices) else _load_fast(lines, layout, indices)
+        made, said = fast or _load_slow(source, lines, layout, indices)
+        return made, said + epoch_said(layout.names, layout.epoch, indices)
+
+    table = Table(source, layout.names, layout.units, load, Lines(lines, layout.first))
+    begins, hint = f"line {layout.first + 1}", _one_in_a_row(lines, layout)
+    return joined_stamps(
+        replace(table, plain=layout.plain, headed=layout.headed, hint=hint, begins=begins)
+    )
+
+
+class Lines:
+    """Names the line of a row: 'line 2102'. A pickle holds the numbers, not the text."""
+
+    def __init__(self, lines: list[str], first: int) -> None:
+        self.lines, self.first = lines, first
+
+    @cached_property
+    def _shifts(self) -> list[int]:
+        """The row before which each comment or blank line stands."""
+        found = [i for i, line in enumerate(self.lines[self.first :]) if _is_comment(line)]
+        return [i - k for k, i in enumerate(found)]
+
+    def __call__(self, row: int) -> str:
+        return f"line {self.first + 1 + row + bisect_right(self._shifts, row)}"
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"first": self.first, "_shifts": self._shifts}
+
+
+def _one_in_a_row(lines: list[str], layout: _Layout) -> str:
+    """What to do with a table of channel and value; empty for any other."""
+    rows = [_cells(line, layout.delimiter) for line in lines[layout.first :][:_SNIFF]]
+    for c, name in enumerate(layout.names):
+        cells = [row[c] for row in rows if len(row) == layout.width]
+        channels = list(dict.fromkeys(cells))
+        if c in layout.stamped or any(map(is_number, channels)):
+            continue
+        if 2 <= len(channels) <= len(cells) / 4:
+            return (
+                f"It holds one value in a row, and '{name}' says of which channel: "
+                f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas by "
+                f"pivot_table(columns='{name}', ...)."
+            )
+    return ""
+
+
+def _decode(path: Path) -> list[str]:
+    data = path.read_bytes()
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        text = data.decode("utf-16", errors="replace")
+    elif b"\0" in data[:2000] and not any(data[1:2000:2]):
+        text = data.decode("utf-16-le", errors="replace")
+    elif b"\0" in data[:2000] and not any(data[0:2000:2]):
+        text = data.decode("utf-16-be", errors="replace")
+    elif b"\0" in data:
+        raise InputError(f"{path.name} is neither text nor a MAT, NPZ or Parquet file.")
+    else:
+        try:
+            text = data.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = data.decode("latin-1")
+    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    cells = _split(line, delimiter)
+    if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
+        cells[-1] = cells[-1].rstrip(",; ")
+    return cells
+
+
+def _split(line: str, delimiter: str) -> list[str]:
+    if delimiter == _BLANKS:
+        return line.split()
+    if delimiter == "|":
+        line = line.strip().strip("|")
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)] if line else []
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+    except csv.Error:
+        return []
+
+
+def _is_comment(line: str) -> bool:
+    return not line.strip() or line.lstrip().startswith(_COMMENTS)
+
+
+def _layout(source: str, lines: list[str]) -> _Layout:
+    sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
+    if not sniffed:
+        raise InputError(f"{source} is empty: it has no line of data.")
+    delimiter, width, tail = _delimiter(source, sniffed)
+    numeric = [_is_numeric([row[c] for row in tail]) for c in range(width)]
+    rows = [(i, _cells(line, delimiter)) for i, line in sniffed]
+    likes = [_like_data(cells, numeric) for _, cells in rows]
+    runs = ((0.89, _STEADY), (0.6, 6))  # some preambles hold rows of numbers, too
+    start = next(
+        (
+            k
+            for share, length in runs
+            for k in range(len(rows))
+            if likes[k] and np.mean(likes[k : k + length]) > share
+        ),
+        -1,
+    )
+    if start < 0:
+        raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
+    found = _headers(lines, rows, start, delimiter, width)
+    headed = found is not None
+    if not headed and delimiter == "," and (above := _names_above(rows[:start])) < width and above:
+        raise _mismatch(source, rows[start][0], width, above, delimiter)
+    names, plain, units = _name_columns(*(found or (list(map(str, range(1, width + 1))), None)))
+    if not headed:
+        plain = ("",) * width
+    if len(names) == width - 1 and not any(row[-1] for row in tail):
+        names, plain, units = (*names, ""), (*plain, ""), (*units, None)
+    if len(names) != width:
+        raise _mismatch(source, rows[start][0], width, len(names), delimiter)
+    return _described(_Layout(delimiter, width, rows[start][0], names, plain, units,
+                              frozenset(), {}, headed), tail)  # fmt: skip
+
+
+def _names_above(rows: Sequence[tuple[int, list[str]]]) -> int:
+    """The number of names in a header that only rows of numbers separate from the data; 0 if none.
+
+    Decimal commas between commas make rows of many lengths: 0,5 but 0.
+    """
+    words = [k for k, (_, cells) in enumerate(rows) if not any(map(is_number, cells))]
+    last = words[-1] if words else len(rows)
+    names = rows[last][1] if last + 1 < len(rows) else []
+    return len(names) if len(names) > 1 and all(names) else 0
+
+
+def _mismatch(source: str, line: int, width: int, names: int, delimiter: str) -> InputError:
+    hint = (
+        "if these are decimal commas, separate the columns by semicolons"
+        if delimiter == "," and width > names
+        else "name every column once"
+    )
+    return InputError(
+        f"{source}: line {line + 1} has {width} cells but the header names {names}; {hint}."
+    )
+
+
+def _is_numeric(cells: Sequence[str]) -> bool:
+    present = [cell for cell in cells if not is_missing(cell)]
+    return 2 * sum(map(is_number, present)) > len(present)
+
+
+def _described(layout: _Layout, tail: list[list[str]]) -> _Layout:
+    """The layout with its columns of stamps and of seconds since 1970."""
+    columns = list(zip(*tail, strict=True))
+    stamped = {c for c, cells in enumerate(columns) if sum(map(is_stamp, cells)) > len(cells) / 2}
+    units = tuple("s" if c in stamped else unit for c, unit in enumerate(layout.units))
+    plain = tuple(p or "time" * (c in stamped) for c, p in enumerate(layout.plain))
+    names = tuple(n or plain[c] for c, n in enumerate(layout.names))
+    epoch = {}
+    for c in time_columns(plain, units):
+        present = [number(x) for x in columns[c] if is_number(x) and not is_stamp(x)]
+        unit = epoch_unit(present[0], present[-1]) if present else None
+        if unit is not None:
+            epoch[c] = unit
+    units = tuple(epoch.get(c, unit) for c, unit in enumerate(units))
+    return replace(
+        layout, names=names, plain=plain, units=units, stamped=frozenset(stamped), epoch=epoch
+    )
+
+
+def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, list[list[str]]]:
+    """Return the delimiter, the usual number of cells, and the last rows of that many."""
+    tail = [line for _, line in sniffed[-max(3, len(sniffed) // 4) :]]
+    best: tuple[float, str, int, list[list[str]]] | None = None
+    for delimiter in "\t;|," + _BLANKS:
+        rows = [_cells(line, delimiter) for line in tail]
+        width = Counter(map(len, rows)).most_common(1)[0][0]
+        if width < 2:
+            continue
+        rows = [row for row in rows if len(row) == width]
+        filled = [cells for cells in zip(*rows, strict=True) if any(cells)]
+        share = float(np.mean([_is_numeric(cells) for cells in filled]))
+        if delimiter == _BLANKS and share < 0.5:  # words of a text
+            continue
+        if best is None or share > best[0]:
+            best = share, delimiter, width, rows
+    if best is not None:
+        return best[1:]
+    if any(is_number(_cells(line, ";")[0]) for line in tail if _cells(line, ";")):
+        raise InputError(
+            f"{source} has one column; a record needs u and one of w, theta "
+            "in columns separated by comma, semicolon or tab."
+        )
+    raise InputError(f"{source} is not a table: no columns of numbers were found in it.")
+
+
+def _like_data(cells: list[str], numeric: list[bool]) -> bool:
+    if len(cells) != len(numeric) or not any(map(is_number, cells)):
+        return False
+    wrong = sum(n and not is_number(c) and c != "" for c, n in zip(cells, numeric, strict=True))
+    return wrong <= max(1, len(cells) // 4)
+
+
+def _headers(
+    lines: list[str],
+    rows: list[tuple[int, list[str]]],
+    start: int,
+    delimiter: str,
+    width: int,
+) -> tuple[list[str], list[str] | None] | None:
+    """Return the cells of the header and of the line of units, if there is one.
+
+    None if the file has no header.
+    """
+    first = rows[start][0]
+    if start == 0:
+        remarks = [line.lstrip(" \t#%/") for line in lines[:first] if line.strip()]
+        rows_of_names = [_header_cells(remark, delimiter, width) for remark in remarks]
+        fit = [c for c in rows_of_names if len(c) == width and not any(map(is_number, c))]
+        if (
+            len(fit) > 1
+            and 2 * sum(parse_unit(c.strip("[]()")) is not None for c in fit[-1]) > width
+        ):
+            return fit[-2], fit[-1]
+        return (fit[-1], None) if fit else None
+    by_turns = keyed([row for _, row in rows[:start]], width)
+    if by_turns is not None:
+        return by_turns
+    last = _header_cells(lines[rows[start - 1][0]], delimiter, width)
+    if all(is_missing(cell) or is_number(cell) for cell in last):
+        return None
+    known = [parse_unit(cell.strip("[]()")) for cell in last if cell]
+    if start > 1 and any(known):
+        above = _header_cells(lines[rows[start - 2][0]], delimiter, width)
+        if len(above) == len(last):
+            return above, last
+    return last, preamble_units([row for _, row in rows[: start - 1]], last)
+
+
+def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
+    """The names in a header, whose units may hold blanks."""
+    if delimiter != _BLANKS:
+        return _cells(line, delimiter)
+    line = line.strip()
+    for split in (
+        line.split(),
+        re.findall(r"[^\s\[(]+(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?", line),
+        re.split(r"\s{2,}|\t", line),
+        [cell.strip() for cell in re.split(r"[,;|]", line)],
+    ):
+        if len(split) == width:
+            return split
+    return line.split()
+
+
+def _name_columns(
+    headers: list[str], unit_line: list[str] | None
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str | None, ...]]:
+    found = heads(headers)
+    if unit_line is not None:
+        below = [cell.strip("[]() ") or None for cell in unit_line]
+        found = [(n, p, unit or b) for (n, p, unit), b in zip(found, below, strict=True)]
+    while found and found[-1][0] == "" and found[-1][2] is None:
+        found.pop()
+    if not found:
+        return (), (), ()
+    name, _, unit = found[0]
+    known = parse_unit(unit) if unit else None
+    if not name and known is not None and known.quantity == "time":
+        found[0] = ("time", "time", unit)  # some recorders leave the first name empty
+    names, plain, units = zip(*found, strict=True)
+    return names, plain, units
+
+
+def _load_fast(
+    lines: list[str], layout: _Layout, indices: Sequence[int]
+) -> tuple[list[np.ndarray], list[str]] | None:
+    """Read the columns at C speed; None if cells must be read one by one."""
+    text, said = "\n".join(lines[layout.first :]), []
+    if any(mark in text for mark in _COMMENTS):
+        text = "\n".join(line for line in lines[layout.first :] if not _is_comment(line))
+    text = text.replace('"', "")  # a delimiter between quotes shows in the count below
+    if layout.delimiter != "," and "," in text:
+        if "." in text:
+            return None
+        text, said = text.replace(",", "."), [DECIMAL_COMMAS]
+    data = _parsed(text.split("\n"), layout, indices)
+    if layout.delimiter == _BLANKS:
+        whole = data is not None and len(text.split()) == len(data) * layout.width
+        return (list(np.ascontiguousarray(data.T)), said) if data is not None and whole else None
+    if data is None:  # perhaps only because of empty cells
+        gap = re.escape(layout.delimiter)
+        text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
+        data = _parsed(text.split("\n"), layout, indices)
+    if data is None or text.count(layout.delimiter) != len(data) * (layout.width - 1):
+        return None
+    return list(np.ascontiguousarray(data.T)), said
+
+
+def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndarray | None:
+    try:
+        between = None if layout.delimiter == _BLANKS else layout.delimiter
+        return np.loadtxt(body, delimiter=between, usecols=indices, comments=None, ndmin=2)
+    except ValueError:
+        return None
+
+
+def _load_slow(source: str, lines: list[str], layout: _Layout, indices: Sequence[int]) -> Columns:
+    """Read cell by cell: an empty cell is a missing sample, and so is one that was typed over.
+
+    Other text raises InputError.
+    """
+    said: list[str] = []
+    rows: list[tuple[int, list[str]]] = []
+    last = max(k for k, line in enumerate(lines) if line.strip()) - layout.first
+    for k, line in enumerate(lines[layout.first :]):
+        if _is_comment(line):
+            continue
+        line_number = layout.first + k + 1
+        cells = _cells(line, layout.delimiter)
+        if len(cells) < layout.width and k == last and rows:
+            said.append(f"The last line ({line_number}) is cut off and was left out.")
+            continue
+        if len(cells) != layout.width:
+            raise InputError(
+                f"{source}: line {line_number} has {len(cells)} cells, "
+                f"the header names {layout.width} columns."
+            )
+        rows.append((line_number, [cells[i] for i in indices]))
+    lines_of = [row[0] for row in rows]
+    cleaned, commas = without_commas(source, rows)
+    columns = []
+    for i, cells in zip(indices, zip(*cleaned, strict=True), strict=True):
+        columns.append(_column(source, layout, i, lines_of, cells, said))
+    return columns, [*commas, *said]
+
+
+def _column(
+    source: str,
+    layout: _Layout,
+    i: int,
+    lines_of: list[int],
+    cells: Sequence[str],
+    said: list[str],
+) -> np.ndarray:
+    try:
+        if i in layout.stamped:
+            return seconds(cells)
+        if layout.epoch.get(i) == "ns":  # no float64 holds them to the nanosecond
+            whole = np.array(cells, dtype=np.int64)
+            return (whole - whole[0]).astype(np.float64)
+    except ValueError as error:
+        if i in layout.stamped:
+            _not_a_number(source, layout, i, lines_of, cells, int(error.args[0]))
+    try:
+        if not any("_" in cell for cell in cells):
+            return np.array(list(map(float, cells)))
+    except ValueError:
+        pass
+    values = np.full(len(cells), np.nan)
+    for k, cell in enumerate(cells):
+        try:
+            values[k] = number(cell)
+        except ValueError:
+            if not with_remark(cell):
+                _not_a_number(source, layout, i, lines_of, cells, k)
+            place = f"line {lines_of[k]}, column '{layout.names[i]}'"
+            said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
+    return values
+
+
+def _not_a_number(
+    source: str, layout: _Layout, i: int, lines_of: list[int], cells: Sequence[str], k: int
+) -> None:
+    raise InputError(
+        f"{source}: line {lines_of[k]}, column '{layout.names[i]}': '{cells[k]}' is not a "
+        f"{'date or time of day' if i in layout.stamped else 'number'}."
+    ) from None
+
+
+def keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:
+    """A header of key and value by turns, as automation scopes write it: a time per channel."""
+    found = {}
+    for row in rows:
+        if len(row) == width and width % 2 == 0 and row[0] and len(set(row[::2])) == 1:
+            found[row[0]] = row[1::2]
+    if "Name" not in found:
+        return None
+    key = next((key for key in found if "time" in key.lower()), "")
+    time = split_unit(key)[1] or "ms"
+    below = next((found[key] for key in found if key.lower().startswith("unit")), [""] * width)
+    names = [name for value in found["Name"] for name in (f"{value}.time", value)]
+    return names, [unit for value in below for unit in (time, value)]
+
+
+def preamble_units(rows: list[list[str]], header: list[str]) -> list[str] | None:
+    """Units in a line of the preamble whose first cell is a word such as Y_Unit_Label."""
+    for row in rows:
+        cells = row[1:]
+        if len(row) == len(header) and "unit" in row[0].lower() and any(cells):
+            if all(parse_unit(cell) for cell in cells if cell):
+                return ["", *cells]
+    return None

@@ -1,0 +1,354 @@
+"""Observers side by side: the terms are equal, and the figures are those of the scenarios."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.bench.terms import Terms
+from lugrectl.blocks.block import members
+
+from ..cases.observed import STEP, P, believing, cycle, longer, rms, signals, velocity_error
+
+FAST = ("velocity", "noise")
+
+
+@pytest.fixture(scope="module")
+def found():
+    return lg.compare_observers(P, ["natural", "existing"], scenarios=FAST)
+
+
+def test_at_equal_feedback_the_natural_observer_is_better(found):
+    """Its PI has what k adds: kp + sigma1 k, ki + sigma0 k; without that the existing one seems
+    better, and its own error is the same."""
+    alone = lg.compare_observers(P, found.names, scenarios=["velocity"], equal=False)
+    errors = [one[name].velocity for one in (found, alone) for name in ("natural", "existing")]
+    assert errors == pytest.approx([0.0049, 0.0165, 0.0313, 0.0165], abs=1e-4)
+    gains = found["natural"].feedback
+    assert gains["velocity.kp"] == pytest.approx(1.6 + 0.6 * 0.35)
+    assert gains["velocity.ki"] == pytest.approx(0.16 + 260 * 0.35)
+    assert found["existing"].feedback["velocity.ki"] == 0.16
+
+
+@pytest.mark.parametrize("kind", ["velocity", "position"])
+def test_feedback_at_rest_is_the_same(kind):
+    """From the error to u, with the drive and the bristles at rest, at any frequency."""
+    import control as ct
+
+    responses = []
+    for name in ("natural_observer", "existing_observer"):
+        terms = Terms(lg.Model.of(P), 0.35, True)
+        base = {"kp": 1.6, "ki": 0.16} if kind == "velocity" else {"kp": 15.0, "ki": 0.0, "kd": 1.2}
+        loop = terms.closed(name, kind, base)
+        linear = ct.linearize(loop, np.zeros(loop.nstates), np.zeros(loop.ninputs))
+        row, column = loop.output_labels.index("u"), loop.input_labels.index("r")
+        responses.append([linear(1j * om)[row, column] for om in (0.3, 5.0, 80.0)])
+    assert responses[0] == pytest.approx(responses[1], rel=1e-6)
+
+
+def test_noise_of_the_encoder_reaches_the_torque_through_the_controller(found):
+    """w is the difference of 1e-5 rad RMS at 1 kHz: 14 mrad/s times kp = 1.81 at least in part."""
+    for row in found:
+        assert 5e-3 < row.noise < 0.1
+        assert row.position is row.cycle is row.delay is None
+        assert row.cost > 0.0
+
+
+def test_a_good_figure_may_depend_on_one_parameter():
+    """The temperature observer takes sigma0 for known; the disturbance observer has only J."""
+    names = ["temperature", "disturbance"]
+    found = lg.compare_observers(P, names, scenarios=["velocity", "parameters"])
+    assert found["temperature"].weakest == "sigma0 x0.8"
+    assert found["temperature"].parameters > 10 * found["temperature"].velocity
+    assert found["disturbance"].weakest.startswith("J x")
+    assert found["disturbance"].parameters == pytest.approx(found["disturbance"].velocity, rel=0.01)
+
+
+def test_parameters_hardly_off_change_nothing():
+    found = lg.compare_observers(P, ["natural"], scenarios=["velocity", "parameters"], off=1e-6)
+    assert found["natural"].parameters == pytest.approx(found["natural"].velocity, rel=1e-4)
+
+
+def test_a_coarse_encoder_makes_more_noise_and_a_fine_one_none(found):
+    def noise(resolution):
+        terms = {"scenarios": ["noise"], "resolution": resolution}
+        return lg.compare_observers(P, ["natural"], **terms)["natural"].noise
+
+    assert noise(1e-9) == pytest.approx(found["natural"].noise, rel=1e-3)
+    assert noise(2 * np.pi / 65536) > 2 * found["natural"].noise
+
+
+@longer
+def test_only_some_observers_cycle_with_friction_overestimated():
+    names = ["natural", "existing", "proposed"]
+    found = lg.compare_observers(P, names, scenarios=["cycle", "position"], equal=False)
+    cycles = [row.cycle for row in found]
+    assert cycles[:2] == pytest.approx([8.0e-3, 7.0e-3], abs=5e-5) and cycles[2] < 1e-11
+    assert found["natural"].position == pytest.approx(3.1e-3, abs=1e-4)
+
+
+@longer
+def test_a_loop_bears_the_dead_time_that_its_bandwidth_allows():
+    """With k = 0 nothing is added: the crossover kp/J leaves pi/2/(kp/J) = 2.2 ms."""
+    found = lg.compare_observers(P, ["proposed"], scenarios=["delay"], equal=False)
+    assert 0.5e-3 < found["proposed"].delay < 3e-3
+
+
+@longer
+def test_every_observer_is_compared():
+    found = lg.compare_observers(P, scenarios=["velocity"])
+    assert [f"{k}_observer" for k in found.names] == [
+        k for k in members("observer") if k != "no_observer"
+    ]
+    assert all(np.isfinite(row.velocity) for row in found)
+    best = min(found, key=lambda row: row.velocity)
+    assert best.name in ("temperature", "extended_state", "disturbance", "position_coulomb")
+
+
+def test_none_is_the_loop_without_an_observer_and_a_name_may_stand_alone():
+    bare = lg.compare_observers(P, [None], scenarios="velocity")
+    same = lg.compare_observers(P, "no", scenarios=["velocity"])
+    assert bare.names == same.names == ("no_observer",)
+    assert bare["no_observer"].velocity == same["no_observer"].velocity > 0.02
+
+
+@pytest.fixture(scope="module")
+def sampled():
+    names = ["natural", "disturbance"]
+    return lg.compare_observers(
+        P, names, scenarios=["load", "rate", "rounding"], rates=[250, 1000], load=0.2
+    )
+
+
+def test_a_load_step_harms_less_where_the_observer_takes_it_for_friction(sampled):
+    calm = lg.compare_observers(P, sampled.names, scenarios="load", load=0.0)
+    grown = [sampled[k].load - calm[k].load for k in sampled.names]
+    assert grown[0] > 2.0 * grown[1] > 0.0
+
+
+def test_a_loop_bears_the_rate_that_its_bandwidth_allows(sampled):
+    """kp/J is 823 1/s: a torque held for 4 ms is more than pi/2 late there."""
+    for row in sampled:
+        assert row.rate == 1000.0 and set(row.sampled) == {"1000", "250"}
+        assert row.sampled["1000"] < 0.01 < row.sampled["250"]
+
+
+def test_a_coarser_encoder_inside_the_loop_makes_a_larger_error(sampled):
+    finer = lg.compare_observers(P, "natural", scenarios="rounding", resolution=1e-8)["natural"]
+    assert sampled.terms["rounding"] == pytest.approx(2 * np.pi / 131072)
+    assert sampled["natural"].rounding > 2.0 * finer.rounding
+    assert finer.rounding == pytest.approx(sampled["natural"].sampled["1000"], rel=0.1)
+
+
+def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
+    """A block whose rates are not affine: 4 Runge-Kutta steps against as many as are needed."""
+    from lugrectl.simulation.stepped_block import at_samples
+
+    block, n = lg.temperature_observer(P), 120
+    made = at_samples(block, 1e-3, [{"w": 0.1, "zhat": 1e-3}])
+    t = 1e-3 * np.arange(n)
+    w = 0.1 * np.sin(20 * t)
+    given = np.array([w, 0.3 * np.sign(w)])
+    fine, quick = (lg.simulate(b, t, given).outputs[0] for b in (lg.sampled(block, 1e-3), made))
+    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.stepped_block"
+    assert np.abs(fine).max() > 0.2
+    assert np.abs(fine - quick).max() < 1e-3
+
+
+def test_the_answer_has_the_forms_of_every_list(found):
+    said = str(found)
+    assert said.splitlines()[1].split()[0] == "observer" and "natural" in said
+    assert "delay" not in said and "<table" in found._repr_html_()
+    made = json.loads(found.to_json())
+    assert made["terms"]["wrong"] == 0.8 and made["observers"][1]["name"] == "existing"
+    assert found.to_frame().loc["natural", "velocity"] == found["natural"].velocity
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: lg.compare_observers(P, ["kalman"]), "unknown observer 'kalman'; known: natural"),
+        (lambda: lg.compare_observers(P, "propsed"), "did you mean 'proposed'?"),
+        (lambda: lg.compare_observers(P, 3), "must be a name or a list of names, not 3"),
+        (lambda: lg.compare_observers(P, []), "must be a name or a list of names"),
+        (lambda: lg.compare_observers(P, "natural", scenarios=["speed"]), "no scenario 'speed'"),
+        (lambda: lg.compare_observers(P, "natural", scenarios="delays"), "did you mean 'delay'?"),
+        (lambda: lg.compare_observers(P, "natural", scenarios=[]), "scenarios is an empty list"),
+        (lambda: lg.compare_observers(P, "natural", rates=[]), "rates is an empty list"),
+        (lambda: lg.compare_observers(P, "natural", rates=0), "rates must be a positive number"),
+        (lambda: lg.compare_observers(P, ["natural"], wrong=-1), "wrong"),
+        (lambda: lg.compare_observers(P, ["natural"], off=1.0), "off is 1; give a share below 1"),
+        (lambda: lg.compare_observers(P, ["natural"], resolution=-1), "resolution is -1; give"),
+        (lambda: lg.compare_observers(lg.Model.of(J=1.0)), "needs sigma0"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(call, said):
+    with pytest.raises(lg.InputError, match=re.escape(said)) as raised:
+        call()
+    assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
+
+
+def test_each_scenario_of_each_observer_is_reported_as_it_begins():
+    said = []
+    scenarios = ["velocity", "rounding", "load"]
+    lg.compare_observers(P, ["disturbance", None], scenarios=scenarios,
+                         progress=lambda part, what: said.append((part, what)))  # fmt: skip
+    shares = [part for part, _ in said]
+    assert shares == pytest.approx([k / 6 for k in range(6)])
+    assert said[2][1] == "simulating disturbance_observer, scenario rounding"
+
+
+def test_what_was_not_compared_is_named(found):
+    with pytest.raises(lg.InputError, match="'proposed' was not compared; there is natural"):
+        found["proposed"]
+
+
+# ---- a drive with another law ---------------------------------------------------------
+
+
+def test_a_law_of_ones_own_is_the_plant_and_observers_that_copy_lugre_are_left_out(smooth):
+    drive = lg.Model.of(J=0.002, friction=smooth, Fc=0.25)
+    found = lg.compare_observers(drive, ["natural", "disturbance", None], scenarios="velocity")
+    assert found.names == ("disturbance", "no_observer")
+    assert found["disturbance"].velocity < 0.5 * found["no_observer"].velocity
+    why = "it must know sigma0, sigma1, Fs, vs, which the model with smooth_coulomb friction"
+    assert list(found.refused) == ["natural"] and found.refused["natural"].startswith(why)
+    assert f"natural left out: {why}" in repr(found)
+    assert f"natural left out: {why}" in found._repr_html_()
+    assert json.loads(found.to_json())["refused"] == found.refused
+
+
+def test_the_plant_has_the_friction_of_the_law(smooth):
+    """Without an observer more of it leaves a larger error."""
+    weak, strong = (lg.Model.of(J=0.002, friction=smooth, Fc=Fc) for Fc in (0.1, 0.4))
+    errors = [lg.compare_observers(drive, [None], scenarios="velocity")["no_observer"].velocity
+              for drive in (weak, strong)]  # fmt: skip
+    assert errors[1] > 1.2 * errors[0]
+
+
+def test_a_sampled_drive_of_another_law_is_compared_too(smooth):
+    drive = lg.Model.of(J=0.002, friction=smooth)
+    found = lg.compare_observers(drive, "disturbance", scenarios=["rounding", "load"])
+    assert 0.0 < found["disturbance"].rounding < 0.1 and found["disturbance"].load < 0.1
+
+
+def test_where_no_observer_is_left_one_sentence_says_why(smooth):
+    with pytest.raises(lg.InputError, match="natural_observer cannot be compared: it must know"):
+        lg.compare_observers(lg.Model.of(J=0.002, friction=smooth), "natural")
+
+
+def test_a_load_is_asked_for_where_the_law_has_no_coulomb_friction():
+    drive = lg.Model.of(J=0.002, friction="viscous", Fv=0.02)
+    with pytest.raises(lg.InputError, match="load is missing: half of Fc is its default"):
+        lg.compare_observers(drive, "disturbance", scenarios="load")
+    found = lg.compare_observers(drive, "disturbance", scenarios="load", load=0.1)
+    assert found["disturbance"].load < 0.1
+
+
+# ---- every observer in the same loops -------------------------------------------------
+
+NAMES = [k.removesuffix("_observer") for k in members("observer") if k != "no_observer"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
+def test_every_observer_stands_in_the_ready_loops(make, name):
+    """In a position loop one that acts on s needs dr as well."""
+    for smooth in (False, True):
+        loop = make(P, name, prefilter=smooth, feedforward=True, load=True)
+        assert loop.syslist[1].name == f"{name}_observer"
+        assert loop.output_labels == ["theta", "w", "F", "Fhat", "u", "e"]
+        assert np.isfinite(
+            loop.dynamics(0.0, np.full(loop.nstates, 1e-3), [0.1] * loop.ninputs)
+        ).all()
+    inputs = make(P, name).input_labels
+    with_s = make is lg.position_loop and "s" in members("observer")[f"{name}_observer"].inputs
+    assert inputs == (["r", "dr"] if with_s else ["r"])
+
+
+AFFINE = [
+    lg.friction_state_observer(P),
+    lg.normal_force_observer(P),
+    lg.lyapunov_observer(P),
+    lg.general_coulomb_observer(P),
+    lg.adaptive_slotine_li(),
+    lg.dual_observer_control(P),
+    lg.backstepping_smc(P),
+    lg.repetitive_control(P),
+]
+
+
+@pytest.mark.parametrize("made", AFFINE, ids=[made.name for made in AFFINE])
+def test_blocks_have_a_sampled_form(made):
+    """With held inputs it is the continuous block at the samples."""
+    t, inputs = STEP * np.arange(40), [0.02, 0.3, 0.1][: made.ninputs]
+    held = lg.sampled(made, STEP)
+    rows = np.repeat(np.array(inputs)[:, None], len(t), axis=1)
+    one = lg.simulate(held, t, rows).outputs
+    two = lg.simulate(made, t, rows, method="LSODA", rtol=1e-9).outputs
+    np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-7)
+
+
+@longer
+@pytest.mark.parametrize("name", NAMES)
+def test_every_observer_compensates(name):
+    """The velocity loop of compensate, friction 20 % low "before" and exact "after"."""
+    found = lg.compensate(P, declared=believing(0.8), observer=name, kp=0.5, ki=2.0)
+    assert found.after < 0.35 * found.none
+    assert not found.messages or found.after <= 1.05 * found.before
+
+
+@longer
+def test_a_position_observer_starts_where_the_drive_stands():
+    t = np.arange(0.0, 2.0, 1e-3)
+    r = 0.5 * np.sin(2.0 * t) ** 2
+    for name in ("position_coulomb", "position_lugre"):
+        near, far = (
+            lg.compensate(P, loop="position", observer=name, reference=(t, r + at)).runs["after"]
+            for at in (0.0, 3.0)
+        )
+        assert far.y - 3.0 == pytest.approx(near.y, abs=1e-5)
+
+
+@longer
+def test_the_existing_observer_is_feedback():
+    """It adds k (sigma1 s + sigma0)/(s + a) on -e; the natural one with this as PI is better, for
+    a large k too (0.35: above)."""
+    assert velocity_error("existing", believing(0.8), k=5.0) == pytest.approx(0.0030, abs=1e-4)
+    equal = {"kp": 1.6 + P.sigma1 * 5.0, "ki": 0.16 + P.sigma0 * 5.0}
+    assert velocity_error("natural", believing(0.8), **equal) == pytest.approx(0.00039, rel=0.02)
+
+
+@longer
+@pytest.mark.parametrize(
+    ("name", "k", "error", "digit"),
+    [
+        ("temperature", "own", 0.0062, 1e-4),
+        ("temperature", 50.0, 0.0040, 1e-4),
+        ("proposed", "own", 0.0133, 1e-4),
+    ],
+)
+def test_a_constant_load_counts_as_friction(name, k, error, digit):
+    """0.05 N m, with the level 20 % low."""
+    loop = lg.velocity_loop(P, name, k=k, observer_parameters=believing(0.8), load=True)
+    t = np.arange(0.0, 5.0 + STEP / 2, STEP)
+    rows = {"r": 0.1 * np.sin(2 * np.pi * t), "d": 0.05}
+    e = signals(loop, lg.simulate(loop, t, rows))["e"][t >= 1.0]
+    assert rms(e) == pytest.approx(error, abs=digit)
+
+
+@longer
+@pytest.mark.parametrize(
+    ("name", "swing"),
+    [
+        ("normal_force", 0.0),
+        ("lyapunov", 0.0),
+        ("adaptive", 0.0),
+        ("general_coulomb", 0.44e-3),
+    ],
+)
+def test_limit_cycles_of_the_others_with_friction_overestimated(name, swing):
+    """The natural observer: 8 mrad."""
+    assert cycle(name, 1.2) == pytest.approx(swing, abs=1e-5 if swing else 1e-11)

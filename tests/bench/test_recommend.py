@@ -1,0 +1,247 @@
+"""The recommended observer: what is simulated, the order, the reasons, what is taken in."""
+
+import json
+import pickle
+import re
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.simulation.encoder import rounded
+
+from ..cases.observed import P
+
+FEW = ["natural", "disturbance", "position_coulomb", "existing"]
+
+
+@pytest.fixture(scope="module")
+def found():
+    return lg.recommend_observer(P, observers=FEW[:2] + FEW[3:], rate=1000, resolution=1e-6)
+
+
+def logged(rate=500.0, step=0.0, noise=0.0, n=1500):
+    """A log of a sine: theta rounded to a step, w with noise."""
+    t = np.arange(n) / rate
+    theta = 0.4 * np.sin(2 * np.pi * t)
+    w = 0.8 * np.pi * np.cos(2 * np.pi * t) + noise * np.random.default_rng(0).normal(size=n)
+    return {
+        "t": t,
+        "u": 0.3 * np.sign(np.cos(2 * np.pi * t)),
+        "theta": rounded(theta, step),
+        "w": w,
+    }
+
+
+def drive(log, **known):
+    """What is assumed about the drive of a log."""
+    own = {"observers": "disturbance", "uncertainty": 0.0}
+    return lg.recommend_observer(P, log, **own, **known).drive
+
+
+def test_each_case_is_reported_as_it_begins():
+    said = []
+    lg.recommend_observer(P, observers=["natural", "disturbance"], rate=1000,
+                          progress=lambda part, what: said.append((part, what)))  # fmt: skip
+    shares = [part for part, _ in said]
+    assert shares == sorted(shares) and shares[0] == 0.0 and 0.6 < shares[-1] < 1.0
+    assert said[0][1] == "simulating the loop without an observer" and len(said) > 6
+    assert "simulating natural_observer, Fc, Fs x0.8" in [what for _, what in said]
+
+
+def test_the_order_is_that_of_the_largest_error(found):
+    worst = [row.worst for row in found]
+    assert worst == sorted(worst) and len(found) == 3
+    for row in found:
+        assert row.worst == max(row.errors.values()) == row.errors[row.worst_case]
+    assert found.best.name == found.names[0] == "disturbance"
+    assert found.none > 5 * found.best.worst
+
+
+def test_each_wrong_parameter_that_an_observer_knows_is_tried(found):
+    assert set(found["disturbance"].errors) == {"exact parameters", "J x0.8", "J x1.2"}
+    assert found["disturbance"].complete and not found["natural"].complete
+    assert list(found["natural"].errors) == ["exact parameters", "Fc, Fs x0.8", "Fc, Fs x1.2"]
+    alone = lg.recommend_observer(P, observers="natural", rate=250, uncertainty={"vs": 0.5})
+    assert list(alone[0].errors) == ["exact parameters", "vs x0.5", "vs x1.5"]
+
+
+def test_reasons_name_the_figures_that_decide(found):
+    first, last = found[0].reasons, found[-1].reasons
+    assert first[0].startswith("Its error is at most") and "natural, the next" in first[0]
+    assert "times that of disturbance" in last[0]
+    assert any("must know J." in said for said in first)
+    assert any("errors decay with 500 1/s" in said for said in first)
+    for row in found:
+        assert all(said.endswith(".") and said[0].isupper() for said in row.reasons)
+
+
+def test_the_gains_of_the_best_fit_into_a_loop(found):
+    for row in found:
+        loop = lg.velocity_loop(P, row.name, **row.gains)
+        assert f"{row.name}_observer" in [block.name for block in loop.syslist]
+
+
+def test_a_drive_with_a_position_only_takes_observers_of_the_position():
+    made = lg.recommend_observer(P, rate=500, measured="theta", observers=FEW, uncertainty=0)
+    assert made.names == ("position_coulomb",) and made.signal == "theta" and made.unit == "rad"
+    assert set(made.refused) == set(FEW) - {"position_coulomb"}
+    assert "reads w, and this drive measures only theta" in made.refused["natural"]
+    assert made.controller["kd"] == pytest.approx(P.J * made.drive["bandwidth"])
+
+
+def test_a_drive_with_a_speed_only_takes_none_of_the_position():
+    made = lg.recommend_observer(
+        P, {"rate": 500, "measured": "w", "speed_noise": 1e-3}, observers=FEW[1:3], uncertainty=0.0
+    )
+    assert made.names == ("disturbance",)
+    assert "measures only w" in made.refused["position_coulomb"]
+
+
+def test_an_observer_of_bristles_is_not_admissible_on_a_drive_without_them():
+    drive = {"J": 0.5, "friction": "coulomb", "Fc": 1.0, "Fv": 0.1, "motion": "linear"}
+    made = lg.recommend_observer(drive, rate=500, observers=["natural", "disturbance"], speed=0.3)
+    assert made.names == ("disturbance",) and made.unit == "m/s"
+    assert "coulomb friction does not have" in made.refused["natural"]
+    assert "sigma0" in made.refused["natural"]
+
+
+def test_an_observer_that_makes_the_loop_worse_at_its_rate_is_not_admissible():
+    """A disturbance observer of 1000 1/s, with a dead time of 2 ms."""
+    spec = {"rate": 500, "delay": 2e-3, "bandwidth": 80, "uncertainty": 0.0}
+    given = {"disturbance": {"tau": 1e-3}}
+    made = lg.recommend_observer(P, spec, observers="disturbance", gains=given)
+    assert not made and made.best is None
+    assert "it does not help at 500 Hz" in made.refused["disturbance"]
+    assert "No observer is admissible" in made.messages[-1]
+    assert repr(made).splitlines()[0] == "Recommended observer: none"
+
+
+def test_a_weak_answer_says_so():
+    made = lg.recommend_observer(P, rate=100, observers=["natural", "disturbance"])
+    assert made.messages[0].startswith("The sensor is taken as exact")
+    assert made.messages[1].startswith("Even the best observer may help little")
+    assert "larger than without an observer" in made["natural"].reasons[0]
+    assert not any("The sensor" in said for said in made["natural"].reasons)
+
+
+def test_an_observer_that_knows_only_the_inertia_is_no_faster_than_three_controllers():
+    made = lg.recommend_observer(
+        P, rate=8000, bandwidth=100, observers="disturbance", uncertainty=0.0, frequency=8.0
+    )
+    assert made[0].gains["tau"] == pytest.approx(1.0 / 300.0)
+
+
+def test_gains_without_a_rule_can_be_left_out():
+    given = {"disturbance": {"tau": 0.01}}
+    made = lg.recommend_observer(
+        P, rate=500, observers=["disturbance", "natural"], gains=given, certified=True
+    )
+    assert made.names == ("natural",) and "certified=True" in made.refused["disturbance"]
+    free = lg.recommend_observer(P, rate=500, observers="disturbance", gains=given)
+    assert free[0].gains == {"tau": 0.01} and free[0].certificate is None
+    assert "nothing is guaranteed" in free[0].reasons[-1]
+
+
+def test_a_record_gives_rate_step_and_noise():
+    spec = drive(logged(500.0, 1e-3, 0.02))
+    assert spec["rate"] == pytest.approx(500.0)
+    assert spec["resolution"] == pytest.approx(1e-3) and spec["noise"] < 1e-3
+    assert spec["speed_noise"] == pytest.approx(0.02, rel=0.1)
+    assert spec["measured"] == ["theta", "w"]
+    assert spec["speed"] == pytest.approx(0.8 * 0.8 * np.pi, rel=0.02)
+
+
+def test_an_argument_goes_before_the_record():
+    log = {k: v for k, v in logged().items() if k != "w"}
+    spec = drive(log, measured="theta w", speed=0.1, resolution=0.0)
+    assert spec["speed"] == 0.1 and spec["measured"] == ["theta", "w"] and spec["resolution"] == 0.0
+    assert spec["speed_noise"] is None and spec["rate"] == pytest.approx(500.0)
+
+
+def test_a_record_in_any_form_will_do(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(logged(250.0, 1e-6, 1e-3, 600))
+    path, drive = tmp_path / "run.csv", tmp_path / "drive.toml"
+    frame.to_csv(path, index=False)
+    lg.write_model(lg.Model.of(P), drive)
+    options = {"observers": "disturbance", "uncertainty": 0.0}
+    one, other = (
+        lg.recommend_observer(model, log, **options) for model, log in ((drive, path), (P, frame))
+    )
+    assert one[0].worst == pytest.approx(other[0].worst)
+    assert one.drive["source"] == "run.csv"
+
+
+def test_the_answer_has_the_forms_of_every_result(found):
+    made = json.loads(found.to_json())
+    assert made["best"] == "disturbance" and made["ranked"][0]["certificate"]["rate"] == 500.0
+    assert made == json.loads(json.dumps(found.to_dict()))
+    assert len(repr(found).splitlines()) < 9 and "1. disturbance" in str(found)
+    assert "<table>" in found._repr_html_()
+    frame = found.to_frame()
+    assert list(frame.index) == list(found.names) and frame["admissible"].all()
+    again = pickle.loads(pickle.dumps(found))
+    assert again.to_json() == found.to_json()
+    assert found["natural_observer"] is found["natural"]
+
+
+def test_the_plot_has_a_line_for_each_observer(found):
+    plt = pytest.importorskip("matplotlib.pyplot")
+    ax = found.plot()
+    assert [label.get_text() for label in ax.get_yticklabels()] == list(reversed(found.names))
+    plt.close(ax.figure)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: lg.recommend_observer(P), "rate is missing"),
+        (lambda: lg.recommend_observer(P, {"rat": 1000}), "did you mean 'rate'?"),
+        (lambda: lg.recommend_observer(P, 1000), "record must be a record"),
+        (lambda: lg.recommend_observer(P, rate=-1), "rate must be a positive number of Hz"),
+        (lambda: lg.recommend_observer(P, rate=1e3, noise=-1), "noise must be 0 or positive"),
+        (lambda: lg.recommend_observer(P, rate=1e3, measured="speed"), "measured must be"),
+        (lambda: lg.recommend_observer(P, rate=1e3, uncertainty=1.5), "uncertainty is 1.5"),
+        (lambda: lg.recommend_observer(P, rate=1e3, uncertainty={"sigma": 0.1}), "did you mean"),
+        (lambda: lg.recommend_observer(P, rate=1e3, observers="propsed"), "mean 'proposed'?"),
+        (lambda: lg.recommend_observer(P, rate=1e3, gains={"natural": 1}), "gains must be a dict"),
+        (
+            lambda: lg.recommend_observer(P, rate=1e3, gains={"disturbance": {"ta": 1}}),
+            "disturbance_observer has no parameter 'ta'",
+        ),
+        (lambda: lg.recommend_observer(P, rate=1e3, certified=1), "certified must be True"),
+        (lambda: lg.recommend_observer(lg.Model.of(J=1.0), rate=1e3), "identify them first"),
+        (lambda: lg.recommend_observer(P, rate=1e3, frequency=1e-4), "give another frequency"),
+        (lambda: lg.recommend_observer(3, rate=1e3), "p must be a Model"),
+    ],
+)
+def test_wrong_usage_is_one_sentence(call, said):
+    with pytest.raises(lg.InputError, match=re.escape(said)) as raised:
+        call()
+    assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
+
+
+def test_what_was_not_considered_is_named(found):
+    with pytest.raises(lg.InputError, match="'proposed' was not considered"):
+        found["proposed"]
+    made = lg.recommend_observer(
+        P, rate=200, measured="theta", observers=["natural"], uncertainty=0.0
+    )
+    with pytest.raises(lg.InputError, match="natural is not admissible: it reads w"):
+        made["natural"]
+
+
+def test_a_loop_that_diverges_raises_a_public_exception():
+    loop = lg.velocity_loop(P, None, kp=-50.0)
+    t = np.linspace(0.0, 30.0, 200)
+    with pytest.warns(RuntimeWarning, match="wrong sign"), pytest.raises(lg.Diverged):
+        lg.simulate(loop, t, 1.0 + 0.0 * t)
+
+
+def test_what_the_model_says_of_its_sensors_acts_in_the_loop():
+    late = lg.Model.of(P).with_effect("velocity_sensor_lag", {"time_constant": 2e-3})
+    own = {"rate": 1000, "measured": "w", "speed_noise": 1e-3, "uncertainty": 0.0}
+    one, other = (lg.recommend_observer(p, observers="disturbance", **own) for p in (P, late))
+    assert other[0].worst > 2.0 * one[0].worst  # near the end of its phase margin
+    assert other.messages[0].startswith("The drive has velocity_sensor_lag")

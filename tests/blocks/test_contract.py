@@ -1,0 +1,426 @@
+"""The contract that every registered block keeps, whoever wrote it: laws, effects, observers,
+controllers, and the forms that a law may have."""
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import lugrectl as lg
+from lugrectl.blocks import declaration
+from lugrectl.blocks.block import REGISTRY, members, unit_for
+from lugrectl.blocks.model import model_from_dict
+from lugrectl.blocks.plant import assemble
+from lugrectl.engine.runtime import adaptive_run
+from lugrectl.engine.runtime.backend import compiler
+
+from ..cases import laws
+from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong
+
+FORMS = {case: laws.model_of(case).friction.block for case, (_, own) in laws.CASES.items() if own}
+BLOCKS = {f"{kind}-{name}": made for (kind, name), made in REGISTRY.items()} | FORMS
+every_block = pytest.mark.parametrize("made", BLOCKS.values(), ids=BLOCKS)
+speeds, levels = st.floats(-50.0, 50.0), st.floats(0.01, 5.0)
+LEVELS = (  # signals that are the same for both directions of a drive
+    "zeta excess ahat scale slip lost Jhat Fvhat Fchat S0 S1 T".split()
+)
+
+
+def each(kind, holds=lambda made: True):
+    """Every block of a kind of which ``holds`` is true."""
+    kept = {name: made for name, made in members(kind).items() if holds(made)}
+    return pytest.mark.parametrize("made", kept.values(), ids=kept)
+
+
+every_effect = each("effect")
+every_law = pytest.mark.parametrize("law", LAWS)
+
+
+# --- what all blocks say and do ------------------------------------------------------------
+
+
+@every_block
+def test_a_declaration_names_its_signals_equation_units_and_bounds(made):
+    names = (made.name, *made.inputs, *made.outputs, *made.states, *made.parameters)
+    assert all(name.isidentifier() for name in names)
+    assert len(set(made.inputs + made.states)) == len(made.inputs + made.states)
+    assert made.equation[-1] in ".," and any(mark in made.equation for mark in "=(+")
+    for key, p in made.parameters.items():
+        linear = unit_for(p.unit, "linear")
+        assert p.unit and "N m" not in linear and linear != "rad", key
+    made.check(made.defaults())
+    declaration.check(made, [key for law in LAWS.values() for key in law.parameters])
+
+
+@every_block
+def test_one_text_for_numbers_arrays_batches_and_logs(made):
+    values, batch = strong(made), arguments(made, (7, 3))
+    before = [a.copy() for a in batch]
+    whole = made(*batch, **values)
+    assert all(np.array_equal(a, b) for a, b in zip(batch, before, strict=True))
+    assert len(whole) == len(made.fresh) + len(made.states)
+    assert set(made.fresh) == set(made.outputs) - set(made.states)
+    for i, j in ((0, 0), (3, 1), (6, 2)):
+        column = made(*[a[:, j] for a in batch], **values)
+        single = made(*[float(a[i, j]) for a in batch], **values)
+        for of_batch, of_log, number in zip(whole, column, single, strict=True):
+            assert np.shape(of_batch) == (7, 3)
+            assert np.shape(of_log) == (7,) and np.shape(number) == ()
+            np.testing.assert_allclose(of_log, of_batch[:, j], rtol=1e-12, atol=1e-14)
+            np.testing.assert_allclose(number, of_batch[i, j], rtol=1e-12, atol=1e-14)
+
+
+@every_block
+def test_parameters_may_differ_from_member_to_member_of_a_batch(made):
+    """A sweep hands parameters over as arrays."""
+    sets = [strong(made, seed) for seed in range(3)]
+    sweep = {k: np.array([values[k] for values in sets]) for k in made.parameters}
+    args = arguments(made, (5, 3))
+    together = made(*args, **sweep)
+    for j, values in enumerate(sets):
+        alone = made(*[a[:, j] for a in args], **values)
+        for one, every in zip(alone, together, strict=True):
+            np.testing.assert_allclose(one, every[:, j], rtol=1e-12, atol=1e-14)
+
+
+@every_block
+def test_a_system_says_what_the_function_says(made):
+    values = strong(made)
+    inputs = [f"in{i}" for i in range(len(made.inputs))]
+    outs = [f"out{i}" for i in range(len(made.outputs))]
+    plain, system = made.system(), made.system("some", inputs, outs, **values)
+    assert isinstance(system, ct.NonlinearIOSystem)
+    assert set(system.params) == {f"some.{key}" for key in made.parameters}
+    assert (plain.input_labels, plain.output_labels) == ([*made.inputs], [*made.outputs])
+    assert (system.input_labels, system.output_labels) == (inputs, outs)
+    assert (system.state_labels or []) == list(made.states)
+    args = [float(a) for a in arguments(made, ())]
+    t, rest = (args[0], args[1:]) if made.timed else (0.0, args)
+    u, x = rest[: len(made.inputs)], rest[len(made.inputs) :]
+    expected = made(*args, **values)
+    known = dict(zip(made.states, x, strict=True)) | dict(zip(made.fresh, expected, strict=False))
+    assert np.array_equal(system.output(t, x, u), [known[o] for o in made.outputs])
+    assert np.isfinite(plain.output(0.0, 0.0 * np.array(x), 0.0 * np.array(u))).all()
+    if made.states:
+        assert np.array_equal(system.dynamics(t, x, u), expected[len(made.fresh) :])
+        assert np.isfinite(plain.dynamics(0.0, 0.0 * np.array(x), 0.0 * np.array(u))).all()
+    with pytest.raises(lg.InputError):
+        made.system(outputs=[*outs, "one_more"])
+
+
+@every_block
+def test_unknown_and_impossible_values_are_refused(made):
+    with pytest.raises(lg.InputError, match="no parameter 'nonsense'"):
+        made.check({"nonsense": 1.0})
+    for key, p in made.parameters.items():
+        for wrong in (float("nan"), *([p.low - 1.0] if np.isfinite(p.low) else [])):
+            with pytest.raises(lg.InputError, match=key):
+                made.check({key: wrong})
+        if p.choices:
+            with pytest.raises(lg.InputError, match=f"{key} = 0.5 must be -1 or 1"):
+                made.check({key: 0.5})
+
+
+def test_a_name_is_one_block_of_its_kind():
+    """The Stribeck law and the effect that makes Coulomb friction one have one name."""
+    with pytest.raises(lg.InputError, match="'gravity' exists"):
+
+        @lg.block("effect", out="d", name="gravity")
+        def other(theta):
+            """d = theta."""
+            return theta
+
+    assert REGISTRY["friction", "stribeck"].outputs == ("F",)
+    assert REGISTRY["effect", "stribeck"].acts == ("Fc",)
+    assert REGISTRY["lugre"] is members("friction")["lugre"]
+    assert REGISTRY.get("no such block") is None
+
+
+# --- a drive that runs the other way -------------------------------------------------------
+
+
+def mirrored(made, args, values):
+    """Outputs and rates of a block, and those of the mirrored drive, mirrored back."""
+    level = {*LEVELS} - ({"excess"} & {*made.inputs, *made.outputs})  # of a torque there
+    signals = zip((*made.inputs, *made.states), args, strict=True)
+    turned = [a if k in level else -a for k, a in signals]
+    results = zip((*made.fresh, *made.states), made(*turned, **values), strict=True)
+    turned = [b if k in level else -np.asarray(b) for k, b in results]
+    return zip(made(*args, **values), turned, strict=True)
+
+
+@pytest.mark.parametrize(
+    "made", [pytest.param(m, id=k) for k, m in BLOCKS.items() if m.kind not in ("effect", "plant")]
+)
+def test_laws_observers_and_controllers_are_odd(made):
+    """Signals change sign with the drive's direction; levels and scales do not."""
+    assert made.kind != "observer" or made.outputs[0] == "Fhat"
+    for seed in range(3):
+        for one, other in mirrored(made, arguments(made, (50,), seed), strong(made, seed)):
+            np.testing.assert_array_equal(one, other)
+
+
+CURVED = ("adaptive_slotine_li", "dual_observer_control", "backstepping_smc")
+CURVED += ("coulomb_predictor", "coulomb_compensation")
+
+
+@each("controller", lambda made: made.name not in CURVED)
+def test_controllers_are_linear(made):
+    """Away from their limits, if they have any."""
+    values = strong(made) | ({"limit": np.inf} if "limit" in made.parameters else {})
+    one, other = arguments(made, (9,), 1), arguments(made, (9,), 2)
+    both = made(*[2.0 * a - 3.0 * b for a, b in zip(one, other, strict=True)], **values)
+    for c, a, b in zip(both, made(*one, **values), made(*other, **values), strict=True):
+        np.testing.assert_allclose(c, 2.0 * a - 3.0 * b, rtol=1e-10, atol=1e-12)
+
+
+@each("observer", lambda made: {"w", "theta"} & set(made.inputs))
+@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
+def test_ready_loops_take_an_observer_by_name(make, made):
+    loop = make(lg.table1(), made.name.removesuffix("_observer"))
+    part = next(one for one in loop.syslist if one.name == made.name)
+    for key in set(made.parameters) - {*lg.Model.of(lg.table1()).values()}:
+        assert part.params[f"{made.name}.{key}"] == made.parameters[key].value
+    r = np.full(loop.ninputs, 0.1)
+    assert np.isfinite(loop.dynamics(0.0, np.full(loop.nstates, 1e-3), r)).all()
+
+
+# --- friction laws ------------------------------------------------------------------------
+
+
+@st.composite
+def law_and_values(draw):
+    """A law with random positive parameters, Fs >= Fc."""
+    made = draw(st.sampled_from([*LAWS.values()]))
+    values = {
+        k: float(np.clip(p.value * draw(st.floats(0.1, 10.0)), p.low, p.high))
+        for k, p in made.parameters.items()
+    }
+    if "Fs" in values:
+        values["Fs"] = values["Fc"] * draw(st.floats(1.0, 3.0))
+    return made, values
+
+
+@given(law_and_values(), speeds)
+def test_friction_is_zero_at_rest_and_unbent_and_a_static_law_dissipates(law, w):
+    made, values = law
+    unbent = np.zeros(len(made.states))
+    assert not np.any(made(0.0, *unbent, **values))
+    assert made.states or made(w, **values)[0] * w >= 0.0
+
+
+@given(speeds, levels, st.floats(1.0, 3.0))
+def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
+    """|z| <= Fs/sigma0 is invariant: on its edge dz/dt points inwards."""
+    values = LAWS["lugre"].defaults() | {"Fc": Fc, "Fs": ratio * Fc}
+    edge = values["Fs"] / values["sigma0"]
+    assert LAWS["lugre"](w, edge, **values)[1] <= 1e-12 * abs(w)
+    assert LAWS["lugre"](w, -edge, **values)[1] >= -1e-12 * abs(w)
+
+
+# --- effects ------------------------------------------------------------------------------
+
+
+CATALOGUE = """constant_torque gravity torque_ripple position_dependent_friction coulomb_asymmetry
+    viscous_asymmetry quadratic_drag thermal_drift load_dependent_friction dwell_stiction stribeck
+    presliding input_delay actuator_lag actuator_saturation actuator_dead_zone return_spring
+    hard_stop elastic_coupling backlash inertia_step friction_step periodic_disturbance
+    velocity_sensor_lag encoder_eccentricity torque_constant_ripple sublinear_viscous
+    pose_dependent_inertia"""
+
+
+def with_effect(made, values, law=None):
+    model = model_of(law or law_for(made))
+    return model, model.with_effect(made.name, own(made, values))
+
+
+def with_all(law, values):
+    """A model with every effect of the catalogue."""
+    model = model_of(law)
+    for made in EFFECTS.values():
+        model = model.with_effect(made.name, own(made, values(made)))
+    return model
+
+
+def neutral(made):
+    """Values at which an effect changes nothing."""
+    return strong(made) | {made.gain: made.parameters[made.gain].neutral}
+
+
+@every_effect
+def test_an_effect_says_what_it_is_confused_with_and_how_to_tell(made):
+    gain = made.parameters[made.gain]
+    assert set(EFFECTS) == set(CATALOGUE.split())
+    assert made.acts and gain.neutral in (0.0, np.inf) and gain.value == gain.neutral
+    assert made.experiment and not made.experiment.endswith(".")
+    assert made.confused and set(made.confused) <= set(EFFECTS) - {made.name}
+    assert "In a log:" in " ".join(made.doc.split())
+    assert not made.load or made.acts == ("torque",)
+    for key, p in made.parameters.items():
+        assert key != "amplitude" or p.low == 0.0
+        assert p.angle == (key == "phase")
+        assert not p.angle or (p.low, p.high, p.span) == (-np.pi, np.pi, (0.0, np.pi / 2))
+    assert declaration.true_spans(made) == dict(made.parameters)
+
+
+@every_law
+@every_effect
+def test_at_its_neutral_value_it_changes_nothing(made, law):
+    """Same rates at random points, and its own states stay at rest or do not matter."""
+    bare_model, model = with_effect(made, neutral(made), law)
+    _, bare = plant_of(bare_model, sensed=True)
+    whole, rates = plant_of(model, sensed=True)
+    n = 5 + len(LAWS[law].states)  # F, w_m, theta_m and the rates of theta, w, friction
+    for seed in range(2):
+        args = arguments(assemble(bare_model, sensed=True), (20,), seed)
+        extra = [np.zeros(20)] * (len(whole.states) - (n - 3))
+        for _ in range(5):
+            step = rates(*args, *extra)
+            for with_it, without in zip(step[:n], bare(*args), strict=True):
+                np.testing.assert_array_equal(with_it, without)
+            extra = [x + 1e-3 * rate for x, rate in zip(extra, step[n:], strict=True)]
+
+
+@every_effect
+def test_with_strength_it_changes_the_plant(made):
+    bare_model, model = with_effect(made, strong(made))
+    _, bare = plant_of(bare_model, sensed=True)
+    whole, rates = plant_of(model, sensed=True)
+    args = arguments(whole, (20,))
+    args[4] *= 0.005  # w, where stiction counts
+    without = bare(*args[: len(arguments(assemble(bare_model, sensed=True), ()))])
+    changed = [not np.array_equal(a, b) for a, b in zip(without, rates(*args), strict=False)]
+    moved = 4  # after F, w_m, theta_m, dtheta/dt
+    assert any(changed[1:3]) if made.acts == ("sensor",) else changed[moved]
+
+
+def wired(parts, made, command="u"):
+    sensed = made.acts == ("sensor",)
+    outputs = ["w_m", "theta_m"] if sensed else ["theta", "w", "F"]
+    return ct.interconnect(parts, inputs=[command], outputs=outputs, params={}, check_unused=False)
+
+
+def inside(made, model):
+    """The plant with the effect in it, and its sensor where it acts on that."""
+    sensor = [lg.sensor(model)] if made.acts == ("sensor",) else []
+    return wired([lg.plant(model), *sensor], made)
+
+
+@each("effect", lambda made: set(made.acts) <= {"torque", "input", "sensor"})
+def test_the_block_in_a_loop_is_the_effect_inside_the_plant(made):
+    """The rates of the wired blocks and of the one plant at the same point."""
+    values = strong(made)
+    bare, model = with_effect(made, values)
+    shared = {k: bare.values()[k] for k in made.parameters if k not in made.own}
+    command = "v" if made.acts == ("input",) else "u"
+    fed = [command if name == "u" else name for name in made.inputs]
+    block = lg.effect(made.name, **values | shared, name="effect", inputs=fed)
+    outside, one = wired([lg.plant(bare), block], made, command), inside(made, model)
+    x, u = np.random.default_rng(3).normal(size=(2, outside.nstates))
+    x[2] *= 1e-3 if law_for(made) == "lugre" else 1.0
+    u = u[: outside.ninputs]
+    np.testing.assert_allclose(outside.dynamics(1.0, x, u), one.dynamics(1.0, x, u), rtol=1e-12)
+    np.testing.assert_allclose(outside.output(1.0, x, u), one.output(1.0, x, u), rtol=1e-12)
+
+
+@each("effect", lambda made: "torque" in made.acts and not made.states)
+def test_along_a_log_it_is_the_effect_inside_the_plant(made):
+    """A stateless torque, on whole arrays, is what the plant's torque balance lacks."""
+    values = strong(made)
+    bare_model, model = with_effect(made, values)
+    _, bare = plant_of(bare_model)
+    whole, rates = plant_of(model)
+    args = arguments(whole, (50,))
+    signals = dict(zip(("t", *whole.inputs, *whole.states), args, strict=True))
+    values |= {k: model.values()[k] for k in made.parameters if k not in made.own}
+    deeds = dict(made.deeds(made(*[signals[k] for k in made.reads], **values)))
+    J = 0.0022 * (1.0 + deeds.get("J", 0.0))
+    missing = 0.0022 * bare(*args)[2] - J * rates(*args)[2]
+    np.testing.assert_allclose(deeds["torque"], missing, rtol=1e-9, atol=1e-12)
+
+
+@every_effect
+def test_the_engine_follows_it(made, monkeypatch):
+    """lg.simulate against python-control, with a torque that moves, rests and reverses."""
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
+    values = strong(made) | ({"sigma0": 90.0} if made.name == "presliding" else {})
+    bare, model = with_effect(made, values)
+    if "harmonic" in made.own:
+        model = model.with_values({f"{made.name}.harmonic": 3.0})
+    system = inside(made, model) if made.acts == ("sensor",) else lg.plant(model)
+    t = np.linspace(0.0, 0.25, 51)
+    swing = np.sin(2.0 * np.pi * 5.0 * t)
+    torque = 1.5 * np.sign(swing) * np.maximum(np.abs(swing) - 0.5, 0.0)
+    if made.name == "input_delay":  # exact there, Pade's in python-control
+        return a_delay_shifts_the_torque(bare, model, t, torque)
+    u = torque if system.ninputs == 1 else np.array([torque, 0.05 * np.cos(t)])
+    ours = lg.simulate(system, t, u, rtol=1e-7)
+    options = {"rtol": 1e-8, "atol": 1e-11, "max_step": 2e-3}  # or it passes over a torque
+    theirs = ct.input_output_response(
+        system, t, u, solve_ivp_method="LSODA", solve_ivp_kwargs=options
+    )
+    size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
+    assert np.max(np.abs(ours.states - theirs.states) / np.maximum(size, 1e-9)) < 2e-4
+
+
+def a_delay_shifts_the_torque(bare, model, t, torque):
+    late = model.values()["input_delay.delay"]
+    grid = np.unique(np.concatenate([t, t[t + late < t[-1]] + late]))
+    shifted = np.where(grid < late, 0.0, np.interp(grid - late, t, torque))
+    ours = lg.simulate(lg.plant(model), t, np.array([torque, 0.0 * t]), rtol=1e-7).states[:3]
+    other = lg.simulate(lg.plant(bare), grid, np.array([shifted, 0.0 * grid]), rtol=1e-7).states[:3]
+    other = other[:, np.searchsorted(grid, t)]
+    assert np.max(np.abs(ours - other) / np.max(np.abs(other), axis=1, keepdims=True)) < 1e-5
+
+
+@pytest.mark.parametrize(
+    "law, compiled",
+    [("coulomb", False), ("lugre", False), pytest.param("lugre", True, marks=pytest.mark.slow)],
+)
+def test_all_effects_at_their_neutral_value_leave_a_simulation_alone(law, compiled, monkeypatch):
+    """With and without machine code: no division by a lag of 0, no infinite stiffness."""
+    monkeypatch.setattr(adaptive_run, "compiler", lambda: compiler() if compiled else None)
+    t = np.linspace(0.0, 0.1, 21)
+    u = np.array([0.9 * np.sin(60.0 * t), 0.0 * t])
+    models = with_all(law, neutral), model_of(law)
+    ours, plain = (lg.simulate(lg.plant(m), t, u).outputs for m in models)
+    np.testing.assert_allclose(ours, plain, rtol=1e-4, atol=1e-6)
+
+
+@each("effect", lambda made: made.exact)
+def test_the_exact_form_at_its_neutral_value_changes_nothing(made):
+    u = np.random.default_rng(0).normal(size=50)
+    values = made.defaults() | {made.gain: made.parameters[made.gain].neutral}
+    np.testing.assert_array_equal(made.exact(u, 1e-3, **values), u)
+
+
+@every_law
+def test_all_effects_at_once(law):
+    whole, rates = plant_of(with_all(law, strong), sensed=True)
+    assert whole.inputs == ("u", "d")
+    assert whole.outputs == ("theta", "w", "F", "w_m", "theta_m")
+    args = arguments(whole, (6, 2))
+    single = rates(*[float(a[4, 1]) for a in args])
+    for of_batch, number in zip(rates(*args), single, strict=True):
+        assert np.shape(of_batch) == (6, 2)
+        np.testing.assert_allclose(number, of_batch[4, 1], rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("values", [strong, lambda made: made.defaults()], ids=["set", "default"])
+def test_a_model_file_keeps_every_effect(tmp_path, values):
+    model = with_all("coulomb", values)
+    lg.write_model(model, tmp_path / "model.toml")
+    assert lg.read_model(tmp_path / "model.toml") == model
+    assert None not in model.values().values()
+
+
+@every_effect
+def test_borrowed_values_are_nowhere_declared(made):
+    _, model = with_effect(made, strong(made))
+    shared = {f"{made.name}.{k}" for k in made.parameters if k not in made.own}
+    assert not shared & (set(model.values()) | set(model.declarations()))
+    for key in shared:
+        text = {"name": made.name, key.split(".")[1]: 1.0}
+        with pytest.raises(lg.InputError, match="unknown key"):
+            model_from_dict({"effects": [text]}, "here")

@@ -1,0 +1,103 @@
+"""A factory that is called wrongly says so in one sentence."""
+
+import re
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.observers import observer
+
+P = lg.table1()
+PLAIN = lg.Model.of(J=1e-3, friction="coulomb", Fc=0.1, Fv=0.01)
+WITHOUT_J = lg.Model.of(P).with_values({"J": None})
+CALLS = [
+    (lambda: observer("nonsense", P), "unknown observer 'nonsense'; known: natural"),
+    (lambda: observer("natural", P, K1=3.0), "natural_observer has no parameter 'K1'"),
+    (lambda: lg.natural_observer(P, outputs=["Fhat"]), "outputs"),
+    (lambda: lg.natural_observer(PLAIN), "natural_observer needs sigma0, sigma1, Fs, vs"),
+    (lambda: lg.existing_observer(P, k=-1.0), "existing_observer.k = -1"),
+    (lambda: lg.proposed_observer(P, K1=float("nan")), "proposed_observer.K1"),
+    (lambda: lg.proposed_observer(P, K2="22"), "proposed_observer.K2 must be a number"),
+    (lambda: lg.proposed_observer(WITHOUT_J), "proposed_observer needs J"),
+    (lambda: lg.friedland_park_observer(P, k=-1.0), "friedland_park_observer.k"),
+    (lambda: lg.friedland_park_observer(P, mu=0.5), "friedland_park_observer.mu"),
+    (lambda: lg.disturbance_observer(P, tau=0.0), "disturbance_observer.tau = 0"),
+    (lambda: lg.disturbance_observer(WITHOUT_J), "disturbance_observer needs J"),
+    (lambda: lg.extended_state_observer(P, bandwidth=-1.0), "bandwidth = -1"),
+    (lambda: lg.adaptive_observer(P, gamma=-1.0), "gamma = -1"),
+    (lambda: lg.adaptive_observer(PLAIN), "adaptive_observer needs sigma0"),
+    (lambda: lg.error("torque"), "unknown kind 'torque'; known: velocity, position"),
+    (lambda: lg.feedforward(P, "torque"), "unknown kind 'torque'; known: velocity, position"),
+    (lambda: lg.feedforward(WITHOUT_J), "feedforward.J"),
+    (lambda: lg.prefilter(kind="torque"), "unknown kind 'torque'; known: None, velocity"),
+    (lambda: lg.prefilter(0.0), "prefilter.pole = 0"),
+    (lambda: lg.sliding_error(kind="torque"), "unknown kind 'torque'; known: velocity, position"),
+    (lambda: lg.pid(tau=-1.0), "pid.tau = -1"),
+    (lambda: lg.pid(inputs=["e"]), "inputs"),
+    (lambda: lg.pi(kp="much"), "pi.kp must be a number"),
+    (lambda: lg.pi(limit=-1.0), "limit = -1 lies outside"),
+    (lambda: lg.pi(limit="much"), "limit must be a number"),
+    (lambda: lg.pi(0.0, 1.0, limit=1.0), "give tracking in s"),
+    (lambda: lg.pi(tracking=0.0), "tracking = 0 must be above 0 s"),
+    (lambda: lg.limiter(-2.0), "limit"),
+    (lambda: lg.notch(0.0), "frequency = 0 must be above 0 Hz"),
+    (lambda: lg.notch(10.0, depth=2.0), "depth"),
+    (lambda: lg.dead_time(-1.0), "delay is -1 s, but a dead time cannot be negative"),
+    (lambda: lg.dead_time(1.0, 1e-5), "10000 samples"),
+    (lambda: lg.dead_time(0.1, -1.0), "dt must be a positive number"),
+    (lambda: lg.current_lag(-1.0), "time_constant"),
+    (lambda: lg.repetitive_control(P, period=0.0), "period"),
+    (lambda: lg.repetitive_control(P, harmonics=2.5), "harmonics = 2.5"),
+    (lambda: lg.repetitive_control(P, harmonics=0), "harmonics = 0"),
+    (lambda: lg.repetitive_memory(P, dt=0.0), "dt, the sample time,"),
+    (lambda: lg.repetitive_memory(P, period=1e9, dt=1e-6), "1e+15 samples of 1e-06 s"),
+    (lambda: lg.repetitive_memory(P, gamma=-1.0), "repetitive_memory.gamma"),
+    (lambda: lg.repetitive_memory(P, limit=0.0), "limit"),
+    (lambda: lg.repetitive_memory(P, smooth=3), "smooth"),
+    (lambda: lg.repetitive_memory(P, inputs=["s"]), "inputs"),
+    (lambda: lg.repetitive_memory(WITHOUT_J), "needs J"),
+    (lambda: lg.tabulated("z", [0, 1], [0, 1]), "no table over 'z'"),
+    (lambda: lg.tabulated("theta", [0, 0], [0, 1]), "table: points must be at least two incr"),
+    (lambda: lg.tabulated("theta", [0], [1]), "table: points must be at least two incr"),
+    (lambda: lg.tabulated("theta", [0, 1], [0, 1, 2]), "table: values have the shape (1, 3)"),
+    (lambda: lg.tabulated("theta", [0, 1], [0, np.nan]), "table: values must be finite"),
+    (lambda: lg.tabulated("w", [0, 1], [[0, 1], [0, 1]]), "table over w covers both directions"),
+    (lambda: lg.tabulated("w", [0, 1], [0, 1], periodic=True), "a periodic table must be over"),
+    (lambda: lg.tabulated("theta", [0, 7], [0, 1], periodic=True), "a periodic table must be"),
+]
+LOOPS = [
+    ({"controller": "sliding"}, "unknown controller 'sliding'; known: pi"),
+    ({"controller": "pi_limited"}, "unknown controller 'pi_limited'"),
+    ({"controller": "prefilter"}, "prefilter needs r_cmd"),
+    ({"controller": "feedforward"}, "feedforward needs a"),
+    ({"controller": "sliding_error"}, "it has no output u"),
+    ({"controller": "slotine_li", "kp": 3.0}, "kp is a gain of pi"),
+    ({"controller": "slotine_li", "feedforward": True}, "contains J times the acceleration"),
+    ({"controller": "slotine_li", "controller_gains": {"Kd": 1.0}}, "no parameter 'Kd'"),
+    ({"controller": "slotine_li", "controller_gains": 3.0}, "controller_gains must be a dict"),
+    ({"controller_gains": {"kp": 1.0}}, "pi has its own"),
+]
+
+
+def refused(call, words):
+    with pytest.raises(lg.InputError, match=re.escape(words)) as raised:
+        call()
+    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
+
+
+@pytest.mark.parametrize(("call", "words"), CALLS)
+def test_a_wrong_value_is_one_sentence(call, words):
+    refused(call, words)
+
+
+@pytest.mark.parametrize(("options", "words"), LOOPS)
+def test_a_wrong_controller_of_a_loop_is_one_sentence(options, words):
+    refused(lambda: lg.velocity_loop(P, "natural", **options), words)
+
+
+def test_wrong_arguments_are_named_as_python_does():
+    with pytest.raises(TypeError, match=r"natural_observer\(\) missing a required argument: 'p'"):
+        lg.natural_observer()
+    with pytest.raises(TypeError, match=r"pi\(\) got an unexpected keyword argument 'kq'"):
+        lg.pi(kq=3.0)

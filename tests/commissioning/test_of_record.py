@@ -1,0 +1,254 @@
+"""What goes in and comes out: channels, refusals, plain data, the picture, the command."""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import replace
+
+import control as ct
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.cli import main
+from lugrectl.commissioning import UncertainResponseWarning
+from lugrectl.commissioning.friction import impossible
+from lugrectl.commissioning.result import unwrapped
+from lugrectl.linear import AxisAsLoopWarning
+
+J, Fc = 0.02, 0.3
+MODEL = lg.Model.of(friction="coulomb")
+
+
+def log(n=4000, dt=2e-3, bias=0.0):
+    """A rigid axis with Coulomb friction, jogged with noise on top; each torque is held."""
+    t, rng = dt * np.arange(n), np.random.default_rng(0)
+    w = bias + 10 * np.sin(20 * t) + np.convolve(rng.normal(0, 2, n), np.ones(5), "same")
+    after = np.append(w[1:], w[-1])
+    return {"t": t, "u": J * (after - w) / dt + Fc * np.sign(w + after), "w": w}
+
+
+@pytest.fixture(scope="module")
+def found():
+    return lg.frequency_response(log(), MODEL)
+
+
+def test_a_log_of_speed_answers(found):
+    body = np.abs(found.frequency * J * found.magnitude - 1)
+    assert np.median(body[found.frequency < 60]) < 0.03
+    assert found.friction["Fc"] == pytest.approx(Fc, rel=0.05)
+
+
+def test_it_is_an_frd_of_the_sampled_axis(found):
+    assert isinstance(found.frd, ct.FrequencyResponseData) and found.frd.dt == pytest.approx(2e-3)
+    assert np.allclose(np.abs(found.frd.frdata[0, 0]), found.magnitude)
+    assert np.allclose(np.exp(1j * found.phase), np.exp(1j * np.angle(found.frd.frdata[0, 0])))
+    assert isinstance(found, lg.results.FrequencyResponse)
+
+
+def test_it_is_one_itself_of_a_loop_with_the_controller(found):
+    C = ct.tf([0.5, 2.0], [1.0, 0.0])
+    assert isinstance(found, ct.FrequencyResponseData) and found.dt == pytest.approx(2e-3)
+    assert found.certain.all() and lg.stability_check(C * found).stable
+    unsure = replace(found, coherence=np.where(found.frequency < 100, found.coherence, 0.5))
+    for product in (lambda: C * unsure, lambda: unsure * C):
+        with pytest.warns(UncertainResponseWarning, match="points of the response are not certain"):
+            L = product()
+        assert np.allclose(L.frdata, (found.frd * C).frdata)
+        assert lg.stability_check(L).phase_margin > 0
+    with pytest.warns(AxisAsLoopWarning, match="of an axis, and no loop"):
+        lg.stability_check(found)
+    again = pickle.loads(pickle.dumps(found))
+    assert np.array_equal(again.magnitude, found.magnitude) and str(again) == repr(found)
+    axes = ct.bode_plot(found).axes
+    plt.close(axes[0, 0].figure)
+
+
+def test_plain_data_and_a_short_text(found):
+    made = json.loads(found.to_json())
+    keys = ("frequency", "magnitude", "phase", "low", "high", "coherence")
+    assert {len(made[k]) for k in keys} == {len(found.frequency)}
+    assert made["gains"] is None and made["modes"] == [m.summary() for m in found.modes]
+    assert "kg m2" in repr(found) and len(repr(found).splitlines()) < 15
+
+
+def test_the_picture_shows_magnitude_phase_and_coherence(found):
+    axes = found.plot()
+    assert [ax.get_ylabel().split(" ")[0] for ax in axes] == ["|P|", "phase", "coherence"]
+    line = next(x for x in axes[0].lines if x.get_label() == "friction taken out")
+    assert (np.isnan(line.get_ydata()) == ~found.certain).all()
+    plt.close(axes[0].figure)
+
+
+def test_an_axis_that_never_reverses_keeps_its_response():
+    found = lg.frequency_response(log(bias=40.0), MODEL)
+    assert np.array_equal(found.frd.frdata, found.raw.frdata)
+    assert any("never reverses" in one for one in found.messages)
+
+
+def test_a_log_that_shows_nothing_is_refused():
+    t = 2e-3 * np.arange(8000)
+    w = 10 * np.sin(2 * t)  # below the lowest frequency
+    noise = np.random.default_rng(1).normal(0, 0.05, (2, 8000))
+    one = {"t": t, "u": J * np.gradient(w, t) + Fc * np.sign(w) + noise[0], "w": w + noise[1]}
+    with pytest.raises(lg.Refused, match="certain at no frequency") as no:
+        lg.frequency_response(one, MODEL)
+    assert "multisine" in str(no.value.experiment)
+
+
+def test_no_friction_is_taken_out_where_none_shows():
+    one = log()
+    one["u"] = J * np.gradient(one["w"], one["t"]) + 0.1 * one["w"]
+    found = lg.frequency_response(one, MODEL)
+    assert found.friction == {} and found.messages[0].startswith("No dry friction")
+    assert np.array_equal(found.frd.frdata, found.raw.frdata)
+
+
+def test_runs_of_clocks_that_differ_a_little_are_averaged():
+    found = lg.frequency_response([log(), log(dt=2.02e-3)], MODEL)
+    assert any("resampled" in m for m in found.messages)
+    assert found.inertia == pytest.approx(J, rel=0.02)
+    low, high = found.inertia_ci95 or (0.0, 0.0)
+    assert low < (found.inertia or 0.0) < high
+
+
+def test_the_phase_is_unwrapped_along_what_is_certain():
+    w, sure = np.arange(1.0, 41.0), np.arange(40) % 3 == 0
+    true = -0.3 * w
+    angle = true + np.where(sure, 0.0, np.random.default_rng(0).uniform(-3, 3, 40))
+    made = unwrapped(w, np.exp(1j * angle), sure)
+    assert np.allclose((made - true)[sure], 0.0) and np.abs(made - true).max() < np.pi + 0.01
+
+
+def test_a_log_that_excites_too_little_is_not_trusted():
+    t = 2e-3 * np.arange(8000)
+    w = 10 * np.sin(20 * t)
+    noise = np.random.default_rng(1).normal(0, 0.05, (2, 8000))
+    slow = {"t": t, "u": J * np.gradient(w, t) + Fc * np.sign(w) + noise[0], "w": w + noise[1]}
+    found = lg.frequency_response(slow, MODEL)
+    assert found.certain.mean() < 0.5 and "points are certain" in " ".join(found.messages)
+    assert found.modes == () and not any(np.isfinite(found.low[~found.certain]))
+
+
+def _drift(t, w):
+    return {"name": "thermal_drift", "ratio": 5.0, "time_constant": 5.0}, 5 - 5 * np.exp(-t / 5)
+
+
+def _weight(t, w):
+    load = np.sin(np.cumsum(w) * (t[1] - t[0]))
+    gravity = {"name": "gravity", "amplitude": 1.0, "phase": 0.0}
+    effect = {"name": "load_dependent_friction", "coefficient": 0.3}
+    return [gravity, effect], np.abs(load) + load * np.sign(w) / Fc
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+@pytest.mark.parametrize("effect", [_drift, _weight])
+def test_effects_on_the_level_of_friction_are_taken_out(effect):
+    one = log()
+    effects, level = effect(one["t"], one["w"])
+    one["u"] = one["u"] + Fc * level * np.sign(one["w"])
+    model = lg.Model.of(friction="coulomb", Fc=Fc, Fv=0.0)
+    made = [lg.frequency_response(one, x) for x in (model, lg.Model.of(model, effects=effects))]
+    left, taken = (np.median(1 - x.coherence[x.frequency < 60]) for x in made)
+    assert taken < 0.5 * left
+
+
+def _behind_a_gap(t, w, inertia, stiffness, damping, gap, parts=20):
+    """The mean torque in each interval of a load behind a spring with a gap."""
+    h, twist, speed, made = (t[1] - t[0]) / parts, 0.0, w[0], []
+    for now, after in zip(w, np.append(w[1:], w[-1]), strict=True):
+        total = 0.0
+        for share in (np.arange(parts) + 0.5) / parts:
+            motor = now + share * (after - now)
+            out = twist - min(max(twist, -gap / 2), gap / 2)
+            torque = (stiffness * out + damping * (motor - speed)) if out else 0.0
+            speed, twist = speed + h * torque / inertia, twist + h * (motor - speed)
+            total += torque / parts
+        made.append(total)
+    return np.array(made)
+
+
+@pytest.mark.slow
+@pytest.mark.sample
+def test_a_gap_is_taken_out_and_its_load_stays():
+    one, first, zeta = log(), 2 * np.pi * 60, 0.2
+    stiffness, damping = J * first**2, 2 * zeta * J * first
+    made = _behind_a_gap(one["t"], one["w"], J, stiffness, damping, 0.01)
+    one["u"] = J * np.diff(one["w"], append=one["w"][-1]) / 2e-3 + Fc * np.sign(one["w"]) + made
+    load = {"load_inertia": J, "stiffness": stiffness, "damping": damping}
+    effect = {"name": "backlash", "gap": 0.01, **load}
+    errors = []
+    for effects in ([], [effect]):
+        found = lg.frequency_response(one, lg.Model.of(friction="coulomb", effects=effects))
+        s = 1j * found.frequency / first
+        follows = (2 * zeta * s + 1) / (s**2 + 2 * zeta * s + 1)
+        true = 1 / np.abs(found.frequency * J * (1 + follows))
+        errors.append(np.quantile(np.abs(np.log(found.magnitude / true)), [0.5, 0.9]))
+    assert (errors[1] < 0.5 * errors[0]).all(), errors
+
+
+def test_what_cannot_be_taken_out_is_named():
+    model = lg.Model.of(friction="coulomb", effects=[{"name": "inertia_step"}])
+    assert any(
+        "inertia_step is not taken" in m for m in lg.frequency_response(log(), model).messages
+    )
+    with pytest.raises(lg.InputError, match="amplitude, phase must be known"):
+        lg.frequency_response(log(), lg.Model.of(friction="coulomb", effects="gravity"))
+
+
+def test_unfit_logs_are_refused():
+    with pytest.raises(lg.Refused, match="longest stretch"):
+        lg.frequency_response(log(n=300), MODEL)
+    with pytest.raises(lg.InputError, match="one sampling rate"):
+        lg.frequency_response([log(), log(dt=1e-3)], MODEL)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    lg.write_model(MODEL, tmp_path / "my.toml")
+    for name, n in (("run.csv", 4000), ("short.csv", 300)):
+        rows = np.column_stack([*log(n).values()])
+        head = "t,u [N m],w [rad/s]"
+        np.savetxt(tmp_path / name, rows, "%.9g", ",", header=head, comments="")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_command_prints_and_draws(folder, capsys):
+    assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.png"]) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("Frequency response") and "picture: bode.png" in said.err
+    assert (folder / "bode.png").stat().st_size > 10_000
+    assert main(["bode", "run.csv", "--model", "my.toml", "--json"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["provenance"]["files"][0]["name"] == "run.csv" and made["coherence"]
+
+
+def test_the_picture_of_gains_shows_their_loop(folder, capsys):
+    command = ["bode", "run.csv", "--model", "my.toml"]
+    assert main([*command, "--out", "plain.png"]) == 0
+    assert main([*command, "--tune", "PI", "--plot", "tuned.png"]) == 0
+    assert "picture: tuned.png" in capsys.readouterr().err
+    assert (folder / "plain.png").read_bytes() != (folder / "tuned.png").read_bytes()
+    found = lg.frequency_response(folder / "run.csv", folder / "my.toml")
+    axes = replace(found, gains=lg.tune(found, "PI")).plot()
+    assert [ax.get_xlabel() for ax in axes][-2:] == ["Re L", "t [s]"] and len(axes) == 5
+    assert f"kp {lg.tune(found, 'PI').kp:.4g}" in axes[3].get_title(loc="left")
+    plt.close(axes[0].figure)
+
+
+def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
+    assert main(["bode", "short.csv", "--model", "my.toml", "--json"]) == 3
+    said = capsys.readouterr()
+    assert json.loads(said.out)["frequency"] == [] and "longest stretch" in said.err
+    assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.txt"]) == 2
+    assert "picture must be a file" in capsys.readouterr().err
+
+
+def test_friction_is_no_larger_than_the_largest_torque():
+    """One stroke: a bristle that never slips grows with the path, whatever its level."""
+    assert impossible(("Fc", "dF", "damping"), (4e6, 0.1, 1.0), most=1.5) == "Fc"
+    assert impossible(("Fc", "dF"), (0.3, 0.1), most=1.5) is None

@@ -1,0 +1,249 @@
+"""A report is written whole or not at all, whatever happens to the process or the disk."""
+
+import json
+import os
+import platform
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.model import read_model
+from lugrectl.cli import output
+from lugrectl.core import writing
+from lugrectl.engine.runtime.disk_cache import keep
+from lugrectl.report import FILES, check_folder
+
+from ..cases.made_up import bare
+from ..fuzz.files import motion
+
+MODEL = '[plant]\nJ = 0.002\n[friction]\nmodel = "coulomb"\nFc = 0.15\nFv = 0.02\n'
+resource = pytest.importorskip("resource", reason="needs limits of processes")
+posix = pytest.mark.skipif(os.name != "posix", reason="needs signals and limits of processes")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A short log and its model."""
+    folder = tmp_path_factory.mktemp("whole")
+    log = motion()
+    t = np.arange(1600) * 2e-3
+    columns = [t, *(np.tile(log[k], 4) for k in ("u", "w"))]
+    np.savetxt(folder / "r.csv", np.c_[tuple(columns)], "%.6g", ",", header="t,u,w", comments="")
+    (folder / "m.toml").write_text(MODEL)
+    return folder
+
+
+def command(files, out):
+    given = [str(files / "r.csv"), "--model", str(files / "m.toml"), "--out", str(out)]
+    return [sys.executable, "-m", "lugrectl", "diagnose", *given]
+
+
+def whole(out):
+    """Whether a folder holds a report that can be read; AssertionError for a part of one."""
+    if not (out / FILES[0]).exists():
+        return False
+    document = json.loads((out / FILES[1]).read_text())
+    assert (out / FILES[0]).read_text().rstrip().endswith("</html>")
+    if document["verdict"] != "refused":
+        read_model(out / FILES[2])
+    return True
+
+
+def hidden(folder):
+    return [p.name for p in folder.iterdir() if p.name.startswith(".lugrectl-")]
+
+
+def killed(files, out, after):
+    """Start a run and kill it some seconds later; whether it was still at work."""
+    run = subprocess.Popen(
+        command(files, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    time.sleep(after)
+    alive = run.poll() is None
+    run.kill()
+    run.wait()
+    return alive
+
+
+@posix
+@pytest.mark.slow
+def test_a_killed_run_leaves_a_whole_report_or_none_and_the_next_one_works(files, tmp_path):
+    began = time.perf_counter()
+    done = subprocess.run(command(files, tmp_path / "first"), capture_output=True, text=True)
+    took = time.perf_counter() - began
+    assert done.returncode in (0, 3) and whole(tmp_path / "first"), done.stderr
+    alive = []
+    for k, share in enumerate(np.linspace(0.02, 1.05, 50)):
+        fresh = k % 2 == 0
+        out = tmp_path / (f"new{k}" if fresh else "first")
+        alive.append(killed(files, out, share * took))
+        assert whole(out) or fresh
+        assert not fresh or not out.exists() or {p.name for p in out.iterdir()} <= {*FILES}
+    assert sum(alive) > 25
+    done = subprocess.run(command(files, tmp_path / "first"), capture_output=True, text=True)
+    assert done.returncode in (0, 3) and whole(tmp_path / "first")
+    assert hidden(tmp_path) == [] == hidden(tmp_path / "first")
+
+
+WRITER = """
+import os, sys
+from pathlib import Path
+
+from lugrectl.core.writing import write_together
+
+stop, folder, seen = int(sys.argv[1]), Path(sys.argv[2]), 0
+
+def counted(call):
+    def run(*given, **more):
+        global seen
+        seen += 1
+        if seen > stop:
+            os.kill(os.getpid(), 9)
+        return call(*given, **more)
+    return run
+
+os.replace = counted(os.replace)
+Path.rename, Path.mkdir = counted(Path.rename), counted(Path.mkdir)
+Path.write_text = counted(Path.write_text)
+write_together({"a": "new a", "b": "new b", "c": "new c"}, folder, "{}")
+print("done")
+"""
+
+
+@posix
+@pytest.mark.parametrize("there", [False, True], ids=["new folder", "over an old report"])
+def test_a_process_killed_at_any_step_of_the_writing_never_mixes_two_runs(tmp_path, there):
+    made = []
+    for stop in range(14):
+        out = tmp_path / f"out{stop}"
+        if there:
+            out.mkdir()
+            for name in "abc":
+                (out / name).write_text(f"old {name}")
+            (out / "mine").write_text("kept")
+        run = [sys.executable, "-c", WRITER, str(stop), str(out)]
+        done = subprocess.run(run, capture_output=True, text=True)
+        assert done.returncode in (0, -signal.SIGKILL), done.stderr
+        texts = {n: (out / n).read_text() for n in "abc" if (out / n).exists()}
+        assert len({text.split()[0] for text in texts.values()}) <= 1
+        assert "a" not in texts or len(texts) == 3
+        assert not there or (out / "mine").read_text() == "kept"
+        made.append((done.returncode, "new" in str(texts)))
+        writing.write_together({"a": "2 a", "b": "2 b", "c": "2 c"}, out, "{}")
+        assert [(out / n).read_text() for n in "abc"] == ["2 a", "2 b", "2 c"]
+        assert hidden(tmp_path) == [] == hidden(out)
+        if done.returncode == 0:
+            break
+    assert made[0] == (-signal.SIGKILL, False) and made[-1] == (0, True)
+
+
+def test_what_others_are_writing_is_left_alone(tmp_path):
+    host = "".join(c for c in platform.node() if c.isalnum()) or "host"
+    running = tmp_path / f".lugrectl-{host}-{os.getppid()}-0123456789ab"
+    another = tmp_path / ".lugrectl-elsewhere-1-0123456789ab"
+    named = tmp_path / ".lugrectl-mine"
+    for folder in (running, another, named):
+        folder.mkdir()
+    os.utime(named, (0, 0))
+    writing.write_together({"a": "b"}, tmp_path, "{}")
+    assert running.is_dir() and another.is_dir() and named.is_dir()
+    os.utime(another, (0, 0))
+    writing.write_together({"a": "b"}, tmp_path, "{}")
+    assert running.is_dir() and not another.exists()
+
+
+@contextmanager
+def full(size):
+    """A disk on which no file can be larger than this."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@posix
+@pytest.mark.parametrize("size", [0, 1000, 4000])
+@pytest.mark.parametrize("there", [False, True])
+def test_a_full_disk_is_one_sentence_and_leaves_what_was_there(tmp_path, size, there):
+    out = tmp_path / "out"
+    if there:
+        out.mkdir()
+        for name in FILES:
+            (out / name).write_text("old")
+    made = bare()
+    with pytest.raises(lg.InputError) as said, full(size):
+        made.save(out)
+    assert "the report cannot be written there (File too large)" in str(said.value)
+    assert str(out) in str(said.value) and "\n" not in str(said.value)
+    texts = {p.name: p.read_text() for p in out.iterdir()} if there else {}
+    assert texts == (dict.fromkeys(FILES, "old") if there else {})
+    assert there or not out.exists()
+    assert hidden(tmp_path) == []
+
+
+@posix
+def test_a_full_disk_is_one_sentence_for_models_and_pictures_too(tmp_path):
+    model = lg.Model.of(lg.table1())
+    lg.write_model({"J": 0.001}, tmp_path / "m.toml")
+    before = (tmp_path / "m.toml").read_text()
+    with full(20):
+        with pytest.raises(lg.InputError, match="m.toml cannot be written: File too large"):
+            lg.write_model(model, tmp_path / "m.toml")
+        with pytest.raises(lg.InputError, match="picture.png cannot be written"):
+            output.write(tmp_path / "picture.png", b"a" * 100, "--out")
+    assert (tmp_path / "m.toml").read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
+
+
+def test_a_folder_that_only_reads_is_one_sentence(tmp_path, monkeypatch):
+    def refuse(self, *given, **more):
+        raise PermissionError(13, "Permission denied", str(self))
+
+    monkeypatch.setattr(writing.Path, "mkdir", refuse)
+    with pytest.raises(lg.InputError, match=r"cannot be written there \(Permission denied\)"):
+        bare().save(tmp_path)
+    monkeypatch.undo()
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(lg.InputError, match="no permission to write there"):
+        check_folder(tmp_path)
+
+
+def test_a_folder_that_is_no_path_is_refused():
+    with pytest.raises(lg.InputError, match="the folder must be a path, not None"):
+        bare().save(None)
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from lugrectl.core.writing import unfinished
+part = unfinished(Path(sys.argv[1]))
+part.mkdir() if sys.argv[2] == "folder" else part.write_text("half")
+os.kill(os.getpid(), 9)
+"""
+WAYS = {
+    "model or picture": lambda folder: writing.write_whole(folder / "m.toml", b"whole"),
+    "code": lambda folder: keep(folder / "a.c", "whole"),
+    "report": lambda folder: writing.write_together({"a.html": "whole"}, folder, "{}"),
+}
+
+
+@posix
+@pytest.mark.parametrize("kind", ["folder", "file"])
+def test_whoever_writes_next_removes_what_a_killed_process_left(tmp_path, kind):
+    for number, write in enumerate(WAYS.values()):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        subprocess.run([sys.executable, "-c", KILLED, str(folder), kind])
+        assert [p.name[:10] for p in folder.iterdir()] == [".lugrectl-"]
+        write(folder)
+        (made,) = folder.iterdir()
+        assert made.read_text() == "whole"

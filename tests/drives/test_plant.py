@@ -1,0 +1,295 @@
+"""The compiled drive against the integrator with events, closed forms, and itself."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from . import plant, reference
+from .effects import CATALOGUE
+from .machines import GRAVITY_LOAD, MACHINES, NO_LOAD
+from .plant import SPEED_LOOP
+from .run import (
+    Setup,
+    drive_row,
+    machine_row,
+    open_loop,
+    programmed,
+    replay,
+    simulate,
+    tune,
+    wave,
+)
+
+SERVO = MACHINES["servo"]
+SLIPPERY = replace(SERVO, Fc=1e-9, Fs=1e-9, Fv=0.0)
+HANGING = replace(SERVO, load=(GRAVITY_LOAD, 0.15, 0.4))
+EFFECTS = {  # values of the catalogue's parameters, as much as one sees
+    "constant_torque": (0.06,),
+    "gravity": (0.15, 0.4),
+    "torque_ripple": (0.08, 7.0, -1.0),
+    "position_dependent_friction": (0.4, 3.0, 1.0),
+    "coulomb_asymmetry": (0.3,),
+    "viscous_asymmetry": (-0.6,),
+    "quadratic_drag": (2e-3,),
+    "thermal_drift": (-0.4, 0.2),
+    "load_dependent_friction": (0.6,),
+    "dwell_stiction": (0.8, 0.05),
+    "input_delay": (7.3e-3,),
+    "actuator_lag": (8e-3,),
+    "actuator_saturation": (0.5,),
+    "actuator_dead_zone": (0.08,),
+    "return_spring": (0.3, 0.2),
+    "hard_stop": (0.3, 3.0, 1.0),
+    "elastic_coupling": (1.5e-3, 5.0, 4e-3),
+    "backlash": (1.5e-3, 0.05, 20.0, 0.05),
+    "inertia_step": (0.8, 0.223),
+    "friction_step": (0.5, 0.223),
+    "periodic_disturbance": (0.08, 6.0, 0.5),
+    "velocity_sensor_lag": (6e-3,),
+    "encoder_eccentricity": (0.1, 0.6),
+    "torque_constant_ripple": (0.3, 4.0, 0.7),
+    "sublinear_viscous": (0.05, 0.4),
+    "pose_dependent_inertia": (0.4, 2.0, 0.3),
+}
+
+
+def compared(machine, names, rate=100.0, seconds=0.5):
+    """theta, w and both as measured: of the compiled drive, and of the reference."""
+    _, torque = wave(machine, seconds, rate)
+    table = {name: EFFECTS[name] for name in names}
+    s = simulate(open_loop(machine, torque, rate), table).signals
+    named = {n: dict(zip(CATALOGUE[n].parameters, EFFECTS[n], strict=True)) for n in names}
+    ours = np.array([s[k] for k in ("theta_true", "w_true", "theta", "w")])
+    return ours, reference.simulate(machine, named, torque, rate)
+
+
+def close(ours, theirs, share=2e-3):
+    assert np.max(np.abs(theirs[1])) > 1.0
+    for a, b in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(a, b, atol=share * np.max(np.abs(b)))
+
+
+def test_the_reference_knows_the_whole_catalogue():
+    assert set(CATALOGUE) - set(EFFECTS) == {"stribeck", "presliding"}  # those are the friction
+
+
+@pytest.mark.parametrize("name", [None, *EFFECTS])
+def test_each_effect_agrees_with_the_reference(name):
+    machine = HANGING if name == "load_dependent_friction" else SERVO
+    close(*compared(machine, [name] if name else []))
+
+
+@pytest.mark.parametrize("machine", ["axis", "turret"])
+def test_machines_of_other_sizes_agree(machine):
+    m, rate = MACHINES[machine], 100.0
+    _, torque = wave(m, 0.5, rate)
+    theta, w, *_ = reference.simulate(m, {}, torque, rate)
+    ours = simulate(open_loop(m, torque, rate), {}).signals
+    assert np.max(np.abs(w)) > 5 * m.vs
+    np.testing.assert_allclose(ours["w_true"], w, atol=2e-3 * np.max(np.abs(w)))
+    np.testing.assert_allclose(ours["theta_true"], theta, atol=2e-3 * np.max(np.abs(theta)))
+
+
+def test_effects_together_agree():
+    close(*compared(HANGING, ["torque_ripple", "quadratic_drag", "input_delay", "hard_stop"]))
+
+
+@pytest.mark.parametrize("change", [
+    {"law": "static"}, {"law": "elastoplastic"}, {"delta": 1.0}, {"power": 0.8},
+    {"law": "static", "delta": 1.0, "load": (GRAVITY_LOAD, 0.2, 0.4)},
+])  # fmt: skip
+def test_other_laws_of_friction_agree(change):
+    close(*compared(replace(SERVO, vs=0.5, **change), []), share=4e-3)
+
+
+def test_a_maxwell_drive_bends_as_its_springs_do_and_slides_at_its_level():
+    m = replace(SERVO, law="maxwell", Fs=SERVO.Fc, sigma1=0.6)
+    slow = np.interp(np.arange(12000), [0, 5000, 8000, 10000], [0.0, 0.8, 0.0, 1.6]) * m.Fc
+    s = simulate(open_loop(m, slow), {}).signals
+    limit = m.Fc * 2 * np.arange(1, 7) / 42
+    theta = s["theta_true"]
+
+    def bent(x):
+        return np.minimum(m.sigma0 / 6 * np.atleast_1d(x)[:, None], limit).sum(1)
+
+    np.testing.assert_allclose(bent(theta[2000:5000]), slow[2000:5000], rtol=0.01)
+    back = theta[5000] - theta[8000]  # Masing: the way back is the same curve, twice as large
+    assert 2 * bent(back / 2)[0] == pytest.approx(0.8 * m.Fc, rel=0.01)
+    assert s["w_true"][-1] == pytest.approx(0.6 * m.Fc / m.Fv, rel=0.02)
+
+
+def test_error_falls_with_the_square_of_the_step():
+    _, torque = wave(SERVO, 0.5, 200.0)
+
+    def speed(step):
+        return simulate(open_loop(SERVO, torque, 200.0, step=step), {}).signals["w_true"]
+
+    finest = speed(1.25e-6)
+    misses = [np.max(np.abs(speed(h) - finest)) for h in (80e-6, 20e-6)]
+    assert misses[0] / misses[1] > 8.0
+
+
+def test_energy_and_momentum_balance():
+    m = replace(MACHINES["joint"], load=(GRAVITY_LOAD, 1.5, 0.3))
+    _, torque = wave(m, 3.0, 1000.0)
+    s = simulate(open_loop(m, torque, theta0=0.7), {}).signals
+    drive = np.concatenate([[0.0], np.cumsum(s["u"][:-1] * np.diff(s["theta_true"]))])
+    height = 1.5 * (np.cos(0.7 + 0.3) - np.cos(s["theta_true"] + 0.3))
+    kinetic = 0.5 * m.J * s["w_true"] ** 2
+    scale = np.max(np.abs(drive))
+    np.testing.assert_allclose(drive, kinetic + height + s["work"], atol=1e-5 * scale)
+    assert s["work"][-1] > 0.1 * scale
+
+
+def test_the_torque_that_the_declared_structure_lacks():
+    """Along the measured motion: of a torque itself, of friction and drive what they change."""
+    t, torque = wave(SERVO, 2.0, 1000.0)
+    right = {
+        "gravity": lambda s: 0.15 * np.sin(s["theta_true"] + 0.4),
+        "periodic_disturbance": lambda s: 0.08 * np.sin(12 * np.pi * t + 0.5),
+        "actuator_dead_zone": lambda s: np.clip(s["u"], -0.08, 0.08),
+    }
+    for name, at in right.items():
+        s = simulate(open_loop(SERVO, torque), {name: EFFECTS[name]}).signals
+        np.testing.assert_allclose(s["effect"], at(s), atol=5e-3)
+
+
+STRANGE = {
+    "torque_bumps": (0.05, 0.1, 2 * np.pi, 2.0, 1.0, -2.0, 1.0, -0.5),
+    "contact_pulses": (0.05, 0.2, 2.0, 0.4, 1.3, 1.0, -0.7),
+    "decaying_burst": (0.04, 0.5, 0.3, 8.0),
+    "torque_droop": (0.5,),
+    "hardening_spring": (0.02, 0.3),
+    "cubic_drag": (2e-3,),
+}
+
+
+def strange(name, t, s):
+    """The same torques in NumPy, in the middle of the samples."""
+    th, w, u, middle = s["theta_true"], s["w_true"], s["u"], t + 5e-4
+    age = np.maximum(0.0, middle - 0.5)
+    gaps = [np.angle(np.exp(1j * (th - c))) for c in (1.0, -2.0)]
+    clips = [np.clip((middle - at) / 0.2, 0, 1) for at in (0.4, 1.3)]
+    return {
+        "torque_bumps": 0.05 * np.exp(-((gaps[0] / 0.1) ** 2))
+        - 0.025 * np.exp(-((gaps[1] / 0.1) ** 2)),
+        "contact_pulses": 0.05 * np.sin(np.pi * clips[0]) - 0.035 * np.sin(np.pi * clips[1]),
+        "decaying_burst": 0.04 * np.exp(-age / 0.3) * np.sin(2 * np.pi * 8.0 * age),
+        "torque_droop": 0.5 * u * np.abs(u),
+        "hardening_spring": 0.02 * (th - 0.3) ** 3,
+        "cubic_drag": 2e-3 * w**3,
+    }[name]
+
+
+@pytest.mark.parametrize("name", STRANGE)
+def test_strangers_push_where_and_when_they_should(name):
+    t = np.arange(2000) * 1e-3
+    s = simulate(open_loop(SLIPPERY, 0.1 * np.sin(2 * np.pi * t)), {name: STRANGE[name]}).signals
+    right = strange(name, t, s)
+    np.testing.assert_allclose(s["effect"], right, atol=0.1 * np.max(np.abs(right)))
+    assert np.max(np.abs(right)) > 2e-3
+
+
+def test_cable_drags_behind_and_forgets_what_is_far_back():
+    torque = 0.1 * np.sin(2 * np.pi * np.arange(4000) * 1e-3)
+    s = simulate(open_loop(SLIPPERY, torque), {"dragged_cable": (0.02, 0.4)}).signals
+    th = s["theta_true"]
+    turns = np.flatnonzero(np.diff(np.sign(s["w_true"]))) + 1
+    a, b = turns[1], turns[2]  # one stroke, from a full stretch the other way
+    assert abs(th[b] - th[a]) > 0.8
+    gone = np.abs(th[a:b] - th[a])
+    way = np.sign(th[b] - th[a])
+    stretch = np.array([np.minimum(-d + gone, d) / d for d in (0.1, 0.2, 0.3, 0.4)])
+    np.testing.assert_allclose(s["effect"][a:b], 0.02 * way * stretch.mean(0), atol=5e-4)
+
+
+def test_run_again_from_its_own_states():
+    m, rate = MACHINES["wrist"], 500.0
+    _, torque = wave(m, 2.0, rate)
+    table = {"elastic_coupling": (0.01, 30.0, 0.02), "input_delay": (3.1e-3,)}
+    done = simulate(replace(open_loop(m, torque, rate), jitter=0.05), table)
+    restart = np.zeros(len(torque), dtype=bool)
+    restart[[300, 700]] = True
+    theta, w = replay(done, torque, restart)
+    np.testing.assert_allclose(theta, done.signals["theta_true"], atol=1e-12)
+    np.testing.assert_allclose(w, done.signals["w_true"], atol=1e-12)
+    _, w = replay(done, torque + 0.1 * m.Fc, restart)
+    off = np.abs(w - done.signals["w_true"])
+    assert np.max(off[[0, 300, 700]]) == 0.0 and np.max(off[:300]) > 1e-3
+
+
+def test_a_program_sees_the_motion_and_chooses_the_torque():
+    _, torque = wave(SERVO, 0.5, 500.0)
+    u, theta, w = programmed(SERVO, run_of(torque), 2e-3)
+    s = simulate(open_loop(SERVO, torque, 500.0), {}).signals
+    np.testing.assert_allclose([u, theta, w], [torque, s["theta_true"], s["w_true"]], atol=1e-9)
+    m = replace(SERVO, law="static", Fs=0.3, Fc=0.3, vs=0.1)
+
+    def let_go():
+        speed = 0.0
+        while speed < 20.0:
+            _, speed = yield 1.0
+        while speed > 0.0:
+            _, speed = yield 0.0
+
+    _, theta, w = programmed(m, let_go(), 1e-3)
+    k, c, top = m.Fv / m.J, m.Fc / m.J, int(np.argmax(w))
+    age = 1e-3 * np.arange(len(w) - top)
+    right = np.maximum((w[top] + c / k) * np.exp(-k * age) - c / k, 0.0)
+    np.testing.assert_allclose(w[top:], right, atol=1e-3)
+
+
+def run_of(torque):
+    for u in torque:
+        yield float(u)
+
+
+def test_samples_come_when_their_stamps_say():
+    done = simulate(replace(open_loop(SLIPPERY, np.full(400, 0.1)), jitter=0.1), {})
+    period = np.diff(done.t)
+    assert 0.15e-3 < np.max(np.abs(period - 1e-3)) < 0.2e-3
+    np.testing.assert_allclose(done.signals["w_true"], 0.1 / SLIPPERY.J * done.t, rtol=1e-6)
+
+
+def test_a_load_is_held_from_the_start():
+    m = replace(SERVO, load=(GRAVITY_LOAD, 0.3, 0.0))
+    gains = tune(m, SPEED_LOOP, 1000.0, np.random.default_rng(0), False, False)
+    drive = drive_row(m, gains, 0.0, 1.2)
+    idle = np.zeros((3, 500))
+    setup = Setup(m, SPEED_LOOP, idle, np.zeros((1, 500)), 1000.0, 0.0, 1.2, drive)
+    s = simulate(setup, {}).signals
+    np.testing.assert_allclose(s["theta_true"], 1.2, atol=1e-6)
+    np.testing.assert_allclose(s["u"], 0.3 * np.sin(1.2), rtol=1e-6)
+
+
+def test_plain_python_computes_the_same(monkeypatch):
+    monkeypatch.setitem(sys.modules, "numba", None)
+    spec = importlib.util.spec_from_file_location(f"{plant.__name__}_plain", plant.__file__)
+    assert spec is not None and spec.loader is not None
+    plain = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(plain)
+    m = replace(MACHINES["wrist"], load=(NO_LOAD, 0.0, 0.0))
+    _, torque = wave(m, 0.2, 500.0)
+    setup = open_loop(m, torque, 500.0)
+    on = np.ones(len(plant.EFFECTS), dtype=bool)
+    rows = np.full((len(plant.EFFECTS), plant.WIDTH), 0.05)
+    rows[[plant.BUMPS, plant.PULSES], :4] = [0.05, 0.3, 1.0, 1.0]
+    args = machine_row(m), setup.drive, on, rows, setup.refs, setup.noise, setup.stamps, 100, 0.1
+    for ours, theirs in zip(plain.run(*args), plant.run(*args), strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("folder", ["drives", "held_out"])
+def test_the_simulators_share_nothing_with_the_package(folder):
+    for path in (Path(__file__).parents[1] / folder).glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert not any(name.startswith("lugrectl") for name in names), path

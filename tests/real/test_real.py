@@ -1,0 +1,254 @@
+"""The bench of measured logs: its rows, its rules, and one quick row through the balance."""
+
+import json
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.blocks.block import members
+from lugrectl.record import read_log
+
+from ..cases.logs import machine
+from ..real import held_out, page
+from ..real.__main__ import chosen, main, parser
+from ..real.along import residual
+from ..real.child import ask
+from ..real.motion import Filter, Run, motion_of, rms
+from ..real.own import rows_of
+from ..real.row import VERDICTS, Row, Source, value, way
+from ..real.rows import all_rows
+from ..real.score import score, wrong_values
+from ..real.sets import SPLITS
+from ..scores.judges import answer_of, values_of
+from ..scores.question import Answer
+
+DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
+measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {DATA}")
+LATER = {"torque_proportional_friction"}  # names that the contract reserves
+PENDULUM = Row(
+    "pendulum",
+    "own",
+    (Source("run.csv"),),
+    {"motion": "rotary"},
+    (way("found ambiguous", "gravity constant_torque", beside="input_delay"), way("refused")),
+    (value("J", 0.16, 0.19, needed=True), value("u_delay or input_delay.delay", 0.008, 0.014)),
+    left=0.12,
+)
+KNOWN = {"J": (0.17, None, None)}
+
+
+def judged(*args, **more):
+    return score(PENDULUM, Answer(*args, **{"parameters": KNOWN, **more}))
+
+
+def test_the_table_has_its_31_rows_each_with_a_name_of_its_own():
+    rows = all_rows()
+    assert sum(row.group == "table" for row in rows) == 31
+    assert len({row.name for row in rows}) == len(rows)
+    assert {row.group for row in rows} == {"table", "map", "format"}
+
+
+def test_every_row_asks_for_verdicts_and_effects_that_there_are():
+    known = set(members("effect")) | LATER
+    for row in all_rows():
+        assert row.right and row.sources, row.name
+        for one in row.right:
+            named = one.beside.union(*one.names)
+            assert one.verdicts <= set(VERDICTS) and named <= known, (row.name, named - known)
+        assert all(v.low <= v.high for v in row.values), row.name
+
+
+@measured
+def test_every_file_of_the_rows_and_of_the_held_out_part_is_there():
+    assert not [f for row in all_rows() for f in row.missing(DATA)]
+    assert not [f for split in SPLITS for f in split.files() if not (DATA / f).is_file()]
+
+
+def test_no_run_is_both_fitted_and_judged():
+    for split in SPLITS:
+        for cut in split.cuts:
+            assert cut.train and cut.unseen
+            assert not {s.file for s in cut.train} & {s.file for s in cut.unseen}, split.name
+
+
+def test_a_right_answer_needs_verdict_names_values_and_residual():
+    assert judged("found", ("gravity",), left=0.129) == score(
+        PENDULUM, Answer("found", ("gravity",), parameters=KNOWN)
+    )
+    assert judged("found", ("gravity", "input_delay")).right
+    assert judged("ambiguous", ("return_spring",), ("gravity",)).named is False
+    assert judged("ambiguous", ("input_delay",), ("gravity",)).right
+    assert judged("refused").right
+
+
+@pytest.mark.parametrize(
+    "answer, named, words",
+    [
+        (Answer("adequate", parameters=KNOWN), False, "is not named"),
+        (Answer("found", ("gravity", "backlash"), parameters=KNOWN), False, "backlash is wrong"),
+        (Answer("ambiguous", ("gravity",), tuple("abc"), parameters=KNOWN), False, "3 causes"),
+        (Answer("found", ("gravity",)), True, "J is not given"),
+        (Answer("found", ("gravity",), parameters={"J": (0.2, None, None)}), True, "J 0.2, not"),
+        (Answer("found", ("gravity",), parameters=KNOWN, left=0.131), True, "13.1 % left"),
+        (Answer("timeout", reason="300 s"), False, "300 s"),
+    ],
+)
+def test_what_is_wrong_is_said(answer, named, words):
+    made = score(PENDULUM, answer)
+    assert (made.named, made.right) == (named, False)
+    assert words in "; ".join(made.why)
+
+
+def test_a_value_is_right_where_it_or_its_interval_reaches_the_range():
+    known = {"J": (0.2, 0.188, 0.212), "input_delay.delay": (0.01, None, None)}
+    assert not wrong_values(PENDULUM.values, Answer("found", parameters=known))
+    known["J"] = (0.2, 0.191, 0.209)
+    assert wrong_values(PENDULUM.values, Answer("found", parameters=known))
+
+
+def test_an_interval_that_must_cover_a_range_covers_all_of_it():
+    wide = (value("J", 1230, 2040, covering=True),)
+    assert not wrong_values(wide, Answer("adequate", parameters={"J": (1600, 1200, 2100)}))
+    assert wrong_values(wide, Answer("adequate", parameters={"J": (1600, 1300, 2100)}))
+
+
+def test_what_cannot_be_known_must_not_be_given():
+    row = Row("map", "map", (), {}, (way("adequate", absent=("J",)),))
+    assert score(row, Answer("adequate")).right
+    assert "J cannot be known" in score(row, Answer("adequate", parameters=KNOWN)).why
+
+
+def test_a_refusal_for_a_wrong_reason_is_wrong():
+    row = Row("law", "table", (), {}, (way("refused", not_because=("too short",)),))
+    assert score(row, Answer("refused", reason="u is a function of theta")).right
+    assert not score(row, Answer("refused", reason="The record is too short.")).named
+
+
+def test_a_diagnosis_becomes_an_answer():
+    Estimate, Candidate = lg.results.Estimate, lg.results.Candidate
+    known = {"Fc": Estimate(0.2, "N m", (0.19, 0.21)), "J": Estimate(1.0, "kg m2")}
+    plain = lg.results.Balance(parameters=known, left=0.05)
+    found = lg.results.Finding("gravity", {}, (Candidate("return_spring", 1.0, 0.1),))
+    result = lg.Diagnosis(
+        "ambiguous", (found,), estimates={"J": Estimate(2.0, "kg m2", (1.9, 2.1))}, plain=plain
+    )
+    answer = answer_of(result)
+    assert answer.effects == ("gravity",) and answer.alternatives == ("return_spring",)
+    assert answer.parameters == {"Fc": (0.2, 0.19, 0.21), "J": (2.0, 1.9, 2.1)}
+    assert answer.left == 0.05
+
+
+def test_a_judge_that_fails_or_hangs_costs_its_own_row_only():
+    row = all_rows()[0]
+    failed = ask(row, Path(), "time:sleep")
+    assert failed.verdict == "crash" and "TypeError" in failed.reason
+    assert ask(row, Path(), "time:sleep", limit=0.001).verdict == "timeout"
+
+
+def test_a_users_own_rows_are_read_from_a_file(tmp_path):
+    (tmp_path / "rows.toml").write_text(
+        '[[row]]\nname = "axis 3"\nfiles = ["a.csv"]\nscale = {u = 2.0}\n'
+        'values = {J = [1.2, 1.5]}\nneeded = ["J"]\n'
+        '[[row.right]]\nverdicts = ["found"]\nnames = [["gravity", "return_spring"]]\n'
+    )
+    (row,) = rows_of(tmp_path / "rows.toml")
+    assert row.sources == (Source("a.csv", {"scale": {"u": 2.0}}),)
+    assert score(row, Answer("found", ("gravity",), parameters={"J": (1.3, None, None)})).right
+    assert not score(row, Answer("found", ("gravity",))).right
+    assert row.missing(tmp_path) == ["a.csv"]
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("", "holds no"),
+        ('[[row]]\nname = "a"\n', "files is missing"),
+        ('[[row]]\nname = "a"\ncolour = 1\n', "no key 'colour'"),
+        ('[[row]]\nname = "a"\nfiles = ["b"]\n[[row.right]]\nverdicts = ["good"]\n', "verdicts"),
+    ],
+)
+def test_a_file_of_rows_that_cannot_be_understood_is_named(tmp_path, text, words):
+    (tmp_path / "rows.toml").write_text(text)
+    with pytest.raises(SystemExit, match=words) as caught:
+        rows_of(tmp_path / "rows.toml")
+    assert "rows.toml" in str(caught.value)
+
+
+def test_a_row_is_chosen_by_its_name_or_a_part_of_it():
+    def names(*given):
+        return [row.name for row in chosen(parser().parse_args(given))]
+
+    assert names("--row", "odrive impulse2") == ["odrive impulse2"]
+    assert names("--row", "impulse") == ["odrive impulse2", "odrive impulse2, raw"]
+    with pytest.raises(SystemExit, match="--list"):
+        names("--row", "nothing")
+
+
+def test_rows_without_data_are_left_out_and_said(tmp_path, capsys):
+    assert main(["--row", "emps declared", "--data", str(tmp_path)]) == 2
+    assert "left out" in capsys.readouterr().out
+
+
+def test_results_of_one_judge_leave_those_of_another(tmp_path):
+    answer = Answer("found", ("gravity",), parameters=KNOWN, seconds=1.25)
+    lines = [(PENDULUM, answer, score(PENDULUM, answer))]
+    page.keep(tmp_path / "real.json", "one", page.kept(lines))
+    page.keep(tmp_path / "real.json", "two", page.kept([]))
+    data = json.loads((tmp_path / "real.json").read_text())
+    assert data["one"]["rows"]["pendulum"]["right"] and data["two"]["rows"] == {}
+    assert data["one"]["total"]["own"] == {"rows": 1, "named": 1, "right": 1}
+    assert page.closing(lines).startswith("own: 1 of 1 named right")
+    assert "gravity" in page.line(*lines[0]) and "right" in page.line(*lines[0])
+
+
+def coulomb(**changes):
+    values = {"J": 2e-3, "Fc": 0.2, "Fv": 0.02, **changes}
+    return lg.Model.of(friction="coulomb", **values)
+
+
+@pytest.fixture(scope="module")
+def run():
+    log = machine()
+    motion = motion_of(log, Filter(1e-3, 20.0, 2.0))
+    return Run(SimpleNamespace(t=log["t"]), motion)
+
+
+def share(model, run):
+    left = residual(model, run)[run.motion.use]
+    return rms(left) / rms(run.motion.u[run.motion.use])
+
+
+def test_the_true_model_leaves_nothing_along_the_motion(run):
+    assert share(coulomb(), run) < 0.03
+    assert share(coulomb(Fc=0.1), run) > 0.15
+
+
+def test_states_of_effects_follow_the_motion(run):
+    load = {"name": "elastic_coupling", "load_inertia": 1e-3, "stiffness": 20.0, "damping": 0.02}
+    stiff = coulomb(J=1e-3, effects=[load])  # well below its resonance, a part of the inertia
+    assert share(stiff, run) < 0.05
+
+
+def test_a_declared_delay_shifts_the_torque(run):
+    late = coulomb(effects=[{"name": "input_delay", "delay": 0.02}])
+    assert share(late, run) > 2 * share(coulomb(), run)
+
+
+def test_a_steady_run_is_one_point():
+    made = held_out.point({"t": np.arange(4.0), "u": np.array([9, 1, 2, 3.0]), "w": np.ones(4)})
+    assert made.u[0] == 2.0 and made.w[0] == 1.0 and made.a[0] == 0.0
+
+
+@measured
+def test_the_balance_knows_the_inertia_of_a_small_motor_in_one_direction():
+    row = next(row for row in all_rows() if row.name == "un prbs_open")
+    source = row.sources[0]
+    found = lg.balance(read_log(DATA / source.file, **source.options), dict(row.model))
+    known = values_of({"plain": found.summary(), "parameters": {}, "effects": []})
+    answer = Answer("found", parameters=known)
+    J = [v for v in row.values if v.names == ("J",)]
+    assert "J" in answer.parameters and not wrong_values(J, answer)

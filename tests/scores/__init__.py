@@ -1,0 +1,1 @@
+"""Drawn records and measured logs, what a judge says of them, and whether it is right."""

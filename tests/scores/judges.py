@@ -1,0 +1,105 @@
+"""Judges: what answers a log. Each is called with the logs and the declared model.
+
+The logs are pairs of a path or columns, and the options of reading it. A judge may return an
+``Answer``, a dict of its fields, or a ``Diagnosis``, of which the document counts.
+"""
+
+from __future__ import annotations
+
+import importlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from .question import Answer, Estimate
+
+Logs = Sequence[tuple[Any, Mapping[str, Any]]]
+Judge = Callable[[Logs, Mapping[str, Any]], Any]
+
+
+def judge_named(name: str) -> Judge:
+    """The judge of a name: "lugrectl", "balance" or "MODULE:FUNCTION"."""
+    if name in ("lugrectl", "balance"):
+        import lugrectl
+
+        _ = lugrectl.read_record, lugrectl.diagnose, lugrectl.balance  # before the clock runs
+        return diagnosed if name == "lugrectl" else balanced
+    module, colon, function = name.partition(":")
+    if not colon:
+        raise SystemExit(f"--judge: {name} is neither a known judge nor MODULE:FUNCTION.")
+    return getattr(importlib.import_module(module), function)
+
+
+def timed(judge: Judge, logs: Logs, model: Mapping[str, Any]) -> Answer:
+    """The answer, with the seconds that it took."""
+    began, cpu = time.perf_counter(), time.process_time()
+    answer = answer_of(judge(logs, model))
+    seconds = time.perf_counter() - began
+    return replace(answer, seconds=seconds, cpu=time.process_time() - cpu)
+
+
+def diagnosed(logs: Logs, model: Mapping[str, Any]) -> Any:
+    """The package's diagnosis."""
+    import lugrectl as lg
+
+    try:
+        records = [_read(log, options, model) for log, options in logs]
+    except lg.Refused as refusal:
+        return Answer("refused", reason=str(refusal))
+    return lg.diagnose(records if len(records) > 1 else records[0], dict(model))
+
+
+def _read(log: Any, options: Mapping[str, Any], model: Mapping[str, Any]) -> Any:
+    import lugrectl as lg
+
+    if isinstance(log, Mapping):
+        return log
+    return lg.read_record(log, motion=model.get("motion"), **options)
+
+
+def balanced(logs: Logs, model: Mapping[str, Any]) -> Answer:
+    """The package's plain answer to one log, which knows nothing but that there is friction."""
+    import lugrectl as lg
+
+    plain = lg.balance(_read(*logs[0], model), {"friction": "lugre"})
+    known = plain.summary()["parameters"]
+    return Answer("plain", parameters=_triples(known), reason=" ".join(plain.said))
+
+
+def answer_of(said: Any) -> Answer:
+    """What a judge returned, as an Answer."""
+    if isinstance(said, Answer):
+        return said
+    if not isinstance(said, Mapping):
+        return of_document(said.summary())
+    lists = {k: tuple(said.get(k, ())) for k in ("effects", "alternatives", "depends_on")}
+    more = {k: said[k] for k in ("parameters", "left", "reason") if said.get(k) is not None}
+    return Answer(said["verdict"], **lists, **more)
+
+
+def of_document(d: Mapping[str, Any]) -> Answer:
+    """The answer that the JSON document of a diagnosis gives."""
+    others = (a["name"] for e in d["effects"] for a in e["alternatives"])
+    return Answer(
+        d["verdict"],
+        tuple(e["name"] for e in d["effects"]),
+        tuple(dict.fromkeys(others)),
+        tuple(d["depends_on"] or ()),
+        values_of(d),
+        (d["plain"] or {}).get("left"),
+        reason=d["reason"] or "",
+    )
+
+
+def values_of(d: Mapping[str, Any]) -> dict[str, Estimate]:
+    """Certain values of the balance, its sums, and over them those of the finer fit."""
+    plain = d["plain"] or {"parameters": {}, "combinations": []}
+    made = _triples(plain["parameters"]) | _triples({c["text"]: c for c in plain["combinations"]})
+    made |= _triples({k: e for k, e in d["parameters"].items() if not e.get("held")})
+    own = {f"{e['name']}.{k}": v for e in d["effects"] for k, v in e["parameters"].items()}
+    return made | _triples(own)
+
+
+def _triples(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Estimate]:
+    return {k: (e["value"], *(e.get("ci95") or (None, None))) for k, e in entries.items()}

@@ -1,0 +1,190 @@
+"""Questions about drawn drives, and what an answer to them is worth."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ..drives import messy
+from ..drives.damage import DAMAGES, damage
+from ..held_out import questions
+from . import drawn
+from .judges import of_document
+from .points import false_names, points, table, values
+from .question import EFFECTS, Answer, Question
+
+pytest.importorskip("numba")  # without it a drive takes a minute
+
+
+@pytest.fixture(scope="module")
+def asked():
+    return {seed: messy.draw(seed, "effect") for seed in (0, 9, 12, 18)}
+
+
+@pytest.mark.parametrize("generator", [messy, questions])
+@pytest.mark.parametrize("seed, kind", [(3, "effect"), (2, "none"), (1, "unknown"), (5, "sound")])
+def test_a_seed_gives_the_same_question_each_time(generator, seed, kind):
+    one, two = generator.draw(seed, kind), generator.draw(seed, kind)
+    assert one.record.keys() == two.record.keys()
+    for name, column in one.record.items():
+        np.testing.assert_array_equal(column, two.record[name])
+        assert np.isfinite(column).all() and len(column) == len(one.record["t"])
+    assert (one.model, one.values, one.alike) == (two.model, two.values, two.alike)
+    assert {"t", "u"} < one.record.keys() and 9.9 < np.ptp(one.record["t"]) < 60.5
+    off = abs(one.model["plant"]["J"] / one.values["J"] - 1)
+    assert 0.0999 < off < 0.2001
+
+
+def test_seeds_go_through_the_effects_in_turn(asked):
+    assert [q.effect for q in asked.values()] == [EFFECTS[seed % 20] for seed in asked]
+    for q in asked.values():
+        assert 0.03 <= q.hidden / q.friction <= (0.5 if q.effect == "input_delay" else 0.25)
+
+
+def test_the_stated_torque_is_that_of_the_true_parameters(asked):
+    constant, periodic = asked[0], asked[18]
+    assert constant.hidden == pytest.approx(abs(constant.values["constant_torque.torque"]))
+    amplitude = periodic.values["periodic_disturbance.amplitude"]
+    assert periodic.hidden == pytest.approx(amplitude / np.sqrt(2), rel=0.05)
+    assert "coulomb_asymmetry" in constant.alike
+
+
+def test_a_sound_drive_hides_nothing_and_dips_are_spread():
+    assert all(messy.draw(seed, "sound").hidden == 0.0 for seed in (1, 2))
+    dips = [messy.draw(seed, "dip") for seed in range(4)]
+    assert all(q.effect == "none" and "Fc" in q.values for q in dips)
+
+
+def test_the_declared_tables_are_a_model(asked):
+    import lugrectl as lg
+
+    for q in asked.values():
+        assert lg.balance(q.record, q.model).parameters
+
+
+QUESTION = Question(
+    seed=0,
+    kind="effect",
+    record={},
+    model={},
+    effect="backlash",
+    values={"J": 1.0, "backlash.gap": 0.1},
+    background=frozenset({"torque_ripple", "gravity", "stribeck"}),
+    alike=frozenset({"elastic_coupling"}),
+)
+SOUND = replace(QUESTION, kind="none", effect="none")
+UNKNOWN = replace(
+    QUESTION, kind="unknown", effect="rough_patch", signals=(frozenset({"theta", "w"}),)
+)
+
+
+@pytest.mark.parametrize(
+    "worth, verdict, effects, alternatives",
+    [
+        (1.0, "found", ["backlash"], []),
+        (1.0, "found", ["backlash", "torque_ripple", "stribeck"], []),
+        (0.0, "found", ["backlash", "torque_ripple", "stribeck", "gravity"], []),
+        (0.0, "found", ["backlash", "input_delay"], []),
+        (0.0, "found", ["torque_ripple", "backlash"], []),
+        (0.0, "found", ["elastic_coupling"], []),
+        (1.0, "ambiguous", ["elastic_coupling"], ["backlash"]),
+        (0.5, "ambiguous", ["backlash"], ["input_delay", "elastic_coupling"]),
+        (0.0, "ambiguous", ["backlash"], ["input_delay", "elastic_coupling", "gravity"]),
+        (0.0, "ambiguous", ["input_delay"], ["elastic_coupling"]),
+        (0.5, "unexplained", ["gravity", "backlash"], []),
+        (0.0, "unexplained", [], []),
+        (0.0, "adequate", [], []),
+        (0.0, "refused", [], []),
+    ],
+)
+def test_an_answer_to_one_effect_is_worth(worth, verdict, effects, alternatives):
+    assert points(QUESTION, Answer(verdict, tuple(effects), tuple(alternatives))) == worth
+
+
+@pytest.mark.parametrize(
+    "worth, verdict, effects",
+    [
+        (1.0, "adequate", []),
+        (1.0, "found", ["torque_ripple", "gravity"]),
+        (0.0, "found", ["torque_ripple", "backlash"]),
+        (0.0, "unexplained", []),
+        (0.0, "refused", []),
+    ],
+)
+def test_an_answer_to_a_sound_drive_is_worth(worth, verdict, effects):
+    for question in (SOUND, replace(SOUND, kind="sound")):
+        assert points(question, Answer(verdict, tuple(effects))) == worth
+
+
+def test_an_unknown_effect_wants_the_signals_it_depends_on():
+    right = Answer("unexplained", depends_on=("w", "theta"))
+    assert points(UNKNOWN, right) == 1.0
+    assert points(UNKNOWN, replace(right, depends_on=("w",))) == 0.0
+    assert points(UNKNOWN, replace(right, effects=("backlash",))) == 0.0
+    assert points(UNKNOWN, replace(right, verdict="found")) == 0.0
+
+
+def test_false_names_are_those_outside_truth_and_background():
+    assert false_names(QUESTION, Answer("found", ("backlash", "gravity"))) == frozenset()
+    assert false_names(QUESTION, Answer("found", ("input_delay",))) == {"input_delay"}
+    assert false_names(QUESTION, Answer("adequate")) == frozenset()
+
+
+def test_values_are_held_against_the_truth():
+    said = {"J": (1.05, 0.9, 1.1), "backlash.gap": (0.25, 0.2, 0.3), "Fc": (0.5, 0, 1)}
+    held = values(QUESTION, Answer("found", parameters=said))
+    assert {k: v and v["inside"] for k, v in held.items()} == {"J": True, "backlash.gap": False}
+    assert held["J"]["error"] == pytest.approx(5.0) and held["J"]["half"] == pytest.approx(10.0)
+    assert table([held, {"J": None}]).splitlines()[1].split()[:4] == ["J", "2", "1", "100.0%"]
+
+
+def test_a_report_becomes_an_answer():
+    entry = {"value": 1.0, "ci95": [0.5, 1.5]}
+    others = [{"name": "elastic_coupling", "score": 0.0}]
+    report = {
+        "verdict": "ambiguous",
+        "effects": [{"name": "backlash", "parameters": {"gap": entry}, "alternatives": others}],
+        "depends_on": None,
+        "reason": None,
+        "parameters": {},
+        "plain": {"parameters": {"J": entry, "Fc": {"value": 1.0, "ci95": None}},
+                  "combinations": []},
+    }  # fmt: skip
+    given = of_document(report)
+    assert (given.effects, given.alternatives) == (("backlash",), ("elastic_coupling",))
+    assert given.parameters["J"] == given.parameters["backlash.gap"] == (1.0, 0.5, 1.5)
+
+
+def shrug(logs, model) -> Answer:
+    """A judge that finds nothing."""
+    return Answer("adequate", parameters={"J": (5.0, 0.0, 10.0)})
+
+
+def test_the_bench_counts_points_and_coverage_and_keeps_them(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(drawn, "RESULTS", tmp_path)
+    asked = ["--kind", "none", "--seeds", "0:2", "--judge", f"{__name__}:shrug", "--keep", "abc"]
+    assert drawn.main(asked) == 0
+    said = capsys.readouterr().out
+    assert "adequate" in said and "points" in said
+    kept = (tmp_path / "messy.json").read_text()
+    assert '"points": 1.0' in kept and '"coverage_plain": 1.0' in kept and "none/drives/" in kept
+
+
+def test_a_judge_that_fails_is_an_error_of_its_record():
+    row = drawn.judged(0, "none", "drives", "builtins:len")
+    assert row.answer.verdict == "error" and row.points == 0.0
+
+
+@pytest.mark.parametrize("kind", DAMAGES)
+def test_a_damage_changes_a_copy(kind):
+    t = np.arange(4000) / 200
+    rng = np.random.default_rng(1)
+    log = {"t": t, "u": rng.normal(size=4000), "theta": 9 * np.sin(t), "w": 9 * np.cos(t)}
+    before = {k: v.copy() for k, v in log.items()}
+    hurt, again = damage(log, kind, 5), damage(log, kind, 5)
+    assert all(np.array_equal(log[k], before[k]) for k in log)
+    assert all(np.array_equal(hurt[k], again[k], equal_nan=True) for k in log)
+    assert len({len(v) for v in hurt.values()}) == 1
+    assert not all(np.array_equal(hurt[k], log[k]) for k in log)
