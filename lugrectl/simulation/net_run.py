@@ -47,8 +47,20 @@ class Run:
     @property
     def starts(self) -> tuple[np.ndarray, np.ndarray]:
         """The continuous states and the sampled ones."""
+        if self.net.alone:
+            none = np.zeros(0)
+            return (none, self.start) if self.discrete else (self.start, none)
         sampled = is_sampled(self.net)
         return self.start[~sampled], self.start[sampled]
+
+    def states(self, track: Track) -> np.ndarray:
+        """The states of one block after the other."""
+        if self.net.alone:
+            return track.q if self.discrete else track.x
+        sampled = is_sampled(self.net)
+        rows = np.empty((len(sampled), track.x.shape[1]))
+        rows[~sampled], rows[sampled] = track.x, track.q
+        return rows
 
     @property
     def discrete(self) -> bool:
@@ -77,8 +89,12 @@ def followed(run: Run) -> Track:
     t, u = course.grid[course.kept], course.given[:, course.kept]
     if not run.discrete:  # of which the first state that grows is named
         _all_finite(net, t, u, track)
-    labels = [[f"state {k}" for k in net.states(sampled=kind)] for kind in (False, True)]
-    labels += [[f"output {k}" for k in net.signals]]
+
+    def labels() -> list[list[str]]:
+        states = [net.states(sampled=kind) for kind in (False, True)]
+        groups = zip(("state", "state", "output"), (*states, net.signals), strict=True)
+        return [[f"{what} {name}" for name in names] for what, names in groups]
+
     driven = [course.given, run.start]
     bounded(net.name, t, [track.x, track.q, track.y], labels, driven, looped=net.looped)
     return track
@@ -133,22 +149,25 @@ def _by_python_control(run: Run, method: Any) -> Track:
     """A system as python-control simulates it; sample by sample if its input is held, or if a
     loop has to be solved or a block that is not a number to be named."""
     net, course = run.net, run.course
-    called = Called(net, run.params, method or "LSODA")
-    if method and course.hold and net.count(False):
-        options = None
-    else:
+
+    def stepped() -> Track:
+        called = Called(net, run.params, method or "LSODA")
+        return called.follow(course, *run.starts, run.accuracy)
+
+    options: dict[str, Any] = {}
+    if method:
         events = Chatter(net.name, course.grid[-1] - course.grid[0])
         given = {**run.accuracy.scipy, "events": events}
-        options = {"solve_ivp_method": method, "solve_ivp_kwargs": given} if method else {}
+        options = {"solve_ivp_method": method, "solve_ivp_kwargs": given}
     try:
-        if options is not None:
-            return _responded(run, options)
-        return called.follow(course, *run.starts, run.accuracy)
+        if method and course.hold and net.count(False):
+            return stepped()
+        return _responded(run, options)
     except Diverged:
         raise
     except RuntimeError as error:
         try:
-            return called.follow(course, *run.starts, run.accuracy)
+            return stepped()
         except RuntimeError:
             said = f"{net.name}: python-control's simulation failed: {error}."
             raise Diverged(said) from error
@@ -192,9 +211,7 @@ def response(
 ) -> ct.TimeResponseData:
     """The response, built from its first sample and given the arrays: python-control copies."""
     net, t = run.net, run.course.grid[run.course.kept]
-    states = np.empty((len(run.start), len(t)))
-    sampled = is_sampled(net)
-    states[~sampled], states[sampled] = track.x, track.q
+    states = run.states(track)
     x = None if net.alone and not len(states) else states
     found = ct.TimeResponseData(
         t[:1],

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.validation import positive
 from ..engine.runtime.course import Accuracy, Course
+from ..engine.tracing.network import Net
 from . import arguments
 from .block_list import course_of, net_of, wired
 from .net_run import Run, followed, response
@@ -147,7 +148,7 @@ def simulate(
     what = "a block" if listed else "system"
     blocks = [arguments.system(one, what) for one in (system if listed else [system])]
     arguments.parameters(blocks, params)
-    net, periods = wired(blocks) if listed else net_of(blocks[0])
+    net, periods = wired(blocks) if listed else (Net.of(blocks[0]), [])
     warn_of_wiring(net, inputs, params)
     if listed and not periods:
         net, _ = net_of(blocks)

@@ -47,7 +47,7 @@ class Traced:
             bad = first_bad(self.t, track.y)
             if bad is not None:
                 raise Diverged(f"{name}: {labels[bad[0]]} is {bad[2]}")
-            bounded(name, self.t, [track.y], [labels], [u, x0], looped=False)
+            bounded(name, self.t, [track.y], lambda: [labels], [u, x0], looped=False)
             return track.x, track.y, track.unsettled
 
         return solve

@@ -17,8 +17,10 @@ def user_block(
     name: str | None = None,
     **more: Any,
 ) -> Any:
-    """A block of functions of t, x, u, params; ``more`` are its dt and its parameters."""
+    """A block of functions of t, x, u, params; ``more`` are its dt and its parameters, those with
+    a dot in their name as a dict ``params``."""
     time = {"dt": more.pop("dt")} if "dt" in more else {}
+    more = {**more.pop("params", {}), **more}
     names = {"inputs": inputs, "outputs": outputs, "states": states, "name": name}
     return ct.nlsys(update, output, params=more, **names, **time)
 

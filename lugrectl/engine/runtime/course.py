@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -37,8 +38,8 @@ class Course:
         External inputs.
     flags : (groups, N) ndarray
         1 for an update of a sample time, 0.5 if only its outputs are requested.
-    column : (N,) ndarray of int
-        Index among the kept points, -1: not kept.
+    column : (N,) ndarray of int or None
+        Index among the kept points, -1: not kept; None: all are kept.
     hold : bool
         Inputs are held between grid points.
     """
@@ -46,21 +47,26 @@ class Course:
     grid: np.ndarray
     given: np.ndarray
     flags: np.ndarray
-    column: np.ndarray
+    column: np.ndarray | None
     hold: bool
 
     @classmethod
     def along(cls, t: np.ndarray, u: np.ndarray, groups: int, hold: bool) -> Course:
         """Return a course with updates of all sample times at each time, all of them kept."""
-        return cls(t, u, np.ones((groups, len(t))), np.arange(len(t)), hold)
+        return cls(t, u, np.ones((groups, len(t))), None, hold)
 
     @property
     def ticks(self) -> np.ndarray:
         return np.asarray((self.flags > 0.0).any(axis=0))
 
     @property
-    def kept(self) -> np.ndarray:
-        return np.flatnonzero(self.column >= 0)
+    def columns(self) -> np.ndarray:
+        return np.arange(len(self.grid)) if self.column is None else self.column
+
+    @property
+    def kept(self) -> Any:
+        """The kept points, as an index of the grid."""
+        return slice(None) if self.column is None else np.flatnonzero(self.column >= 0)
 
 
 @dataclass(frozen=True)

@@ -146,7 +146,8 @@ class _Run:
         self.now, self.unsettled = Now.start(*starts, many), np.nan
         counts = (*map(len, starts), many, many if net.earlier else 0)
         self.rows = [np.empty((count, len(course.grid))) for count in counts]
-        self._after, self._out, self._begun = self.now, [np.empty((0, 0))], False
+        self._after, self._begun = self.now, False
+        self._out, self._own = [np.empty((0, 0))], (np.zeros(0, int), np.zeros(0, int))
 
     def track(self, late: Sequence[int]) -> Track:
         course, given = self.course, Given(self.course.grid, self.course.given, self.course.hold)
@@ -163,21 +164,23 @@ class _Run:
 
     def advance(self, edges: np.ndarray, grid: np.ndarray, inputs: np.ndarray) -> Piece:
         """A segment from where the last accepted one ended."""
-        at, own = self._places(edges)
+        self._own = at, own = self._places(edges)
         flags = np.zeros((len(self.course.flags), len(grid)))
-        flags[:, 4 * np.flatnonzero(own)] = self.course.flags[:, at[own]]
-        part = Course(grid, inputs, flags, np.arange(len(grid)), True)
+        if len(flags):
+            flags[:, 4 * own] = self.course.flags[:, at]
+        part = Course(grid, inputs, flags, None, True)
         self._after = self.now.copy()
         self._out, unsettled = self.engine.part(part, self._after, self.p, self.accuracy)
         if np.isfinite(unsettled):
             self.unsettled = unsettled
         return Piece(self._out[0], self._out[2][:, :-1:4])
 
-    def accept(self, edges: np.ndarray) -> None:
-        at, own = self._places(edges)
+    def accept(self) -> None:
+        """Go on from the end of the last segment."""
+        at, own = self._own
         for row, found in zip(self.rows, self._out, strict=True):
             if len(row):
-                row[:, at[own]] = found[:, 4 * np.flatnonzero(own)]
+                row[:, at] = found[:, 4 * own]
         self.now, self._begun = self._after, True
 
     def sources(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -187,12 +190,12 @@ class _Run:
         return self.engine.signals(t, x, u, before, self.p)[len(self.net.signals) :]
 
     def _places(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The grid points of the edges, and which edges are new ones."""
+        """The grid points among the edges, and the places of these edges."""
         grid = self.course.grid
         at = np.minimum(np.searchsorted(grid, edges), len(grid) - 1)
-        own = grid[at] == edges
-        own[0] &= not self._begun  # the last segment ended there, after its update
-        return at, own
+        new = grid[at] == edges
+        new[0] &= not self._begun  # the last segment ended there, after its update
+        return at[new], np.flatnonzero(new)
 
 
 @dataclass(frozen=True)
@@ -309,7 +312,7 @@ class Steps:
     def _accept(self, edges: np.ndarray, values: np.ndarray) -> None:
         for past, own in zip(self.past, values, strict=True):
             self.breaks += map(self._on_grid, past.extend(edges, own, self.rtol))
-        self.run.accept(edges)
+        self.run.accept()
 
 
 def coefficients(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from threading import Timer
 
 import numpy as np
@@ -27,7 +27,7 @@ def bounded(
     name: str,
     t: np.ndarray,
     rows: Sequence[np.ndarray],
-    labels: Sequence[Sequence[str]],
+    labels: Callable[[], Sequence[Sequence[str]]],
     driven: Sequence[np.ndarray],
     *,
     looped: bool,
@@ -36,7 +36,7 @@ def bounded(
 
     Parameters
     ----------
-    rows, labels : lists of arrays (n, N) and of their names
+    rows, labels : list of arrays (n, N), and a function that returns lists of their names
         States first: the earliest one of the first array in which a row grows is named.
     driven : arrays
         Inputs and initial states: their largest value, at least 1, is the size of the run.
@@ -44,11 +44,11 @@ def bounded(
         Several blocks: the message then mentions the sign of the feedback.
     """
     size = max([1.0, *(float(np.max(np.abs(part))) for part in driven if np.size(part))])
-    for group, names in zip(rows, labels, strict=True):
-        if not np.size(group) or np.abs(group).max() <= BOUND * size:
-            continue
+    large = [np.size(group) and not np.abs(group).max() <= BOUND * size for group in rows]
+    for i, names in enumerate(labels() if any(large) else ()):
+        group = rows[i]
         found = []
-        for row, label in zip(group, names, strict=True):
+        for row, label in zip(group if large[i] else (), names, strict=False):
             k = _beyond(t, row, BOUND * size)
             if k is not None:
                 found.append((k, label, row[k]))

@@ -54,7 +54,7 @@ class Called:
     def follow(self, course: Course, x: np.ndarray, q: np.ndarray, accuracy: Accuracy) -> Track:
         """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
         how = "at each of its updates" if self.engine is not None else ""
-        with said_if_slow(self.why, how), np.errstate(all="ignore"):
+        with said_if_slow(self.why, how), quiet(), np.errstate(all="ignore"):
             return self._followed(course, x, q, self._advance(course, accuracy))
 
     def _followed(self, course: Course, x: np.ndarray, q: np.ndarray, advance: Advance) -> Track:
@@ -62,19 +62,20 @@ class Called:
             part.block._update_params(self.params)
         states, signals, unsettled = [], [], [np.nan]
         h, x, q = np.zeros(len(self.net.held)), x.copy(), q.copy()
-        ticks, grid = course.ticks, course.grid
+        ticks, grid, columns = course.ticks, course.grid, course.columns
         for k, t in enumerate(grid):
             u = course.given[:, k]
             before = self._outputs(t, x, h, u)
             outputs, start = before, q
             if ticks[k]:
                 h, q, outputs = self._tick(t, x, q, before, u, course.flags[:, k])
-            if course.column[k] >= 0:
+            if columns[k] >= 0:
                 states.append(np.concatenate([x, start]))
                 signals.append(self._signals(before if self.net.earlier else outputs, h))
             if k + 1 < len(grid) and len(x):
-                held = np.repeat(h[:, None], 2, axis=1)
-                rows = np.vstack([course.given[:, k : k + 2], held])
+                rows = course.given[:, k : k + 2]
+                if len(h):
+                    rows = np.vstack([rows, np.repeat(h[:, None], 2, axis=1)])
                 x, relay = advance(grid[k : k + 2], rows, x)
                 unsettled.append(relay)
         whole, n = np.array(states).T, len(x)
@@ -83,6 +84,8 @@ class Called:
 
     def _outputs(self, t: float, x: np.ndarray, h: np.ndarray, u: np.ndarray) -> Rows:
         """Outputs of all parts between updates."""
+        if self.net.alone and not self.net.groups:
+            return [np.reshape(np.asarray(self._at[0].outputs(t, x, u), dtype=float), -1)]
         answers = [
             None if part.sampled else self._of(i, t, x) for i, part in enumerate(self.net.parts)
         ]
@@ -168,6 +171,8 @@ class Called:
 
     def _signals(self, outputs: Rows, h: np.ndarray) -> np.ndarray:
         """All signals; the sampled ones after the update."""
+        if self.net.alone:
+            return outputs[0]
         rows = [row.copy() for row in outputs]
         for (i, j), value in zip(self.net.held, h, strict=True):
             rows[i][j] = value
@@ -212,10 +217,9 @@ class Called:
                 ]
             )
 
-        with quiet():
-            done = solve_ivp(rates, t, x, **given)
+        done = solve_ivp(rates, t, x, **given)
         last = done.y[:, -1]
-        if not done.success or not np.all(np.isfinite(last)):
+        if not done.success or not np.isfinite(last).all():
             labels, looped = self.net.states(sampled=False), self.net.looped
             raise stopped(self.net.name, labels, done.t[-1], last, done.message, looped=looped)
         return last

@@ -92,9 +92,10 @@ class Held:
         when a sign did not settle. Raises as :meth:`follow` does."""
         net, many = self.hybrid.net, len(now.h)
         counts = (len(now.x), len(now.q), many, many if net.earlier else 0)
-        out = [np.empty((count, len(course.kept))) for count in counts]
+        columns = course.columns
+        out = [np.empty((count, np.count_nonzero(columns >= 0))) for count in counts]
         status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], now.sizes)
-        fixed = (course.grid, course.given, course.ticks, course.flags, course.column)
+        fixed = (course.grid, course.given, course.ticks, course.flags, columns)
         given = (*fixed, course.hold, p, float(accuracy.rtol), accuracy.floor)
         code = self._call(self._chosen(len(course.grid)), given, [now.x, now.q, now.h], out, status)
         now.sizes[:] = status[5:]

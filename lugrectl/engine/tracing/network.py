@@ -57,6 +57,8 @@ class Net:
     @cached_property
     def signals(self) -> tuple[str, ...]:
         """All output names, each once."""
+        if self.alone:
+            return self.parts[0].outputs
         return tuple(dict.fromkeys(k for part in self.parts for k in part.outputs))
 
     @cached_property
@@ -90,8 +92,11 @@ class Net:
 
     def states(self, *, sampled: bool | None = None) -> tuple[str, ...]:
         """``block_state``, of the continuous parts, the sampled ones, or all in their order."""
+        if self.alone:
+            own = self.parts[0] if self.parts[0].nstates else None
+            return tuple(own.block.state_labels) if own and sampled in (None, own.sampled) else ()
         return tuple(
-            label if self.alone else f"{part.block.name}_{label}"
+            f"{part.block.name}_{label}"
             for part in self.parts
             if part.nstates and sampled in (None, part.sampled)
             for label in part.block.state_labels
