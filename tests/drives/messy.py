@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from ..scores.points import LAW
 from ..scores.question import EFFECTS, Question
 from .alike import alike
-from .effects import CATALOGUE, STRANGERS, Context, find
+from .effects import CATALOGUE, Context, find
 from .hide import calibrate, visible
 from .machines import GRAVITY_LOAD, Machine
 from .moves import EXCITATIONS, MORE, TORQUES
@@ -305,6 +305,3 @@ def torque(g: np.random.Generator, run: Run, s: Sensing) -> np.ndarray:
 
 def rms(x) -> float:
     return max(float(np.sqrt(np.mean(np.square(x)))), 1e-12)
-
-
-assert set(UNKNOWN) <= set(STRANGERS)
