@@ -6,11 +6,10 @@ import scipy.io
 
 from lugrectl.core.errors import InputError
 from lugrectl.record import read_record
-from lugrectl.record.as_record import record_files
+from lugrectl.record.as_record import passed_over, record_files
 from lugrectl.record.files import readers
 from lugrectl.record.files.mat_file import Damaged, read_mat
 from lugrectl.record.files.nested import columns_of
-from lugrectl.record.as_record import passed_over
 
 from ..cases.logs import csv, machine, refused, write
 
