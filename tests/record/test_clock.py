@@ -1,9 +1,11 @@
-"""Stamps are data: wrapped timers, wild stamps, restarts, jitter, lost rows."""
+"""Stamps are data: wrapped timers, wild stamps, restarts, jitter, lost rows and bursts."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from lugrectl.record import read_record
+from lugrectl.record import read_log, read_record, stretches
 
 from ..cases.damaged_drive import columns, seen, sound
 
@@ -160,8 +162,6 @@ def test_a_slow_log_is_read_and_its_rate_is_said():
 
 
 def test_many_short_runs_are_stretches_of_their_runs():
-    from lugrectl.record import read_log, stretches
-
     log = columns("u", "theta")
     logs = [read_log({k: x[a : a + 380] for k, x in log.items()}) for a in range(0, 5700, 380)]
     found, said = stretches(logs)
@@ -170,8 +170,6 @@ def test_many_short_runs_are_stretches_of_their_runs():
 
 
 def test_what_is_said_of_several_logs_names_the_log():
-    from lugrectl.record import read_log, stretches
-
     bad = columns("u", "theta")
     bad["u"][77] = 9.0
     _, said = stretches([read_log(columns("u", "theta")), read_log(bad)])
@@ -222,3 +220,35 @@ def test_rows_lost_one_by_one_are_no_rounded_stamps():
     found = read_record({k: x[kept] for k, x in log.items()})
     assert not any("rounded" in m for m in found.messages)
     assert found.dt == pytest.approx(1e-3)
+
+
+# ---- a logger that writes in bursts -------------------------------------------------
+
+
+def bursts():
+    """Rows of about 2 ms, with a pause of about 12 ms after every eighth."""
+    rng = np.random.default_rng(0)
+    steps = np.where(np.arange(400) % 8, 2, 12) + rng.integers(0, 2, 400)
+    t = 1e-3 * np.cumsum(steps)
+    return {"t": t, "u": np.cos(6.0 * t), "w": np.sin(6.0 * t)}
+
+
+def test_a_pause_of_a_logger_is_no_loss():
+    (found,), _ = stretches([read_log(bursts())])
+    assert found.ok.all()
+    assert np.abs(found.w - np.sin(6.0 * found.t)).max() < 1e-3
+
+
+def test_samples_that_are_missing_are_not_used():
+    log = bursts()
+    log["u"][100:103] = np.nan
+    (found,), _ = stretches([read_log(log)])
+    at = (found.t > log["t"][99] + found.dt) & (found.t < log["t"][103] - found.dt)
+    assert at.any() and not found.ok[at].any()
+    assert found.ok.mean() > 0.95
+
+
+def test_a_lost_row_of_an_even_clock_is_bridged_and_three_are_not():
+    t = 1e-3 * np.delete(np.arange(1000), [300, 600, 601, 602])
+    (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "w": np.sin(6.0 * t)})])
+    assert found.ok[300] and not found.ok[601]

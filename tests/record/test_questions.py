@@ -1,9 +1,16 @@
-"""What is asked of the user: all at once, in words that can be typed; and usual ways to say it."""
+"""What is asked of the user, in words that can be typed; usual and misspelt ways to say it."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.cli import main
+from lugrectl.record import read_log
+from lugrectl.record.columns.raw_numbers import signed
+
+from ..cases.logs import csv
 
 T = np.arange(0, 10, 2e-3)
 W = np.sin(2 * T) + 0.5 * np.sin(7 * T)
@@ -80,3 +87,99 @@ def test_one_value_in_a_row_is_said(tmp_path):
         lg.InputError, match="one value in a row, and 'field' .*torque, theta.*pivot"
     ):
         lg.read_record(tmp_path / "long.csv")
+
+
+# ---- misspelt names -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("head", "end"),
+    [
+        ("t,u,a2,thetta", "If 'thetta' is theta, rename it, or give columns=\"theta=thetta\"."),
+        ("t,torqe,w,theta", "If 'torqe' is u, rename it, or give columns=\"u=torqe\"."),
+        ("t,u,veloctiy,a", "If 'veloctiy' is w, rename it, or give columns=\"w=veloctiy\"."),
+        ("t,trq val,w,theta", "If 'trq val' is u, rename it, or give columns=\"u=trq val\"."),
+        ("tme,u,w,theta", "If 'tme' is t, rename it, or give columns=\"t=tme\", or give rate=HZ."),
+        ("t,u,p,qq", ': name the column with columns="theta=NAME".'),
+    ],
+)
+def test_a_misspelt_column_is_named_with_the_option_to_type(tmp_path, head, end):
+    with pytest.raises(lg.InputError) as no:
+        lg.read_record(csv(tmp_path, head))
+    assert str(no.value).endswith(end) and "did you mean" not in str(no.value)
+
+
+def test_a_column_that_has_a_role_is_not_offered_for_another(tmp_path):
+    with pytest.raises(lg.InputError) as no:
+        lg.read_record(csv(tmp_path, "t,u,thet a,tau"), columns="u=u,t=tau")
+    assert "'tau' is" not in str(no.value)
+
+
+@pytest.mark.parametrize(
+    ("option", "given", "hint"),
+    [
+        ("columns", "thta=theta", "no role 'thta' (did you mean 'theta'?)"),
+        ("columns", "theta=thta", "(did you mean 'theta'?); its columns are"),
+        ("scale", "torque=2", "no role 'torque' (torque is 'u')"),
+        ("units", "speed=rpm", "no role 'speed' (speed is 'w')"),
+    ],
+)
+def test_a_misspelt_role_is_named(tmp_path, option, given, hint):
+    with pytest.raises(lg.InputError) as no:
+        lg.read_record(csv(tmp_path), **{option: given})
+    assert hint in str(no.value)
+
+
+def test_a_misspelt_file_is_named(tmp_path):
+    path = csv(tmp_path, name="bench-run.csv")
+    with pytest.raises(lg.InputError, match=r"no such file \(did you mean .*bench-run.csv\?\)"):
+        lg.read_record(path.with_name("bench-run.cvs"))
+    (tmp_path / "servo.toml").write_text("[plant]\n")
+    with pytest.raises(lg.InputError, match=r"no such model file \(did you mean .*servo.toml\?\)"):
+        lg.diagnose(path, tmp_path / "sevro.toml")
+    with pytest.raises(lg.InputError, match=r"no such file\.$"):
+        lg.read_record(tmp_path / "other.dat")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("diagnos run.csv", "there is no command 'diagnos' (did you mean diagnose?)"),
+        ("diagnose run.csv --modle my.toml", "there is no option --modle (did you mean --model?)"),
+        ("diagnose run.csv", "required: --model (lugrectl model > my.toml writes one"),
+    ],
+)
+def test_a_misspelt_command_or_option_is_named(capsys, line, said):
+    assert main(line.split()) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_a_current_with_a_german_name_is_known(tmp_path):
+    path = tmp_path / "run.csv"
+    read = csv(tmp_path, "Zeit [s],Strom [A],Geschwindigkeit,Winkel", name="run.csv")
+    assert read == path and lg.read_record(path, scale="u=0.35").w is not None
+
+
+# ---- registers without a sign -------------------------------------------------------
+
+
+def test_an_unsigned_register_is_read_with_its_sign():
+    true = np.array([0.0, 5.0, -1.0, -300.0, 12.0, np.nan])
+    made, said = signed("u", np.where(true < 0, true + 65536, true))
+    np.testing.assert_array_equal(made, true)
+    assert "16 bit" in said[0] and "32767" in said[0]
+
+
+def test_large_numbers_of_one_sign_and_angles_stay_as_they_are():
+    rows = np.array([60000.0, 60010.0, 60020.0])
+    for role, x in (("u", rows), ("theta", np.append(rows, 3.0)), ("u", rows - 0.5)):
+        made, said = signed(role, x)
+        assert made is x and not said
+
+
+def test_a_log_says_that_its_torque_was_unsigned():
+    t = np.arange(200) * 0.01
+    u = np.round(300 * np.sin(7 * t)) % 65536
+    log = read_log({"t": t, "theta": np.sin(7 * t), "u": u}, scale={"u": 0.01})
+    assert np.nanmin(log.channels["u"]) < -2.9 and np.nanmax(log.channels["u"]) < 3.1
+    assert any("unsigned" in message for message in log.messages)

@@ -33,16 +33,6 @@ def test_the_plain_answer_and_the_finer_fit_share_the_usable_rows(found):
     assert len(found) == 1
 
 
-def test_a_change_of_the_usable_rows_does_not_reach_the_next_reader():
-    made = rows()
-    first = usable.usable(made)
-    first.channels["w"][:] = 0.0
-    first.say("changed")
-    again = usable.usable(made)
-    assert np.array_equal(again.channels["w"], SPEED)
-    assert "changed" not in again.said
-
-
 def test_a_log_that_was_changed_is_looked_at_again(found):
     made = rows()
     usable.usable(made)
