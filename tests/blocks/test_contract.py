@@ -37,7 +37,7 @@ every_effect = each("effect")
 every_law = pytest.mark.parametrize("law", LAWS)
 
 
-# --- what all blocks say and do ------------------------------------------------------------
+# --- what all blocks say and do ----
 
 
 @every_block
@@ -137,7 +137,7 @@ def test_a_name_is_one_block_of_its_kind():
     assert REGISTRY.get("no such block") is None
 
 
-# --- a drive that runs the other way -------------------------------------------------------
+# --- a drive that runs the other way ----
 
 
 def mirrored(made, args, values):
@@ -186,7 +186,7 @@ def test_ready_loops_take_an_observer_by_name(make, made):
     assert np.isfinite(loop.dynamics(0.0, np.full(loop.nstates, 1e-3), r)).all()
 
 
-# --- friction laws ------------------------------------------------------------------------
+# --- friction laws ----
 
 
 @st.composite
@@ -219,7 +219,7 @@ def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
     assert LAWS["lugre"](w, -edge, **values)[1] >= -1e-12 * abs(w)
 
 
-# --- effects ------------------------------------------------------------------------------
+# --- effects ----
 
 
 CATALOGUE = """constant_torque gravity torque_ripple position_dependent_friction coulomb_asymmetry
