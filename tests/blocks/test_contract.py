@@ -17,6 +17,7 @@ from lugrectl.engine.runtime.backend import compiler
 
 from ..cases import laws
 from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong
+from ..house.arrows import PACKAGE, imported
 
 FORMS = {case: laws.model_of(case).friction.block for case, (_, own) in laws.CASES.items() if own}
 BLOCKS = {f"{kind}-{name}": made for (kind, name), made in REGISTRY.items()} | FORMS
@@ -424,3 +425,13 @@ def test_borrowed_values_are_nowhere_declared(made):
         text = {"name": made.name, key.split(".")[1]: 1.0}
         with pytest.raises(lg.InputError, match="unknown key"):
             model_from_dict({"effects": [text]}, "here")
+
+
+def test_files_of_the_blocks_import_one_way():
+    """But for the registry, which is filled by the modules that declare its blocks."""
+    paths = [p for p in (PACKAGE / "blocks").rglob("*.py") if p.name != "__init__.py"]
+    files = {p.relative_to(PACKAGE).with_suffix("").parts: p for p in paths}
+    needs = {name: imported(path) & files.keys() - {name} for name, path in files.items()}
+    while free := {name for name, of in needs.items() if not of & needs.keys()}:
+        needs = {name: of for name, of in needs.items() if name not in free}
+    assert not needs, sorted(needs)
