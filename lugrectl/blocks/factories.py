@@ -63,12 +63,13 @@ def factory(
     ) -> Callable[Arguments, ct.NonlinearIOSystem]:
         signature = _with_names(written)
         bound = _binding(written.__name__, signature)
+        body: Callable[..., Any] = written
 
         @wraps(written)
         def build(*args: Arguments.args, **given: Arguments.kwargs) -> ct.NonlinearIOSystem:
             values = bound(args, given)
             if made is None:
-                return written(**values)
+                return body(**values)
             return believed(made, **values) if "p" in values else made.system(**values)
 
         build.__doc__, build.__dict__["__signature__"] = _completed(written), signature
@@ -99,7 +100,7 @@ def _binding(name: str, signature: inspect.Signature) -> Callable[[Any, Any], di
     defaults = {k: p.default for k, p in own.items() if p.default is not p.empty}
     free = len(own) < len(signature.parameters)  # further gains by name
 
-    def bound(args: tuple[Any, ...], given: Mapping[str, Any]) -> dict[str, Any]:
+    def bound(args: tuple[Any, ...], given: dict[str, Any]) -> dict[str, Any]:
         first = dict(zip(positional, args, strict=False))
         values = defaults | first | given
         exact = values.keys() >= own.keys() if free else values.keys() == own.keys()
