@@ -115,7 +115,7 @@ def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: A
     return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
 
 
-def free_lugre(w: Any, z: Any, delta: Any = None, vd: Any = None, **own: Any) -> tuple[Any, Any]:
+def free_lugre(w, z, sigma0, sigma1, Fc, Fs, Fv, vs, delta: Any = None, vd: Any = None):
     """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
     h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2 and
@@ -123,9 +123,9 @@ def free_lugre(w: Any, z: Any, delta: Any = None, vd: Any = None, **own: Any) ->
     between Fc and Fs. In steady sliding dz/dt = 0, so that vd leaves the friction there as it is;
     a change of the speed causes less torque.
     """
-    sigma0, sigma1, Fc, Fs, Fv, vs = (own[k] for k in lugre.parameters)
-    dz = bristle(w, z, sigma0, Fc, Fs, vs)
-    if delta is not None:
+    if delta is None:
+        dz = bristle(w, z, sigma0, Fc, Fs, vs)
+    else:
         dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
     damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))
     return bristle_torque(w, z, dz, sigma0, damping, Fv), dz

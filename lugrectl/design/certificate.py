@@ -166,10 +166,15 @@ def common(m: Drive, C: float, beta: float) -> tuple[float, float]:
 
 
 def constant_certificate(
-    p: Any, K1: float, K2: float, C: float, beta: float, lemma: str, conditions: tuple[str, ...]
+    p: Any,
+    gains: tuple[float, float],
+    C: float,
+    beta: float,
+    lemma: str,
+    conditions: tuple[str, ...],
 ) -> Certificate:
     """The certificate of constant gains with the V given by C and beta."""
-    m = drive(p)
+    m, (K1, K2) = drive(p), gains
     A, B = common(m, C, beta)
     P = lyapunov(A, B, C)
     M0, M1 = error_matrices(m, K1, K2)
@@ -251,7 +256,8 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
     decays = K1 < 0.0 < K2 and m.sigma1 > 0.0
     first = "K1 < 0 < K2 and sigma1 > 0" if decays else _why_no_rate(m, K1, K2)
     sentences = (first, MATCHED, ANY_MOTION)
-    return constant_certificate(m, K1, K2, 1.0, 2.0 * _weight(m, K1, K2, g), "certify", sentences)
+    weight = 2.0 * _weight(m, K1, K2, g)
+    return constant_certificate(m, (K1, K2), 1.0, weight, "certify", sentences)
 
 
 def _obstacle(m: Drive, K1: float, K2: float, g: float) -> str:

@@ -233,20 +233,14 @@ def _scheduled(m: Drive, given: dict[str, float]) -> tuple[float, float, float, 
 
 
 def _diagonal(
-    m: Drive,
-    A: float,
-    C: float,
-    alpha: float,
-    pole: float,
-    lemma: str,
-    sentences: tuple[str, ...],
+    m: Drive, V: tuple[float, float], alpha: float, pole: float, lemma: str, said: tuple[str, ...]
 ) -> Certificate:
     """V = A e_z^2 + C e_w^2 with -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
-    Q0 = np.diag([0.0, 2.0 * C * alpha / m.J])
+    A, C = V
     return Certificate(
         holds=True,
         lemma=lemma,
-        conditions=(*sentences, MATCHED),
+        conditions=(*said, MATCHED),
         pole_at_rest=pole,
         A=A,
         B=0.0,
@@ -254,7 +248,7 @@ def _diagonal(
         alpha=alpha,
         alpha_unit="N m s/rad",
         P=lyapunov(A, 0.0, C),
-        Q0=Q0,
+        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
         Q1=np.diag([2.0 * A, 0.0]),
     )
 
@@ -270,7 +264,7 @@ def _time_varying(
         "bounded and persistently exciting (Excitation.rate)",
     )
     pole = slowest_pole(m, K1.offset, K2.offset)
-    return K1, K2, _diagonal(m, A, C, alpha, pole, "lemma4", sentences)
+    return K1, K2, _diagonal(m, (A, C), alpha, pole, "lemma4", sentences)
 
 
 def _bounded(m: Drive, given: dict[str, float]) -> tuple[ScheduledGain, float, Certificate]:
@@ -284,7 +278,7 @@ def _bounded(m: Drive, given: dict[str, float]) -> tuple[ScheduledGain, float, C
         "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
     )
     pole = slowest_pole(m, K1.offset, K2)
-    return K1, K2, _diagonal(m, A, C, alpha, pole, "lemma5", sentences)
+    return K1, K2, _diagonal(m, (A, C), alpha, pole, "lemma5", sentences)
 
 
 def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certificate]:
@@ -293,7 +287,7 @@ def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certific
     beta = given.get("beta", 2.0 * C * (m.sigma1 / m.J) ** 2)
     K1, K2 = -2.0 * C * (m.sigma1 * alpha + m.sigma0) / (beta * m.J), m.J * alpha
     sentences = ("sigma1 > 0", MATCHED, ANY_MOTION)
-    return K1, K2, constant_certificate(m, K1, K2, C, beta, "lemma6", sentences)
+    return K1, K2, constant_certificate(m, (K1, K2), C, beta, "lemma6", sentences)
 
 
 _METHODS: dict[str, tuple[Callable[..., Any], str]] = {

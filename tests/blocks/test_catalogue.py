@@ -151,7 +151,7 @@ def test_a_users_block_appears_by_itself(own):
     assert "hysteresis_of_mine" in str(lg.effects())
 
 
-# --- common names ------------------------------------------------------------------------
+# --- common names ----
 
 
 @pytest.mark.parametrize("name", ["cogging", "Detent", "torque-ripple", "Torque Ripple"])

@@ -17,6 +17,7 @@ from lugrectl.engine.runtime.backend import compiler
 
 from ..cases import laws
 from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong
+from ..house.arrows import PACKAGE, imported
 
 FORMS = {case: laws.model_of(case).friction.block for case, (_, own) in laws.CASES.items() if own}
 BLOCKS = {f"{kind}-{name}": made for (kind, name), made in REGISTRY.items()} | FORMS
@@ -37,7 +38,7 @@ every_effect = each("effect")
 every_law = pytest.mark.parametrize("law", LAWS)
 
 
-# --- what all blocks say and do ------------------------------------------------------------
+# --- what all blocks say and do ----
 
 
 @every_block
@@ -137,7 +138,7 @@ def test_a_name_is_one_block_of_its_kind():
     assert REGISTRY.get("no such block") is None
 
 
-# --- a drive that runs the other way -------------------------------------------------------
+# --- a drive that runs the other way ----
 
 
 def mirrored(made, args, values):
@@ -186,7 +187,7 @@ def test_ready_loops_take_an_observer_by_name(make, made):
     assert np.isfinite(loop.dynamics(0.0, np.full(loop.nstates, 1e-3), r)).all()
 
 
-# --- friction laws ------------------------------------------------------------------------
+# --- friction laws ----
 
 
 @st.composite
@@ -219,7 +220,7 @@ def test_bristles_never_bend_beyond_stiction(w, Fc, ratio):
     assert LAWS["lugre"](w, -edge, **values)[1] >= -1e-12 * abs(w)
 
 
-# --- effects ------------------------------------------------------------------------------
+# --- effects ----
 
 
 CATALOGUE = """constant_torque gravity torque_ripple position_dependent_friction coulomb_asymmetry
@@ -424,3 +425,13 @@ def test_borrowed_values_are_nowhere_declared(made):
         text = {"name": made.name, key.split(".")[1]: 1.0}
         with pytest.raises(lg.InputError, match="unknown key"):
             model_from_dict({"effects": [text]}, "here")
+
+
+def test_files_of_the_blocks_import_one_way():
+    """But for the registry, which is filled by the modules that declare its blocks."""
+    paths = [p for p in (PACKAGE / "blocks").rglob("*.py") if p.name != "__init__.py"]
+    files = {p.relative_to(PACKAGE).with_suffix("").parts: p for p in paths}
+    needs = {name: imported(path) & files.keys() - {name} for name, path in files.items()}
+    while free := {name for name, of in needs.items() if not of & needs.keys()}:
+        needs = {name: of for name, of in needs.items() if name not in free}
+    assert not needs, sorted(needs)

@@ -15,6 +15,7 @@ from lugrectl.blocks.drive import dead_times
 from lugrectl.engine.runtime import adaptive_run
 
 from ..cases.observed import P
+from ..cases.observed import relaxation as rate
 from ..cases.transfer import response, s, same
 
 few, deflections = st.floats(-1.0, 1.0), st.floats(-2e-3, 2e-3)
@@ -28,12 +29,7 @@ def uncompiled(monkeypatch):
     monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
-def rate(w):
-    """a(w) = sigma0 |w|/h(w) in 1/s."""
-    return P.sigma0 * abs(w) / (P.Fc + (P.Fs - P.Fc) * np.exp(-((w / P.vs) ** 2)))
-
-
-# --- transfer functions -------------------------------------------------------------------
+# --- transfer functions ----
 
 
 def late(T):
@@ -106,7 +102,7 @@ def test_inputs_follow_the_kind_and_a_name_changes_the_keys():
     assert set(block.params) == {"outer.kp", "outer.ki", "outer.kd", "outer.tau"}
 
 
-# --- in the path of the torque -------------------------------------------------------------
+# --- in the path of the torque ----
 
 
 def test_a_dead_time_is_the_effect_of_the_catalogue():
@@ -260,7 +256,7 @@ def test_a_limited_controller_runs_at_a_sample_rate():
     assert u == pytest.approx(exact, abs=0.1) and np.abs(u).max() == 1.5
 
 
-# --- controllers on s: Lyapunov functions ---------------------------------------------------
+# --- controllers on s: Lyapunov functions ----
 
 
 @given(few, few, few, few, few, st.floats(0.0, 50.0))
@@ -335,7 +331,7 @@ def test_backstepping_closed_loop_of_the_surface(s, ar, q, error):
     assert dy == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-# --- late torque, and learning from period to period -----------------------------------------
+# --- late torque, and learning from period to period ----
 
 
 @given(few, few, few, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
@@ -408,7 +404,7 @@ def test_harmonics_have_a_sampled_form():
     assert u == pytest.approx(x0[0] + turned, abs=1e-9)
 
 
-# --- in the ready-made loops ----------------------------------------------------------------
+# --- in the ready-made loops ----
 
 
 NAMES = ["slotine_li", "adaptive_slotine_li", "dual_observer_control", "backstepping_smc"]

@@ -13,6 +13,7 @@ from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.observers import observer
 
 from ..cases.observed import P, believing, signals_by
+from ..cases.observed import relaxation as rate
 from ..cases.transfer import response
 
 OFF = replace(P, J=0.003, Fc=0.2, Fs=0.31, sigma0=300.0)
@@ -21,11 +22,6 @@ moving = st.one_of(st.floats(0.01, 3.0), st.floats(-3.0, -0.01))
 deflections = st.floats(-2e-3, 2e-3)
 gains = st.floats(0.01, 5.0)
 scales, excesses = st.floats(0.3, 3.0), st.floats(-0.9, 2.0)
-
-
-def rate(w, p=P):
-    """a(w) = sigma0 |w|/h(w) in 1/s."""
-    return p.sigma0 * abs(w) / (p.Fc + (p.Fs - p.Fc) * np.exp(-((w / p.vs) ** 2)))
 
 
 def motion(w, z, u=0.0, p=P):
@@ -56,7 +52,7 @@ def wired(plant, estimate, outputs, inputs=("u", "d")):
     )
 
 
-# --- copies of LuGre ----------------------------------------------------------------------
+# --- copies of LuGre ----
 
 
 @given(speeds, deflections, deflections)
@@ -231,7 +227,7 @@ def test_position_coulomb_error_decays_by_the_slower_pole(L, decay):
     assert -slope == pytest.approx(decay, rel=0.02)
 
 
-# --- no friction law: disturbance and extended state ----------------------------------------
+# --- no friction law: disturbance and extended state ----
 
 
 OMEGA = np.array([0.03, 0.7, 2.0, 11.0, 83.0, 900.0])  # of ``response``
@@ -267,7 +263,7 @@ def test_extended_state_observer_has_both_poles_at_the_bandwidth(bandwidth):
     assert noise.max() <= 0.5 * P.J * bandwidth * (1 + 1e-6)
 
 
-# --- a scale that is not known: adaptive, by a normal force, by temperature -------------------
+# --- a scale that is not known: adaptive, by a normal force, by temperature ----
 
 
 def adaptive_growth(theta, w, u, z, zhat, what, excess, K2, gamma):
@@ -343,7 +339,7 @@ def test_temperature_lyapunov_function_never_grows(theta, w, z, zhat, excess, k,
     assert made.dynamics(0.0, state, [0.0, 0.1])[1] == 0.0
 
 
-# --- friction as a state -------------------------------------------------------------------
+# --- friction as a state ----
 
 
 @given(
@@ -389,7 +385,7 @@ def test_without_a_law_it_is_the_extended_state_observer():
     assert made.dynamics(0.0, state, u) == pytest.approx(other.dynamics(0.0, state, u), rel=1e-8)
 
 
-# --- the exact cross term; the whole drive from its position ----------------------------------
+# --- the exact cross term; the whole drive from its position ----
 
 
 @given(speeds, st.floats(-1.0, 1.0), deflections, deflections, st.floats(0.01, 200.0))
@@ -450,7 +446,7 @@ def test_gains_decide_on_stability_in_sliding():
     assert in_sliding(placed(500.0)) == pytest.approx(90.0, abs=1.0)
 
 
-# --- in a loop -----------------------------------------------------------------------------
+# --- in a loop ----
 
 
 @pytest.mark.parametrize("name", ["friedland_park", "disturbance", "extended_state", "adaptive"])

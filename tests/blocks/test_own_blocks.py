@@ -158,7 +158,7 @@ def test_names_may_be_lists():
         lg.block("friction", out="F", states=3)  # pyright: ignore[reportArgumentType]
 
 
-# --- in a file, a model file, an installed package -----------------------------------------------
+# --- in a file, a model file, an installed package ----
 
 
 MINE = '''import lugrectl as lg

@@ -221,7 +221,7 @@ def test_limit_cycles_with_friction_overestimated(name, factor, swing, digit):
     assert cycle(name, factor) == pytest.approx(swing, abs=digit)
 
 
-# --- from period to period ------------------------------------------------------------------
+# --- from period to period ----
 
 
 def by_period(blocks, periods, plant=P, noise=0.0):
@@ -266,7 +266,7 @@ def test_harmonics_that_are_left_out_remain_in_the_error():
     assert errors[-1] == pytest.approx(1.7e-3, rel=0.05)
 
 
-# --- a torque that acts late ----------------------------------------------------------------
+# --- a torque that acts late ----
 
 
 def late(samples, source, target):

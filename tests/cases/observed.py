@@ -23,6 +23,11 @@ def believing(factor, **others):
     return replace(P, Fc=factor * P.Fc, Fs=factor * P.Fs, **others)
 
 
+def relaxation(w, p=P):
+    """a(w) = sigma0 |w|/h(w) in 1/s."""
+    return p.sigma0 * abs(w) / (p.Fc + (p.Fs - p.Fc) * np.exp(-((w / p.vs) ** 2)))
+
+
 def rms(x):
     return float(np.sqrt(np.mean(np.square(x))))
 

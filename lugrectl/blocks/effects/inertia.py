@@ -69,12 +69,13 @@ def _stretched(twist: Any, gap: Any) -> Any:
 
 
 def _load_side(
-    w: Any, twist: Any, w_load: Any, load_inertia: Any, gap: Any, k: Any, c: Any, slowed: Any = 0.0
+    motion: tuple[Any, Any, Any], load_inertia: Any, gap: Any, k: Any, c: Any, slowed: Any = 0.0
 ):
     """Torque on the motor and the rates of twist and load speed; all 0 without a load.
 
-    ``slowed`` is the torque of the load's own friction.
+    ``motion`` holds w, twist and w_load, ``slowed`` is the torque of the load's own friction.
     """
+    w, twist, w_load = motion
     there = load_inertia > 0.0
     touching = np.abs(twist) >= 0.5 * gap
     torque = k * _stretched(twist, gap) + np.where(touching, c * (w - w_load), 0.0)
@@ -109,7 +110,7 @@ def elastic_coupling(w, twist, w_load, load_inertia=LOAD, stiffness=STIFFNESS, d
     sqrt(K/Jl) (anti-resonance) and moves most at sqrt(K (1/J + 1/Jl)) (resonance). Well below
     that a larger J looks the same; near it a sensor lag or a delay has a similar phase.
     """
-    return _load_side(w, twist, w_load, load_inertia, 0.0, stiffness, damping)
+    return _load_side((w, twist, w_load), load_inertia, 0.0, stiffness, damping)
 
 
 @block(
@@ -142,4 +143,4 @@ def backlash(
     amplitude presliding may look the same.
     """
     slowed = load_friction * np.tanh(w_load / eps)
-    return _load_side(w, twist, w_load, load_inertia, gap, stiffness, damping, slowed)
+    return _load_side((w, twist, w_load), load_inertia, gap, stiffness, damping, slowed)
