@@ -228,7 +228,6 @@ class Block(Shown):
         ``inputs`` and ``outputs`` rename the signals, in the declared order. A value may be a
         function of the block's first signal if the block allows it.
         """
-        from ..core import control_pickling  # noqa: F401  so that the block and its loops pickle
         from ..core.block_system import BlockSystem
 
         return described(self._of(BlockSystem, name, inputs, outputs, values), self)

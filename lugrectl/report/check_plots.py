@@ -126,25 +126,30 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
 
     def nyquist(own: Axes) -> None:
-        shown = np.where(np.abs(L) < NEAR_MINUS_1, L, np.nan)
-        own.plot(np.real(shown), np.imag(shown), color=LINE)
-        own.plot(np.real(TURN), np.imag(TURN), ":", color="0.4", lw=0.8)
-        own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
-        if ends["gain"] and crossing.real > -NEAR_MINUS_1:
-            label = _said(verdict, "gain")
-            own.plot([-1.0, crossing.real], [0.0, 0.0], color="#e08214", label=label)
-        if ends["phase"]:
-            arc = -np.exp(1j * np.radians(np.linspace(0.0, verdict.phase_margin, 181)))
-            own.plot(np.real(arc), np.imag(arc), color="#1b7837", label=_said(verdict, "phase"))
-        if 0 < verdict.modulus_margin < math.inf:
-            ring = verdict.modulus_margin * TURN - 1
-            label = f"{_said(verdict, 'modulus')}, Ms {verdict.Ms:.4g}"
-            own.plot(np.real(ring), np.imag(ring), "--", color=MARK, lw=1, label=label)
+        _about_minus_1(own, L, verdict, crossing.real if ends["gain"] else -math.inf)
         own.set(xlabel=f"Re {of}", ylabel=f"Im {of}", title="Nyquist, w > 0")
-        own.set_aspect("equal", adjustable="datalim")
-        own.legend()
 
     return _panels([size, phase, nyquist], ax)
+
+
+def _about_minus_1(own: Axes, L: np.ndarray, verdict: Any, crossing: float) -> None:
+    """L(jw) near -1 with its margins; ``crossing``: where it meets the axis, -inf if nowhere."""
+    shown = np.where(np.abs(L) < NEAR_MINUS_1, L, np.nan)
+    own.plot(np.real(shown), np.imag(shown), color=LINE)
+    own.plot(np.real(TURN), np.imag(TURN), ":", color="0.4", lw=0.8)
+    own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
+    if crossing > -NEAR_MINUS_1:
+        label = _said(verdict, "gain")
+        own.plot([-1.0, crossing], [0.0, 0.0], color="#e08214", label=label)
+    if _place(verdict, "phase"):
+        arc = -np.exp(1j * np.radians(np.linspace(0.0, verdict.phase_margin, 181)))
+        own.plot(np.real(arc), np.imag(arc), color="#1b7837", label=_said(verdict, "phase"))
+    if 0 < verdict.modulus_margin < math.inf:
+        ring = verdict.modulus_margin * TURN - 1
+        label = f"{_said(verdict, 'modulus')}, Ms {verdict.Ms:.4g}"
+        own.plot(np.real(ring), np.imag(ring), "--", color=MARK, lw=1, label=label)
+    own.set_aspect("equal", adjustable="datalim")
+    own.legend()
 
 
 def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:

@@ -192,10 +192,10 @@ class Residual:
 
 def residual(d: Any) -> Residual | None:
     """The residual torque against the signal that explains it; None without traces."""
-    traces: Any = getattr(d, "traces", None)
-    before = None if traces is None else traces.residual.get("refitted")
-    if before is None or not np.isfinite(before).any():
+    traces = getattr(d, "traces", None)
+    if traces is None or not np.isfinite(traces.residual.get("refitted", np.nan)).any():
         return None
+    before: np.ndarray = traces.residual["refitted"]
     times = _times(d)
     x, label, span, cycles = _explaining(d, times)
     after = traces.residual.get("augmented")
@@ -207,8 +207,8 @@ def residual(d: Any) -> Residual | None:
     good = good & traces.held_out if held_out else good
     if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
         after = None
-    before, after = (None if y is None else y[good] * sign[good] for y in (before, after))
-    return Residual(x[good], label, before, after, times, held_out, span, cycles)
+    before, after = before * sign, None if after is None else (after * sign)[good]
+    return Residual(x[good], label, before[good], after, times, held_out, span, cycles)
 
 
 def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:

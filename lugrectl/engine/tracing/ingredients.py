@@ -8,8 +8,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ...core.block_system import BlockSystem
-from ...core.control_pickling import own_functions
+from ...core.block_system import BlockSystem, own_functions
 from .tracer import single
 from .verify import AGAIN, Differs, check
 
