@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import wraps
-from typing import Any
+from typing import Any, ParamSpec
 
 import control as ct
 
@@ -20,6 +20,7 @@ from .quasi import Quasi
 from .transfer import number, parameter, read_transfer, to_float
 
 Ratio = tuple[Poly, Poly]
+Taken = ParamSpec("Taken")
 
 
 @dataclass(frozen=True)
@@ -96,14 +97,13 @@ def _gains(
     ki: float = 0,
     kd: float = 0,
     tau: float | None = None,
-    prefilter: bool | float = False,
     *,
     derivative_filter: float | None = None,
     leak: float | None = None,
     controller: Any = None,
     dead_time: float = 0.0,
 ) -> dict[str, Any]:
-    """Read the arguments of the loops, from which each takes what it needs."""
+    """Read the arguments of a loop: the drive, C(s) and the dead time."""
     gains = (number(kp, "kp"), number(ki, "ki"), number(kd, "kd"))
     lag = _not_negative(tau, "tau", "s")
     smoothing = _not_negative(derivative_filter, "derivative_filter", "s")
@@ -114,31 +114,50 @@ def _gains(
             "Ki/(s + leak); give one of them."
         )
     added = ((), (1,)) if controller is None else read_transfer(controller, "C")[:2]
-    C, delay = Controller(*gains, lag, smoothing, rate, added), dead_time_of(dead_time)
-    return {"p": values_of(p), "C": C, "dead_time": delay, "prefilter": prefilter}
+    C = Controller(*gains, lag, smoothing, rate, added)
+    return {"p": values_of(p), "C": C, "dead_time": dead_time_of(dead_time)}
 
 
-def _with_gains(make: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a loop the arguments of ``_gains``, prefilter only where it has one."""
-    takes = inspect.signature(make).parameters
-    listed = inspect.signature(_gains).parameters.values()
-    keep = [p for p in listed if p.name != "prefilter" or p.name in takes]
-    signature = inspect.Signature(keep, return_annotation="Any")
+def _gains_and_prefilter(
+    p: Any,
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    tau: float | None = None,
+    prefilter: bool | float = False,
+    *,
+    derivative_filter: float | None = None,
+    leak: float | None = None,
+    controller: Any = None,
+    dead_time: float = 0.0,
+) -> dict[str, Any]:
+    """Read the same with a prefilter."""
+    more = {"derivative_filter": derivative_filter, "leak": leak, "controller": controller}
+    read = _gains(p, kp, ki, kd, tau, **more, dead_time=dead_time)
+    return {**read, "prefilter": prefilter}
 
-    @wraps(make)
-    def loop(*args: Any, **kwargs: Any) -> Any:
-        try:
-            given = signature.bind(*args, **kwargs).arguments
-        except TypeError as error:
-            raise TypeError(f"{make.__name__}() {error}") from None
-        read = _gains(**given)
-        return make(**{name: read[name] for name in takes})
 
-    loop.__signature__ = signature  # type: ignore
-    return loop
+def _taking(read: Callable[Taken, dict[str, Any]]) -> Callable[..., Callable[Taken, Any]]:
+    """Give a loop the arguments of ``read``, which reads them."""
+
+    def decorate(make: Callable[..., Any]) -> Callable[Taken, Any]:
+        signature = inspect.signature(read).replace(return_annotation="Any")
+
+        @wraps(make)
+        def loop(*args: Taken.args, **kwargs: Taken.kwargs) -> Any:
+            try:
+                signature.bind(*args, **kwargs)
+            except TypeError as error:
+                raise TypeError(f"{make.__name__}() {error}") from None
+            return make(**read(*args, **kwargs))
+
+        loop.__signature__ = signature  # type: ignore
+        return loop
+
+    return decorate
 
 
-@_with_gains
+@_taking(_gains)
 def position_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s^2 + C(s)), the SPR condition of the existing observer.
 
@@ -198,7 +217,7 @@ def position_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     return _error_T(p, 2, C, dead_time)
 
 
-@_with_gains
+@_taking(_gains)
 def velocity_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """T(s) = (sigma1 s + sigma0)/(J s + C(s)): C as in ``position_T``, on the velocity error.
 
@@ -233,7 +252,7 @@ def velocity_T(p: Any, C: Controller, dead_time: Fraction) -> Any:
     return _error_T(p, 1, C, dead_time)
 
 
-@_with_gains
+@_taking(_gains_and_prefilter)
 def position_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool | float) -> Any:
     """Reference to position with friction fully compensated (plant 1/(J s^2)).
 
@@ -280,7 +299,7 @@ def position_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool
     return _reference_tf(_parts(p, 2, C), C, prefilter, "theta", dead_time)
 
 
-@_with_gains
+@_taking(_gains_and_prefilter)
 def velocity_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool | float) -> Any:
     """Reference to velocity with friction fully compensated (plant 1/(J s)).
 
@@ -317,7 +336,7 @@ def velocity_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool
     return _reference_tf(_parts(p, 1, C), C, prefilter, "w", dead_time)
 
 
-@_with_gains
+@_taking(_gains)
 def position_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """The open loop L(s) = C(s) exp(-s h)/(J s^2) of a position loop, cut at the torque.
 
@@ -351,7 +370,7 @@ def position_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     return _open_loop(*_parts(p, 2, C), dead_time)
 
 
-@_with_gains
+@_taking(_gains)
 def velocity_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     """The open loop L(s) = C(s) exp(-s h)/(J s) of a velocity loop, cut at the torque.
 
