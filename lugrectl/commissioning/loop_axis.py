@@ -38,7 +38,8 @@ LIGHT = 0.5  # damping ratio below which a mode has points of its own
 PEAK = 2.0  # times what is an octave away: a resonance at which a notch may pay
 TOP = (
     "Beyond {:.4g} Hz the fitted mechanics counts where the response rules out a resonance; else "
-    "|P| may be any phase of what falls as 1/f from {:.3g} {}."
+    "|P| may be any phase of what falls as 1/f from {:.3g} {}. A resonance that no point "
+    "shows may be larger there, and bring the loop nearer to -1."
 )
 OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
