@@ -126,7 +126,8 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     if math.isnan(width):
         reason = _no_dc(falls)
     elif math.isinf(width):
-        reason = f"{size} never falls below {start}{falls.said}"
+        never = "never falls" if falls.base else "does not fall"  # at frequencies that are known
+        reason = f"{size} {never} below {start}{falls.said}"
     else:
         reason = f"{size} falls through {start} at {width:.6g} rad/s ({hertz:.6g} Hz){falls.said}"
     if not system.stable:
