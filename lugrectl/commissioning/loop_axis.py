@@ -19,6 +19,7 @@ import numpy as np
 from ..blocks.model import Model, as_model
 from ..blocks.plant import plant
 from ..core.errors import InputError, Refused
+from ..core.option_names import option
 from ..core.validation import number, positive
 from ..linear import linearize
 from ..linear.measured import response
@@ -45,6 +46,7 @@ OPEN = (
     "{} of {} points, {:.3g} to {:.4g} Hz, are not certain: there the fitted mechanics holds where "
     "it agrees, else P may be wrong by all that it does not explain, or that is left of friction."
 )
+ENDLESS = "nothing limits the gains of this axis: give {} or {}."
 GOVERNED = "friction governs this log at all frequencies that it shows: no gains follow from it."
 
 
@@ -215,6 +217,11 @@ class _Measured:
         return np.where(inside, fitted * turn, far), np.where(inside, radius, open_)
 
 
+def endless() -> Refused:
+    """Return what is said of an axis in continuous time without a dead time."""
+    return Refused(ENDLESS.format(option("rate"), option("dead_time")), "")
+
+
 def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
     """J and B/J of 1/P = B + jwJ, at low frequencies."""
     low = w <= max(LOW * w[0], w[min(5, len(w) - 1)])
@@ -276,7 +283,7 @@ def _grid(features: np.ndarray, times: Sequence[float], dt: float | None) -> np.
     size = np.abs(features)
     marks = np.r_[size[size > ZERO * max(size, default=0.0)], [1.0 / t for t in times]]
     if not len(marks):
-        raise Refused("nothing limits the gains of this axis: give rate or dead_time.", "")
+        raise endless()
     end = 0.999 * np.pi / dt if dt else 1e3 * marks.max()
     low = min(1e-3 * marks.min(), 1e-3 * end)
     w = np.geomspace(low, end, int(DENSE * np.log10(end / low)))

@@ -16,7 +16,7 @@ from ..core.validation import flag, positive
 from ..hunting import LimitCycles, limit_cycles
 from ..hunting.gains import edge
 from ..linear import stability_check
-from .loop_axis import axis_of
+from .loop_axis import axis_of, endless
 from .loop_shapes import STRUCTURES, Cascade, Gains, Search, Shape
 from .tuned import Tuning
 
@@ -25,7 +25,6 @@ NEARLY = 1.2  # ratio of the one that hunts and the one that does not
 NONE = (
     "no gains keep the distance 1/Ms to -1: the axis is not known well enough, or Ms is too near 1."
 )
-ENDLESS = "nothing limits the gains of this axis: give rate or dead_time."
 SHORT = (
     "the bandwidth asked for, {:.3g} Hz, is out of reach: at Ms {:g} this axis allows at {} "
     "{:.3g} Hz."
@@ -149,7 +148,7 @@ def tune(
     asked = None if bandwidth is None else positive(bandwidth, "bandwidth", "rad/s")
     shape, said = search.best(), []
     if np.isnan(shape.c):
-        raise Refused(ENDLESS, "")
+        raise endless()
     if not shape.c:
         raise Refused(NONE, "")
     may_hunt = flag(hunting, "hunting")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,7 +18,6 @@ SCANNED = 9  # values of a gain between its ends
 CLOSE = np.exp(1e-3)  # ratio of the two values between which a critical one lies
 
 Hunts = Callable[..., bool | None]
-Changes = dict[str, tuple[tuple[Any, bool], ...]]
 
 
 def varied(*values: Any) -> Callable[..., dict[str, float]]:
@@ -87,24 +86,33 @@ def edge(
     return a, b
 
 
+class Changes(NamedTuple):
+    """Where something begins (True) or ends as a gain rises from ``low`` to ``high``; ``first``:
+    whether it is there at the lowest gain that is decided."""
+
+    low: float
+    high: float
+    every: tuple[tuple[Any, bool], ...]
+    first: bool | None
+
+
 def critical(hunts: Hunts, vary: Mapping[str, tuple[float, float]], what: str) -> dict[str, Any]:
     """Find by gain where ``hunts(ki=...)`` changes, and say where ``what`` begins and ends."""
-    found = _changes(hunts, vary)
-    values = {name: tuple(value for value, _ in every) for name, every in found.items()}
-    return {"critical": values, "messages": tuple(_in_words(found, what))}
+    found = {
+        name: _changes(cache(lambda v, name=name: hunts(**{name: v})), *ends)
+        for name, ends in vary.items()
+    }
+    values = {name: tuple(value for value, _ in one.every) for name, one in found.items()}
+    said = tuple(f"as {name} rises, {what} {_in_words(one)}" for name, one in found.items())
+    return {"critical": values, "messages": said}
 
 
-def _changes(hunts: Hunts, vary: Mapping[str, tuple[float, float]]) -> Changes:
-    """By gain where it changes, and whether it begins there as the gain rises: scanned in even
-    ratios, then bisected; two ends where it is None, undecided, between them."""
-    found: Changes = {}
-    for name, (low, high) in vary.items():
-        values = [float(v) for v in np.geomspace(low, high, SCANNED)]
-        at = cache(lambda v, name=name: hunts(**{name: v}))
-        sure = [v for v in values if at(v) is not None]
-        pairs = zip(sure, sure[1:], strict=False)
-        found[name] = tuple((_change(at, a, b), bool(at(b))) for a, b in pairs if at(a) != at(b))
-    return found
+def _changes(at: Callable[[float], bool | None], low: float, high: float) -> Changes:
+    """Scan in even ratios, then bisect; two ends where it is None, undecided, between them."""
+    sure = [v for v in map(float, np.geomspace(low, high, SCANNED)) if at(v) is not None]
+    pairs = zip(sure, sure[1:], strict=False)
+    every = tuple((_change(at, a, b), bool(at(b))) for a, b in pairs if at(a) != at(b))
+    return Changes(low, high, every, at(sure[0]) if sure else None)
 
 
 def _change(at: Callable[[float], bool | None], a: float, b: float) -> Any:
@@ -115,11 +123,14 @@ def _change(at: Callable[[float], bool | None], a: float, b: float) -> Any:
     return a, edge(lambda v: at(v) == at(b), b, middle)[0]
 
 
-def _in_words(found: Changes, what: str) -> Iterator[str]:
-    for name, every in found.items():
-        said = [
-            f"{'begins' if begins else 'ends'} "
-            + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
-            for v, begins in every
-        ]
-        yield f"as {name} rises, {what} {', '.join(said) or 'neither begins nor ends'}"
+def _in_words(found: Changes) -> str:
+    if not found.every:
+        where = {True: "every value", False: "no value", None: "no value that is decided"}
+        ends = f"from {found.low:g} to {found.high:g}"
+        return f"neither begins nor ends: it is there at {where[found.first]} {ends}"
+    said = [
+        f"{'begins' if begins else 'ends'} "
+        + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
+        for v, begins in found.every
+    ]
+    return ", ".join(said)

@@ -29,6 +29,7 @@ WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks awa
 PERIODS = 12.0  # of a cycle that is checked with bristles
 BELOW = "the limit is not above the torque {} at which friction breaks away: it never moves"
 FROM = "from errors at breakaway of {} to {}"
+NOT_GIVEN = "what is said of the loop itself is of {} = 0, which is not given"
 STEPPED = "from steps of r of {} to {} rad"
 
 
@@ -158,7 +159,9 @@ def limit_cycles(
     if ends is None:
         return found
     more = critical(lambda **x: task.searched(gains(**x)).hunts, ends, "hunting")
-    return replace(found, critical=more["critical"], messages=more["messages"] + found.messages)
+    none = tuple(NOT_GIVEN.format(name) for name in ends if not gains().get(name))
+    said = (*more["messages"], *none, *found.messages)
+    return replace(found, critical=more["critical"], messages=said)
 
 
 def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | None:

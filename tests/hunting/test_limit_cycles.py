@@ -241,6 +241,17 @@ def test_hunting_ends_at_the_critical_gain():
     assert below and not above
 
 
+@pytest.mark.parametrize(
+    "Fs, low, where", [(0.28, 1.0, "no value from 1 to 8"), (0.6, 2.0, "every value from 2 to 8")]
+)
+def test_a_gain_that_changes_nothing_says_whether_the_loop_hunts_along_it(Fs, low, where):
+    model = lg.Model.of(J=0.0023, friction="stribeck", Fc=0.28, Fs=Fs, Fv=0.05, vs=0.01)
+    found = lg.limit_cycles(model, kp=15.0, kd=0.3, vary={"ki": (low, 8.0)})
+    said = "; ".join(found.messages)
+    assert f"hunting neither begins nor ends: it is there at {where}" in said
+    assert "of the loop itself is of ki = 0" in said and not found.critical["ki"]
+
+
 def test_the_map_agrees_with_the_loops_on_it():
     loop = drawn(70)
     model, gains = loop.model, loop.options
