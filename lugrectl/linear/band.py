@@ -11,8 +11,8 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .state_system import UNDECIDED
-from .systems import system_of
+from .state_system import UNDECIDED, StateSystem
+from .systems import System, system_of
 from .transfer import number
 from .verdict import Falls, Verdict
 
@@ -117,8 +117,17 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     >>> round(check.hertz, 1), check.stable, bool(check)
     (20.4, False, False)
     """
-    system, name = system_of(T), level if isinstance(level, str) else f"{level:g} dB"
-    falls = system.falls(level_power(level))
+    return _verdict(system_of(T), level_power(level), level).of(T)
+
+
+def _floating(T: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
+    """Return the verdict of floating point, whatever the number of states: to time it alone."""
+    return _verdict(StateSystem.single(T), power, level)
+
+
+def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVerdict:
+    name = level if isinstance(level, str) else f"{level:g} dB"
+    falls = system.falls(power)
     width = falls.width if 0 < falls.dc < math.inf else math.nan
     hertz = width / (2 * math.pi)
     start = f"{name} of |{falls.base}| = {falls.dc:.6g}" if falls.base else name
@@ -135,7 +144,7 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
         reason = f"{said} ({system.seen}): {reason}"
     reason += f"; {system.hidden}" if system.hidden else ""
     poles, stable = tuple(map(complex, system.poles)), bool(system.stable)
-    return BandwidthVerdict(width, hertz, falls.crossings, stable, poles, reason).of(T)
+    return BandwidthVerdict(width, hertz, falls.crossings, stable, poles, reason)
 
 
 def _no_dc(falls: Falls) -> str:
