@@ -8,6 +8,7 @@ eigenvalues of a state-space system; a sampled loop is mapped there (:mod:`borde
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -31,7 +32,7 @@ SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at hig
 Intervals = tuple[tuple[float, float], ...]
 
 
-class Loop:
+class Loop(ABC):
     """A closed loop L/(1 + L), by its open loop; a subclass for each kind of L."""
 
     alike = 1e-9  # of L at w = 0: closer to 1 is 1
@@ -54,13 +55,13 @@ class Loop:
             if self.unstable_poles(_between(low, high)) == 0
         )
 
+    @abstractmethod
     def known(self, factors: list[float]) -> float:
         """The factor on L up to which ``factors`` are all that move it to -1."""
-        raise NotImplementedError
 
+    @abstractmethod
     def unstable_poles(self, gain: float) -> float:
         """Poles of the loop with L times ``gain`` that are not stable."""
-        raise NotImplementedError
 
 
 @dataclass(frozen=True)

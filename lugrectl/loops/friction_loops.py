@@ -121,14 +121,12 @@ def velocity_loop(
     >>> round(1e3 * float(np.sqrt(np.mean(e**2))))
     12
     """
-    own = {"kp": kp, "ki": ki}
-    p, believed = models(p, observer_parameters, observer)
-    act = Controller(
-        "velocity", own, observer, controller, controller_gains, Limit(limit, tracking)
-    )
-    shared, other = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
-    estimate = loop_observer(observer, believed, shared, other, act.sliding)
-    return _closed(p, believed, estimate, act, Reference(prefilter, feedforward, load), name)
+    own, most = {"kp": kp, "ki": ki}, Limit(limit, tracking)
+    drives = models(p, observer_parameters, observer)
+    act = Controller("velocity", own, observer, controller, controller_gains, most)
+    compensating = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
+    front = Reference(prefilter, feedforward, load)
+    return _closed(drives, act, observer, compensating, front, name)
 
 
 def position_loop(
@@ -202,14 +200,12 @@ def position_loop(
     >>> loop.state_labels[-1]
     'pid_q'
     """
-    own = {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
-    p, believed = models(p, observer_parameters, observer)
-    act = Controller(
-        "position", own, observer, controller, controller_gains, Limit(limit, tracking)
-    )
-    shared, other = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
-    estimate = loop_observer(observer, believed, shared, other, act.sliding)
-    return _closed(p, believed, estimate, act, Reference(prefilter, feedforward, load), name)
+    own, most = {"kp": kp, "ki": ki, "kd": kd, "tau": tau}, Limit(limit, tracking)
+    drives = models(p, observer_parameters, observer)
+    act = Controller("position", own, observer, controller, controller_gains, most)
+    compensating = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
+    front = Reference(prefilter, feedforward, load)
+    return _closed(drives, act, observer, compensating, front, name)
 
 
 @dataclass(frozen=True)
@@ -256,8 +252,16 @@ _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
 
 
 def _closed(
-    p: Model, believed: Model, estimate: Any, act: Controller, front: Reference, name: str
+    drives: tuple[Model, Model],
+    act: Controller,
+    observer: str | None,
+    gains: tuple[Mapping[str, Any], Mapping[str, Any] | None],
+    front: Reference,
+    name: str,
 ) -> ct.InterconnectedSystem:
+    """Wire the drive that is there, the controller, and an observer by the drive it believes in."""
+    p, believed = drives
+    estimate = loop_observer(observer, believed, *gains, act.sliding)
     inputs, reference, names = front.blocks(p, act)
     parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
     parts += [controllers.compensation(outputs=[act.torque]), *act.limit.blocks()]

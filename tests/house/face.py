@@ -11,6 +11,7 @@ import dataclasses
 import inspect
 import io
 import json
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -114,8 +115,6 @@ def _documents() -> Iterator[str]:
 
 @contextlib.contextmanager
 def _folder() -> Iterator[str]:
-    import tempfile
-
     with tempfile.TemporaryDirectory() as made:
         yield made
 
