@@ -12,6 +12,7 @@ from .samples.clock import FEWEST, multiples, typical_step
 from .samples.resampling import on_grid
 from .samples.rows import Stamped
 from .samples.usable import usable
+from .signal_noise import lattice_step
 
 
 def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
@@ -52,14 +53,11 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     used = slice(int(sound[0]), int(sound[-1]) + 1)
     cut = {role: x[used] for role, x in made.items()}
     theta, w = cut.get("theta"), cut.get("w")
-    jitter = _jitter(t, dt)
-    return Stretch(run, dt, grid[used], cut["u"], theta, w, ok[used], jitter, cut.get("d"))
-
-
-def _jitter(t: np.ndarray, dt: float) -> float:
-    """RMS distance of the stamps from the nearest instants of the even grid, in steps."""
-    off = (t - t[0]) / dt
-    return float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
+    raw = values.get("theta")  # between the stamps theta is on no count any more
+    return Stretch(
+        run, dt, grid[used], cut["u"], theta, w, ok[used], cut.get("d"),
+        0.0 if raw is None else lattice_step(raw[np.isfinite(raw)]),
+    )  # fmt: skip
 
 
 def _near(grid: np.ndarray, t: np.ndarray, ticks: np.ndarray, dt: float) -> np.ndarray:
@@ -82,8 +80,8 @@ class Stretch:
     ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
     (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
     not recorded, ``d`` (M,) the measured load torque. ``ok`` (M,) is False where a sample is
-    missing, bad or bridged over more than a sample. ``jitter`` is the RMS distance of the stamps
-    from even ones, in steps.
+    missing, bad or bridged over more than a sample. ``count`` is the step of the encoder, rad; 0
+    where there is none to see.
     """
 
     run: int
@@ -93,5 +91,5 @@ class Stretch:
     theta: np.ndarray | None
     w: np.ndarray | None
     ok: np.ndarray
-    jitter: float = 0.0
     d: np.ndarray | None = None
+    count: float = 0.0

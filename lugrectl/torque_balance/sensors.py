@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from ..core.errors import Refused
 from ..core.regression import NU
-from .constants import FAR_W, SCALE, VERY_LATE
+from .constants import AT_REST, FAR_W, SCALE, VERY_LATE
 from .numerics import local_noise, slope
 from .samples import Samples, joined
 
@@ -90,7 +90,7 @@ class Sensors:
         self._reconcile()
         self.filtered = self.late
         # a filtered difference of an encoder tells nothing that the encoder does not
-        self.repeats = self.late and self.samples.even and self.count > 0
+        self.repeats = self.late and self.count > 0
         if self.repeats or abs(self.lag) > FAR_W:
             self.w = None
 
@@ -127,13 +127,14 @@ class Sensors:
         dphi = np.gradient(phi) / dt
         assert self.theta is not None
         turned = self._windows(self.theta, dphi)
-        if len(turned) < 8:
+        moves = np.abs(turned) > AT_REST * np.max(np.abs(turned), initial=0.0)
+        if moves.sum() < 8:
             return
         shift = self._far(turned, phi)
         for _ in range(3):
             w = self._moved(shift)
             columns = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
-            b, weights, scale = _robust_line(np.column_stack(columns), turned)
+            b, weights, scale = _robust_line(np.column_stack(columns), turned, moves)
             rest = b[1] / b[0] if shift else b[1]
             self.gain, self.lag = float(b[0]), shift + float(np.clip(rest, -FILTER, FILTER))
             if abs(self.lag) < min(3 * dt, 8e-3):
@@ -186,13 +187,16 @@ def moved(x: np.ndarray, steps: int) -> np.ndarray:
     return x[np.clip(np.arange(len(x)) - steps, 0, len(x) - 1)]
 
 
-def _robust_line(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients, weights of the rows and scale of a robust regression without priors."""
+def _robust_line(
+    X: np.ndarray, y: np.ndarray, moves: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coefficients, weights of the rows and scale of a robust regression without priors; rows that
+    do not move (m,) say nothing of the scale."""
     weights = np.ones(len(y))
     for _ in range(6):
         root = weights[:, None] ** 0.5
         b = np.linalg.lstsq(X * root, y * root[:, 0], rcond=None)[0]
         r = y - X @ b
-        scale = 1.5 * float(np.median(np.abs(r))) + 1e-15
+        scale = 1.5 * float(np.median(np.abs(r[moves]))) + 1e-15
         weights = 1 / (1 + (r / scale) ** 2 / NU)
     return b, weights, scale
