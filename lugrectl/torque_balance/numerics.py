@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 STRETCH = 25  # samples over which noise is one number
-STUCK = 1e-9  # of the range of a signal: less is no change
 
 
 def slope(x: np.ndarray, dt: float) -> np.ndarray:
@@ -39,12 +38,10 @@ def cubic(x: np.ndarray, v: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray,
 
 
 def local_noise(x: np.ndarray, pieces: Sequence[slice], quantile: float) -> float:
-    """A quantile, over short stretches in which x changes, of the spread of third differences."""
+    """A quantile, over short stretches, of the spread of third differences."""
     thirds = [np.diff(x[at], 3) for at in pieces]
     spread = [y[: len(y) // STRETCH * STRETCH].reshape(-1, STRETCH).std(axis=1) for y in thirds]
-    each = np.concatenate(spread)
-    changes = each > STUCK * np.ptp(x)
-    return float(np.quantile(each[changes] if changes.any() else each, quantile))
+    return float(np.quantile(np.concatenate(spread), quantile))
 
 
 def half_response(kernel: np.ndarray) -> float:
