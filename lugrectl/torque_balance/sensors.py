@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from ..core.errors import Refused
 from ..core.regression import NU
-from .constants import AT_REST, FAR_W, SCALE, VERY_LATE
+from .constants import AT_REST, FAR_W, MOSTLY, SCALE, VERY_LATE
 from .numerics import local_noise, slope
 from .samples import Samples, joined
 
@@ -27,8 +27,8 @@ class Sensors:
 
     ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
     ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
-    encoder, late, and where it is too late to say more. ``lag`` (s), ``offset`` (rad/s) and
-    ``gain``, with their standard errors, are those of
+    encoder, late, where it is too late to say more, and where it is ``foreign``: no speed of theta.
+    ``lag`` (s), ``offset`` (rad/s) and ``gain``, with their standard errors, are those of
 
         dtheta/dt = gain w(t + lag) - offset
     """
@@ -49,7 +49,7 @@ class Sensors:
         if self.w is not None:
             noise = self._noise(self.w, white, 0.3)
             self.w_variance = max(noise**2, (1e-7 * np.ptp(self.w)) ** 2)
-        self.filtered = self.repeats = self.differenced = False
+        self.filtered = self.repeats = self.differenced = self.foreign = False
         if self.theta is not None and self.w is not None:
             self.differenced = self._differenced()
             self._compare()
@@ -91,7 +91,7 @@ class Sensors:
         self.filtered = self.late
         # a filtered difference of an encoder tells nothing that the encoder does not
         self.repeats = self.late and self.count > 0
-        if self.repeats or abs(self.lag) > FAR_W:
+        if self.repeats or self.foreign or abs(self.lag) > FAR_W:
             self.w = None
 
     def _windows(self, x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -141,6 +141,11 @@ class Sensors:
                 break
             shift = float(np.clip(self.lag, -0.05, VERY_LATE))
         X = np.column_stack(columns)
+        left = np.mean((turned - X @ b)[moves] ** 2)
+        self.foreign = bool(left > MOSTLY**2 * np.mean(turned[moves] ** 2))
+        if self.foreign:
+            self.gain, self.lag = 1.0, 0.0
+            return
         inverse = np.linalg.pinv(X * np.sqrt(weights)[:, None])
         error = np.sqrt(2 * (inverse**2).sum(axis=1)) * scale
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
