@@ -64,11 +64,13 @@ def quantum(x: np.ndarray) -> float:
 
 def lattice_step(x: np.ndarray) -> float:
     """Return the step of an encoder by the changes of its position (N,); 0 if it has none."""
-    step = smallest_step(x)
-    changes = np.abs(np.diff(x))
-    changes = changes[changes > 0.5 * step] / step if step > 0 else changes[:0]
-    on = np.abs(changes - np.round(changes)) < OFF_LATTICE
-    return step if len(on) and np.mean(on) > ON_LATTICE else 0.0
+    every = np.abs(np.diff(x))
+    for step in (smallest_step(x), quantum(x)):  # a drive that never rests skips counts
+        changes = every[every > 0.5 * step] / step if step > 0 else every[:0]
+        on = np.abs(changes - np.round(changes)) < OFF_LATTICE
+        if len(on) and np.mean(on) > ON_LATTICE:
+            return step
+    return 0.0
 
 
 def resolution(x: np.ndarray) -> float:
