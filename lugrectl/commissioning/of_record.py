@@ -33,11 +33,12 @@ SLOW = 10.0  # Hz below which friction is looked for
 NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
-NOWHERE = (
-    "the response is certain at no frequency from {:.3g} to {:.3g} Hz: the torque explains at most "
-    "{:.0%} of the speed about {:.3g} Hz, and it must be 95 %. The log excites the axis too little "
-    "there, or something else moves it."
+NOWHERE = "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as "
+TOO_LITTLE = (
+    "the log excites the axis too little, or something else moves it (the torque explains at most "
+    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): "
 )
+COVERED = "friction governs wherever the torque explains 95 % of the speed: "
 NONE = "No dry friction shows clearly in the log: nothing is taken out."
 ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
 
@@ -119,7 +120,7 @@ def frequency_response(
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
     found = estimate(known, dry and reverses)
-    _refuse_uncertain(found.response)
+    _refuse_uncertain(found)
     said = [*known.said, *(message for one in records for message in one.messages)]
     return _result(found, runs, made, [*_verdict(found, dry), *said])
 
@@ -142,11 +143,14 @@ def _refuse_short(runs: Sequence[Run]) -> None:
         )
 
 
-def _refuse_uncertain(r: Response) -> None:
+def _refuse_uncertain(found: Estimate) -> None:
+    if found.certain.any():
+        return
+    r, f = found.response, found.response.w / (2.0 * np.pi)
     best = int(np.argmax(r.coherence))
-    if r.coherence[best] < CERTAIN:
-        f = r.w / (2.0 * np.pi)
-        raise Refused(NOWHERE.format(f[0], f[-1], float(r.coherence[best]), f[best]), RECORD)
+    coherent = float(r.coherence[best])
+    why = COVERED if coherent >= CERTAIN else TOO_LITTLE.format(coherent, f[best])
+    raise Refused(NOWHERE.format(f[0], f[-1]) + why + RECORD[0].lower() + RECORD[1:], RECORD)
 
 
 def _verdict(found: Estimate, dry: bool) -> list[str]:

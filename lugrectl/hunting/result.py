@@ -147,6 +147,10 @@ class LimitCycles(Result):
         return view("loop_plots.growth")(self, ax)
 
     def _title(self) -> str:
+        rest = self._at_rest()
+        return f"{self.stick_slip._title()}; at rest {rest}" if self.stick_slip else rest
+
+    def _at_rest(self) -> str:
         if self.outcome == "undecided":
             return "undecided: some starts neither came to rest nor repeated"
         if self.outcome == "hunts":
