@@ -16,9 +16,9 @@ from scipy.optimize import brentq, root
 
 from ..blocks.model import Model
 from ..core.errors import Refused
-from .fixed_points import Half, repeated
 from .loop import Loop
 from .result import Cycle
+from .rigid import Half, repeated
 
 NUDGE = 1e-4  # of a state, by which a slope is measured
 RTOL = 1e-9  # of a half turn

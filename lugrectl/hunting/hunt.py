@@ -20,8 +20,7 @@ from .gains import critical, ranges, varied
 from .loop import Loop
 from .result import LimitCycles
 from .rigid import rigid_cycles
-from .search import Budget, Search
-from .simulated import continuous_run, errors, loop_run, sampled_run, sampled_starts
+from .search import Budget, Search, continuous_run, errors, loop_run, sampled_run, sampled_starts
 
 HORIZON = 15.0  # s, of the first run of a loop of blocks
 STEPS = np.geomspace(1e-3, 10.0, 9)  # rad, of the reference of a loop of blocks

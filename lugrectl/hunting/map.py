@@ -15,10 +15,9 @@ from ..core.errors import InputError
 from ..core.result import Result
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from .fixed_points import HIGH, LOW
 from .gains import pid_gains, ranges
 from .loop import Loop, curve_of, together
-from .rigid import kept, proven
+from .rigid import HIGH, LOW, kept, proven
 from .stick_map import NEVER, excess_on
 
 ERRORS = np.geomspace(LOW, HIGH, 72)  # units, at which T is compared with e

@@ -15,7 +15,7 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.commissioning import UncertainResponseWarning
 from lugrectl.commissioning.friction import impossible
-from lugrectl.commissioning.result import unwrapped
+from lugrectl.commissioning.of_record import unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from lugrectl.core.errors import InputError
 from lugrectl.linear.axis import reach, signs, zeros
-from lugrectl.linear.quasi import Quasi
+from lugrectl.linear.exact import Quasi
 
 
 def loop(K, T, *lower):

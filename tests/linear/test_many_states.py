@@ -11,7 +11,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.linear.exact_system import ExactSystem
-from lugrectl.linear.sure_signs import SureSigns
+from lugrectl.linear.state_system import SureSigns
 
 from ..cases.structures import structure
 

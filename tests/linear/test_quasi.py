@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lugrectl.linear.quasi import Quasi
+from lugrectl.linear.exact import Quasi
 
 POINTS = np.array([0.3j, 2.0j, 0.4 - 1.1j])
 terms = st.tuples(st.sampled_from([Q(0), Q(1, 4), Q(1), Q(3, 2)]), st.lists(st.integers(-5, 5)))

@@ -20,7 +20,7 @@ from lugrectl.linear import (
     velocity_loop_tf,
     velocity_T,
 )
-from lugrectl.linear.repair import least_passing
+from lugrectl.linear.spr import least_passing
 
 P = table1()
 LOOPS = {"position": position_T, "velocity": velocity_T}
