@@ -287,11 +287,11 @@ def _reason(delay: Margin, turns: float, open_poles: float) -> str:
 class Loop(ABC):
     """A closed loop L/(1 + L), by its open loop; a subclass for each kind of L.
 
-    ``counts``: turns about -1, and poles of L and of the closed loop that are not stable;
-    ``cause``: why the closed loop is not stable, "" where it is; ``static``: L at w = 0, nan where that is no
-    number. ``crossovers()``: w and L where |L| = 1; ``real_crossings()``: where L is real and
-    negative; ``disk()``: 1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L), of skew 1 the
-    least |1 + L|.
+    ``counts``: turns about -1, and poles of L and of the closed loop that are not stable.
+    ``cause``: why the closed loop is not stable, "" where it is.
+    ``static``: L at w = 0, nan where that is no number.
+    ``crossovers()``: w and L where |L| = 1; ``real_crossings()``: where L is real and negative.
+    ``disk()``: 1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L); skew 1: least |1 + L|.
     """
 
     alike = 1e-9  # of L at w = 0: closer to 1 is 1
