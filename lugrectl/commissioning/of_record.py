@@ -17,6 +17,7 @@ from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
 from ..core.result import Result
+from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import Record, pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
@@ -197,7 +198,7 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
         return f"Frequency response, {f[0]:.3g} to {f[1]:.4g} Hz: {sure} of {all_of} points certain"
 
     def _rows(self) -> Iterable[Row]:
-        force, mass = ("N m", "kg m2") if self.motion == "rotary" else ("N", "kg")
+        force, mass = (unit_for(unit, self.motion) for unit in ("N m", "kg m2"))
         sizes = {"Fc": self.friction.get("Fc"), "load's Fc": self.friction.get("load Fc")}
         levels = ", ".join(f"{k} {number(v, 3)}" for k, v in sizes.items() if v)
         inertia = f"({between(self.inertia_ci95)})" if self.inertia_ci95 else ""

@@ -16,6 +16,7 @@ from ..core.display import Row, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
 from ..core.result import Result
+from ..core.unit_names import unit_for
 from ..core.validation import flag, positive
 from ..core.views import view
 from ..hunting import LimitCycles, limit_cycles
@@ -168,14 +169,13 @@ class Tuning(Result):
         )
 
     def _rows(self) -> Iterable[Row]:
-        turn, force = ("rad", "N m") if self.motion == "rotary" else ("m", "N")
-        speed, pid = (f"{force} s/{turn}", f"{force}/{turn}"), ("kp", "ki", "kd")
-        units = speed if self.structure == "PI" else (speed[1], f"{force}/({turn} s)", speed[0])
-        values = zip(pid, (self.kp, self.ki, self.kd), strict=True)
+        pid, speed = ("kp", "ki", "kd"), ("N m s/rad", "N m/rad")
+        units = speed if self.structure == "PI" else (speed[1], "N m/(rad s)", speed[0])
+        values: Mapping[str, float] = {k: getattr(self, k) for k in pid}
         if self.cascade:
-            units, values = ("1/s", *speed), self.cascade.items()
-        for (name, value), unit in zip(values, units, strict=False):
-            yield Row(name, number(value), unit)
+            units, values = ("1/s", *speed), self.cascade
+        for (name, value), unit in zip(values.items(), units, strict=False):
+            yield Row(name, number(value), unit_for(unit, self.motion))
         if self.cascade:
             yield Row("as a PID", ", ".join(f"{k} {getattr(self, k):.4g}" for k in pid))
         if self.Ti:
@@ -412,7 +412,7 @@ def _quieter(search: Search, shape: Shape, before: float) -> str:
     if search.share:
         hertz = (x / (2.0 * np.pi) for x in (search.bandwidth(shape), before))
         return QUIETER.format(search.share, *hertz)
-    turn, force = ("rad", "N m") if search.axis.motion == "rotary" else ("m", "N")
+    turn, force = (unit_for(unit, search.axis.motion) for unit in ("rad", "N m"))
     return PLAIN.format(1.0 / float(search.gains(shape).kp), turn, force)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..blocks.model import Model, as_model
 from ..core.display import Row
 from ..core.errors import InputError
-from ..core.result import Result
+from ..core.result import Result, picked
 from ..core.validation import number, positive, whole
 from ..core.views import view
 from .gains import pid_gains, ranges
@@ -65,15 +65,7 @@ class HuntingMap(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        return {
-            "names": list(self.names),
-            "values": [v.tolist() for v in self.values],
-            "region": self.region.tolist(),
-            "proven": self.proven.tolist(),
-            "tolerated": self.tolerated,
-            "gains": self.gains,
-            "messages": list(self.messages),
-        }
+        return picked(self, "names values region proven tolerated gains messages")
 
     @property
     def tolerated(self) -> tuple[float, float] | None:

@@ -16,6 +16,7 @@ from ..blocks.plant import plant
 from ..core.display import Row, noticed, number
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, picked
+from ..core.unit_names import unit_for
 from ..core.views import view
 from ..simulation.response import simulate
 from .bristles import Bristles
@@ -233,7 +234,7 @@ class StickSlip(Result):
     @property
     def unit(self) -> str:
         """Of the speeds."""
-        return "rad/s" if self.motion == "rotary" else "m/s"
+        return unit_for("rad/s", self.motion)
 
     def _title(self) -> str:
         if not np.isfinite(self.speed_end):

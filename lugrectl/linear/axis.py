@@ -206,7 +206,9 @@ def _signs(F: Quasi, end: float) -> Signs:
 
 
 def _between(f: Quasi, a: float, b: float, at_a: float, at_b: float) -> float:
-    value = lambda w: float(f.at(np.array([1j * w]))[0].real)  # noqa: E731
+    def value(w: float) -> float:
+        return float(f.at(np.array([1j * w]))[0].real)
+
     if value(a) * value(b) >= 0:
         return float(a if abs(at_a) < abs(at_b) else b)
     found: Any = brentq(value, a, b, xtol=1e-300, rtol=np.float64(1e-14))
@@ -273,15 +275,12 @@ def _octaves(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
 def _sized(q: Quasi) -> Quasi:
     """q over a power of 2, so that its largest coefficient is near 1."""
     largest = max(abs(Fraction(c)) for _, p in q.terms for c in p)
-    return q.scaled(1 / Fraction(2) ** _exponent(largest))
+    exponent = largest.numerator.bit_length() - largest.denominator.bit_length()
+    return q.scaled(1 / Fraction(2) ** exponent)
 
 
 def _power_of_2(w: float) -> Fraction:
     return Fraction(2) ** math.ceil(math.log2(w))
-
-
-def _exponent(c: Fraction) -> int:
-    return c.numerator.bit_length() - c.denominator.bit_length()
 
 
 def _log(c: Fraction) -> float:
@@ -292,11 +291,6 @@ RISE = 1e-7  # of the gain: nothing is above it by more
 SAME = 1e-12
 LEVELS = 60
 START = 400  # frequencies at which the search for the largest value begins
-
-
-def _largest_exactly(num: Poly, den: Poly) -> tuple[float, float]:
-    square, w = _extreme(real_product(num, num), real_product(den, den), 1)
-    return math.sqrt(to_float(square)), w
 
 
 def least(num: Poly, den: Poly) -> tuple[float, float]:
@@ -330,8 +324,10 @@ def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
     ``near``: frequencies at which |T| is known to be large, which shorten the search.
     """
     if T.num.rational and T.den.rational:
-        return _largest_exactly(T.num.polynomial, T.den.polynomial)
-    best, at = _higher((_size(T, 0.0), 0.0), (_limit(T), math.inf))
+        num, den = T.num.polynomial, T.den.polynomial
+        square, w = _extreme(real_product(num, num), real_product(den, den), 1)
+        return math.sqrt(to_float(square)), w
+    best, at = _higher((abs(T(0j)), 0.0), (_limit(T), math.inf))
     if math.isinf(best):
         return best, at
     w = np.append(near, np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0))
@@ -354,10 +350,6 @@ def _higher(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, floa
     return b if b[0] > a[0] * (1 + SAME) else a
 
 
-def _size(T: DelayedTransfer, w: float) -> float:
-    return abs(T(1j * w))
-
-
 def _top(T: DelayedTransfer, w: np.ndarray) -> tuple[float, float]:
     """The largest |T| among frequencies, climbed to its top."""
     sizes = np.abs(T(1j * w))
@@ -365,12 +357,12 @@ def _top(T: DelayedTransfer, w: np.ndarray) -> tuple[float, float]:
     late = max(T.dead_times, default=0.0)
     width = min(0.05 * w[k], 0.5 / late) if late else 0.05 * w[k]
     found: Any = minimize_scalar(
-        lambda x: -_size(T, x),
+        lambda x: -abs(T(1j * x)),
         bounds=(w[k] - width, w[k] + width),
         method="bounded",
         options={"xatol": 1e-10 * w[k]},
     )
-    return max((float(sizes[k]), float(w[k])), (_size(T, found.x), float(found.x)))
+    return max((float(sizes[k]), float(w[k])), (abs(T(1j * found.x)), float(found.x)))
 
 
 def _limit(T: DelayedTransfer) -> float:

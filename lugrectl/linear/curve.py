@@ -32,7 +32,9 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         return response(source)
     if isinstance(source, DelayedTransfer):
         return _delayed(source, *marks)
-    T = source if isinstance(source, ct.TransferFunction | ct.StateSpace) else _made(source)
+    T = source
+    if not isinstance(T, ct.TransferFunction | ct.StateSpace):
+        T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
     dt = border_of(T).dt
     with np.errstate(all="ignore"):
         poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
@@ -95,8 +97,3 @@ def size(source: Any) -> str:
     if getattr(source, "ninputs", 1) * getattr(source, "noutputs", 1) == 1:
         return f"|{name(source)}|"
     return f"largest singular value of {name(source)}"
-
-
-def _made(pair: Any) -> Any:
-    num, den = ([float(c) for c in np.atleast_1d(part)] for part in pair)
-    return ct.tf(num, den)

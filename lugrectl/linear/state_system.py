@@ -33,6 +33,18 @@ from .verdict import Falls, NoGain, Realness
 
 SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
 HALVINGS = 40
+LARGEST = 1e140  # its square, and that of its inverse, are floats
+RISE = 1e-11  # of the largest value: the next level is higher by this
+LEVELS = 60
+EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
+OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
+UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
+UNDECIDED = "whether the system is stable is within rounding"
+MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
+BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
+AT_BORDER = "within rounding on the border of stability"
+FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
+SINGLE = 1e-9  # relative distance of two candidates that count as one
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
 
 Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
@@ -68,6 +80,8 @@ class Edge(NamedTuple):
 class SureSigns:
     """The signs ``above`` at the points ``at`` where they are sure, and the ``edges`` between.
 
+    A computed zero of a function is a point at which its value is a rounding error: it says nothing
+    of the sign. So changes are looked for between points whose value exceeds its rounding bound.
     ``touches``: where the function is 0 within rounding between points of one sign, or at an end.
     """
 
@@ -151,14 +165,22 @@ def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
     return low
 
 
-LARGEST = 1e140  # its square, and that of its inverse, are floats
-
 _trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
 
 
-def require_sizes(*matrices: np.ndarray) -> None:
-    """InputError for matrices that floating point cannot multiply."""
-    sizes = [float(np.abs(M).max(initial=0.0)) for M in matrices]
+def balanced(A: Any, B: Any, C: Any, D: Any) -> tuple[np.ndarray, ...]:
+    """In units of the states that make rows and columns of A alike: powers of two, exactly.
+
+    InputError for matrices that floating point cannot multiply.
+    """
+    if len(A) and all(np.isfinite(M).all() for M in (A, B, C, D)):
+        found: Any = matrix_balance(A, permute=False, separate=True)
+        A, (units, _) = found
+        B, C = B / units[:, None], C * units
+        if (b := float(np.abs(B).max(initial=0.0))) and (c := float(np.abs(C).max(initial=0.0))):
+            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+            B, C = B * gain, C / gain
+    sizes = [float(np.abs(M).max(initial=0.0)) for M in (A, B, C, D)]
     if not all(map(math.isfinite, sizes)):
         raise InputError("an entry of the state-space matrices is not a finite number.")
     if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
@@ -166,20 +188,6 @@ def require_sizes(*matrices: np.ndarray) -> None:
             f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for floating "
             "point: give time, input or output in another unit."
         )
-
-
-def balanced(A: Any, B: Any, C: Any, D: Any) -> tuple[np.ndarray, ...]:
-    """In units of the states that make rows and columns of A alike: powers of two, exactly."""
-    if not (len(A) and all(np.isfinite(M).all() for M in (A, B, C, D))):
-        require_sizes(A, B, C, D)
-        return A, B, C, D
-    found: Any = matrix_balance(A, permute=False, separate=True)
-    A, (units, _) = found
-    B, C = B / units[:, None], C * units
-    if (b := float(np.abs(B).max(initial=0.0))) and (c := float(np.abs(C).max(initial=0.0))):
-        gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
-        B, C = B * gain, C / gain
-    require_sizes(A, B, C, D)
     return A, B, C, D
 
 
@@ -193,18 +201,6 @@ def solve_shifted(
     return None if singular else found
 
 
-def level_zeros(
-    A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray, square: float
-) -> np.ndarray:
-    """The zeros of T(-s)^T T(s) - ``square`` I (Boyd, Balakrishnan and Kabamba 1989)."""
-    return zeros_of(
-        np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
-        np.vstack([B, -C.conj().T @ D]),
-        np.hstack([D.conj().T @ C, B.conj().T]),
-        D.conj().T @ D - square * np.eye(B.shape[1]),
-    )
-
-
 def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
     """The finite zeros of a system with as many inputs as outputs."""
     scale = math.sqrt(max(np.linalg.norm(B), 1e-300) / max(np.linalg.norm(C), 1e-300))
@@ -216,19 +212,6 @@ def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
     alpha, beta = pairs
     with np.errstate(all="ignore"):
         return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
-
-
-RISE = 1e-11  # of the largest value: the next level is higher by this
-LEVELS = 60
-EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
-OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
-UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
-UNDECIDED = "whether the system is stable is within rounding"
-MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
-BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
-AT_BORDER = "within rounding on the border of stability"
-FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
-SINGLE = 1e-9  # relative distance of two candidates that count as one
 
 
 @dataclass(frozen=True)
@@ -252,7 +235,7 @@ class StateSystem:
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
-        """In the units of :func:`pencil.balanced`; InputError for values that are not finite."""
+        """In the units of :func:`balanced`; InputError for values that are not finite."""
         A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
         return cls(A, B, C, D, border_of(T))
 
@@ -414,7 +397,13 @@ class StateSystem:
     def level_zeros(self, square: float) -> np.ndarray:
         """The zeros of T(s)^T T(-s) - square I."""
         of = self.continuous
-        return level_zeros(of.A, of.B, of.C, of.D, square)
+        A, B, C, D = of.A, of.B, of.C, of.D
+        return zeros_of(
+            np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
+            np.vstack([B, -C.conj().T @ D]),
+            np.hstack([D.conj().T @ C, B.conj().T]),
+            D.conj().T @ D - square * np.eye(B.shape[1]),
+        )
 
     def places(self, zeros: np.ndarray) -> np.ndarray:
         """0, the places of zeros and poles, points between them and beyond."""
@@ -437,24 +426,21 @@ class StateSystem:
         if not slack < abs(dc):  # nan too
             integrates = np.abs(self.border.marks(self.poles)).min() <= self.rounding
             return Falls(math.inf if integrates else 0.0, said=" within rounding")
-        signs = self._level_signs(float(power))
+        square = float(power) * abs(dc) ** 2
+
+        def above(v: float) -> tuple[float, float]:
+            t, rounding = self.at(v)
+            size = abs(t) ** 2 / square
+            share = rounding / max(abs(t), rounding) + slack / abs(dc)
+            return size - 1.0, 2 * size * share + EPS
+
+        signs = self.signs(above, self.places(self.level_zeros(square)))
+        signs = signs.moved(self.border.frequency)
         first = min([*signs.edges[:1], *signs.touches[:1]], key=lambda e: e.low, default=None)
         width, said = first.first if first else math.inf, ""
         if first and (first in signs.touches or not first.sharp):
             said = f", or up to {first.high:.6g} rad/s: rounding decides"
         return Falls(abs(dc), tuple(e.first for e in signs.edges), width, said)
-
-    def _level_signs(self, power: float) -> SureSigns:
-        dc, rounding = self.at(0.0)
-        square = power * abs(dc) ** 2
-
-        def above(v: float) -> tuple[float, float]:
-            t, slack = self.at(v)
-            size = abs(t) ** 2 / square
-            return size - 1.0, 2 * size * (slack / max(abs(t), slack) + rounding / abs(dc)) + EPS
-
-        signs = self.signs(above, self.places(self.level_zeros(square)))
-        return signs.moved(self.border.frequency)
 
     def no_gain(self) -> NoGain | None:
         if self.stable and not self.lost:
