@@ -19,7 +19,7 @@ from ..core.provenance import Provenance, stamped
 from ..core.result import Result
 from ..core.unit_names import unit_for
 from ..core.views import view
-from ..record import Record, pooled, record_of, refuse_dead
+from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
 from .effects import Known, known_effects
 from .friction import Friction, fit_friction, load_motion, problem_of
@@ -313,7 +313,10 @@ def frequency_response(
     logs = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
     records = pooled([record_of(log, alone=len(logs) == 1) for log in logs])
     refuse_dead(records)
-    _refuse_unlike(records)
+    steps = [one.dt for one in records]
+    if max(steps) > 1.001 * min(steps):
+        rates = ", ".join(f"{one.source} {one.rate:g} Hz" for one in records)
+        raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
     runs = runs_of(records)
     _refuse_short(runs)
     known = known_effects(runs, made)
@@ -323,13 +326,6 @@ def frequency_response(
     _refuse_uncertain(found)
     said = [*known.said, *(message for one in records for message in one.messages)]
     return _result(found, runs, made, [*_verdict(found, dry), *said])
-
-
-def _refuse_unlike(records: Sequence[Record]) -> None:
-    steps = [record.dt for record in records]
-    if max(steps) > 1.001 * min(steps):
-        rates = ", ".join(f"{record.source} {record.rate:g} Hz" for record in records)
-        raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
 
 
 def _refuse_short(runs: Sequence[Run]) -> None:

@@ -135,10 +135,6 @@ class Bristles:
             A = np.delete(np.delete(A, 2, 0), 2, 1)
         return float(np.linalg.eigvals(A).real.max()) - ROUNDING * self.loop.wn
 
-    def profile(self) -> tuple[np.ndarray, np.ndarray]:
-        """The growth at falling speeds."""
-        return SPEEDS, np.array([self.growth(v) for v in SPEEDS])
-
     def first_speed(self, v: np.ndarray, growth: np.ndarray) -> float:
         """The speed below which sliding is unstable; 0: at none."""
         unstable = np.flatnonzero(growth > 0.0)

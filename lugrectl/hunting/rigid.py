@@ -53,7 +53,7 @@ class Found(NamedTuple):
     D: np.ndarray
 
 
-def fixed_points(lanes: Lanes, high: float = HIGH) -> Found:
+def fixed_points(lanes: Lanes, high: float) -> Found:
     """Find all sign changes of D up to ``high``; ``lanes`` has one lane of the loop."""
     grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
     D = excess_on(lanes.many(len(grid)), grid)[0]
@@ -239,7 +239,10 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
     lanes = replace(loop.lanes(1), large=BEYOND * high)
     one = fixed_points(lanes, high)
     swings = _swinging(lanes, one.x[one.D >= NEVER], one.jumps)
-    cycles = [_cycle(f, loop) for f in [*one.fixed, *one.double, *swings]]
+    cycles = [
+        Cycle(f.amplitude * loop.unit, f.period / loop.wn, abs(f.turn[0]) < 1.0, f.turn, f.stops)
+        for f in [*one.fixed, *one.double, *swings]
+    ]
     if not any(c.stable for c in cycles) and np.any(one.D > 0.0) and not diverges:
         cycles += _persisting(loop, lanes, one.x, one.D)
     said = ("large motions grow without bound: kd kp > ki J does not hold",) * diverges
@@ -248,11 +251,6 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
     cycles = tuple(sorted(cycles, key=lambda c: c.amplitude))
     curve = (one.x * loop.unit, one.D)
     return LimitCycles(cycles, basin and basin * loop.unit, None, diverges, {}, said, curve=curve)
-
-
-def _cycle(f: Fixed, loop: Loop) -> Cycle:
-    size, time = f.amplitude * loop.unit, f.period / loop.wn
-    return Cycle(size, time, abs(f.turn[0]) < 1.0, f.turn, f.stops)
 
 
 def _border(x: np.ndarray, D: np.ndarray, places: list[float]) -> float | None:

@@ -19,7 +19,7 @@ from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.views import view
 from ..simulation.response import simulate
-from .bristles import Bristles
+from .bristles import SPEEDS, Bristles
 from .gains import critical, ranges, varied
 from .loop import Lanes, Loop
 from .search import quietly
@@ -369,7 +369,8 @@ class _Search:
 
     @cached_property
     def growth(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.bristles.profile()
+        """At falling speeds."""
+        return SPEEDS, np.array([self.bristles.growth(v) for v in SPEEDS])
 
     def persisting(self) -> Iterator[tuple[float, Any]]:
         """Speeds at which stick-slip persists and its state, from the highest on."""

@@ -51,9 +51,11 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     peaks = peaks[(peaks > low) & (peaks < top)]
     w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), places, peaks]))
     with np.errstate(all="ignore"):
-        return w, _one_channel(
-            T(1j * w if dt is None else np.exp(1j * w * dt), warn_infinite=False)
-        )
+        at = 1j * w if dt is None else np.exp(1j * w * dt)
+        values = np.asarray(T(at, warn_infinite=False))
+    if values.ndim == 3:  # of several channels the largest singular value
+        values = np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
+    return w, np.ravel(values)
 
 
 def _delayed(T: DelayedTransfer, *marks: float) -> tuple[np.ndarray, np.ndarray]:
@@ -77,14 +79,6 @@ def _about(poles: Any) -> np.ndarray:
     real, imag = np.abs(np.real(poles)), np.abs(np.imag(poles))
     steps = np.tan(np.linspace(-1.5, 1.5, ROUND))
     return (imag[:, None] + real[:, None] * steps).ravel()
-
-
-def _one_channel(values: Any) -> np.ndarray:
-    """The response of one channel; of several, the largest singular value."""
-    values = np.asarray(values)
-    if values.ndim < 3:
-        return np.ravel(values)
-    return np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
 
 
 def name(source: Any, of: str = "T") -> str:

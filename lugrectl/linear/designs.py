@@ -173,14 +173,10 @@ def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: De
     with np.errstate(all="ignore"):
         out.bandwidth[here], doubt = width(J, kp, ki, kd, float(level_power(level)))
     for i in np.nonzero(np.broadcast_to(doubt, out.bandwidth[here].shape))[0]:
-        one = [float(a[i if a.size > 1 else 0]) for a in (J, kp, ki, kd)]
-        out.bandwidth[here.start + i] = _exact_bandwidth(loop, one, level)
-
-
-def _exact_bandwidth(loop: str, design: list[float], level: str | float) -> float:
-    J, *gains = design
-    made = position_loop_tf if loop == "position" else velocity_loop_tf
-    return bandwidth_check(made(SimpleNamespace(J=J), *gains), level).bandwidth
+        own, *gains = (float(a[i if a.size > 1 else 0]) for a in (J, kp, ki, kd))
+        made = position_loop_tf if loop == "position" else velocity_loop_tf
+        T = made(SimpleNamespace(J=own), *gains)
+        out.bandwidth[here.start + i] = bandwidth_check(T, level).bandwidth
 
 
 # --- closed forms of P, PI, PD and PID, elementwise: J > 0, sigma0 > 0, sigma1 >= 0 -----------
@@ -285,18 +281,14 @@ def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
     u = np.cbrt(-Q - np.copysign(np.sqrt(np.maximum(disc, 0)), Q))
     x = u - P / u - third
     three, several = disc < 0, (p < 0) & (q > 0)
-    if np.any(three):
-        x[three] = _of_three(P[three], Q[three], several[three]) - third[three]
+    if np.any(three):  # the largest, or the least where there are several
+        size = np.sqrt(-P[three])
+        angle = np.arccos(np.clip(-Q[three] / size**3, -1, 1)) / 3
+        turn = np.where(several[three], angle + 2 * np.pi / 3, angle)
+        x[three] = 2 * size * np.cos(turn) - third[three]
     without_cube = positive_root(p, q / 2, -r)
     x = np.where((p > 0) & (p > 1e4 * without_cube), without_cube, x)
     return x, several & (np.abs(disc) < 1e-9 * (np.abs(P3) + Q2))
-
-
-def _of_three(P: Any, Q: Any, several: Any) -> Floats:
-    """The largest of three real roots of t^3 + 3 P t + 2 Q, or the least where ``several``."""
-    size = np.sqrt(-P)
-    angle = np.arccos(np.clip(-Q / size**3, -1, 1)) / 3
-    return 2 * size * np.cos(np.where(several, angle + 2 * np.pi / 3, angle))
 
 
 def _frequency(x: Any, kp: Any, ki: Any, doubt: Any) -> tuple[Floats, Any]:

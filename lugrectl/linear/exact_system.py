@@ -195,8 +195,13 @@ def _why_not(T: ExactSystem, found: Signs) -> str:
         return ""
     if T.border.dt and T.excess < 0:
         return f"T(z) is improper: its output would need the input {_samples(-T.excess)} ahead"
-    if poles := _poles_outside(T):
-        return f"T has {poles}"
+    if T.rational:
+        if not T.stable and T.border.has_outside(T.given.den.polynomial):
+            return f"T has poles {T.border.outside} ({T.seen})"
+    else:
+        right, _, on_axis = zeros(T.den)
+        if right or on_axis is not None:
+            return f"T has {T.seen}"
     causes = []
     if found.first < 0 or found.changes:
         causes.append(f"{T.name} < 0 {_bands(T, found)}")
@@ -214,15 +219,6 @@ def _why_not(T: ExactSystem, found: Signs) -> str:
 
 def _samples(many: int) -> str:
     return f"{many} sample{'s' * (many > 1)}"
-
-
-def _poles_outside(T: ExactSystem) -> str:
-    if not T.rational:
-        right, _, on_axis = zeros(T.den)
-        return T.seen if right or on_axis is not None else ""
-    if T.stable or not T.border.has_outside(T.given.den.polynomial):
-        return ""
-    return f"poles {T.border.outside} ({T.seen})"
 
 
 def _poles_on_border(T: ExactSystem, more: bool) -> list[str]:
@@ -276,7 +272,10 @@ def _how_real(T: ExactSystem, real: Quasi, found: Signs) -> tuple[str, str]:
     name, closed = T.name, T.border.dt is not None
     if not real:
         return "PR", f"T is lossless, {name} = 0 at every w" if T.given.num else "T is zero"
-    if at := _simple_poles(T):
+    at = [0.0] * bool(T.den.order())
+    if T.rational:  # one at infinity of T(s) apart
+        at = [] if T.stable else [w for w in _on_border(T) if math.isfinite(w)]
+    if at:
         where = ", ".join(f"{w:.6g}" for w in at)
         return "PR", f"simple poles with positive residues {T.border.on} at w = {where} rad/s"
     falls_off = real.degree < 2 * min(T.num.degree, T.den.degree)
@@ -291,13 +290,6 @@ def _how_real(T: ExactSystem, real: Quasi, found: Signs) -> tuple[str, str]:
     where = T.border.least_stable(T.poles[0]) if T.poles else "no poles"
     where = where if T.rational else "all poles are left of the axis"
     return "SPR", f"{where}, {name} > 0 at every w{_end(T)}"
-
-
-def _simple_poles(T: ExactSystem) -> list[float]:
-    """Where poles lie on the border, one at infinity of T(s) apart."""
-    if not T.rational:
-        return [0.0] * bool(T.den.order())
-    return [] if T.stable else [w for w in _on_border(T) if math.isfinite(w)]
 
 
 def _end(T: ExactSystem) -> str:

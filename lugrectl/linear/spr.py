@@ -66,7 +66,9 @@ def find_repair(loop: Loop) -> Repair | None:
     integral = _with_leak(loop, repair) if C.ki and not C.tau else None
     if integral:
         return integral
-    return None if C.pure_integral else _with_gain(loop, repair)
+    names = () if C.pure_integral else ("kd", "kp") if loop.order == 2 else ("kp",)
+    made = (_least(loop, name, repair) for name in names)
+    return next(filter(None, made), None)
 
 
 def _with_leak(loop: Loop, repair: Repair) -> Repair | None:
@@ -82,13 +84,6 @@ def _with_leak(loop: Loop, repair: Repair) -> Repair | None:
     return _least(loop, "leak", repair)
 
 
-def _with_gain(loop: Loop, repair: Repair) -> Repair | None:
-    for name in ("kd", "kp") if loop.order == 2 else ("kp",):
-        if found := _least(loop, name, repair):
-            return found
-    return None
-
-
 def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
     """The repair with a further step: the least value of a gain, rounded up to four digits."""
 
@@ -100,7 +95,12 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
         return None
     start = limit or _usual(loop, name)
     value = DIGITS.create_decimal(Decimal(start.numerator) / Decimal(start.denominator))
-    while Fraction(value) <= limit or not _rounded_is_spr(loop, name, float(value)):
+
+    def fails(value: Decimal) -> bool:
+        T = read_transfer(rounded(*_with(loop, **{name: Fraction(float(value))}).T()))
+        return Fraction(value) <= limit or classify(*T[:2]) != "SPR"
+
+    while fails(value):
         if value > 2 * start:
             return None
         value = value.next_plus(DIGITS)
@@ -145,11 +145,6 @@ def _with(loop: Loop, **changes: Any) -> Loop:
 def _is_spr(loop: Loop) -> bool:
     num, den = loop.T()
     return bool(den) and classify(*lowest_terms(num, den)[:2]) == "SPR"
-
-
-def _rounded_is_spr(loop: Loop, name: str, value: float) -> bool:
-    T = read_transfer(rounded(*_with(loop, **{name: Fraction(value)}).T()))
-    return classify(*T[:2]) == "SPR"
 
 
 @dataclass(frozen=True, repr=False)

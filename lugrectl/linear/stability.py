@@ -219,18 +219,19 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     if loop.cause:
         reason = f"the closed loop is not stable: {loop.cause}{_which_gains(gains)}"
     else:
-        phase, delay = _lags(crossovers)
-        if loop.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
-            last = Margin(loop.border.dt or 0.0, loop.border.frequency(math.inf))
-            delay = min(delay, last)
-        below, above = gain_margins(turns)
+        phase, delay = _lags(loop, crossovers)
+        factors = [Margin(-1.0 / x, w) for w, x in turns]
+        below = max((m for m in factors if m.value < 1), default=Margin(0.0))
+        above = min((m for m in factors if m.value >= 1), default=NONE)
         disks = [loop.disk(skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
         reason = _reason(delay, *loop.counts[:2]) + loop.basis
         reason += CLOSED * (abs(loop.static - 1) < loop.alike)
         if loop.end.value < above.value:
             reason += BEYOND.format(loop.end.at, loop.end.value)
             above = above if math.isfinite(above.value) else loop.end
-    gain, modulus = nearest(below, above), disks[0]
+    gain, modulus = above, disks[0]
+    if below.value and above.value > 1.0 / below.value:  # in dB
+        gain = below
     return StabilityVerdict(
         not loop.cause,
         delay.value,
@@ -251,11 +252,14 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     )
 
 
-def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
+def _lags(loop: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
-    angles = [(lag(value), w) for w, value in found]
+    angles = [(lag(value), w) for w, value in crossovers]
     phase = min((Margin(math.degrees(angle), w) for angle, w in angles), default=NONE)
-    return phase, min((Margin(angle / w, w) for angle, w in angles), default=NONE)
+    delays = [Margin(angle / w, w) for angle, w in angles]
+    if loop.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
+        delays.append(Margin(loop.border.dt or 0.0, loop.border.frequency(math.inf)))
+    return phase, min(delays, default=NONE)
 
 
 def _which_gains(gains: Intervals) -> str:
@@ -689,21 +693,7 @@ def lag(value: complex) -> float:
     return angle if angle > 0 else angle + 2 * math.pi
 
 
-def gain_margins(crossings: list[tuple[float, float]]) -> tuple[Margin, Margin]:
-    """The nearest factors below and above 1 that put a pole on the axis."""
-    factors = [Margin(-1.0 / x, w) for w, x in crossings]
-    below = max((m for m in factors if m.value < 1), default=Margin(0.0))
-    return below, min((m for m in factors if m.value >= 1), default=NONE)
-
-
 def _between(low: float, high: float) -> float:
     if math.isinf(high):
         return 2.0 * low or 1.0
     return math.sqrt(low * high) or 0.5 * high
-
-
-def nearest(below: Margin, above: Margin) -> Margin:
-    """The gain margin that is nearer to 1 in dB."""
-    if not below.value or above.value <= 1.0 / below.value:
-        return above
-    return below

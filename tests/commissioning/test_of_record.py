@@ -96,6 +96,7 @@ def test_a_log_that_shows_nothing_is_refused():
     with pytest.raises(lg.Refused, match="certain at no frequency") as no:
         lg.frequency_response(one, MODEL)
     assert "multisine" in str(no.value.experiment)
+    assert "excites the axis too little" in str(no.value) and "record 30 s" in str(no.value)
 
 
 def test_no_friction_is_taken_out_where_none_shows():
