@@ -32,7 +32,7 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         return response(source)
     if isinstance(source, DelayedTransfer):
         return _delayed(source, *marks)
-    T = source
+    T: Any = source
     if not isinstance(T, ct.TransferFunction | ct.StateSpace):
         T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
     dt = border_of(T).dt
