@@ -6,13 +6,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..blocks.model import Model, as_model
+from ..blocks.model import as_model
 from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
@@ -322,10 +321,10 @@ def frequency_response(
     known = known_effects(runs, made)
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
-    found = estimate(known, dry and reverses)
-    _refuse_uncertain(found)
+    found = _answer(known, dry and reverses, made.motion)
     said = [*known.said, *(message for one in records for message in one.messages)]
-    return _result(found, runs, made, [*_verdict(found, dry), *said])
+    said = [*_verdict(found, dry, reverses), *said]
+    return replace(found, messages=tuple(dict.fromkeys(said)))
 
 
 def _refuse_short(runs: Sequence[Run]) -> None:
@@ -339,53 +338,70 @@ def _refuse_short(runs: Sequence[Run]) -> None:
         )
 
 
-def _refuse_uncertain(found: Estimate) -> None:
-    if found.certain.any():
-        return
-    r, f = found.response, found.response.w / (2.0 * np.pi)
-    best = int(np.argmax(r.coherence))
+def _refused(r: Response) -> Refused:
+    """Why nothing is certain, and what to record."""
+    f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
     coherent = float(r.coherence[best])
     why = COVERED if coherent >= CERTAIN else TOO_LITTLE.format(coherent, f[best])
-    raise Refused(NOWHERE.format(f[0], f[-1]) + why + RECORD[0].lower() + RECORD[1:], RECORD)
+    return Refused(NOWHERE.format(f[0], f[-1]) + why + RECORD[0].lower() + RECORD[1:], RECORD)
 
 
-def _verdict(found: Estimate, dry: bool) -> list[str]:
+def _verdict(found: FrequencyResponse, dry: bool, reverses: bool) -> list[str]:
     """What friction does to the response, how much of it is certain, and what to record."""
-    (correction, below), sure, bad = found.correction, found.certain, found.governed
-    f, few = found.response.w[bad] / (2.0 * np.pi), sure.mean() < FEW
-    taken = found.friction is not None and found.friction.levels
-    made = [GOOD.format(below, correction)] if taken and not len(f) else []
+    sure, bad = found.certain, found.governed
+    f, few = found.frequency[bad] / (2.0 * np.pi), sure.mean() < FEW
+    taken, below = dry and reverses and found.friction, _slow(found.frequency) / (2.0 * np.pi)
+    made = [GOOD.format(below, found.correction)] if taken and not len(f) else []
     made += [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
-    made += [] if taken or not dry else [ONE_WAY if found.friction is None else NONE]
+    made += [] if taken or not dry else [NONE if reverses else ONE_WAY]
     made += [THIN.format(sure.sum(), len(sure))] if few else []
     return [*made, *([RECORD] if len(f) or few else [])]
 
 
-def _result(
-    found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
-) -> FrequencyResponse:
-    r, dt, sure = found.response, runs[0].dt, found.certain
-    size = np.abs(r.P)
-    mechanics = found.mechanics if sure.sum() >= FEWEST else None
-    modes = () if mechanics is None else mechanics.modes()
-    inertia = None if mechanics is None else mechanics.inertia
-    known = inertia is not None and _narrow(inertia[1])
+def _slow(w: np.ndarray) -> float:
+    """Below how many rad/s the effect of friction is looked at."""
+    return max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
+
+
+def _answer(known: Known, dry: bool, motion: str) -> FrequencyResponse:
+    """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
+    runs, dt = known.runs, known.runs[0].dt
+    longest = max(len(run.u) * run.dt for run in runs)
+    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
+    every = windows(runs, *ends, NARROW)
+    stage = _Stage(known, every, np.array([one.centre for one in every]))
+    friction, taken = None, None
+    for _ in range(1 + ROUNDS):
+        if dry:
+            friction = stage.friction(friction)
+            taken = friction.spectra if friction.levels else None
+        stage = stage.knowing(stage.response(taken))
+    raw, r = stage.response(), stage.response(taken)
+    governed = _governed(raw, r)
+    sure, size = (r.coherence >= CERTAIN) & ~governed, np.abs(r.P)
+    if not sure.any():
+        raise _refused(r)
+    mechanics = stage.mechanics if sure.sum() >= FEWEST else None
+    modes, inertia, interval = (), None, None
+    if mechanics is not None:
+        modes = mechanics.modes()
+        inertia, interval = mechanics.inertia
+        inertia, interval = (inertia, interval) if _narrow(interval) else (None, None)
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
-        raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
+        raw=ct.FrequencyResponseData(raw.P, r.w, dt),
         unwrapped=unwrapped(r.w, r.P, r.coherence >= CERTAIN),
         low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,
-        correction=found.correction[0],
-        governed=found.governed,
+        correction=float(np.median(_change(raw, r)[r.w < _slow(r.w)])),
+        governed=governed,
         modes=tuple(mode for mode in modes if _seen(mode, r.w, sure)),
-        inertia=inertia[0] if inertia and known else None,
-        inertia_ci95=inertia[1] if inertia and known else None,
-        friction={} if found.friction is None else found.friction.levels,
+        inertia=inertia,
+        inertia_ci95=interval,
+        friction={} if friction is None else friction.levels,
         reference=runs[0].E is not None,
-        motion=model.motion,
-        messages=tuple(dict.fromkeys(said)),
+        motion=motion,
         mechanics=mechanics,
     )
 
@@ -399,35 +415,6 @@ def _seen(mode: Mode, w: np.ndarray, sure: np.ndarray) -> bool:
 
 def _narrow(ci95: tuple[float, float]) -> bool:
     return ci95[1] <= (1.0 + VAGUE) ** 2 * ci95[0]
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """The response without and with friction taken out; ``friction`` is None without dry friction
-    in the model, ``mechanics`` where the response shows none."""
-
-    raw: Response
-    response: Response
-    friction: Friction | None
-    mechanics: Mechanics | None
-
-    @cached_property
-    def governed(self) -> np.ndarray:
-        """Where friction governs the response (n,)."""
-        return _governed(self.raw, self.response)
-
-    @cached_property
-    def certain(self) -> np.ndarray:
-        return (self.response.coherence >= CERTAIN) & ~self.governed
-
-    @property
-    def correction(self) -> tuple[float, float]:
-        """By how many dB friction changes the response at low frequencies, and below how many
-        Hz."""
-        w = self.response.w
-        top = max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
-        change = _change(self.raw, self.response)[w < top]
-        return float(np.median(change)), top / (2.0 * np.pi)
 
 
 def _change(raw: Response, taken: Response) -> np.ndarray:
@@ -507,19 +494,3 @@ class _Stage:
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
         both = fit_friction(replace(problem, loads=loads), before)
         return both if both.cost < found.cost - SURE else found
-
-
-def estimate(known: Known, dry: bool) -> Estimate:
-    """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
-    runs = known.runs
-    longest = max(len(run.u) * run.dt for run in runs)
-    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / runs[0].dt
-    every = windows(runs, *ends, NARROW)
-    stage = _Stage(known, every, np.array([one.centre for one in every]))
-    friction, taken = None, None
-    for _ in range(1 + ROUNDS):
-        if dry:
-            friction = stage.friction(friction)
-            taken = friction.spectra if friction.levels else None
-        stage = stage.knowing(stage.response(taken))
-    return Estimate(stage.response(), stage.response(taken), friction, stage.mechanics)
