@@ -177,7 +177,7 @@ def test_python_control_finds_the_same_where_it_finds_any(seed):
         assert found.phase_margin_frequency == pytest.approx(w_phase, rel=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", range(6))  # each direct path with and without an integrator
 def test_many_states_have_the_margins_of_exact_arithmetic(seed):
     random = np.random.default_rng(seed)
     A = random.normal(size=(8, 8))
