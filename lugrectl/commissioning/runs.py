@@ -6,6 +6,12 @@ position, jw Theta(jw), so that no difference quotient delays it; without a posi
 recorded speed. Friction of the interval from k to k + 1 belongs to u[k]. Several runs share the
 response; each has a transient of its own (the local polynomial method: Schoukens, Vandersteen,
 Barbe, Pintelon 2009).
+
+The response is P of W(k) = P(k) V(k) + T(k) within each window. Instruments are the spectrum of the
+logged reference times the powers of the distance, so that noise in the loop does not bias P
+(Pintelon and Schoukens 2012, ch. 7). P is estimated directly: the map from the reference to V is
+not smooth while friction reverses. Without a reference: least squares of W on V and of V on W, and
+their geometric mean.
 """
 
 from __future__ import annotations

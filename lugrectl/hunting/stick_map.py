@@ -9,6 +9,15 @@ not.
 Under the reference r = v t the error changes by -v in a stick and U = -(kp e + ki int e) by
 kp v - ki e: the drive breaks away forward where kp v > ki e, else backward. In units, and with
 x = -e, the excess y = U - Fs of a stick is y0 + (v + rho x0) t + rho v t^2/2.
+
+A slip in the direction of -e, from w = 0 to w = 0, has the state (x, a, y): the error, the speed
+a = -w >= 0, and the excess y = -u - Fs of the torque without damping over breakaway,
+
+    dx/dt = v - a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x + v - a.
+
+It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; at v = 0 x is monotone, so that the
+largest error stands at an end. The excess is a state because it keeps its digits where e is small.
+Dormand and Prince, order 5 with an error of order 4; each lane has its own step.
 """
 
 from __future__ import annotations
@@ -24,10 +33,7 @@ from .loop import Lanes
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
 SLIP_STEPS = 4000  # of one slip; a longer one creeps
-MOVING_STEPS, ROUGH = (
-    1000,
-    1e-5,
-)  # SLIP_STEPS and RTOL under a moving reference: some 40 periods of sliding
+MOVING_STEPS, ROUGH = 1000, 1e-5  # the same under a moving reference: some 40 periods of sliding
 LOOK = 40  # steps, after which it is looked for creeping
 NEARLY = 0.02  # relative difference of a creeping speed from rho x
 AROUND = 0.8  # of the speed v: how far from steady sliding a slip may stay about it

@@ -4,6 +4,9 @@ In a cell about w0 of half-width h, |q(jw) - q(jw0)| <= |q'(jw0)| h + M h^2/2, w
 up to the cell's end. A cell in which this is below |q(jw0)| holds no zero; one in which M h is
 below |q'(jw0)| holds at most one change of sign; every other is halved. So nothing is missed
 between points of a grid.
+
+With this the largest |T(jw)| and the least Re T(jw) are found: exactly of rational numbers, else
+between bounds.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Polynomials with exact rational coefficients: division, real roots, Hurwitz test.
 
-A polynomial is a tuple of numbers in ascending powers without trailing zeros; ``()`` is zero.
+A polynomial is a tuple of numbers in ascending powers without trailing zeros; ``()`` is zero. Sums
+of p(s) exp(-sT) with exact dead times T are quasi-polynomials.
 No decision here is made in floating point; floats appear only as values of isolated roots.
 """
 
