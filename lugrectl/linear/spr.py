@@ -1,4 +1,4 @@
-"""Strict positive realness, decided on exact rational numbers."""
+"""Strict positive realness, decided on rational numbers, and the least change that gives it."""
 
 from __future__ import annotations
 
@@ -97,8 +97,10 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
     value = DIGITS.create_decimal(Decimal(start.numerator) / Decimal(start.denominator))
 
     def fails(value: Decimal) -> bool:
+        if Fraction(value) <= limit:
+            return True
         T = read_transfer(rounded(*_with(loop, **{name: Fraction(float(value))}).T()))
-        return Fraction(value) <= limit or classify(*T[:2]) != "SPR"
+        return classify(*T[:2]) != "SPR"
 
     while fails(value):
         if value > 2 * start:
