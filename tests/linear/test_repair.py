@@ -88,7 +88,7 @@ def test_controllers_that_cannot_be_understood(gains, word):
 
 def test_a_loop_needs_a_denominator():
     with pytest.raises(InputError, match="no denominator"):
-        velocity_T(replace(P, J=0.0))
+        velocity_T(SimpleNamespace(J=0.0, sigma0=260.0, sigma1=0.6))
 
 
 def test_prefilter_by_its_pole():
