@@ -329,11 +329,11 @@ def parser() -> argparse.ArgumentParser:
         prog="lugrectl",
         description="Find out which friction effect is missing from the model of a servo drive, "
         "from a log of its torque and motion.",
-        epilog="Exit codes: 0 answered, 1 a checked property does not hold or a loop hunts, "
-        "2 wrong usage or unreadable file, 3 the record cannot answer the question. "
-        "lugrectl COMMAND --help shows "
-        "a command's options. To begin: lugrectl demo, then lugrectl model > my.toml and "
-        "lugrectl diagnose run.csv --model my.toml --out report.",
+        epilog="Exit codes: 0 answered, 1 a checked property does not hold or a loop hunts (hunt "
+        "--speed: 0, its answer is two speeds), 2 wrong usage or unreadable file, 3 the record "
+        "cannot answer the question. lugrectl COMMAND --help shows a command's options. To begin: "
+        "lugrectl demo, then lugrectl model > my.toml and lugrectl diagnose run.csv --model "
+        "my.toml --out report.",
         allow_abbrev=False,
     )
     top.add_argument("--version", action=Version, help="show the version and exit")

@@ -1,10 +1,8 @@
 """The frequency response of an axis with friction taken out, and the gains that it allows."""
 
-from .of_record import frequency_response
+from .of_record import FrequencyResponse, UncertainResponseWarning, frequency_response
 from .plan import ResponsePlan, response_plan
-from .result import FrequencyResponse, UncertainResponseWarning
-from .tuned import Tuning
-from .tuning import tune
+from .tuning import Tuning, tune
 
 __all__ = [
     "FrequencyResponse",

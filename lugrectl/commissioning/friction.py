@@ -32,9 +32,8 @@ import numpy as np
 
 from ..blocks.bristle_laws import along, strokes
 from ..blocks.friction import level
-from .local_response import Shape
 from .mechanics import Mechanics, quadratic
-from .runs import FINER, Run, Spacing, Window, means, windows
+from .runs import FINER, Run, Shape, Spacing, Window, means, windows
 
 SPACING = Spacing(15, 0.035, 1.4)
 TOP, SHARE = 40.0, 0.2  # Hz, and of the rate: friction is fitted below both, above it is weak

@@ -22,10 +22,10 @@ from ..core.errors import InputError, Refused
 from ..core.option_names import option
 from ..core.validation import number, positive
 from ..linear import linearize
-from ..linear.measured import response
+from ..linear.transfer import response
 from .effects import LINEAR
 from .mechanics import Mechanics
-from .result import UNIT, FrequencyResponse
+from .of_record import UNIT, FrequencyResponse
 from .runs import hold
 
 FINER = 4  # steps between two measured frequencies

@@ -29,8 +29,7 @@ from scipy.stats import t as t_distribution
 
 from ..core.numeric import Z95
 from ..core.result import picked
-from .local_response import Response, Shape
-from .runs import Run, hold
+from .runs import Response, Run, Shape, hold
 
 PAIRS = 3
 LEAST_DEVIATION = 0.01  # of P, of a point: what the model of the mechanics leaves out

@@ -3,25 +3,224 @@ once more with what they say."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control as ct
 import numpy as np
 
-from ..blocks.model import Model, as_model
+from ..blocks.model import as_model
+from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
-from ..core.provenance import stamped
-from ..record import Record, pooled, record_of, refuse_dead
+from ..core.provenance import Provenance, stamped
+from ..core.result import Result
+from ..core.unit_names import unit_for
+from ..core.views import view
+from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
 from .effects import Known, known_effects
 from .friction import Friction, fit_friction, load_motion, problem_of
-from .local_response import SPACING, Response, Shape, local_response
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
-from .result import BAD, CERTAIN, FEW, GOOD, LARGE, RECORD, THIN, FrequencyResponse, unwrapped
-from .runs import Run, Window, runs_of, windows
+from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows
+
+LARGE = 2.0  # dB by which friction changes a response that it governs: no band holds there
+CERTAIN = 0.95  # coherence below which nothing is certain
+GOOD = "Friction changes the response below {:.3g} Hz by {:.1f} dB: the band holds."
+BAD = (
+    "Friction governs {} of {} points, {:.3g} to {:.3g} Hz: it changes the response by 2 dB or "
+    "more there, and no band holds."
+)
+RECORD = (
+    "Record 30 s of quick moves that mostly reverse, with a multisine on the speed reference whose "
+    "torque is about twice the friction, and log the reference."
+)
+THIN = "Only {} of {} points are certain: elsewhere the log excites the axis too little."
+UNSURE = (
+    "{} of {} points of the response are not certain (coherence below 0.95, or friction governs)."
+)
+FEW = 0.5  # of the points: with fewer certain ones that is said
+UNIT = {"rotary": "(rad/s)/(N m)", "linear": "(m/s)/N"}  # of a response
+
+
+class UncertainResponseWarning(UserWarning):
+    """A response is used at points that are not certain."""
+
+
+@dataclass(eq=False, repr=False)
+class FrequencyResponse(Result, ct.FrequencyResponseData):
+    """The frequency response from motor torque less friction to motor speed.
+
+    A ``control.FrequencyResponseData`` of all points, at the log's sample time: of a loop with the
+    controller C, ``lg.stability_check(C * response)``, which warns of points that are not certain.
+
+    Attributes
+    ----------
+    frd, raw : control.FrequencyResponseData
+        The response with friction taken out, and without; (rad/s)/(N m), or (m/s)/N, at the log's
+        sample time: the torque is held over each sample, and a dead time is part of it.
+    frequency, magnitude, phase : ndarray
+        In rad/s, as above, and rad (``unwrapped`` along what is certain).
+    low, high : ndarray
+        The 95 % band of the magnitude; NaN where nothing is certain.
+    coherence : ndarray
+        The share of the speed's power about each frequency that the response explains.
+    correction : float
+        By how many dB friction changes the response below 10 Hz, the median.
+    governed : ndarray
+        Whether friction changes the response about each frequency by 2 dB or more.
+    trusted : bool
+        Whether ``correction`` is below 2 dB, and any point certain.
+    modes : tuple of Mode
+        Antiresonances and resonances, ``frequency`` in rad/s, ``damping`` as a ratio, with 95 %
+        intervals ``ci95`` and ``damping_ci95``.
+    inertia : float or None
+        In kg m2 or kg, of the whole axis; None where the log does not show it.
+    inertia_ci95 : tuple of float or None
+        Its 95 % interval.
+    friction : dict
+        Levels that were taken out, N m or N. Good for that; identify estimates them.
+    reference : bool
+        Whether a logged reference served as instrument.
+    messages : tuple of str
+        What was noticed, the verdict on friction first.
+    mechanics : Mechanics or None
+        The fitted model that inertia and modes are of; :func:`tune` reads it.
+    gains : Tuning or None
+        Of ``lugrectl bode --tune``.
+    """
+
+    frd: ct.FrequencyResponseData
+    raw: ct.FrequencyResponseData
+    unwrapped: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    coherence: np.ndarray
+    correction: float
+    governed: np.ndarray
+    modes: tuple[Mode, ...] = ()
+    inertia: float | None = None
+    inertia_ci95: tuple[float, float] | None = None
+    friction: Mapping[str, float] = field(default_factory=dict)
+    reference: bool = False
+    motion: str = "rotary"
+    messages: tuple[str, ...] = ()
+    mechanics: Mechanics | None = field(default=None, repr=False)
+    gains: Any = None
+    provenance: Provenance | None = field(default=None, repr=False)
+    is_axis = True  # and no loop
+
+    def __post_init__(self) -> None:
+        ct.FrequencyResponseData.__init__(self, self.frd, sysname="axis")
+
+    @property
+    def frequency(self) -> np.ndarray:
+        return self.omega
+
+    @property
+    def magnitude(self) -> np.ndarray:
+        return np.abs(np.asarray(self.frdata)[0, 0])
+
+    @property
+    def phase(self) -> np.ndarray:
+        return self.unwrapped
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def __mul__(self, other: Any) -> Any:
+        return self._used() * other
+
+    def __rmul__(self, other: Any) -> Any:
+        return other * self._used()
+
+    def _used(self) -> ct.FrequencyResponseData:
+        """All points, with a warning where some are not certain."""
+        if unsure := int((~self.certain).sum()):
+            said = UNSURE.format(unsure, len(self.omega))
+            warnings.warn(said, UncertainResponseWarning, stacklevel=3)
+        return self.frd
+
+    @property
+    def trusted(self) -> bool:
+        return self.correction < LARGE and bool(self.certain.any())
+
+    @property
+    def certain(self) -> np.ndarray:
+        """Where the coherence is at least 0.95, and friction does not govern."""
+        return (self.coherence >= CERTAIN) & ~self.governed
+
+    @property
+    def raw_phase(self) -> np.ndarray:
+        """The phase of ``raw`` in rad, within half a turn of ``phase``."""
+        return self.phase + np.angle(np.ravel(self.raw.frdata) / np.ravel(self.frd.frdata))
+
+    @property
+    def unit(self) -> str:
+        """Of the magnitude."""
+        return UNIT[self.motion]
+
+    def plot(self) -> Sequence[Any]:
+        """Draw magnitude, phase and coherence, with the band; uncertain points are faint. With
+        ``gains`` also Nyquist's curve and a step. Returns the Axes."""
+        return view("check_plots.bode")(self)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as in the JSON document."""
+        raw = np.asarray(self.raw.frdata)[0, 0]
+        return {
+            "schema": 1,
+            "frequency": self.frequency,
+            "magnitude": self.magnitude,
+            "phase": self.phase,
+            "low": self.low,
+            "high": self.high,
+            "coherence": self.coherence,
+            "raw": {"magnitude": np.abs(raw), "phase": self.raw_phase},
+            "correction": self.correction,
+            "governed": self.governed,
+            "trusted": self.trusted,
+            "modes": [mode.summary() for mode in self.modes],
+            "inertia": self.inertia,
+            "inertia_ci95": self.inertia_ci95,
+            "friction": dict(self.friction),
+            "reference": self.reference,
+            "gains": None if self.gains is None else self.gains.summary(),
+            "messages": list(self.messages),
+            "provenance": self.provenance.summary() if self.provenance else None,
+        }
+
+    def _title(self) -> str:
+        sure, all_of = int(self.certain.sum()), len(self.frequency)
+        f = self.frequency[[0, -1]] / (2.0 * np.pi)
+        return f"Frequency response, {f[0]:.3g} to {f[1]:.4g} Hz: {sure} of {all_of} points certain"
+
+    def _rows(self) -> Iterable[Row]:
+        force, mass = (unit_for(unit, self.motion) for unit in ("N m", "kg m2"))
+        sizes = {"Fc": self.friction.get("Fc"), "load's Fc": self.friction.get("load Fc")}
+        levels = ", ".join(f"{k} {number(v, 3)}" for k, v in sizes.items() if v)
+        inertia = f"({between(self.inertia_ci95)})" if self.inertia_ci95 else ""
+        return [
+            *([Row("inertia", number(self.inertia), mass, inertia)] if self.inertia else []),
+            *(Row(mode.kind, *_shown(mode)) for mode in self.modes),
+            *([Row("taken out", levels, force)] if levels else []),
+            *noticed(self.messages, "messages"),
+        ]
+
+
+def unwrapped(w: np.ndarray, P: np.ndarray, sure: np.ndarray) -> np.ndarray:
+    """The phase, unwrapped along what is certain; the rest is within half a turn of that."""
+    angle = np.angle(P)
+    line = np.interp(w, w[sure], np.unwrap(angle[sure]))
+    return line + np.angle(np.exp(1j * (angle - line)))
+
+
+def _shown(mode: Mode) -> tuple[str, str, str]:
+    low, high = (x / (2.0 * np.pi) for x in mode.ci95)
+    hertz = f"({mode.frequency / (2.0 * np.pi):.4g} Hz, {low:.4g} to {high:.4g})"
+    return f"{mode.frequency:.4g}", "rad/s", f"{hertz}, damping {mode.damping:.2g}"
+
 
 HIGHEST = 0.4  # of half the sampling rate
 LOWEST = 30  # periods in the longest run
@@ -33,11 +232,12 @@ SLOW = 10.0  # Hz below which friction is looked for
 NEAR, TENTH = 0.4, 0.1  # so near a mode's frequency so many points must be certain
 VAGUE = 0.1  # of its value: a mode or an inertia less certain than that is not given
 LEAST_RANGE = 0.5  # decades of frequency
-NOWHERE = (
-    "the response is certain at no frequency from {:.3g} to {:.3g} Hz: the torque explains at most "
-    "{:.0%} of the speed about {:.3g} Hz, and it must be 95 %. The log excites the axis too little "
-    "there, or something else moves it."
+NOWHERE = "the response is certain at no frequency from {:.3g} to {:.3g} Hz, as "
+TOO_LITTLE = (
+    "the log excites the axis too little, or something else moves it (the torque explains at most "
+    "{:.0%} of the speed, about {:.3g} Hz, and it must be 95 %): "
 )
+COVERED = "friction governs wherever the torque explains 95 % of the speed: "
 NONE = "No dry friction shows clearly in the log: nothing is taken out."
 ONE_WAY = "The axis never reverses: friction is a constant torque there, and nothing is taken out."
 
@@ -112,23 +312,19 @@ def frequency_response(
     logs = as_logs(record, made.motion, columns=columns, units=units, scale=scale, rate=rate)
     records = pooled([record_of(log, alone=len(logs) == 1) for log in logs])
     refuse_dead(records)
-    _refuse_unlike(records)
+    steps = [one.dt for one in records]
+    if max(steps) > 1.001 * min(steps):
+        rates = ", ".join(f"{one.source} {one.rate:g} Hz" for one in records)
+        raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
     runs = runs_of(records)
     _refuse_short(runs)
     known = known_effects(runs, made)
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
-    found = estimate(known, dry and reverses)
-    _refuse_uncertain(found.response)
+    found = _answer(known, dry and reverses, made.motion)
     said = [*known.said, *(message for one in records for message in one.messages)]
-    return _result(found, runs, made, [*_verdict(found, dry), *said])
-
-
-def _refuse_unlike(records: Sequence[Record]) -> None:
-    steps = [record.dt for record in records]
-    if max(steps) > 1.001 * min(steps):
-        rates = ", ".join(f"{record.source} {record.rate:g} Hz" for record in records)
-        raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
+    said = [*_verdict(found, dry, reverses), *said]
+    return replace(found, messages=tuple(dict.fromkeys(said)))
 
 
 def _refuse_short(runs: Sequence[Run]) -> None:
@@ -142,50 +338,70 @@ def _refuse_short(runs: Sequence[Run]) -> None:
         )
 
 
-def _refuse_uncertain(r: Response) -> None:
-    best = int(np.argmax(r.coherence))
-    if r.coherence[best] < CERTAIN:
-        f = r.w / (2.0 * np.pi)
-        raise Refused(NOWHERE.format(f[0], f[-1], float(r.coherence[best]), f[best]), RECORD)
+def _refused(r: Response) -> Refused:
+    """Why nothing is certain, and what to record."""
+    f, best = r.w / (2.0 * np.pi), int(np.argmax(r.coherence))
+    coherent = float(r.coherence[best])
+    why = COVERED if coherent >= CERTAIN else TOO_LITTLE.format(coherent, f[best])
+    return Refused(NOWHERE.format(f[0], f[-1]) + why + RECORD[0].lower() + RECORD[1:], RECORD)
 
 
-def _verdict(found: Estimate, dry: bool) -> list[str]:
+def _verdict(found: FrequencyResponse, dry: bool, reverses: bool) -> list[str]:
     """What friction does to the response, how much of it is certain, and what to record."""
-    (correction, below), sure, bad = found.correction, found.certain, found.governed
-    f, few = found.response.w[bad] / (2.0 * np.pi), sure.mean() < FEW
-    taken = found.friction is not None and found.friction.levels
-    made = [GOOD.format(below, correction)] if taken and not len(f) else []
+    sure, bad = found.certain, found.governed
+    f, few = found.frequency[bad] / (2.0 * np.pi), sure.mean() < FEW
+    taken, below = dry and reverses and found.friction, _slow(found.frequency) / (2.0 * np.pi)
+    made = [GOOD.format(below, found.correction)] if taken and not len(f) else []
     made += [BAD.format(len(f), len(bad), f[0], f[-1])] if len(f) else []
-    made += [] if taken or not dry else [ONE_WAY if found.friction is None else NONE]
+    made += [] if taken or not dry else [NONE if reverses else ONE_WAY]
     made += [THIN.format(sure.sum(), len(sure))] if few else []
     return [*made, *([RECORD] if len(f) or few else [])]
 
 
-def _result(
-    found: Estimate, runs: Sequence[Run], model: Model, said: Sequence[str]
-) -> FrequencyResponse:
-    r, dt, sure = found.response, runs[0].dt, found.certain
-    size = np.abs(r.P)
-    mechanics = found.mechanics if sure.sum() >= FEWEST else None
-    modes = () if mechanics is None else mechanics.modes()
-    inertia = None if mechanics is None else mechanics.inertia
-    known = inertia is not None and _narrow(inertia[1])
+def _slow(w: np.ndarray) -> float:
+    """Below how many rad/s the effect of friction is looked at."""
+    return max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
+
+
+def _answer(known: Known, dry: bool, motion: str) -> FrequencyResponse:
+    """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
+    runs, dt = known.runs, known.runs[0].dt
+    longest = max(len(run.u) * run.dt for run in runs)
+    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
+    every = windows(runs, *ends, NARROW)
+    stage = _Stage(known, every, np.array([one.centre for one in every]))
+    friction, taken = None, None
+    for _ in range(1 + ROUNDS):
+        if dry:
+            friction = stage.friction(friction)
+            taken = friction.spectra if friction.levels else None
+        stage = stage.knowing(stage.response(taken))
+    raw, r = stage.response(), stage.response(taken)
+    governed = _governed(raw, r)
+    sure, size = (r.coherence >= CERTAIN) & ~governed, np.abs(r.P)
+    if not sure.any():
+        raise _refused(r)
+    mechanics = stage.mechanics if sure.sum() >= FEWEST else None
+    modes, inertia, interval = (), None, None
+    if mechanics is not None:
+        modes = mechanics.modes()
+        inertia, interval = mechanics.inertia
+        inertia, interval = (inertia, interval) if _narrow(interval) else (None, None)
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
-        raw=ct.FrequencyResponseData(found.raw.P, r.w, dt),
+        raw=ct.FrequencyResponseData(raw.P, r.w, dt),
         unwrapped=unwrapped(r.w, r.P, r.coherence >= CERTAIN),
         low=np.where(sure, np.maximum(size - r.radius, 0.0), np.nan),
         high=np.where(sure, size + r.radius, np.nan),
         coherence=r.coherence,
-        correction=found.correction[0],
-        governed=found.governed,
+        correction=float(np.median(_change(raw, r)[r.w < _slow(r.w)])),
+        governed=governed,
         modes=tuple(mode for mode in modes if _seen(mode, r.w, sure)),
-        inertia=inertia[0] if inertia and known else None,
-        inertia_ci95=inertia[1] if inertia and known else None,
-        friction={} if found.friction is None else found.friction.levels,
+        inertia=inertia,
+        inertia_ci95=interval,
+        friction={} if friction is None else friction.levels,
         reference=runs[0].E is not None,
-        motion=model.motion,
-        messages=tuple(dict.fromkeys(said)),
+        motion=motion,
         mechanics=mechanics,
     )
 
@@ -199,35 +415,6 @@ def _seen(mode: Mode, w: np.ndarray, sure: np.ndarray) -> bool:
 
 def _narrow(ci95: tuple[float, float]) -> bool:
     return ci95[1] <= (1.0 + VAGUE) ** 2 * ci95[0]
-
-
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """The response without and with friction taken out; ``friction`` is None without dry friction
-    in the model, ``mechanics`` where the response shows none."""
-
-    raw: Response
-    response: Response
-    friction: Friction | None
-    mechanics: Mechanics | None
-
-    @cached_property
-    def governed(self) -> np.ndarray:
-        """Where friction governs the response (n,)."""
-        return _governed(self.raw, self.response)
-
-    @cached_property
-    def certain(self) -> np.ndarray:
-        return (self.response.coherence >= CERTAIN) & ~self.governed
-
-    @property
-    def correction(self) -> tuple[float, float]:
-        """By how many dB friction changes the response at low frequencies, and below how many
-        Hz."""
-        w = self.response.w
-        top = max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
-        change = _change(self.raw, self.response)[w < top]
-        return float(np.median(change)), top / (2.0 * np.pi)
 
 
 def _change(raw: Response, taken: Response) -> np.ndarray:
@@ -307,19 +494,3 @@ class _Stage:
         loads = [load_motion(run, self.mechanics, level, before.distance) for run in self.runs]
         both = fit_friction(replace(problem, loads=loads), before)
         return both if both.cost < found.cost - SURE else found
-
-
-def estimate(known: Known, dry: bool) -> Estimate:
-    """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
-    runs = known.runs
-    longest = max(len(run.u) * run.dt for run in runs)
-    ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / runs[0].dt
-    every = windows(runs, *ends, SPACING)
-    stage = _Stage(known, every, np.array([one.centre for one in every]))
-    friction, taken = None, None
-    for _ in range(1 + ROUNDS):
-        if dry:
-            friction = stage.friction(friction)
-            taken = friction.spectra if friction.levels else None
-        stage = stage.knowing(stage.response(taken))
-    return Estimate(stage.response(), stage.response(taken), friction, stage.mechanics)

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.model import Model, as_model
+from ..blocks.model import as_model
 from ..core.display import Row, noticed, number
 from ..core.errors import InputError
 from ..core.result import Result
+from ..core.unit_names import unit_for
 from ..core.validation import positive, whole
 
 PERIOD = 4.0  # s, of the multisine
@@ -51,8 +52,8 @@ class ResponsePlan(Result):
 
     def to_csv(self) -> str:
         """The columns t, w and theta with a header."""
-        angle = "rad" if self.motion == "rotary" else "m"
-        made, head = io.StringIO(), f"t [s],w [{angle}/s],theta [{angle}]"
+        angle, speed = (unit_for(unit, self.motion) for unit in ("rad", "rad/s"))
+        made, head = io.StringIO(), f"t [s],w [{speed}],theta [{angle}]"
         rows = np.column_stack([self.t, self.w, self.theta])
         np.savetxt(made, rows, "%.9g", ",", header=head, comments="")
         return made.getvalue()
@@ -67,13 +68,13 @@ class ResponsePlan(Result):
         return f"Excitation for a frequency response: {len(self.t) / rate:.3g} s at {rate:.5g} Hz"
 
     def _rows(self) -> Iterable[Row]:
-        turning = self.motion == "rotary"
-        angle, torque = ("rad", "N m") if turning else ("m", "N")
-        gain = f"in a speed loop of gain {number(self.kp)} {'N m s/rad' if turning else 'N s/m'}"
+        names = ("rad/s", "rad", "N m", "N m s/rad")
+        speed, angle, torque, gain = (unit_for(unit, self.motion) for unit in names)
+        said = f"RMS, in a speed loop of gain {number(self.kp)} {gain}"
         return [
-            Row("reference", number(float(np.abs(self.w).max())), f"{angle}/s", "at most"),
+            Row("reference", number(float(np.abs(self.w).max())), speed, "at most"),
             Row("travel", number(float(np.ptp(self.theta))), angle),
-            Row("multisine", number(self.sine), torque, f"RMS, {gain}"),
+            Row("multisine", number(self.sine), torque, said),
             *noticed([HOW], "HOW"),
         ]
 
@@ -129,7 +130,15 @@ def response_plan(
     rate, w, u = positive(rate, "rate", "Hz"), positive(w, "w"), positive(u, "u")
     reach = np.inf if theta is None else positive(theta, "theta")
     g = np.random.default_rng(whole(seed, "seed"))
-    J, Fc = _known(made, u)
+    values = made.values()
+    J, Fc = values["J"], values.get("Fc", 0.0)
+    if J is None or Fc is None:
+        missing = "J" if J is None else "Fc"
+        raise InputError(
+            f"{missing} must be declared to size the excitation: a rough value will do."
+        )
+    if u <= Fc:
+        raise InputError(f"u = {u:g} does not exceed Fc = {Fc:g}: the axis would not move.")
     kp = J * 2.0 * np.pi * BANDWIDTH if kp is None else positive(kp, "kp")
     n = round(max(positive(duration, "duration", "s"), 10.0) * rate)
     sine, peak = _multisine(g, n, rate, kp, J)
@@ -139,20 +148,6 @@ def response_plan(
     jogs = _jogs(g, n, rate, min(w - most * top, STEEP * steep), steep, reach)
     both, position = jogs + most * sine, np.cumsum(jogs) / rate
     return ResponsePlan(np.arange(n) / rate, both, position, most, kp, made.motion)
-
-
-def _known(model: Model, u: float) -> tuple[float, float]:
-    """J and Fc, 0 without dry friction."""
-    values = model.values()
-    J, Fc = values["J"], values.get("Fc", 0.0)
-    if J is None or Fc is None:
-        missing = "J" if J is None else "Fc"
-        raise InputError(
-            f"{missing} must be declared to size the excitation: a rough value will do."
-        )
-    if u <= Fc:
-        raise InputError(f"u = {u:g} does not exceed Fc = {Fc:g}: the axis would not move.")
-    return J, Fc
 
 
 def _multisine(

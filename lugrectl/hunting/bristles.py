@@ -16,9 +16,9 @@ from scipy.optimize import brentq, root
 
 from ..blocks.model import Model
 from ..core.errors import Refused
-from .fixed_points import Half, repeated
 from .loop import Loop
 from .result import Cycle
+from .rigid import Half, repeated
 
 NUDGE = 1e-4  # of a state, by which a slope is measured
 RTOL = 1e-9  # of a half turn
@@ -134,10 +134,6 @@ class Bristles:
         if not self.loop.ki:
             A = np.delete(np.delete(A, 2, 0), 2, 1)
         return float(np.linalg.eigvals(A).real.max()) - ROUNDING * self.loop.wn
-
-    def profile(self) -> tuple[np.ndarray, np.ndarray]:
-        """The growth at falling speeds."""
-        return SPEEDS, np.array([self.growth(v) for v in SPEEDS])
 
     def first_speed(self, v: np.ndarray, growth: np.ndarray) -> float:
         """The speed below which sliding is unstable; 0: at none."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -86,33 +86,25 @@ def edge(
     return a, b
 
 
-class Changes(NamedTuple):
-    """Where something begins (True) or ends as a gain rises from ``low`` to ``high``; ``first``:
-    whether it is there at the lowest gain that is decided."""
-
-    low: float
-    high: float
-    every: tuple[tuple[Any, bool], ...]
-    first: bool | None
-
-
 def critical(hunts: Hunts, vary: Mapping[str, tuple[float, float]], what: str) -> dict[str, Any]:
     """Find by gain where ``hunts(ki=...)`` changes, and say where ``what`` begins and ends."""
-    found = {
-        name: _changes(cache(lambda v, name=name: hunts(**{name: v})), *ends)
-        for name, ends in vary.items()
-    }
-    values = {name: tuple(value for value, _ in one.every) for name, one in found.items()}
-    said = tuple(f"as {name} rises, {what} {_in_words(one)}" for name, one in found.items())
-    return {"critical": values, "messages": said}
+    values, said = {}, []
+    for name, ends in vary.items():
+        changes, first = _changes(cache(lambda v, name=name: hunts(**{name: v})), *ends)
+        values[name] = tuple(value for value, _ in changes)
+        said.append(f"as {name} rises, {what} {_in_words(changes, first, *ends)}")
+    return {"critical": values, "messages": tuple(said)}
 
 
-def _changes(at: Callable[[float], bool | None], low: float, high: float) -> Changes:
-    """Scan in even ratios, then bisect; two ends where it is None, undecided, between them."""
+def _changes(
+    at: Callable[[float], bool | None], low: float, high: float
+) -> tuple[list[tuple[Any, bool]], bool | None]:
+    """Scan in even ratios, then bisect to each change, and whether something begins there; and
+    the first answer. Two ends where it is None, undecided, between them."""
     sure = [v for v in map(float, np.geomspace(low, high, SCANNED)) if at(v) is not None]
     pairs = zip(sure, sure[1:], strict=False)
-    every = tuple((_change(at, a, b), bool(at(b))) for a, b in pairs if at(a) != at(b))
-    return Changes(low, high, every, at(sure[0]) if sure else None)
+    changes = [(_change(at, a, b), bool(at(b))) for a, b in pairs if at(a) != at(b)]
+    return changes, at(sure[0]) if sure else None
 
 
 def _change(at: Callable[[float], bool | None], a: float, b: float) -> Any:
@@ -123,14 +115,13 @@ def _change(at: Callable[[float], bool | None], a: float, b: float) -> Any:
     return a, edge(lambda v: at(v) == at(b), b, middle)[0]
 
 
-def _in_words(found: Changes) -> str:
-    if not found.every:
+def _in_words(changes: list[tuple[Any, bool]], first: bool | None, low: float, high: float) -> str:
+    if not changes:
         where = {True: "every value", False: "no value", None: "no value that is decided"}
-        ends = f"from {found.low:g} to {found.high:g}"
-        return f"neither begins nor ends: it is there at {where[found.first]} {ends}"
+        return f"neither begins nor ends: it is there at {where[first]} from {low:g} to {high:g}"
     said = [
         f"{'begins' if begins else 'ends'} "
         + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
-        for v, begins in found.every
+        for v, begins in changes
     ]
     return ", ".join(said)

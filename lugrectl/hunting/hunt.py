@@ -20,8 +20,7 @@ from .gains import critical, ranges, varied
 from .loop import Loop
 from .result import LimitCycles
 from .rigid import rigid_cycles
-from .search import Budget, Search
-from .simulated import continuous_run, errors, loop_run, sampled_run, sampled_starts
+from .search import Budget, Search, continuous_run, errors, loop_run, sampled_run, sampled_starts
 
 HORIZON = 15.0  # s, of the first run of a loop of blocks
 STEPS = np.geomspace(1e-3, 10.0, 9)  # rad, of the reference of a loop of blocks
@@ -29,6 +28,8 @@ WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks awa
 PERIODS = 12.0  # of a cycle that is checked with bristles
 BELOW = "the limit is not above the torque {} at which friction breaks away: it never moves"
 FROM = "from errors at breakaway of {} to {}"
+INCLUDED = "at rest, with the effects of the model: {}"
+LEFT_OUT = "at rest, without the effects of the sensors: {}"
 NOT_GIVEN = "what is said of the loop itself is of {} = 0, which is not given"
 STEPPED = "from steps of r of {} to {} rad"
 
@@ -177,6 +178,14 @@ def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | N
     return Sensing(1.0 / positive(rate, "rate", "Hz"), resolution=step, delay=late)
 
 
+def _effects_in(model: Model) -> list[str]:
+    """Which effects of a model a search includes: those of :func:`plant`."""
+    sensors = [p.key for p in model.effects if "sensor" in p.block.acts]
+    inside = [p.key for p in model.effects if p.key not in sensors]
+    both = ((INCLUDED, inside), (LEFT_OUT, sensors))
+    return [text.format(", ".join(keys)) for text, keys in both if keys]
+
+
 @dataclass(frozen=True)
 class _Task:
     """A drive with all of a controller but its gains, and what a search may cost."""
@@ -204,7 +213,8 @@ class _Task:
                 said = BELOW.format(shown(loop.curve.Fs))
                 found = replace(found, messages=(said, *found.messages))
         about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **about}
-        return replace(found, loop=about, motion=model.motion)
+        said = (*found.messages, *_effects_in(model))
+        return replace(found, loop=about, motion=model.motion, messages=said)
 
     def _waited(self, run: Any, starts: np.ndarray) -> LimitCycles:
         where = f"{FROM} {'rad' if self.model.motion == 'rotary' else 'm'}"

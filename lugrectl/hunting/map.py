@@ -12,13 +12,12 @@ import numpy as np
 from ..blocks.model import Model, as_model
 from ..core.display import Row
 from ..core.errors import InputError
-from ..core.result import Result
+from ..core.result import Result, picked
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from .fixed_points import HIGH, LOW
 from .gains import pid_gains, ranges
 from .loop import Loop, curve_of, together
-from .rigid import kept, proven
+from .rigid import HIGH, LOW, kept, proven
 from .stick_map import NEVER, excess_on
 
 ERRORS = np.geomspace(LOW, HIGH, 72)  # units, at which T is compared with e
@@ -66,15 +65,7 @@ class HuntingMap(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        return {
-            "names": list(self.names),
-            "values": [v.tolist() for v in self.values],
-            "region": self.region.tolist(),
-            "proven": self.proven.tolist(),
-            "tolerated": self.tolerated,
-            "gains": self.gains,
-            "messages": list(self.messages),
-        }
+        return picked(self, "names values region proven tolerated gains messages")
 
     @property
     def tolerated(self) -> tuple[float, float] | None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from ..core.display import Row, Shown, noticed, number
-from ..core.result import Result
+from ..core.result import Result, picked
+from ..core.unit_names import unit_for
 from ..core.views import view
 
 SCATTERS = 0.02  # of the amplitude: a swing that does not repeat
@@ -47,9 +48,8 @@ class Cycle(Shown):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
-        own = {k: getattr(self, k) for k in ("amplitude", "period", "stable", "stops", "scatter")}
-        sides = {f"amplitude_{k}": v for k, v in self.sides.items()}
-        return {**own, "multipliers": list(self.multipliers), **sides}
+        own = picked(self, "amplitude period stable stops scatter multipliers")
+        return own | {f"amplitude_{k}": v for k, v in self.sides.items()}
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,26 +127,18 @@ class LimitCycles(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl hunt --json`` prints it."""
-        return {
-            "schema": 1,
-            "outcome": self.outcome,
-            "hunts": self.hunts,
-            "cycles": [c.summary() for c in self.cycles],
-            "basin": self.basin,
-            "proof": self.proof,
-            "diverges": self.diverges,
-            "loop": self.loop,
-            "undecided": self.undecided,
-            "stick_slip": self.stick_slip and self.stick_slip.summary(),
-            "critical": {k: list(v) for k, v in self.critical.items()},
-            "messages": list(self.messages),
-        }
+        names = "outcome hunts cycles basin proof diverges loop undecided stick_slip"
+        return {"schema": 1, **picked(self, f"{names} critical messages")}
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the growth of the error from stick to stick with the cycles; returns the Axes."""
         return view("loop_plots.growth")(self, ax)
 
     def _title(self) -> str:
+        rest = self._at_rest()
+        return f"{self.stick_slip._title()}; at rest {rest}" if self.stick_slip else rest
+
+    def _at_rest(self) -> str:
         if self.outcome == "undecided":
             return "undecided: some starts neither came to rest nor repeated"
         if self.outcome == "hunts":
@@ -157,7 +149,7 @@ class LimitCycles(Result):
         return f"no limit cycle: {'proven' if self.proof else 'none found'}"
 
     def _rows(self) -> Iterable[Row]:
-        unit = "rad" if self.motion == "rotary" else "m"
+        unit = unit_for("rad", self.motion)
         for c in self.cycles:
             kind = "stable" if c.stable else "unstable"
             stops = "" if c.stops is None else f", {c.stops} stops"

@@ -8,15 +8,198 @@ an unstable cycle for a while.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from .fixed_points import HIGH, LOW, Fixed, Half, fixed_points, repeated
 from .loop import PROBED, Lanes, Loop
 from .result import Cycle, LimitCycles
-from .slip import slip
-from .stick_map import NEVER, STICKS, half_turn
+from .stick_map import NEVER, STICKS, excess, excess_on, half_turn, slip, turns
+
+LOW, HIGH = 1e-3, 30.0  # units: the grid, and beyond as far as friction can keep up an error
+POINTS = 140  # of the grid
+DIP = 1.5  # |D| of an extremum between grid points that may reach zero
+PARTS = 16  # into which a bracket is cut at a time
+DEEPER, CLOSER = 4, 6  # cuts around an extremum, and of a bracket
+ENOUGH = 2  # cuts for a border of rest or growth, which has no root
+JUMP = 1e-3  # |D| at the end of the cuts: not a root
+AWAY = 1e-4  # relative distance at which a multiplier is measured
+CLOSE = np.r_[-np.geomspace(0.3, 1e-3, 12), np.geomspace(1e-3, 0.3, 12)]  # of a fixed point
+ONE_POINT = 1e-4  # relative difference of two fixed points that are one
+NEWTON, REPEATS = 15, 1e-6  # of Newton, and the relative distance of a half turn that repeats
+
+
+class Fixed(NamedTuple):
+    """A cycle in units: breakaway, multiplier of one round of the map and of a whole turn,
+    amplitude (half the peak to peak), period and stops in it."""
+
+    x: float
+    multiplier: float
+    turn: tuple[float, ...]
+    amplitude: float
+    period: float
+    stops: int
+
+
+class Found(NamedTuple):
+    """Fixed points of T and of T(T), errors at which T jumps over the diagonal, and the curve D."""
+
+    fixed: list[Fixed]
+    double: list[Fixed]
+    jumps: list[float]
+    x: np.ndarray
+    D: np.ndarray
+
+
+def fixed_points(lanes: Lanes, high: float) -> Found:
+    """Find all sign changes of D up to ``high``; ``lanes`` has one lane of the loop."""
+    grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
+    D = excess_on(lanes.many(len(grid)), grid)[0]
+    rests = np.cumprod(D <= -NEVER).sum()  # sticks up to here come to rest at once
+    lanes = replace(lanes, calm=float(grid[rests - 1]) if rests else 0.0)
+    x, D = _with_extrema(lanes, grid, D)
+    roots, jumps = _roots(lanes, x, D, 1)
+    fixed = _described(lanes, roots, 1)
+    return Found(fixed, _double_points(lanes, x, D, fixed, jumps), list(jumps), x, D)
+
+
+def _double_points(
+    lanes: Lanes, x: np.ndarray, D: np.ndarray, fixed: list[Fixed], jumps: np.ndarray
+) -> list[Fixed]:
+    """Fixed points of T(T) that are none of T: two unequal half turns.
+
+    On the grid log(T(T(e))/e) = D(e) + D(T(e)) is interpolated; where a fixed point of T has a
+    multiplier below -1, one is on either side of it, maybe close.
+    """
+    inside = np.abs(D) < NEVER
+    ahead = np.interp(np.log(x) + np.where(inside, D, 0.0), np.log(x), D)
+    twice = np.where(inside, D + ahead, D)
+    near = np.array([f.x * (1 + k) for f in fixed if f.multiplier < -1.0 for k in CLOSE])
+    if len(near):
+        x, twice = np.r_[x, near], np.r_[twice, excess(lanes.many(len(near)), near, 2)]
+        x, twice = x[np.argsort(x)], twice[np.argsort(x)]
+    turned = _turned(twice)
+    about = np.unique(np.clip(turned[:, None] + np.arange(-1, 3), 0, len(x) - 1))
+    if len(about):  # interpolated ends may change their sign
+        twice[about] = excess(lanes.many(len(about)), x[about], 2)
+    made: list[Fixed] = []
+    known = [*(f.x for f in fixed), *jumps]
+    for one in _described(lanes, _roots(lanes, x, twice, 2, known)[0], 2):
+        double = any(abs(k.period / one.period - 1.0) < ONE_POINT for k in made)
+        if not double and all(abs(one.x / f.x - 1.0) > ONE_POINT for f in fixed):
+            made.append(one)  # a cycle e1 -> e2 -> e1 appears at both of its errors
+    return made
+
+
+def _turned(D: np.ndarray) -> np.ndarray:
+    return np.flatnonzero((D[:-1] > 0.0) != (D[1:] > 0.0))
+
+
+def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The grid with the extrema between its points that come near zero: close pairs of roots.
+
+    A cut brings an extremum closer by less than the cut before; where that is not enough to reach
+    zero, it is left.
+    """
+    inner, size = np.arange(1, len(x) - 1), np.abs(D)
+    dips = (size[inner] < size[inner - 1]) & (size[inner] <= size[inner + 1]) & (size[inner] < DIP)
+    at = inner[dips & (D[inner - 1] * D[inner] > 0) & (D[inner] * D[inner + 1] > 0)]
+    low, high, sign, now = np.log(x[at - 1]), np.log(x[at + 1]), np.sign(D[at]), D[at]
+    for _ in range(DEEPER):
+        if not len(now):
+            break
+        cut, row, before = np.linspace(low, high, PARTS + 1, axis=1), np.arange(len(now)), now
+        values = excess(lanes.many(cut.size), np.exp(cut).ravel()).reshape(cut.shape)
+        best = np.argmin(sign[:, None] * values, axis=1)
+        now = values[row, best]
+        x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, now]
+        low, high = cut[row, np.maximum(best - 1, 0)], cut[row, np.minimum(best + 1, PARTS)]
+        left = (sign * now > 0.0) & (np.abs(now) < np.abs(now - before))
+        low, high, sign, now = low[left], high[left], sign[left], now[left]
+    order_of = np.argsort(x, kind="stable")
+    return x[order_of], D[order_of]
+
+
+def _roots(
+    lanes: Lanes, x: np.ndarray, D: np.ndarray, order: int, known: Sequence[float] = ()
+) -> tuple[np.ndarray, np.ndarray]:
+    """The roots of D between points, other than known ones, and where it jumps over zero."""
+    turned = np.setdiff1d(_turned(D), np.searchsorted(x, known) - 1)
+    Da, Db = D[turned], D[turned + 1]
+    low, high = np.log(x[turned]), np.log(x[turned + 1])
+    for k in range(CLOSER):
+        smooth = np.maximum(np.abs(Da), np.abs(Db)) < NEVER
+        left = np.flatnonzero(smooth | (k < ENOUGH))
+        if not len(left):
+            break
+        cut, row = np.linspace(low[left], high[left], PARTS + 1, axis=1), np.arange(len(left))
+        inside = np.exp(cut[:, 1:-1])
+        values = excess(lanes.many(inside.size), inside.ravel(), order).reshape(inside.shape)
+        every = np.column_stack([Da[left], values, Db[left]])
+        at = np.argmax((every > 0.0) != (Da[left] > 0.0)[:, None], axis=1)
+        low[left], high[left] = cut[row, at - 1], cut[row, at]
+        Da[left], Db[left] = every[row, at - 1], every[row, at]
+    x = np.exp(low + (high - low) * Da / (Da - Db))
+    jumps = np.maximum(np.abs(Da), np.abs(Db)) > JUMP
+    return x[~jumps], x[jumps]
+
+
+def _described(lanes: Lanes, x: np.ndarray, order: int) -> list[Fixed]:
+    """Multiplier and motion of each root."""
+    three = np.concatenate([x * (1.0 - AWAY), x, x * (1.0 + AWAY)])
+    made = turns(lanes.many(len(three)), three, order)
+    before, at, after = (np.arange(len(x)) + k * len(x) for k in range(3))
+    sticks = made.fate == STICKS  # beside a border, only one of the neighbours does
+    low, high = (np.where(sticks[k], k, at) for k in (before, after))
+    slope = (made.x[high] - made.x[low]) / np.maximum(three[high] - three[low], AWAY * x)
+    whole = 2 // order  # rounds in a period
+    sides = np.array([made.high, made.low])  # alike in a symmetric cycle, of which this is half
+    wide = sides.max(axis=0) if order == 1 else sides.mean(axis=0)
+    rows = np.column_stack([made.x, wide, whole * made.t, whole * made.stops])[at].tolist()
+    return [
+        Fixed(e, mu, (mu**whole,), size, period, int(stops))
+        for (e, size, period, stops), mu, is_stick in zip(
+            rows, slope.tolist(), sticks[at], strict=True
+        )
+        if is_stick
+    ]
+
+
+class Half(NamedTuple):
+    """Half turns: the states at their ends with signs changed (n, k), times, largest errors."""
+
+    x: np.ndarray
+    t: np.ndarray
+    size: np.ndarray
+
+
+def repeated(
+    half: Callable[[np.ndarray], Half | None],
+    x: np.ndarray,
+    nudge: Callable[[np.ndarray], np.ndarray],
+    scale: np.ndarray,
+) -> tuple[float, float, np.ndarray] | None:
+    """Find the state near x (n,) that half a turn repeats, by Newton.
+
+    ``half`` of states (n, k) is None where one has none; slopes are measured over ``nudge(x)``.
+    Amplitude, period, and the multipliers of a turn, the largest first.
+    """
+    for _ in range(NEWTON):
+        steps = nudge(x)
+        made = half(np.column_stack([x, x[:, None] + np.diag(steps)]))
+        if made is None:
+            return None
+        A, missed = (made.x[:, 1:] - made.x[:, :1]) / steps, made.x[:, 0] - x
+        if np.abs(missed / scale).max() < REPEATS * abs(x[0]) / scale[0]:
+            turn = np.linalg.eigvals(A) ** 2
+            ends = float(made.size[0]), 2.0 * float(made.t[0])
+            return *ends, turn[np.argsort(-np.abs(turn))]
+        step = np.linalg.solve(A - np.eye(len(x)), -missed)
+        x = x + step * min(1.0, 0.5 * abs(x[0]) / (abs(step[0]) + 1e-300))
+    return None
+
 
 COULOMB = (
     "Coulomb and viscous friction alone, with kd kp > ki J: the rest is globally asymptotically "
@@ -56,7 +239,10 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
     lanes = replace(loop.lanes(1), large=BEYOND * high)
     one = fixed_points(lanes, high)
     swings = _swinging(lanes, one.x[one.D >= NEVER], one.jumps)
-    cycles = [_cycle(f, loop) for f in [*one.fixed, *one.double, *swings]]
+    cycles = [
+        Cycle(f.amplitude * loop.unit, f.period / loop.wn, abs(f.turn[0]) < 1.0, f.turn, f.stops)
+        for f in [*one.fixed, *one.double, *swings]
+    ]
     if not any(c.stable for c in cycles) and np.any(one.D > 0.0) and not diverges:
         cycles += _persisting(loop, lanes, one.x, one.D)
     said = ("large motions grow without bound: kd kp > ki J does not hold",) * diverges
@@ -65,11 +251,6 @@ def rigid_cycles(loop: Loop) -> LimitCycles:
     cycles = tuple(sorted(cycles, key=lambda c: c.amplitude))
     curve = (one.x * loop.unit, one.D)
     return LimitCycles(cycles, basin and basin * loop.unit, None, diverges, {}, said, curve=curve)
-
-
-def _cycle(f: Fixed, loop: Loop) -> Cycle:
-    size, time = f.amplitude * loop.unit, f.period / loop.wn
-    return Cycle(size, time, abs(f.turn[0]) < 1.0, f.turn, f.stops)
 
 
 def _border(x: np.ndarray, D: np.ndarray, places: list[float]) -> float | None:

@@ -20,8 +20,7 @@ from .loops import (
     velocity_T,
 )
 from .passivity import PassivityVerdict, passivity_check
-from .repair import Repair
-from .spr import SprVerdict, spr_check, spr_repair
+from .spr import Repair, SprVerdict, spr_check, spr_repair
 from .stability import AxisAsLoopWarning, StabilityVerdict, stability_check
 
 __all__ = [

@@ -47,7 +47,6 @@ class Axis:
         return np.real(poles)
 
     def order(self, poles: np.ndarray) -> np.ndarray:
-        """Return the poles, the least stable first."""
         return poles[np.lexsort((np.imag(poles), -np.asarray(self.size(poles))))]
 
     def size(self, poles: np.ndarray) -> np.ndarray:
@@ -55,7 +54,6 @@ class Axis:
         return np.real(poles)
 
     def rates(self, poles: np.ndarray) -> np.ndarray:
-        """Return poles in 1/s."""
         return poles
 
     def marks(self, poles: np.ndarray) -> np.ndarray:
@@ -67,15 +65,12 @@ class Axis:
         return w
 
     def show(self, poles: Iterable[complex]) -> str:
-        """Return poles in words."""
         return f"poles {show_poles([*map(complex, poles)])} 1/s"
 
     def modes(self, poles: Iterable[complex]) -> str:
-        """Return modes in words."""
         return f"s = {show_poles([*map(complex, poles)])} 1/s"
 
     def least_stable(self, pole: complex) -> str:
-        """Return where the least stable of stable poles is, in words."""
         return f"poles left of the axis (the rightmost at Re s = {pole.real:.6g} 1/s)"
 
     def worst(self, pole: complex) -> str:
@@ -92,11 +87,9 @@ class Axis:
         return A, B, C, D
 
     def stable(self, a: Poly) -> bool:
-        """Return whether every root of a lies inside."""
         return hurwitz(a)
 
     def has_outside(self, a: Poly) -> bool:
-        """Return whether any root of a lies outside."""
         return not self.stable(a) and axis_roots(self.mapped(a, len(a) - 1))[1]
 
     def roots(self, a: Poly) -> tuple[complex, ...]:
@@ -181,7 +174,6 @@ class Circle(Axis):
 
 
 def is_sampled(T: Any) -> bool:
-    """Return whether T is a linear system of python-control with a sample time."""
     return isinstance(T, ct.TransferFunction | ct.StateSpace) and T.isdtime(strict=True)
 
 

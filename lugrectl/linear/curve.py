@@ -32,7 +32,9 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         return response(source)
     if isinstance(source, DelayedTransfer):
         return _delayed(source, *marks)
-    T = source if isinstance(source, ct.TransferFunction | ct.StateSpace) else _made(source)
+    T: Any = source
+    if not isinstance(T, ct.TransferFunction | ct.StateSpace):
+        T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
     dt = border_of(T).dt
     with np.errstate(all="ignore"):
         poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
@@ -49,9 +51,11 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     peaks = peaks[(peaks > low) & (peaks < top)]
     w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), places, peaks]))
     with np.errstate(all="ignore"):
-        return w, _one_channel(
-            T(1j * w if dt is None else np.exp(1j * w * dt), warn_infinite=False)
-        )
+        at = 1j * w if dt is None else np.exp(1j * w * dt)
+        values = np.asarray(T(at, warn_infinite=False))
+    if values.ndim == 3:  # of several channels the largest singular value
+        values = np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
+    return w, np.ravel(values)
 
 
 def _delayed(T: DelayedTransfer, *marks: float) -> tuple[np.ndarray, np.ndarray]:
@@ -77,14 +81,6 @@ def _about(poles: Any) -> np.ndarray:
     return (imag[:, None] + real[:, None] * steps).ravel()
 
 
-def _one_channel(values: Any) -> np.ndarray:
-    """The response of one channel; of several, the largest singular value."""
-    values = np.asarray(values)
-    if values.ndim < 3:
-        return np.ravel(values)
-    return np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
-
-
 def name(source: Any, of: str = "T") -> str:
     """What is drawn: "T(jw)", or "T(exp(jw dt))" of a sampled system."""
     return f"{of}(exp(jw dt))" if is_sampled(source) else f"{of}(jw)"
@@ -95,8 +91,3 @@ def size(source: Any) -> str:
     if getattr(source, "ninputs", 1) * getattr(source, "noutputs", 1) == 1:
         return f"|{name(source)}|"
     return f"largest singular value of {name(source)}"
-
-
-def _made(pair: Any) -> Any:
-    num, den = ([float(c) for c in np.atleast_1d(part)] for part in pair)
-    return ct.tf(num, den)

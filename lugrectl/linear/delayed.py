@@ -11,8 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from .border import Axis, is_sampled, says_hidden
-from .exact import Poly, gcd, mul
-from .quasi import Quasi
+from .exact import Poly, Quasi, gcd, mul
 from .transfer import (
     coefficients,
     is_measured,

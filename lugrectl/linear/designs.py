@@ -165,23 +165,18 @@ def _all_chunks(parts: list[Any], shape: Any, loop: str, level: str | float) -> 
 def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: DesignChecks) -> None:
     J, sigma0, sigma1, kp, ki, kd, K2 = parts
     out.l2_gain[here], out.l2_frequency[here] = l2_gain(J, sigma0, sigma1, K2)
-    kind, stable, width = {
-        "velocity": (velocity_class, velocity_stable, velocity_bandwidth),
-        "position": (position_class, position_stable, position_bandwidth),
-    }[loop]
-    out.classification[here] = kind(J, sigma0, sigma1, kp, ki, kd)
-    out.stable[here] = stable(J, kp, ki, kd)
+    # a velocity loop is a position loop with its inertia in place of kd
+    mass, damping = (J, kd) if loop == "position" else (0.0, J + kd)
+    out.classification[here] = error_class(mass, sigma0, sigma1, kp, ki, damping)
+    out.stable[here] = is_stable(mass, kp, ki, damping)
+    width = position_bandwidth if loop == "position" else velocity_bandwidth
     with np.errstate(all="ignore"):
         out.bandwidth[here], doubt = width(J, kp, ki, kd, float(level_power(level)))
     for i in np.nonzero(np.broadcast_to(doubt, out.bandwidth[here].shape))[0]:
-        one = [float(a[i if a.size > 1 else 0]) for a in (J, kp, ki, kd)]
-        out.bandwidth[here.start + i] = _exact_bandwidth(loop, one, level)
-
-
-def _exact_bandwidth(loop: str, design: list[float], level: str | float) -> float:
-    J, *gains = design
-    made = position_loop_tf if loop == "position" else velocity_loop_tf
-    return bandwidth_check(made(SimpleNamespace(J=J), *gains), level).bandwidth
+        own, *gains = (float(a[i if a.size > 1 else 0]) for a in (J, kp, ki, kd))
+        made = position_loop_tf if loop == "position" else velocity_loop_tf
+        T = made(SimpleNamespace(J=own), *gains)
+        out.bandwidth[here.start + i] = bandwidth_check(T, level).bandwidth
 
 
 # --- closed forms of P, PI, PD and PID, elementwise: J > 0, sigma0 > 0, sigma1 >= 0 -----------
@@ -212,43 +207,24 @@ def l2_gain(J: Any, sigma0: Any, sigma1: Any, K2: Any) -> tuple[Floats, Floats]:
     return gain, np.where(at_rest, 0.0, np.inf)
 
 
-def position_class(J: Any, s0: Any, s1: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.int8]:
+def error_class(J: Any, s0: Any, s1: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.int8]:
     """Class of (s1 s + s0)/(J s^2 + kd s + kp + ki/s); a = s1 kd - s0 J, b = s0 kp - s1 ki.
 
-    ki = 0: P(x) = a x + s0 kp. SPR iff kp > 0, a > 0; WSPR iff kp > 0, a = 0; PR iff kp = 0,
-    a >= 0. ki not 0: P(x) = x (a x + b); PR iff ki > 0, a >= 0, b >= 0, which implies
+    ki = 0: P(x) = a x + s0 kp. SPR iff kp > 0, a > 0, or J = 0; WSPR iff kp > 0, a = 0; PR iff
+    kp = 0, a >= 0. ki not 0: P(x) = x (a x + b); PR iff ki > 0, a >= 0, b >= 0, which implies
     kd kp >= J ki.
     """
     a, b = sign_of_difference(s1, kd, s0, J), sign_of_difference(s0, kp, s1, ki)
-    positive_kp = np.greater(kp, 0)
-    bare = np.where(positive_kp, np.where(a > 0, SPR, WSPR), np.where(np.less(kp, 0), NOT_PR, PR))
-    with_integral = np.greater(ki, 0) & (b >= 0)
-    kind = np.where(np.equal(ki, 0), bare, with_integral)
+    strict = np.where((a > 0) | np.equal(J, 0), SPR, WSPR)
+    bare = np.where(np.greater(kp, 0), strict, np.where(np.less(kp, 0), NOT_PR, PR))
+    kind = np.where(np.equal(ki, 0), bare, np.greater(ki, 0) & (b >= 0))
     return np.where(a >= 0, kind, NOT_PR).astype(np.int8)
 
 
-def velocity_class(J: Any, s0: Any, s1: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.int8]:
-    """Class of (s1 s + s0)/((J + kd) s + kp + ki/s), J + kd > 0; b = s0 kp - s1 ki.
-
-    ki = 0: P(x) = s1 (J + kd) x + s0 kp. SPR iff kp > 0; PR iff kp = 0. ki not 0:
-    P(x) = x (s1 (J + kd) x + b); PR iff ki > 0 and b >= 0.
-    """
-    b = sign_of_difference(s0, kp, s1, ki)
-    bare = np.where(np.greater(kp, 0), SPR, np.where(np.less(kp, 0), NOT_PR, PR))
-    kind = np.where(np.equal(ki, 0), bare, np.greater(ki, 0) & (b >= 0))
-    return np.where(np.add(J, kd) > 0, kind, NOT_PR).astype(np.int8)
-
-
-def position_stable(J: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.bool_]:
+def is_stable(J: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.bool_]:
     """J s^3 + kd s^2 + kp s + ki Hurwitz, J s^2 + kd s + kp with ki = 0."""
     routh = sign_of_difference(kd, kp, J, ki) > 0
     return np.greater(kd, 0) & np.greater(kp, 0) & np.greater_equal(ki, 0) & routh
-
-
-def velocity_stable(J: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.bool_]:
-    """(J + kd) s^2 + kp s + ki Hurwitz, (J + kd) s + kp with ki = 0."""
-    turn = np.sign(np.add(J, kd))
-    return (turn * kp > 0) & (turn * ki >= 0)
 
 
 def velocity_bandwidth(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Floats, Any]:
@@ -305,18 +281,14 @@ def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
     u = np.cbrt(-Q - np.copysign(np.sqrt(np.maximum(disc, 0)), Q))
     x = u - P / u - third
     three, several = disc < 0, (p < 0) & (q > 0)
-    if np.any(three):
-        x[three] = _of_three(P[three], Q[three], several[three]) - third[three]
+    if np.any(three):  # the largest, or the least where there are several
+        size = np.sqrt(-P[three])
+        angle = np.arccos(np.clip(-Q[three] / size**3, -1, 1)) / 3
+        turn = np.where(several[three], angle + 2 * np.pi / 3, angle)
+        x[three] = 2 * size * np.cos(turn) - third[three]
     without_cube = positive_root(p, q / 2, -r)
     x = np.where((p > 0) & (p > 1e4 * without_cube), without_cube, x)
     return x, several & (np.abs(disc) < 1e-9 * (np.abs(P3) + Q2))
-
-
-def _of_three(P: Any, Q: Any, several: Any) -> Floats:
-    """The largest of three real roots of t^3 + 3 P t + 2 Q, or the least where ``several``."""
-    size = np.sqrt(-P)
-    angle = np.arccos(np.clip(-Q / size**3, -1, 1)) / 3
-    return 2 * size * np.cos(np.where(several, angle + 2 * np.pi / 3, angle))
 
 
 def _frequency(x: Any, kp: Any, ki: Any, doubt: Any) -> tuple[Floats, Any]:

@@ -1,6 +1,7 @@
 """Polynomials with exact rational coefficients: division, real roots, Hurwitz test.
 
-A polynomial is a tuple of numbers in ascending powers without trailing zeros; ``()`` is zero.
+A polynomial is a tuple of numbers in ascending powers without trailing zeros; ``()`` is zero. Sums
+of p(s) exp(-sT) with exact dead times T are quasi-polynomials.
 No decision here is made in floating point; floats appear only as values of isolated roots.
 """
 
@@ -8,8 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property, reduce
 from itertools import pairwise, zip_longest
+
+import numpy as np
 
 Poly = tuple[Fraction | int, ...]
 
@@ -23,12 +28,10 @@ def poly(coefficients: Iterable[Fraction | int]) -> Poly:
 
 
 def add(a: Poly, b: Poly) -> Poly:
-    """a + b."""
     return poly(x + y for x, y in zip_longest(a, b, fillvalue=0))
 
 
 def mul(a: Poly, b: Poly) -> Poly:
-    """a b."""
     out: list[Fraction | int] = [0] * (len(a) + len(b))
     for i, x in enumerate(a):
         for j, y in enumerate(b):
@@ -37,7 +40,6 @@ def mul(a: Poly, b: Poly) -> Poly:
 
 
 def scale(a: Poly, c: Fraction | int) -> Poly:
-    """c a."""
     return poly(c * x for x in a)
 
 
@@ -52,12 +54,10 @@ def divide(a: Poly, b: Poly) -> tuple[Poly, Poly]:
 
 
 def derivative(a: Poly) -> Poly:
-    """da/dx."""
     return poly(i * c for i, c in enumerate(a) if i)
 
 
 def at(a: Poly, x: Fraction | int) -> Fraction | int:
-    """a(x)."""
     value: Fraction | int = 0
     for c in reversed(a):
         value = value * x + c
@@ -86,7 +86,6 @@ def remainder(a: tuple[int, ...], b: tuple[int, ...]) -> Poly:
 
 
 def gcd(a: Poly, b: Poly) -> Poly:
-    """Greatest common divisor, with positive leading coefficient."""
     a, b = primitive(a), primitive(b)
     while b:
         a, b = b, primitive(remainder(a, b))
@@ -94,7 +93,6 @@ def gcd(a: Poly, b: Poly) -> Poly:
 
 
 def shift(a: Poly, eps: Fraction) -> Poly:
-    """a(s - eps)."""
     p = list(a)
     for i in range(len(p) - 1):
         for k in range(len(p) - 2, i - 1, -1):
@@ -139,7 +137,6 @@ def odd_roots(a: Poly) -> Poly:
 
 
 def sturm(a: Poly) -> list[tuple[int, ...]]:
-    """Sturm chain of a square-free a."""
     chain = [primitive(a), primitive(derivative(a))]
     while chain[-1]:
         chain.append(primitive(scale(remainder(chain[-2], chain[-1]), -1)))
@@ -243,3 +240,126 @@ def axis_roots(a: Poly) -> tuple[list[float], bool]:
     on_axis = [math.sqrt(x) for x in positive_roots(single)]
     right = len(on_axis) < len(single) - 1 or not hurwitz(divide(rest, mirror)[0])
     return [0.0] * bool(zeros) + on_axis, right
+
+
+Term = tuple[Fraction | int, Poly]
+
+
+@dataclass(frozen=True)
+class Quasi:
+    """The sum of p(s) exp(-sT) over ``terms`` (T in s, p), by ascending T, no p zero."""
+
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def of(cls, terms: Iterable[Term]) -> Quasi:
+        """The sum of terms, those of one dead time together."""
+        merged: dict[Fraction | int, Poly] = {}
+        for late, p in terms:
+            merged[late] = add(merged[late], p) if late in merged else poly(p)
+        return cls(tuple(sorted((late, p) for late, p in merged.items() if p)))
+
+    def __add__(self, other: Quasi) -> Quasi:
+        return Quasi.of((*self.terms, *other.terms))
+
+    def __mul__(self, other: Quasi) -> Quasi:
+        return Quasi.of((a + b, mul(p, q)) for a, p in self.terms for b, q in other.terms)
+
+    def __bool__(self) -> bool:
+        return bool(self.terms)
+
+    def scaled(self, c: Fraction | int) -> Quasi:
+        return Quasi.of((late, scale(p, c)) for late, p in self.terms)
+
+    def later(self, more: Fraction | int) -> Quasi:
+        return Quasi.of((late + more, p) for late, p in self.terms)
+
+    def mirror(self) -> Quasi:
+        """q(-s): on the imaginary axis the conjugate of q."""
+        return self.stretched(-1)
+
+    def real_product(self, other: Quasi) -> Quasi:
+        """Re(q(jw) conj other(jw)) as an even quasi-polynomial; |q(jw)|^2 when other is q."""
+        if self.rational and other.rational:
+            in_x = real_product(self.polynomial, other.polynomial)
+            return Quasi.of([(0, poly(c for k, x in enumerate(in_x) for c in (x * (-1) ** k, 0)))])
+        whole = self * other.mirror()
+        return (whole + whole.mirror()).scaled(Fraction(1, 2))
+
+    def squared(self) -> Quasi:
+        return self.real_product(self)
+
+    def stretched(self, unit: Fraction | int) -> Quasi:
+        return Quasi.of(
+            (late * unit, tuple(c * unit**i for i, c in enumerate(p))) for late, p in self.terms
+        )
+
+    def derivative(self) -> Quasi:
+        return Quasi.of((late, add(derivative(p), scale(p, -late))) for late, p in self.terms)
+
+    def shifted(self, eps: float) -> Quasi:
+        """q(s - eps), the exponentials rounded."""
+        return Quasi.of(
+            (late, scale(shift(p, Fraction(eps)), Fraction(math.exp(eps * float(late)))))
+            for late, p in self.terms
+        )
+
+    def over(self, p: Poly) -> Quasi:
+        return Quasi.of((late, divide(q, p)[0]) for late, q in self.terms)
+
+    def common(self) -> Poly:
+        return reduce(gcd, (p for _, p in self.terms), ())
+
+    @property
+    def rational(self) -> bool:
+        return all(not late for late, _ in self.terms)
+
+    @property
+    def polynomial(self) -> Poly:
+        """The term without a dead time."""
+        return next((p for late, p in self.terms if not late), ())
+
+    @property
+    def degree(self) -> int:
+        """The highest power of s, -1 of zero."""
+        return max((len(p) for _, p in self.terms), default=0) - 1
+
+    @property
+    def leading(self) -> dict[Fraction | int, Fraction]:
+        """The coefficients of the highest power of s, by dead time."""
+        return {late: Fraction(p[-1]) for late, p in self.terms if len(p) - 1 == self.degree}
+
+    def taylor(self, power: int) -> Fraction:
+        """The coefficient of s^power of the series about s = 0."""
+        total = Fraction(0)
+        for late, p in self.terms:
+            for i, c in enumerate(p[: power + 1]):
+                k = power - i
+                total += Fraction(c) * (-Fraction(late)) ** k / math.factorial(k)
+        return total
+
+    def order(self) -> int:
+        """The multiplicity of the zero at s = 0."""
+        # A quasi-polynomial with this many coefficients vanishes to a lower order, or is zero.
+        most = sum(len(p) for _, p in self.terms)
+        return next((k for k in range(most) if self.taylor(k)), most)
+
+    @cached_property
+    def _numbers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Dead times, and coefficients by dead time and power, as floats."""
+        coefficients = np.zeros((len(self.terms), self.degree + 1))
+        for row, (_, p) in zip(coefficients, self.terms, strict=True):
+            row[: len(p)] = [float(c) for c in p]
+        return np.array([float(late) for late, _ in self.terms]), coefficients
+
+    def at(self, s: np.ndarray) -> np.ndarray:
+        total = np.zeros(np.shape(s), dtype=complex)
+        for late, row in zip(*self._numbers, strict=True):
+            total = total + np.polynomial.polynomial.polyval(s, row) * np.exp(-s * late)
+        return total
+
+    def bound(self, w: np.ndarray) -> np.ndarray:
+        """What |q| does not exceed on the imaginary axis up to w."""
+        if not self.terms:
+            return np.zeros(np.shape(w))
+        return np.polynomial.polynomial.polyval(w, np.abs(self._numbers[1]).sum(axis=0))

@@ -20,8 +20,7 @@ from ..blocks.drive import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
 from .delayed import DelayedTransfer, reduced
-from .exact import Poly, add, divide, mul, scale
-from .quasi import Quasi
+from .exact import Poly, Quasi, add, divide, mul, scale
 from .transfer import number, state_space_polynomials
 
 STEP = 1e-6  # of the differences, as control.linearize has it
@@ -97,22 +96,18 @@ def linearize(
     inputs = _chosen(input, system.input_labels, "input", late)
     outputs = _chosen(output, system.output_labels, "output", late)
     A, B, C, D = _without_pade(linear, late)
-    if not any(one.seconds > 0 for one in late):
-        names = {
-            "inputs": [system.input_labels[k] for k in inputs],
-            "outputs": [system.output_labels[k] for k in outputs],
-        }
-        keep = _read(A, C[outputs]) if output is not None else [*range(len(A))]
-        own = A[np.ix_(keep, keep)], B[np.ix_(keep, inputs)], C[np.ix_(outputs, keep)]
-        return ct.ss(*own, D[np.ix_(outputs, inputs)], **names)
-    many, made = B.shape[1], [one for one in late if one.seconds > 0]
-    columns = [*inputs, *range(many - len(made), many)]
+    made = [number(one.seconds, "delay") for one in late if one.seconds > 0]
+    columns = [*inputs, *range(B.shape[1] - len(made), B.shape[1])]
     around = [*range(len(C) - len(made), len(C))]
     rows = [*outputs, *around]
-    keep = _read(A, C[rows])
+    keep = [*range(len(A))] if output is None and not made else _read(A, C[rows])
     A, B, C = A[np.ix_(keep, keep)], B[np.ix_(keep, columns)], C[:, keep]
     model = ct.ss(A, B, C[rows], D[np.ix_(rows, columns)])
-    T = closed_over(model, [number(one.seconds, "delay") for one in made])
+    if not made:
+        model.set_inputs([system.input_labels[k] for k in inputs])
+        model.set_outputs([system.output_labels[k] for k in outputs])
+        return model
+    T = closed_over(model, made)
     return replace(T, outside=len(A) - len(_read(A, C[around])))
 
 

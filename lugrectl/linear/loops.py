@@ -15,8 +15,7 @@ import control as ct
 from ..blocks.model import values_of
 from ..core.errors import InputError
 from .delayed import DelayedTransfer, dead_time_of, reduced
-from .exact import Poly, add, divide, gcd, mul, poly, scale
-from .quasi import Quasi
+from .exact import Poly, Quasi, add, divide, gcd, mul, poly, scale
 from .transfer import number, parameter, read_transfer, to_float
 
 Ratio = tuple[Poly, Poly]

@@ -1,25 +1,46 @@
-"""Stability of a closed loop, and how far it is from instability."""
+"""Stability of a closed loop, and how far it is from -1: gain, phase, modulus and delay margin.
+
+Nothing is read off a grid. |L| = 1, Im L = 0 and the peak of |1/(1 + L)| are conditions on
+(quasi-)polynomials on the imaginary axis, whose changes of sign ``axis.signs`` isolates, or on the
+eigenvalues of a state-space system; a sampled loop is mapped there (:mod:`border`). Between two
+frequencies of a measured response log |L| and the phase are straight lines over log w (over w from
+w = 0); its margins and Nyquist's criterion are exact for these.
+"""
 
 from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
-from .border import is_sampled
+from .axis import WINDOWS, Signs, largest, level_signs, limits, settled, signs, zeros
+from .border import Axis, is_sampled
 from .delayed import DelayedTransfer
+from .exact import Quasi
 from .exact_system import ExactSystem
-from .margins import ExactLoop, Intervals, StateLoop, gain_margins, lag, nearest
-from .measured import MeasuredLoop
 from .state_system import StateSystem
 from .systems import has_many_states
-from .transfer import cleared, is_measured, require_siso
-from .verdict import NONE, UNKNOWN, Margin, Verdict
+from .transfer import cleared, is_measured, require_siso, response, span
+from .verdict import NONE, UNKNOWN, Margin, Verdict, show_poles
 
+FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
+SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at higher frequencies
+Intervals = tuple[tuple[float, float], ...]
+LEAST = 1e-300
+NEAR = 8  # steps between two frequencies, about which |1 + L| is then minimised
+AMONG = 3  # of the lowest of these
+LIKE_1 = 0.02  # of a measured L: closer to 1 is 1
 AXIS = "This is the response of an axis, and no loop: give its product with the controller, C * fr."
 CLOSED = "; L is 1 at w = 0, as a closed loop with integral action is: the open loop is asked for"
 BEYOND = (
@@ -198,18 +219,19 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     if loop.cause:
         reason = f"the closed loop is not stable: {loop.cause}{_which_gains(gains)}"
     else:
-        phase, delay = _lags(crossovers)
-        if loop.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
-            last = Margin(loop.border.dt or 0.0, loop.border.frequency(math.inf))
-            delay = min(delay, last)
-        below, above = gain_margins(turns)
+        phase, delay = _lags(loop, crossovers)
+        factors = [Margin(-1.0 / x, w) for w, x in turns]
+        below = max((m for m in factors if m.value < 1), default=Margin(0.0))
+        above = min((m for m in factors if m.value >= 1), default=NONE)
         disks = [loop.disk(skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
         reason = _reason(delay, *loop.counts[:2]) + loop.basis
         reason += CLOSED * (abs(loop.static - 1) < loop.alike)
         if loop.end.value < above.value:
             reason += BEYOND.format(loop.end.at, loop.end.value)
             above = above if math.isfinite(above.value) else loop.end
-    gain, modulus = nearest(below, above), disks[0]
+    gain, modulus = above, disks[0]
+    if below.value and above.value > 1.0 / below.value:  # in dB
+        gain = below
     return StabilityVerdict(
         not loop.cause,
         delay.value,
@@ -230,11 +252,14 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     )
 
 
-def _lags(found: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
+def _lags(loop: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
-    angles = [(lag(value), w) for w, value in found]
+    angles = [(lag(value), w) for w, value in crossovers]
     phase = min((Margin(math.degrees(angle), w) for angle, w in angles), default=NONE)
-    return phase, min((Margin(angle / w, w) for angle, w in angles), default=NONE)
+    delays = [Margin(angle / w, w) for angle, w in angles]
+    if loop.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
+        delays.append(Margin(loop.border.dt or 0.0, loop.border.frequency(math.inf)))
+    return phase, min(delays, default=NONE)
 
 
 def _which_gains(gains: Intervals) -> str:
@@ -261,3 +286,414 @@ def _reason(delay: Margin, turns: float, open_poles: float) -> str:
         f"{start}; a further dead time of {delay.value:.6g} s puts a pair of poles on the border "
         f"of stability at the crossover {delay.at:.6g} rad/s"
     )
+
+
+class Loop(ABC):
+    """A closed loop L/(1 + L), by its open loop; a subclass for each kind of L.
+
+    ``counts``: turns about -1, and poles of L and of the closed loop that are not stable.
+    ``cause``: why the closed loop is not stable, "" where it is.
+    ``static``: L at w = 0, nan where that is no number.
+    ``crossovers()``: w and L where |L| = 1; ``real_crossings()``: where L is real and negative.
+    ``disk()``: 1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L); skew 1: least |1 + L|.
+    """
+
+    alike = 1e-9  # of L at w = 0: closer to 1 is 1
+    basis = remark = ""  # what a verdict that it is stable, or any verdict, rests on
+    end = NONE  # the factor on L up to which it is known beyond a band
+    open_at_infinity = False  # whether |L| is not below 1 as w grows
+
+    def stable_gains(self, crossings: list[tuple[float, float]]) -> Intervals:
+        """The intervals of a factor on L, above 0, with which the closed loop is stable.
+
+        Poles reach the axis only at factors that move L to -1: one point of each interval decides.
+        None is claimed beyond the largest factor up to which these are known.
+        """
+        factors = sorted({-1.0 / x for _, x in crossings})
+        most = self.known(factors)
+        borders = [0.0, *(x for x in factors if x < most), most]
+        return tuple(
+            (low, high)
+            for low, high in pairwise(borders)
+            if self.unstable_poles(_between(low, high)) == 0
+        )
+
+    @abstractmethod
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1."""
+
+    @abstractmethod
+    def unstable_poles(self, gain: float) -> float:
+        """Poles of the loop with L times ``gain`` that are not stable."""
+
+
+@dataclass(frozen=True)
+class ExactLoop(Loop):
+    """L(s), also with dead times, or L(z); ``remark``: what was taken out of it."""
+
+    system: ExactSystem
+    remark: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.system.given.num + self.system.given.den:
+            raise InputError("L(s) is -1, so that the closed loop L/(1 + L) has no solution.")
+
+    @property
+    def border(self) -> Axis:
+        return self.system.border
+
+    @cached_property
+    def L(self) -> DelayedTransfer:
+        """L in the variable of the axis."""
+        return self.system.axis
+
+    @cached_property
+    def counts(self) -> tuple[float, float, float]:
+        mine, theirs = zeros(self.L.den).right, zeros(self.L.num + self.L.den).right
+        turns = mine - theirs if math.isfinite(mine) and math.isfinite(theirs) else math.nan
+        return turns, mine, theirs
+
+    @cached_property
+    def cause(self) -> str:
+        given = self.system.given
+        seen = self.system.why_unstable(given.num + given.den)
+        return f"it has {seen}" if seen else self.system.hidden
+
+    @property
+    def open_at_infinity(self) -> bool:
+        if self.L.num.degree < self.L.den.degree:
+            return False
+        last = self.L.den.leading
+        own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
+        top = sum(map(abs, self.L.num.leading.values()))
+        return own <= 0 or self.L.num.degree > self.L.den.degree or top >= own
+
+    def crossovers(self) -> list[tuple[float, complex]]:
+        """Where |L| = 1, crossing or touching: w in rad/s and L there."""
+        places = _places(level_signs(self.L, Fraction(1)))
+        return [(self.border.frequency(v), self.L(1j * v)) for v in places]
+
+    def real_crossings(self) -> list[tuple[float, float]]:
+        """Where L is real and negative: w in rad/s and L there.
+
+        A dead time makes it so at ever higher frequencies; those with the largest |L| below 1 and
+        with every |L| above 1 are among them.
+        """
+        found = [(v, self.L(1j * v).real) for v in self._real_places]
+        if self.L.den.taylor(0):
+            found.append((0.0, float(self.L.num.taylor(0) / self.L.den.taylor(0))))
+        found += [(math.inf, x) for x in limits(self.L)]
+        return [(self.border.frequency(v), x) for v, x in found if -math.inf < x < 0]
+
+    @cached_property
+    def _real_places(self) -> list[float]:
+        """The v > 0 with Im L(jv) = 0."""
+        product = self.L.num * self.L.den.mirror()
+        odd = product + product.mirror().scaled(-1)
+        turned = Quasi.of([(0, (0, 1))]) * odd  # s (N(s) D(-s) - N(-s) D(s)), even
+        if not turned or turned.rational or settled(turned) is not None:
+            return _places(signs(turned))
+        end = max([1.0 / max(self.L.dead_times), *self._level(1.0)])
+        places: list[float] = []
+        for _ in range(WINDOWS):
+            if end > FAR:
+                break
+            places = _places(signs(turned, end))
+            below = [-x for v in places if -1 < (x := self.L(1j * v).real) < 0]
+            beyond = self._level(max(below) * (1 - SAME)) if below else [math.inf]
+            if beyond and max(beyond) <= end:
+                break
+            end = max([2.0 * end, *(1.01 * v for v in beyond if math.isfinite(v))])
+        return places
+
+    def _level(self, size: float) -> list[float]:
+        """Where |L(jv)| = size."""
+        try:
+            found = level_signs(self.L, Fraction(size) ** 2)
+        except (InputError, OverflowError):  # |L| has this size again and again, or too far out
+            return [math.inf]
+        return [*found.changes] if found.complete else [math.inf]
+
+    def disk(self, skew: int = 1) -> Margin:
+        closed = self.L.num + self.L.den
+        if closed.degree < self.L.den.degree:
+            return Margin(0.0, math.inf)
+        off = self.L.den + closed.scaled(Fraction(skew - 1, 2))
+        if not off:  # L = 1 at all frequencies: the middle of the disk
+            return NONE
+        places = [] if closed.rational and off.rational else self._real_places
+        near = [v for v in places if abs(self.L(1j * v)) < 1]
+        most, v = largest(DelayedTransfer(off, closed), *near)
+        return Margin(1.0 / most if most else math.inf, self.border.frequency(v))
+
+    def unstable_poles(self, gain: float) -> float:
+        found = zeros(self.L.num.scaled(Fraction(gain)) + self.L.den)
+        return found.right + found.origin
+
+    @property
+    def static(self) -> float:
+        below = self.L.den.taylor(0)
+        return float(self.L.num.taylor(0) / below) if below else math.nan
+
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1: with dead times there
+        is no end of them."""
+        finite = self.L.num.rational and self.L.den.rational
+        return math.inf if finite else max(factors, default=math.inf)
+
+
+@dataclass(frozen=True)
+class StateLoop(Loop):
+    """L = C (sI - A)^-1 B + D of many states, or L(z), in floating point."""
+
+    L: StateSystem
+    basis = " (in floating point)"
+
+    def __post_init__(self) -> None:
+        if self._through == -1:
+            raise InputError(
+                "L(s) is -1 as s grows, so that the closed loop L/(1 + L) is improper."
+            )
+
+    @property
+    def _through(self) -> float:
+        return float(self.L.D[0, 0])
+
+    @property
+    def border(self) -> Axis:
+        return self.L.border
+
+    @cached_property
+    def sensitivity(self) -> StateSystem:
+        """1/(1 + L)."""
+        M, own = self.L, 1.0 / (1.0 + self._through)
+        A = M.A - M.B @ M.C * own
+        return StateSystem(A, M.B * own, -M.C * own, np.array([[own]]), self.border)
+
+    @cached_property
+    def counts(self) -> tuple[float, float, float]:
+        both = self.L, self.sensitivity
+        mine, theirs = (int((one.beyond > one.rounding).sum()) for one in both)
+        return mine - theirs, mine, theirs
+
+    @property
+    def cause(self) -> str:
+        closed = self.sensitivity
+        right = closed.beyond >= -closed.rounding
+        if not right.any():
+            return ""
+        upper = [p for p in map(complex, closed.poles[right]) if p.imag >= 0]
+        where = self.border.outside
+        where += "" if self.counts[2] else " or, within rounding, on its border"
+        return f"it has poles {where} ({show_poles(upper)}), found in floating point"
+
+    @property
+    def open_at_infinity(self) -> bool:
+        return abs(self._through) >= 1
+
+    @property
+    def static(self) -> float:
+        value, slack = self.L.at(0.0)
+        return value.real if slack < abs(value) else math.nan
+
+    def crossovers(self) -> list[tuple[float, complex]]:
+
+        def above(w: float) -> tuple[float, float]:
+            t, slack = self.L.at(w)
+            return abs(t) - 1.0, slack
+
+        return self._changes(above, self.L.level_zeros(1.0))
+
+    def real_crossings(self) -> list[tuple[float, float]]:
+
+        def part(w: float) -> tuple[float, float]:
+            t, slack = self.L.at(w)
+            return t.imag, slack
+
+        found = [(w, L.real) for w, L in self._changes(part, self.L.mirrored_zeros(-1.0))]
+        for v in (0.0, math.inf):
+            value, slack = self.L.at(v)
+            if abs(value) > slack:
+                found.append((self.border.frequency(v), value.real))
+        return [(w, x) for w, x in found if x < 0]
+
+    def _changes(self, function: Any, zeros: np.ndarray) -> list[tuple[float, complex]]:
+        edges = self.L.signs(function, self.L.places(zeros)).edges
+        return [(self.border.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
+
+    def disk(self, skew: int = 1) -> Margin:
+        S = self.sensitivity
+        most, w = S.plus(0.5 * (skew - 1)).largest()
+        return Margin(1.0 / most if most else math.inf, w)
+
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1: a beginning or an end
+        of L that is 0 within rounding may be reached beyond it."""
+        ends = [slack for value, slack in map(self.L.at, (0.0, math.inf)) if abs(value) <= slack]
+        return min((1.0 / float(slack) for slack in ends if slack), default=math.inf)
+
+    def unstable_poles(self, gain: float) -> float:
+        M = replace(self.L, C=gain * self.L.C, D=gain * self.L.D)
+        return StateLoop(M).counts[2] if M.D[0, 0] != -1 else math.nan
+
+
+@dataclass(frozen=True)
+class MeasuredLoop(Loop):
+    """L(jw) at frequencies w in rad/s; ``open_poles``: its poles right of the axis, as declared."""
+
+    w: np.ndarray
+    L: np.ndarray
+    open_poles: int
+    border, alike = Axis(), LIKE_1
+
+    @classmethod
+    def of(cls, L: Any, open_poles: int) -> MeasuredLoop:
+        return cls(*response(L, "L"), open_poles)
+
+    @property
+    def basis(self) -> str:
+        held = f"{self.open_poles or 'no'} pole{'s' * (self.open_poles != 1)}"
+        return (
+            f", of {span(self.w)}, if L has {held} right of the axis and no crossover beyond them"
+        )
+
+    @cached_property
+    def _lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """log |L| and the phase in rad."""
+        return np.log(np.maximum(np.abs(self.L), LEAST)), np.unwrap(np.angle(self.L))
+
+    def _at(self, k: int, x: float) -> tuple[float, complex]:
+        """w and L a part x of the way from point k to the next."""
+        size, turned = (float(line[k] + x * (line[k + 1] - line[k])) for line in self._lines)
+        low, high = float(self.w[k]), float(self.w[k + 1])
+        w = low * (high / low) ** x if low > 0 else low + x * (high - low)
+        return w, complex(math.exp(size) * complex(math.cos(turned), math.sin(turned)))
+
+    @property
+    def static(self) -> float:
+        """L at the lowest frequency; nan where it is not real."""
+        first = complex(self.L[0])
+        return first.real if abs(first.imag) < LIKE_1 * abs(first) else math.nan
+
+    @property
+    def end(self) -> Margin:
+        """The factor on L up to which the last |L| stays below 1."""
+        size = float(abs(self.L[-1]))
+        return Margin(1.0 / size if size else math.inf, float(self.w[-1]))
+
+    def crossovers(self) -> list[tuple[float, complex]]:
+        return [self._at(k, x) for k, x in _through(self._lines[0], 0.0)]
+
+    def real_crossings(self) -> list[tuple[float, float]]:
+        """Where L is real and negative, and L there; below the band as it is continued."""
+        found = [(w, L.real) for w, L, _ in self._half_turns()]
+        late, rise = self._before()
+        return found if rise or late.real >= 1 else [(0.0, late.real - 1), *found]
+
+    def _half_turns(self) -> list[tuple[float, complex, int]]:
+        """Where the phase goes through an odd multiple of 180 deg, and whether it rises (1)."""
+        turned = self._lines[1]
+        low, high = (math.floor((x / math.pi - 1) / 2) for x in (turned.min(), turned.max()))
+        return [
+            (*self._at(k, x), 1 if turned[k + 1] > turned[k] else -1)
+            for m in range(low, high + 2)
+            for k, x in _through(turned, (2 * m + 1) * math.pi)
+        ]
+
+    def disk(self, skew: int = 1) -> Margin:
+
+        def away(L: Any) -> Any:
+            return np.abs((1 + L) / np.maximum(np.abs(1 + 0.5 * (skew - 1) * (1 + L)), LEAST))
+
+        size, turned = self._lines
+        x = np.linspace(0.0, 1.0, NEAR + 1)
+        a, b = (line[:-1, None] + x * np.diff(line)[:, None] for line in (size, turned))
+        every, found = away(np.exp(a + 1j * b)), [Margin(float(away(0.0)), math.inf)]
+        for flat in np.argsort(every, axis=None)[: AMONG * NEAR]:
+            k, i = divmod(int(flat), NEAR + 1)
+            ends = (max(x[i] - 1 / NEAR, 0.0), min(x[i] + 1 / NEAR, 1.0))
+            best: Any = minimize_scalar(
+                lambda part, k=k: float(away(self._at(k, part)[1])),
+                bounds=ends,
+                method="bounded",
+                options={"xatol": 1e-12},
+            )
+            for part in (float(best.x), *ends):
+                w, value = self._at(k, part)
+                found.append(Margin(float(away(value)), w))
+        return min(found)
+
+    def known(self, factors: list[float]) -> float:
+        """The factor on L up to which ``factors`` are all that move it to -1: beyond the band |L|
+        may be as large as at its end."""
+        return self.end.value
+
+    def unstable_poles(self, gain: float) -> float:
+        """Poles of the loop with L times ``gain`` that are not stable; nan where it is open."""
+        return MeasuredLoop(self.w, gain * self.L, self.open_poles).closed_poles
+
+    @property
+    def counts(self) -> tuple[float, float, float]:
+        return self.open_poles - self.closed_poles, self.open_poles, self.closed_poles
+
+    @cached_property
+    def closed_poles(self) -> float:
+        """Of L/(1 + L), right of the imaginary axis, by Nyquist; nan where |L| ends above 1."""
+        if abs(self.L[-1]) >= 1:
+            return math.nan
+        late, rise = self._before()
+        # From w = 0 the short way to the first point; at the last, 1 + L goes the short way to 1.
+        first = complex(1 + self.L[0])
+        turned = _angle(first / late) - _angle(first)
+        turned += 2 * math.pi * sum(way for _, L, way in self._half_turns() if L.real < -1)
+        return round(self.open_poles + rise / 2 - turned / math.pi)
+
+    def _before(self) -> tuple[complex, int]:
+        """The direction of 1 + L as w goes to 0, and the number of integrators of L."""
+        slope = 0.0
+        if self.w[0] > 0:
+            size = self._lines[0]
+            slope = float((size[0] - size[1]) / math.log(self.w[1] / self.w[0]))
+        rise = max(round(slope), 0)
+        along = (-1j) ** rise
+        sign = 1 if (self.L[0] / along).real >= 0 else -1
+        return (along * sign if rise else complex(1 + sign * abs(self.L[0]))), rise
+
+    @property
+    def cause(self) -> str:
+        if not self.closed_poles:
+            return ""
+        if math.isnan(self.closed_poles):
+            return (
+                f"this is not decided, |L| is {abs(self.L[-1]):.4g} at the highest frequency and "
+                "must be below 1; measure up to higher ones"
+            )
+        many = f"{self.closed_poles:.0f} pole{'s' * (self.closed_poles != 1)}"
+        return f"it has {many} right of the imaginary axis{self.basis}"
+
+
+def _through(line: np.ndarray, level: float) -> list[tuple[int, float]]:
+    """Where straight lines go through a level: the point before and the part of the way."""
+    above = line >= level
+    at = np.flatnonzero(above[1:] != above[:-1])
+    return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
+
+
+def _angle(value: complex) -> float:
+    return math.atan2(value.imag, value.real)
+
+
+def _places(found: Signs) -> list[float]:
+    return sorted({*found.changes, *found.touches})
+
+
+def lag(value: complex) -> float:
+    """The phase lag in rad, above 0 and up to 2 pi, that turns L(jw) to the negative real axis."""
+    angle = math.atan2(-value.imag, -value.real)
+    return angle if angle > 0 else angle + 2 * math.pi
+
+
+def _between(low: float, high: float) -> float:
+    if math.isinf(high):
+        return 2.0 * low or 1.0
+    return math.sqrt(low * high) or 0.5 * high

@@ -13,22 +13,27 @@ those of the same function of v (:mod:`border`).
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
-from scipy.linalg import schur, solve_sylvester
-from scipy.optimize import minimize_scalar
+from scipy.linalg import eig, get_lapack_funcs, matrix_balance, schur, solve_sylvester
+from scipy.optimize import brentq, minimize_scalar
 
+from ..core.errors import InputError
 from .border import Axis, border_of
-from .pencil import EPS, balanced, level_zeros, solve_shifted, zeros_of
-from .sure_signs import Edge, Function, SureSigns, last_that_holds
-from .transfer import require_siso, state_space_polynomials
+from .transfer import EPS, require_siso, state_space_polynomials
 from .verdict import Falls, NoGain, Realness
 
+SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
+HALVINGS = 40
+LARGEST = 1e140  # its square, and that of its inverse, are floats
 RISE = 1e-11  # of the largest value: the next level is higher by this
 LEVELS = 60
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
@@ -40,6 +45,173 @@ BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a
 AT_BORDER = "within rounding on the border of stability"
 FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
 SINGLE = 1e-9  # relative distance of two candidates that count as one
+NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
+
+Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
+Map = Callable[[float], float]
+
+
+class Edge(NamedTuple):
+    """A change of sign at ``at``; at ``low`` and ``high``, beside it, the sign is sure."""
+
+    at: float
+    low: float
+    high: float
+
+    @property
+    def sharp(self) -> bool:
+        return math.isfinite(self.high) and self.high - self.low <= SHARP * self.high
+
+    @property
+    def first(self) -> float:
+        """Up to where nothing changes: the edge, or the last sure point before a blurred one."""
+        return self.at if self.sharp else self.low
+
+    def moved(self, to: Map) -> Edge:
+        return Edge(*map(to, self))
+
+    def __str__(self) -> str:
+        if self.sharp:
+            return f"{self.at:.6g}"
+        return f"(between {self.low:.9g} and {self.high:.9g}: rounding decides)"
+
+
+@dataclass(frozen=True)
+class SureSigns:
+    """The signs ``above`` at the points ``at`` where they are sure, and the ``edges`` between.
+
+    A computed zero of a function is a point at which its value is a rounding error: it says nothing
+    of the sign. So changes are looked for between points whose value exceeds its rounding bound.
+    ``touches``: where the function is 0 within rounding between points of one sign, or at an end.
+    """
+
+    at: np.ndarray
+    above: np.ndarray
+    edges: tuple[Edge, ...]
+    touches: tuple[Edge, ...] = ()
+
+    @classmethod
+    def of(cls, function: Function, points: Any, values: Any = None) -> SureSigns:
+        """``points`` (n,) ascend; ``values`` (n, 2) are those there, where they are known."""
+        made = np.array([function(x) for x in points] if values is None else values)
+        x, sure = np.asarray(points), np.flatnonzero(np.abs(made[:, 0]) > made[:, 1])
+        at, above = x[sure], made[sure, 0] > 0
+        turns = np.flatnonzero(above[1:] != above[:-1])
+        edges = tuple(edge(function, *at[k : k + 2].tolist()) for k in turns)
+        return cls(at, above, edges, tuple(_touches(function, x, sure, above)))
+
+    def moved(self, to: Map) -> SureSigns:
+        edges, touches = (tuple(e.moved(to) for e in part) for part in (self.edges, self.touches))
+        return SureSigns(np.array([*map(to, self.at)]), self.above, edges, touches)
+
+    def below_beyond(self) -> SureSigns:
+        """The same of a function that is below 0 as the frequency grows without end."""
+        if len(self.above) and not self.above[-1]:
+            return self
+        last = float(self.at[-1]) if len(self.at) else 0.0
+        edges = (*self.edges, Edge(last, last, math.inf)) if len(self.at) else ()
+        at, above = np.append(self.at, math.inf), np.append(self.above, False)
+        return SureSigns(at, above, edges, self.touches)
+
+    def first_band(self) -> tuple[Edge, Edge | None, int]:
+        """Where it is below 0 first: from, to (None: without end), and how often again later."""
+        starts = self.edges if self.above[0] else (Edge(0.0, 0.0, 0.0), *self.edges)
+        return starts[0], starts[1] if len(starts) > 1 else None, (len(starts) - 1) // 2
+
+
+def _touches(
+    function: Function, x: np.ndarray, sure: np.ndarray, above: np.ndarray
+) -> Iterator[Edge]:
+    """The stretches of points without a sure sign, not those in which it changes."""
+    ends = [-1, *sure.tolist(), len(x)]
+    for i, (k, m) in enumerate(pairwise(ends)):
+        inner = 0 < i < len(sure)
+        if m == k + 1 or (inner and above[i] != above[i - 1]):
+            continue
+        low, high = float(x[k + 1]), float(x[m - 1])
+        at = 0.5 * (low + high)
+        low = beside(function, low, float(x[k])) if k >= 0 else low
+        yield Edge(at, low, beside(function, high, float(x[m])) if m < len(x) else high)
+
+
+def edge(function: Function, a: float, b: float) -> Edge:
+    """The change of sign between two points with different, sure signs."""
+    found: Any = brentq(lambda x: function(x)[0], a, b, xtol=1e-300, rtol=np.float64(1e-13))
+    at = float(found)
+    return Edge(at, beside(function, at, a), beside(function, at, b))
+
+
+def beside(function: Function, at: float, end: float) -> float:
+    """The nearest point on the way from an edge to ``end`` that has, surely, the sign there."""
+    sign = math.copysign(1.0, function(end)[0])
+    step = NEAREST * (abs(at) or abs(end))
+    while step < abs(end - at):
+        x = at + math.copysign(step, end - at)
+        value, slack = function(x)
+        if sign * value > slack:
+            return x
+        step *= FURTHER
+    return end
+
+
+def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
+    """The largest value up to ``high`` for which it holds, as for all smaller ones; bisection."""
+    if holds(high * (1 - 1e-12)):
+        return high
+    low = 0.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low
+
+
+_trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
+
+
+def balanced(A: Any, B: Any, C: Any, D: Any) -> tuple[np.ndarray, ...]:
+    """In units of the states that make rows and columns of A alike: powers of two, exactly.
+
+    InputError for matrices that floating point cannot multiply.
+    """
+    if len(A) and all(np.isfinite(M).all() for M in (A, B, C, D)):
+        found: Any = matrix_balance(A, permute=False, separate=True)
+        A, (units, _) = found
+        B, C = B / units[:, None], C * units
+        if (b := float(np.abs(B).max(initial=0.0))) and (c := float(np.abs(C).max(initial=0.0))):
+            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+            B, C = B * gain, C / gain
+    sizes = [float(np.abs(M).max(initial=0.0)) for M in (A, B, C, D)]
+    if not all(map(math.isfinite, sizes)):
+        raise InputError("an entry of the state-space matrices is not a finite number.")
+    if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
+        raise InputError(
+            f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for floating "
+            "point: give time, input or output in another unit."
+        )
+    return A, B, C, D
+
+
+def solve_shifted(
+    S: np.ndarray, b: np.ndarray, s: complex, transposed: bool = False
+) -> np.ndarray | None:
+    """(s I - S)^-1 b of an upper triangle S, or of its transpose; None where that is singular."""
+    M = -S
+    np.fill_diagonal(M, M.diagonal() + s)
+    found, singular = _trtrs(M, b, trans=int(transposed))
+    return None if singular else found
+
+
+def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
+    """The finite zeros of a system with as many inputs as outputs."""
+    scale = math.sqrt(max(np.linalg.norm(B), 1e-300) / max(np.linalg.norm(C), 1e-300))
+    left = np.block([[A, B / scale], [C * scale, np.atleast_2d(D)]])
+    right = np.diag([*np.ones(len(A)), *np.zeros(len(C))])
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
+    alpha, beta = pairs
+    with np.errstate(all="ignore"):
+        return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
 
 
 @dataclass(frozen=True)
@@ -63,7 +235,7 @@ class StateSystem:
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
-        """In the units of :func:`pencil.balanced`; InputError for values that are not finite."""
+        """In the units of :func:`balanced`; InputError for values that are not finite."""
         A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
         return cls(A, B, C, D, border_of(T))
 
@@ -183,7 +355,6 @@ class StateSystem:
         return complex(c @ right) + D, EPS * ((self.norm + abs(s)) * reach + size)
 
     def real_part(self, v: float) -> tuple[float, float]:
-        """Re T at jv, and what rounding of the matrices may change of it."""
         t, slack = self.at(v)
         return t.real, slack
 
@@ -199,7 +370,6 @@ class StateSystem:
         return C @ right
 
     def size_at(self, v: float) -> float:
-        """The largest singular value of T at jv."""
         return _norm(self.D + self._states(v)) if len(self.A) else _norm(self.D)
 
     # --- where something may change ---
@@ -227,7 +397,13 @@ class StateSystem:
     def level_zeros(self, square: float) -> np.ndarray:
         """The zeros of T(s)^T T(-s) - square I."""
         of = self.continuous
-        return level_zeros(of.A, of.B, of.C, of.D, square)
+        A, B, C, D = of.A, of.B, of.C, of.D
+        return zeros_of(
+            np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
+            np.vstack([B, -C.conj().T @ D]),
+            np.hstack([D.conj().T @ C, B.conj().T]),
+            D.conj().T @ D - square * np.eye(B.shape[1]),
+        )
 
     def places(self, zeros: np.ndarray) -> np.ndarray:
         """0, the places of zeros and poles, points between them and beyond."""
@@ -250,27 +426,23 @@ class StateSystem:
         if not slack < abs(dc):  # nan too
             integrates = np.abs(self.border.marks(self.poles)).min() <= self.rounding
             return Falls(math.inf if integrates else 0.0, said=" within rounding")
-        signs = self._level_signs(float(power))
+        square = float(power) * abs(dc) ** 2
+
+        def above(v: float) -> tuple[float, float]:
+            t, rounding = self.at(v)
+            size = abs(t) ** 2 / square
+            share = rounding / max(abs(t), rounding) + slack / abs(dc)
+            return size - 1.0, 2 * size * share + EPS
+
+        signs = self.signs(above, self.places(self.level_zeros(square)))
+        signs = signs.moved(self.border.frequency)
         first = min([*signs.edges[:1], *signs.touches[:1]], key=lambda e: e.low, default=None)
         width, said = first.first if first else math.inf, ""
         if first and (first in signs.touches or not first.sharp):
             said = f", or up to {first.high:.6g} rad/s: rounding decides"
         return Falls(abs(dc), tuple(e.first for e in signs.edges), width, said)
 
-    def _level_signs(self, power: float) -> SureSigns:
-        dc, rounding = self.at(0.0)
-        square = power * abs(dc) ** 2
-
-        def above(v: float) -> tuple[float, float]:
-            t, slack = self.at(v)
-            size = abs(t) ** 2 / square
-            return size - 1.0, 2 * size * (slack / max(abs(t), slack) + rounding / abs(dc)) + EPS
-
-        signs = self.signs(above, self.places(self.level_zeros(square)))
-        return signs.moved(self.border.frequency)
-
     def no_gain(self) -> NoGain | None:
-        """Why there is no L2 gain; None where there is one."""
         if self.stable and not self.lost:
             return None
         said = UNDECIDED if not self.lost and self.stable is None else "the system is not stable"
@@ -303,7 +475,6 @@ class StateSystem:
         return result
 
     def largest(self) -> tuple[float, float]:
-        """The norm of a stable system and its frequency in rad/s; inf: approached as w grows."""
         best, v = self._best(np.array([0.0, math.inf]))
         if len(self.A):
             places, states = self._sweep
@@ -341,7 +512,6 @@ class StateSystem:
         return f"Re T({self.border.argument})"
 
     def realness(self) -> Realness:
-        """How real T is, with its reason in words, its band edge and margin."""
         found = self._realness()
         hidden = f"; {self.hidden}" if self.hidden else ""
         return found._replace(reason=f"{found.reason} (decided in floating point){hidden}")
@@ -424,7 +594,6 @@ class StateSystem:
         return f"{power} tends to {end:.6g} as w grows"
 
     def shifted(self, eps: float) -> StateSystem:
-        """The same with another shift."""
         moved = replace(self, shift=eps)
         vars(moved).update(triangular=self.triangular, poles=self.poles)
         return moved
@@ -436,7 +605,6 @@ class StateSystem:
         return end >= -least and all(t.real >= -slack for t, slack in values)
 
     def margin(self) -> float:
-        """The largest eps in 1/s with T(s - eps), or T(exp(-eps dt) z), positive real."""
         dt = self.border.dt or 1.0
         high = -dt * float(np.real(self.border.rates(self.poles)).max())
         high = high if math.isfinite(high) else FAR

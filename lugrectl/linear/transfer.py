@@ -14,8 +14,8 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import shown
 from .exact import Poly, divide, gcd, poly
-from .pencil import EPS
 
+EPS = 8 * np.finfo(float).eps  # of the norm of A: rounding that turning the coordinates leaves
 ROUNDED = (
     "; a coefficient of L that only rounding keeps from 0 (a pole at s = 0, or none beside the "
     "highest power) was taken for 0"
@@ -47,7 +47,6 @@ def number(value: Any, what: str) -> Fraction:
 
 
 def to_float(value: Fraction) -> float:
-    """The nearest float; infinite if there is none."""
     try:
         return float(value)
     except OverflowError:
@@ -77,12 +76,10 @@ def read_transfer(T: Any, name: str = "T") -> tuple[Poly, Poly, Poly]:
 def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
     """Numerator and denominator as they are given, in s or, of a sampled T, in z."""
     if isinstance(T, ct.TransferFunction):
-        num, den = (
-            _descending(T.num[0][0], "numerator", name),
-            _descending(T.den[0][0], "denominator", name),
-        )
-    elif isinstance(T, ct.StateSpace):
-        num, den = _from_state_space(T)
+        T = T.num[0][0], T.den[0][0]
+    if isinstance(T, ct.StateSpace):
+        tops, den = state_space_polynomials(T)
+        num = tops[0][0]
     elif isinstance(T, tuple | list) and len(T) == 2:
         num, den = _descending(T[0], "numerator", name), _descending(T[1], "denominator", name)
     else:
@@ -102,7 +99,6 @@ def lowest_terms(num: Poly, den: Poly) -> tuple[Poly, Poly, Poly]:
 
 
 def require_siso(T: Any, name: str) -> None:
-    """InputError, which calls T ``name``, for several channels."""
     if (T.ninputs, T.noutputs) != (1, 1):
         raise InputError(
             f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
@@ -111,7 +107,6 @@ def require_siso(T: Any, name: str) -> None:
 
 
 def require_continuous_siso(T: Any, name: str) -> None:
-    """InputError, which calls T ``name``, for several channels or discrete time."""
     require_siso(T, name)
     if T.isdtime(strict=True):
         raise InputError(
@@ -127,12 +122,6 @@ def _descending(coefficients: Any, what: str, name: str) -> Poly:
             f"The {what} of {name} has {items.ndim} dimensions; give one row of numbers."
         )
     return poly([number(c, f"a coefficient of the {what}") for c in items][::-1])
-
-
-def _from_state_space(T: Any) -> tuple[Poly, Poly]:
-    """Numerator and denominator of one channel."""
-    tops, den = state_space_polynomials(T)
-    return tops[0][0], den
 
 
 def state_space_polynomials(T: Any) -> tuple[list[list[Poly]], Poly]:
@@ -163,7 +152,6 @@ def _exact_matrix(M: Any) -> np.ndarray:
 
 
 def is_measured(T: Any) -> bool:
-    """Whether T is a control.FrequencyResponseData."""
     return isinstance(T, ct.FrequencyResponseData)
 
 
@@ -172,11 +160,7 @@ def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
 
     Raises InputError for several channels, too few frequencies, or values that are not finite.
     """
-    if (T.ninputs, T.noutputs) != (1, 1):
-        raise InputError(
-            f"{name} has {T.ninputs} inputs and {T.noutputs} outputs, but the check is for one of "
-            f"each; pick one channel, such as {name}[0, 0]."
-        )
+    require_siso(T, name)
     w, values = np.asarray(T.omega, dtype=float), np.asarray(T.frdata, dtype=complex)[0, 0]
     if len(w) < FREQUENT:
         raise InputError(f"{name} has {len(w)} frequencies; at least {FREQUENT} are needed.")
@@ -221,5 +205,4 @@ def cleared(L: Any) -> tuple[Any, str]:
 
 
 def _largest(den: np.ndarray) -> float:
-    """The size of the largest root."""
     return float(np.abs(np.roots(den / den[0])).max())

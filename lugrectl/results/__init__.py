@@ -27,8 +27,7 @@ from ..linear.band import BandwidthVerdict
 from ..linear.designs import DesignChecks
 from ..linear.l2 import L2Verdict
 from ..linear.passivity import PassivityVerdict
-from ..linear.repair import Repair
-from ..linear.spr import SprVerdict
+from ..linear.spr import Repair, SprVerdict
 from ..linear.stability import StabilityVerdict
 from ..paper.results import Reproduction
 from ..sweeps import Sweep

@@ -5,6 +5,7 @@ Written beside the package: nothing of it is used.
 
 from __future__ import annotations
 
+import control as ct
 import numpy as np
 from numba import njit
 
@@ -19,14 +20,19 @@ def controller(gains, z, dt):
     return kp + ki * dt / 2 * (z + 1) / (z - 1) + kd * (1 - 1 / z) / dt
 
 
-def notch(one, z, dt):
-    """Of (frequency in Hz, damping, depth): bilinear, with the frequency kept."""
-    if one is None:
-        return np.ones_like(z)
+def polynomials(one, dt):
+    """Of the notch (frequency in Hz, damping, depth): bilinear, with the frequency kept."""
     f, damping, depth = one
     W = 2 * np.pi * f
-    s = W / np.tan(W * dt / 2) * (z - 1) / (z + 1)
-    return (s**2 + 2 * depth * damping * W * s + W**2) / (s**2 + 2 * damping * W * s + W**2)
+    c, (square, cross, both) = W / np.tan(W * dt / 2), np.array([[1, -2, 1], [1, 0, -1], [1, 2, 1]])
+    return [c**2 * square + 2 * d * W * c * cross + W**2 * both for d in (depth * damping, damping)]
+
+
+def notch(one, z, dt):
+    if one is None:
+        return np.ones_like(z)
+    num, den = polynomials(one, dt)
+    return np.polyval(num, z) / np.polyval(den, z)
 
 
 def frequencies(drive):
@@ -46,36 +52,21 @@ def sensitivity(drive, gains, notched=None):
 
 
 def stable(drive, gains, notched=None):
-    """By the poles: the drive, a sample of delay, and the controller as a state space."""
-    dt = 1 / drive.rate
+    """By the poles: the drive, a sample of delay, and the controller."""
+    dt, (kp, ki, kd) = 1 / drive.rate, gains
     A, B = drive.matrices()
     a, b = drives.held(A, B[:, :1], dt)
-    n, (kp, ki, kd) = len(a), gains
-    # states: drive, u that acts, theta of before, integral, two of the notch
-    M = np.zeros((n + 5, n + 5))
-    M[:n, :n], M[:n, n] = a, b[:, 0]
-    M[n + 1, 0] = 1
-    M[n + 2, [0, n + 1, n + 2]] = np.array([dt / 2, dt / 2, 1]) * bool(ki)
-    out = np.zeros(n + 5)
-    out[[0, n + 1, n + 2]] = kp + ki * dt / 2 + kd / dt, ki * dt / 2 - kd / dt, ki
-    num, den = (np.array([1.0, 0, 0]),) * 2 if notched is None else polynomials(notched, dt)
-    # the notch in the transposed direct form: y = n0 x + s1
-    M[n], M[n, n + 3] = -num[0] * out, -1
-    for k in (1, 2):
-        M[n + 2 + k] = (num[k] - den[k] * num[0]) * out
-        M[n + 2 + k, n + 3] -= den[k]
-        if k == 1:
-            M[n + 3, n + 4] += 1
-    return np.abs(np.linalg.eigvals(M)).max() < 1
-
-
-def polynomials(one, dt):
-    """Numerator and denominator of the notch in z, the latter monic."""
-    z = np.exp(1j * np.array([0.1, 0.7, 1.3, 2.0, 2.6]))
-    at = notch(one, z, dt)
-    rows = np.column_stack([z**2, z, np.ones(5), -at * z, -at])
-    x = np.linalg.lstsq(np.r_[rows.real, rows.imag], np.r_[(at * z**2).real, (at * z**2).imag])[0]
-    return x[:3], np.r_[1, x[3:]]
+    late = ct.ss([[0.0]], [[1.0]], [[1.0]], [[0.0]], dt)
+    num, den = [kp + kd / dt, -kd / dt], [1, 0]
+    if ki:
+        num, den = (
+            np.polyadd(np.convolve(num, [1, -1]), ki * dt / 2 * np.array([1, 1, 0])),
+            [1, -1, 0],
+        )
+    L = ct.ss(a, b, np.eye(1, len(a)), 0, dt) * late * ct.ss(ct.tf(num, den, dt))
+    if notched:
+        L = L * ct.ss(ct.tf(*polynomials(notched, dt), dt))
+    return np.abs(ct.feedback(L, 1).poles()).max() < 1
 
 
 def optimum(drive, structure, Ms):

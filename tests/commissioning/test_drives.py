@@ -100,9 +100,20 @@ def test_without_friction_in_the_model_it_is_the_plain_estimate():
     assert found.correction == 0.0 and found.friction == {}
 
 
+def creeping(Fc, Fs):
+    """The log of a multisine alone, with such shares of the largest torque as friction."""
+    drive = drives.draw(12)
+    return answer(replace(drive, Fc=Fc * drive.most, Fs=Fs * drive.most), moving=False, seconds=6.0)
+
+
+def test_a_log_in_which_friction_covers_all_is_refused():
+    with pytest.raises(lg.Refused, match="at no frequency .* as friction governs") as no:
+        creeping(0.12, 0.15)
+    assert "record 30 s of quick moves" in str(no.value) and "multisine" in no.value.experiment
+
+
 def test_friction_that_governs_a_log_is_warned_of():
-    drive = replace(drives.draw(12), Fc=0.12 * drives.draw(12).most, Fs=0.15 * drives.draw(12).most)
-    found = answer(drive, moving=False, seconds=12.0)
+    found = creeping(0.04, 0.05)
     assert not found.trusted and found.correction > 2
     assert found.governed.any() and np.isnan(found.high[found.governed]).all()
     assert "no band holds" in found.messages[0] and "quick moves" in found.messages[-1]

@@ -15,7 +15,7 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.commissioning import UncertainResponseWarning
 from lugrectl.commissioning.friction import impossible
-from lugrectl.commissioning.result import unwrapped
+from lugrectl.commissioning.of_record import unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3
@@ -96,6 +96,7 @@ def test_a_log_that_shows_nothing_is_refused():
     with pytest.raises(lg.Refused, match="certain at no frequency") as no:
         lg.frequency_response(one, MODEL)
     assert "multisine" in str(no.value.experiment)
+    assert "excites the axis too little" in str(no.value) and "record 30 s" in str(no.value)
 
 
 def test_no_friction_is_taken_out_where_none_shows():

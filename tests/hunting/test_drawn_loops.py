@@ -119,10 +119,3 @@ def compare_map(seed, share):
 @pytest.mark.sample
 def test_a_map_over_wrongly_believed_friction_agrees_with_another_simulation():
     compare_map(61, 0.3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
-@pytest.mark.parametrize("seed", [1, 10, 20, 34, 64, 87])
-def test_more_maps_over_wrongly_believed_friction(seed, share):
-    compare_map(seed, share)

@@ -1,6 +1,7 @@
 """Limit cycles: published figures, a simulation of its own, README's table, and what must hold."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import control as ct
@@ -112,6 +113,20 @@ def test_what_the_time_does_not_decide_is_undecided():
     assert found.outcome == "undecided" and not found and found.hunts is None
     assert found.summary()["hunts"] is None and found.undecided > 5
     assert "stayed undecided" in found.messages[0] and repr(found).startswith("undecided")
+
+
+def test_a_search_says_which_effects_it_includes():
+    effects = [{"name": "gravity", "amplitude": 0.1, "phase": 0.0}]
+    effects += [{"name": "velocity_sensor_lag", "time_constant": 1e-3}]
+    found = lg.limit_cycles(drive(effects=effects), **PID, rate=200.0, time_limit=1e-6)
+    assert found.messages[-2] == "at rest, with the effects of the model: gravity"
+    assert found.messages[-1] == "at rest, without the effects of the sensors: velocity_sensor_lag"
+
+
+def test_beside_stick_slip_the_headline_says_what_is_of_rest():
+    found = replace(lg.limit_cycles(drive(), kp=3.0, kd=6.0), stick_slip=lg.StickSlip(0.2, 0.4, {}))
+    first = "moving, the loop sticks and slips up to 0.4000 rad/s; at rest no limit cycle: proven"
+    assert repr(found).splitlines()[0] == first
 
 
 LATE = {"J": 1e-3, "Fc": 4e-4, "Fv": 0.0}  # Coulomb friction and a dead time: it rests or swings

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lugrectl.core.errors import InputError
-from lugrectl.linear.axis import reach, signs, zeros
-from lugrectl.linear.quasi import Quasi
+from lugrectl.linear.axis import signs, zeros
+from lugrectl.linear.exact import Quasi
 
 
 def loop(K, T, *lower):
@@ -92,12 +92,6 @@ def test_a_sign_that_never_settles_is_followed_to_its_first_changes():
     assert not found.complete and found.changes[0] == pytest.approx(math.pi)
     with pytest.raises(InputError, match="undecided"):
         signs(even((0, (1,)), (1, (1,))))
-
-
-def test_beyond_its_reach_the_highest_power_decides():
-    q = loop(100, 0.1, 3, -2, 1)
-    w = reach(q) * np.array([1.0, 2.0, 10.0])
-    assert (w**2 > np.abs(q.at(1j * w) + w**2)).all()
 
 
 def test_a_response_that_turns_too_often_is_refused():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 
 import control as ct
 import numpy as np
@@ -62,24 +61,15 @@ def response(T, w):
     )
 
 
-def agrees(number, seed):
-    rng = np.random.default_rng(seed)
-    for k in range(number):
+def test_the_norm_is_that_of_an_independent_dense_maximisation():
+    rng = np.random.default_rng(1)
+    for k in range(80):
         T = draw(rng, bool(k % 2))
         found, wanted = lg.l2_check(T), maximised(T)
         assert found.gain == pytest.approx(wanted, rel=1e-9), (k, T)
         if math.isfinite(found.frequency):
             at = response(T, np.array([found.frequency]))[0]
             assert at == pytest.approx(found.gain, rel=1e-9)
-
-
-def test_the_norm_is_that_of_an_independent_dense_maximisation():
-    agrees(80, seed=1)
-
-
-@pytest.mark.slow
-def test_the_norm_is_that_of_an_independent_dense_maximisation_at_length():
-    agrees(3000, seed=2)
 
 
 @pytest.mark.parametrize("dt", [0, True])
@@ -110,32 +100,6 @@ def test_several_channels_have_the_largest_singular_value(dt):
     found = lg.l2_check(T)
     assert swept * (1 - 1e-12) <= found.gain <= swept * (1 + 1e-4)
     assert "singular value" in found.reason
-
-
-@pytest.mark.parametrize("dt", [0, True])
-@pytest.mark.parametrize("states", [20, 30])
-def test_many_states_take_little_time(states, dt):
-    rng = np.random.default_rng(states)
-    A = rng.standard_normal((states, states))
-    A = 0.99 * A / np.abs(np.linalg.eigvals(A)).max() - (0 if dt else 1.0) * np.eye(states)
-    T = ct.ss(A, rng.standard_normal((states, 1)), rng.standard_normal((1, states)), 0, dt)
-    begin = time.process_time()
-    assert lg.l2_check(T) and lg.spr_check(T).reason
-    assert time.process_time() - begin < 2.0
-
-
-def test_the_linear_part_of_a_loop_has_its_norm():
-    p = lg.table1()
-    for observer in (None, "proposed"):
-        loop = lg.velocity_loop(p, observer, kp=1.6, ki=0.16)
-        T = ct.linearize(loop, np.zeros(loop.nstates), 0.0)
-        speed = loop.output_labels.index("w")
-        to_speed = ct.ss(T.A, T.B, T.C[[speed]], T.D[[speed]])
-        found = lg.l2_check(to_speed)
-        w = np.geomspace(1e-3, 1e5, 20001)
-        swept = np.abs(np.ravel(to_speed(1j * w))).max()
-        assert swept * (1 - 1e-12) <= found.gain <= swept * (1 + 1e-4)
-        assert "mode of the system that is not stable" in found.reason  # the position
 
 
 @pytest.mark.parametrize("dt", [0, True])

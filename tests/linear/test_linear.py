@@ -26,7 +26,6 @@ from lugrectl.linear import (
     position_T,
     spr_check,
     velocity_loop_tf,
-    velocity_T,
 )
 
 P = SimpleNamespace(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
@@ -158,36 +157,8 @@ def test_bandwidth_with_a_prefilter():
         assert 1.9 < verdict.bandwidth < 2.1 and len(verdict.crossings) == 1
 
 
-def test_loops_by_feedback():
-    s = ct.tf("s")
-    w = np.array([0.1, 3.0, 80.0, 900.0])
-    for tau, i in ((None, 1 / s), (0.05, 1 / (0.05 * s + 1))):
-        C = 15 + 1.55 * i
-        inner = ct.feedback(1 / (P.J * s**2), 0.4 * s)
-        cases = [
-            (position_loop_tf(P, 15, 1.55, 0.4, tau), ct.feedback(C * inner, 1)),
-            (velocity_loop_tf(P, 15, 1.55, tau=tau), ct.feedback(C / (P.J * s), 1)),
-            (velocity_loop_tf(P, 15, 1.55, 0.4, tau), ct.feedback(C / ((P.J + 0.4) * s), 1)),
-            (position_T(P, 15, 1.55, 0.4, tau), (0.6 * s + 260) / (P.J * s**2 + C + 0.4 * s)),
-            (velocity_T(P, 15, 1.55, 0.4, tau), (0.6 * s + 260) / (P.J * s + C + 0.4 * s)),
-        ]
-        for ours, reference in cases:
-            np.testing.assert_allclose(ours(1j * w), reference(1j * w), rtol=1e-9)
-        with_prefilter = position_loop_tf(P, 15, 1.55, 0.4, tau, prefilter=True)
-        np.testing.assert_allclose(with_prefilter(2j), cases[0][0](2j) * 2 / (2j + 2), rtol=1e-12)
-
-
 def test_no_integral_action_leaves_no_pole_at_zero():
     assert velocity_loop_tf(P, kp=1.6).poles() == pytest.approx([-1.6 / P.J])
-
-
-def test_loops_refuse_bad_gains():
-    with pytest.raises(InputError, match="tau is -1 s"):
-        position_T(P, kp=1, ki=1, tau=-1)
-    with pytest.raises(InputError, match="kp"):
-        velocity_loop_tf(P, kp=math.nan)
-    with pytest.raises(InputError, match="no denominator"):
-        velocity_T(parameters(J=0.0))
 
 
 def level_ratio(T, w):

@@ -20,7 +20,7 @@ from lugrectl.linear import (
     velocity_loop_tf,
     velocity_T,
 )
-from lugrectl.linear.repair import least_passing
+from lugrectl.linear.spr import least_passing
 
 P = table1()
 LOOPS = {"position": position_T, "velocity": velocity_T}
@@ -77,11 +77,18 @@ def test_a_shared_integrator_is_counted_once():
         ({"controller": ([1], [0])}, r"denominator of C\(s\)"),
         ({"controller": 3.0}, "C is 3.0"),
         ({"kp": 1e308, "ki": 1e308, "leak": 1e308}, "1e308"),
+        ({"kp": 1, "ki": 1, "tau": -1}, "tau is -1 s"),
+        ({"kp": math.nan}, "kp"),
     ],
 )
 def test_controllers_that_cannot_be_understood(gains, word):
     with pytest.raises(InputError, match=word):
         position_T(P, **gains)
+
+
+def test_a_loop_needs_a_denominator():
+    with pytest.raises(InputError, match="no denominator"):
+        velocity_T(SimpleNamespace(J=0.0, sigma0=260.0, sigma1=0.6))
 
 
 def test_prefilter_by_its_pole():

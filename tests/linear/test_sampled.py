@@ -100,29 +100,16 @@ def bottom(real, low, high):
     return min(values)
 
 
-def compared(number, seed):
-    """How often the exact decision and the sweep differ; each time the finer sweep decides."""
-    rng, counts = np.random.default_rng(seed), Counter()
-    for _ in range(number):
+def test_the_exact_decision_is_that_of_a_sweep_or_of_a_finer_one():
+    """Where the exact decision and the sweep differ, the finer sweep decides."""
+    rng, counts = np.random.default_rng(1), Counter()
+    for _ in range(100):
         kind, num, den = draw(rng)
         exact = lg.spr_check(ct.tf(num, den, 0.01)).classification
         counts[kind, exact] += 1
         if (exact == "SPR") != swept(num, den):
-            counts["disagreements"] += 1
             assert (exact == "SPR") == finer(num, den), (kind, list(num), list(den), exact)
-    return counts
-
-
-def test_the_exact_decision_is_that_of_a_sweep_or_of_a_finer_one():
-    counts = compared(100, seed=1)
     assert sum(n for key, n in counts.items() if key[-1] == "SPR") > 20
-
-
-@pytest.mark.slow
-def test_the_exact_decision_is_that_of_a_sweep_or_of_a_finer_one_at_length():
-    counts = compared(5000, seed=2)
-    print(counts)
-    assert counts["disagreements"] > 50  # the border is met
 
 
 def test_the_margin_is_where_positive_realness_ends():

@@ -71,7 +71,9 @@ def reduced(T):
     return np.any(np.abs(poles[:, None] - zeros[None, :]) < 1e-2)
 
 
-def agrees_with_a_decisive_grid(T):
+@settings(max_examples=60)
+@given(transfers)
+def test_spr_never_disagrees_with_a_decisive_grid(T):
     assume(any(T[0]) and not reduced(T))
     verdict = spr_check(T)
     pole, cosine, degree = on_grid(T)
@@ -83,19 +85,6 @@ def agrees_with_a_decisive_grid(T):
         assert verdict.band_edge == math.inf
         if degree == 0 and T[0][-1]:
             assert verdict and verdict.margin > 0
-
-
-@settings(max_examples=60)
-@given(transfers)
-def test_spr_never_disagrees_with_a_decisive_grid(T):
-    agrees_with_a_decisive_grid(T)
-
-
-@pytest.mark.slow
-@settings(max_examples=5000)
-@given(transfers)
-def test_spr_never_disagrees_with_a_decisive_grid_at_length(T):
-    agrees_with_a_decisive_grid(T)
 
 
 @settings(max_examples=60)
