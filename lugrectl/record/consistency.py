@@ -9,6 +9,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, Refused
+from ..core.numeric import column_sizes
 from ..core.option_names import option
 from .columns.units import UNITS, Unit, si_unit
 from .record import Record
@@ -35,19 +36,14 @@ Labels = Mapping[str, str | None]
 def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
-    ``w`` in another unit or of the opposite sign than d theta/dt is converted, and ignored if it
-    does not fit d theta/dt at all or has an offset. A torque of the wrong sign is inverted. A lag
-    of ``w`` and a saturated ``u`` are reported. ``labels`` are the units by role that the file or
-    the user stated (None: not stated); they decide which of two channels has the wrong unit.
-
-    Raises Refused when ``u`` or the motion is constant or only noise. A constant torque at a
-    steady speed is a point of a friction curve; beside other runs (not ``alone``) it may be one of
-    several torques, which :func:`refuse_dead` judges together.
+    ``labels`` are the units by role that the file or the user stated (None: not stated); they
+    decide which of two channels has the wrong unit. Raises Refused when ``u`` or the motion is
+    constant or only noise. A constant torque at a steady speed is a point of a friction curve;
+    beside other runs (not ``alone``) it may be one of several torques, which :func:`refuse_dead`
+    judges together.
     """
     _alive(record, alone)
-    record = fitting_speed(record, labels)
-    record = _torque_sign(record)
-    return _saturation(record)
+    return _saturation(_torque_sign(fitting_speed(record, labels)))
 
 
 # ---- slow signals -------------------------------------------------------------------
@@ -86,8 +82,7 @@ def _jackknifed(
     """Fit y by columns: the coefficients, and the standard error of a function of them, by leaving
     out one block of time after the other."""
     x = np.column_stack(columns)
-    size = np.linalg.norm(x, axis=0)
-    size[size == 0] = 1.0  # a column that does not change explains nothing
+    size = column_sizes(x)
     x = x / size
     blocks = np.array_split(np.arange(len(y)), _BLOCKS)
     grams = np.array([x[b].T @ x[b] for b in blocks])
@@ -104,18 +99,13 @@ def _jackknifed(
 # ---- dead channels ------------------------------------------------------------------
 
 
-def named(records: Sequence[Record]) -> str:
-    """Return the subject of a message: the record's source, or the number of records."""
-    return records[0].source if len(records) == 1 else f"{len(records)} records"
-
-
 def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records."""
     for role in _DEAD:
         given = [r.channels()[role] for r in records if role in r.channels()]
         if given and _is_constant(np.array([f(x) for x in given for f in (np.min, np.max)])):
-            how = "reverses at several speeds"
-            raise _dead(named(records), role, min(map(np.min, given)), how)
+            source = records[0].source if len(records) == 1 else f"{len(records)} records"
+            raise _dead(source, role, min(map(np.min, given)), "reverses at several speeds")
 
 
 def _dead(source: str, role: str, value: float, how: str) -> Refused:
@@ -165,14 +155,11 @@ def _is_steady(record: Record) -> bool:
 
 
 def _is_noise(values: np.ndarray) -> bool:
-    """Return whether values are uncorrelated from sample to sample, about zero.
-
-    A few samples can show that only roughly: no bound is wider than a half.
-    """
+    """Return whether values are uncorrelated from sample to sample, about zero."""
     spread = np.std(values)
     x = values - values.mean()
     lag1 = np.mean(x[1:] * x[:-1]) / spread**2
-    sure = min(5 / np.sqrt(len(x)), 0.5)
+    sure = min(5 / np.sqrt(len(x)), 0.5)  # a few samples can show that only roughly
     return bool(abs(lag1) < sure and abs(values.mean()) < sure * spread)
 
 
@@ -240,9 +227,8 @@ class _Compared:
     def of(cls, speeds: _Speeds) -> _Compared:
         """Compare w with d theta/dt.
 
-        Noise in the regressor biases a fitted ratio towards zero, so the two regressions, w on
-        d theta/dt and d theta/dt on w, bracket the true ratio. With few swings of the motion it is
-        less certain.
+        Noise in the regressor biases a fitted ratio towards zero, so the two regressions bracket
+        the true one. With few swings of the motion it is less certain.
         """
         w, slope = speeds.w, speeds.slope
         (ratio, lead, *_), (inverse, lag, *_) = speeds.fitted(w, slope), speeds.fitted(slope, w)
@@ -258,12 +244,8 @@ class _Compared:
 
 
 def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
-    """Return the record with a w that is consistent with d theta/dt; ``labels`` as for
-    :func:`audit`.
-
-    theta in rad, w in rad/s (m, m/s on a linear axis); the record's messages report each change.
-    A w that does not fit d theta/dt is left out.
-    """
+    """Return the record with a w that is consistent with d theta/dt, each change a message; a w
+    that does not fit d theta/dt is left out."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return record
@@ -271,13 +253,13 @@ def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
     if not found.ratio:
         return _unrelated(record, speeds, labels, found.agreement)
     if abs(found.ratio) != 1.0:
-        fits, record = _converted(record, labels, found.ratio)
-        if not fits:
-            return record
-        speeds = _Speeds.of(record)
+        record = _converted(record, labels, found.ratio)
     elif found.ratio < 0:
         record = _turned(record)
-        speeds = replace(speeds, w=-speeds.w)
+    if abs(found.ratio) != 1.0 or found.ratio < 0:
+        speeds = _Speeds.of(record)
+    if record.w is None:
+        return record
     offset = speeds.offset() if speeds is not None else 0.0
     if offset:
         size = f"{abs(offset):.3g} {si_unit('w', record.motion)}"
@@ -295,7 +277,7 @@ def _unrelated(record: Record, speeds: _Speeds, labels: Labels, agreement: float
     """Return a record whose w does not vary with d theta/dt, as far as it is understood."""
     steady = speeds.steady_ratio()
     if steady:
-        return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)[1]
+        return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)
     swapped = replace(record, theta=record.w, w=record.theta)
     other = _Speeds.of(swapped)
     if other is not None and other.are_one():
@@ -317,10 +299,7 @@ def _turned(record: Record) -> Record:
 
 @dataclass(frozen=True)
 class Mistake:
-    """A channel that is in another unit than it was taken in.
-
-    ``factor`` is what its values in SI are to be multiplied by, ``unit`` the name of its unit.
-    """
+    """A channel in another unit than it was taken in; ``factor`` is on its values in SI."""
 
     role: str
     unit: str
@@ -329,11 +308,8 @@ class Mistake:
 
 
 def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
-    """Return the unit that w, theta or t is in, where w and d theta/dt differ by a factor of units.
-
-    None where they agree, or differ by another factor. Raises InputError where the unit of t is
-    the one that is not as assumed: all rates depend on it.
-    """
+    """Return the mistake where w and d theta/dt differ by a factor of units, else None; InputError
+    where the unit of t is the one that is not as assumed: all rates depend on it."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return None
@@ -358,11 +334,8 @@ def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
 
 
 def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Unit]]:
-    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units.
-
-    A channel without a stated unit is suspected first, then one stated in SI: another unit is
-    stated on purpose, SI often by habit.
-    """
+    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units:
+    first those without a stated unit, then of one in SI, which is often stated by habit."""
     found = []
     for role in ("w", "theta"):
         label = labels.get(role)
@@ -400,52 +373,39 @@ def _check_time(record: Record, labels: Labels, ratio: float) -> None:
             )
 
 
-def _converted(record: Record, labels: Labels, ratio: float) -> tuple[bool, Record]:
-    """Return whether a wrong unit explains the ratio, and the record corrected or without w."""
-    found = _mistake(record, labels, abs(ratio))
-    if found is None:
-        return False, _ignored(record, f"{ratio:.4g} times it{_geared(abs(ratio))}")
-    values = getattr(record, found.role) * found.factor
-    record = replace(record, **{found.role: values}).with_messages(found.said)
-    return True, _turned(record) if ratio < 0 else record
-
-
-def _geared(ratio: float) -> str:
-    """Return what to give where w is the motor's and theta the joint's."""
-    if not 2.0 < ratio < _GEARS:
-        return ""
-    joint, motor = option("scale", f"w={1 / ratio:.4g}"), option("scale", f"theta={ratio:.4g}")
-    gives = f"{joint} gives the joint's motion, {motor} the motor's"
-    return f" (a motor with a gear of {ratio:.4g}? Then {gives})"
+def _converted(record: Record, labels: Labels, ratio: float) -> Record:
+    """Return the record corrected where a wrong unit explains the ratio, else without w."""
+    found, size = _mistake(record, labels, abs(ratio)), abs(ratio)
+    if found is not None:
+        values = getattr(record, found.role) * found.factor
+        record = replace(record, **{found.role: values}).with_messages(found.said)
+        return _turned(record) if ratio < 0 else record
+    gear = ""
+    if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
+        joint, motor = option("scale", f"w={1 / size:.4g}"), option("scale", f"theta={size:.4g}")
+        gives = f"{joint} gives the joint's motion, {motor} the motor's"
+        gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
+    return _ignored(record, f"{ratio:.4g} times it{gear}")
 
 
 # ---- sign of the torque -------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _TorqueFit:
-    """A plain balance ``u = J dw/dt + Fv w + Fc sign(w) + ...`` of slow signals.
+def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
+    """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz.
 
-    ``inertia_t`` and ``power_t`` are J and the mean friction power over their standard
-    errors (jackknife over blocks of time); ``r2`` is the share of u that is explained.
-    """
-
-    inertia_t: float
-    power_t: float
-    r2: float
-
-
-def _torque_fit(record: Record, band: float = _BAND) -> _TorqueFit | None:
-    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, under a
-    constant torque, or if the stretch is too short.
-
-    The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
-    gravity load.
+    Returns J and the mean friction power over their standard errors, and the share of u that is
+    explained; None without motion, under a constant torque, or if the stretch is too short. Terms
+    are the angle, too, for a spring, and on a rotary drive its sin and cos, for a gravity load.
     """
     if _is_constant(record.u) or not _long_enough(record, band):
         return None
     part = _longest(record)
-    angle, speed = _motion(part)
+    angle, speed = part.theta, part.w
+    if speed is None:
+        assert angle is not None
+        speed = np.gradient(angle, part.dt)
+    angle = np.cumsum(speed) * part.dt if angle is None else angle
     (slow,) = _low_passed(part, speed, band=band, keep_ends=True)
     still = 0.02 * np.std(slow)
     if not still > 0:
@@ -463,18 +423,9 @@ def _torque_fit(record: Record, band: float = _BAND) -> _TorqueFit | None:
     p, error = _jackknifed(terms, u, inertia_and_power)
     if not np.all(error > 0):
         return None
+    inertia, friction_power = inertia_and_power(p) / error
     r2 = 1 - np.var(u - np.column_stack(terms) @ p) / np.var(u)
-    inertia_t, power_t = inertia_and_power(p) / error
-    return _TorqueFit(float(inertia_t), float(power_t), float(r2))
-
-
-def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and speed; if one was not recorded it is computed from the other."""
-    angle, speed = record.theta, record.w
-    if speed is None:
-        assert angle is not None
-        return angle, np.gradient(angle, record.dt)
-    return (np.cumsum(speed) * record.dt if angle is None else angle), speed
+    return float(inertia), float(friction_power), float(r2)
 
 
 def _torque_sign(record: Record) -> Record:
@@ -484,28 +435,26 @@ def _torque_sign(record: Record) -> Record:
     fitted inertia decides. Above a resonance between motor and sensor a correct torque looks
     inverted: the inverted balance must hold in the whole motion and in its slow part alone.
     """
-    if _is_steady(record):
-        return record  # nothing accelerates
-    fit = _torque_fit(record)
-    if fit is None or fit.r2 >= 0.05 and min(fit.inertia_t, fit.power_t) >= -_SURE:
+    whole = None if _is_steady(record) else _torque_fit(record)
+    if whole is None or whole[2] >= 0.05 and min(whole[:2]) >= -_SURE:
         return record
     slow = _torque_fit(record, _SLOW_BAND)
     if slow is None:
         return record
-    if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):
+    if whole[2] < 0.05 and _is_noise(record.u - record.u.mean()):
         raise Refused(
             f"{record.source}: u is noise that is not related to the motion: dead torque channel.",
             "Record the torque that the drive applies.",
         )
-    if max(fit.inertia_t, slow.inertia_t) < -_SURE and min(fit.r2, slow.r2) > 0.8:
+    inertias, powers, explained = zip(whole, slow, strict=True)
+    if max(inertias) < -_SURE and min(explained) > 0.8:
         return replace(record, u=-record.u).with_messages(
             "u drives against the motion it causes (the fitted inertia is negative): "
             "its sign was changed for the simulation, not in the plain torque balance. "
             f"Give {option('scale', 'u=-1')} to change it in both."
         )
-    turned = fit.inertia_t < -_SURE and slow.inertia_t < -2
-    brakes = max(fit.power_t, slow.power_t) < -_SURE and max(fit.inertia_t, slow.inertia_t) < 2
-    if turned and max(fit.r2, slow.r2) > 0.8 or brakes:
+    turned = whole[0] < -_SURE and slow[0] < -2 and max(explained) > 0.8
+    if turned or max(powers) < -_SURE and max(inertias) < 2:
         return record.with_messages(
             "u seems to drive against the motion it causes, but not clearly enough to change "
             f"its sign; if it is wrong, give {option('scale', 'u=-1')}."

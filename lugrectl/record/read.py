@@ -86,8 +86,6 @@ def read_log(path: Any, **reading: Any) -> Log:
 
     Where w and d theta/dt differ by a factor of two units, one of them is in another unit than
     was assumed: it is converted here, before anything is computed from the log.
-
-    Raises InputError if the file or an argument cannot be read or understood.
     """
     log = rows_of(path, **reading)
     if not {"w", "theta"} <= set(log.channels):
@@ -132,12 +130,8 @@ def _uniform(log: Log) -> Record:
 
 
 def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The record on uniform time, without bad samples, and w consistent with d theta/dt.
-
-    ``labels`` are the units by role that the user stated, as for ``audit``. theta in rad, w in
-    rad/s (m, m/s on a linear axis); the record's messages report each change. A w that does not
-    fit d theta/dt is left out. Raises Refused if too little is left.
-    """
+    """The record on uniform time, without bad samples, and w consistent with d theta/dt; Refused
+    if too little is left."""
     log = record.log
     assert log is not None  # a record always has one
     made = record

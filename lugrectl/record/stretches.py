@@ -33,41 +33,32 @@ def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
 def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     """One part on its own even grid; None without two samples of each channel."""
     t = rows.t[part]
-    values = {role: rows.channels[role][part] for role in rows.used}
+    used = [*rows.required, *(["d"] if "d" in rows.channels else [])]
+    values = {role: rows.channels[role][part] for role in used}
     if len(t) < FEWEST or any(np.isfinite(x).sum() < FEWEST for x in values.values()):
         return None
     dt = typical_step(np.diff(t))
     steps = max(round((t[-1] - t[0]) / dt), 1)
     grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
-    made, near = {}, []
+    made, ok = {}, np.ones(len(grid), bool)
+    # of the clock: rows that a logger writes in bursts come at long and at short steps
     ticks = np.r_[0, np.cumsum(multiples(np.diff(t), dt))]
     for role, x in values.items():
         good = np.isfinite(x)
         made[role] = on_grid(role, t[good], x[good], grid, dt)
-        near.append(_near(grid, t[good], ticks[good], dt))
-    ok = np.all(near, axis=0)
+        ok &= _near(grid, t[good], ticks[good], dt)
     sound = np.flatnonzero(ok)
     if not len(sound):
         return None
-    used = slice(int(sound[0]), int(sound[-1]) + 1)
-    cut = {role: x[used] for role, x in made.items()}
-    theta, w = cut.get("theta"), cut.get("w")
-    jitter = _jitter(t, dt)
-    return Stretch(run, dt, grid[used], cut["u"], theta, w, ok[used], jitter, cut.get("d"))
-
-
-def _jitter(t: np.ndarray, dt: float) -> float:
-    """RMS distance of the stamps from the nearest instants of the even grid, in steps."""
+    cut = slice(int(sound[0]), int(sound[-1]) + 1)
     off = (t - t[0]) / dt
-    return float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
+    jitter = float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
+    channels = {role: x[cut] for role, x in made.items()}
+    return Stretch(run=run, dt=dt, t=grid[cut], ok=ok[cut], jitter=jitter, **channels)
 
 
 def _near(grid: np.ndarray, t: np.ndarray, ticks: np.ndarray, dt: float) -> np.ndarray:
-    """Whether each instant lies between good samples, with at most one missing.
-
-    ``ticks`` are those of the clock at the good samples: rows that a logger writes in bursts come
-    at long and at short steps, and none of them is missing.
-    """
+    """Whether each instant lies between good samples, with at most one missing."""
     after = np.searchsorted(t, grid - 1e-6 * dt)
     inside = (after < len(t)) & (grid > t[0] - 1e-6 * dt)
     after = after.clip(0, len(t) - 1)
@@ -75,23 +66,16 @@ def _near(grid: np.ndarray, t: np.ndarray, ticks: np.ndarray, dt: float) -> np.n
     return inside & (ticks[after] - ticks[before] <= 2)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Stretch:
-    """Uniform time, nothing filtered: at most the stamps are interpolated.
+    """Uniform time, nothing filtered: at most the stamps are interpolated."""
 
-    ``run`` is the index of the log that it comes from, ``dt`` the step in s. ``t`` (s), ``u``
-    (N m or N), ``theta`` (rad or m) and ``w`` (rad/s or m/s) are (M,), theta and w None where
-    not recorded, ``d`` (M,) the measured load torque. ``ok`` (M,) is False where a sample is
-    missing, bad or bridged over more than a sample. ``jitter`` is the RMS distance of the stamps
-    from even ones, in steps.
-    """
-
-    run: int
-    dt: float
-    t: np.ndarray
-    u: np.ndarray
-    theta: np.ndarray | None
-    w: np.ndarray | None
-    ok: np.ndarray
-    jitter: float = 0.0
-    d: np.ndarray | None = None
+    run: int  # index of the log that it comes from
+    dt: float  # s
+    t: np.ndarray  # (M,) s
+    u: np.ndarray  # N m or N
+    theta: np.ndarray | None = None  # rad or m
+    w: np.ndarray | None = None  # rad/s or m/s
+    ok: np.ndarray  # False where a sample is missing, bad or bridged over more than a sample
+    jitter: float = 0.0  # RMS distance of the stamps from even ones, in steps
+    d: np.ndarray | None = None  # measured load torque

@@ -85,27 +85,28 @@ def _complete(
 ) -> None:
     """Raise InputError if a required role has no column."""
     needed = [("u",), ("w", "theta"), *([("t",)] if need_time else [])]
-    for roles in needed:
-        if any(role in choices for role in roles):
-            continue
-        role = next((r for r in roles if r in doubtful), roles[-1])
-        if role in doubtful:
-            start, near = _among(table, role, doubtful[role]), None
-        else:
-            words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
-            start = f"{table.source} has no column for {words}"
-            near = _misspelt(table, roles, {choice.index for choice in choices.values()})
-        if not choices and not doubtful:
-            raise InputError(_nothing_known(table, need_time))
-        how = f": name the column with {option('columns', f'{role}=NAME')}"
+    missing = (roles for roles in needed if not any(role in choices for role in roles))
+    roles = next(missing, None)
+    if roles is None:
+        return
+    if not choices and not doubtful:
+        raise InputError(_nothing_known(table, need_time))
+    role = next((r for r in roles if r in doubtful), roles[-1])
+    how = f": name the column with {option('columns', f'{role}=NAME')}"
+    if role in doubtful:
+        start = _among(table, role, doubtful[role])
+    else:
+        words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
+        start = f"{table.source} has no column for {words}"
+        near = _misspelt(table, roles, {choice.index for choice in choices.values()})
         if near is not None:
             meant, name = near
             given = option("columns", f"{meant}={name}")
             how = f". If '{name}' is {meant}, rename it, or give {given}"
-        how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
-        raise InputError(
-            f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
-        )
+    how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
+    raise InputError(
+        f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
+    )
 
 
 def _misspelt(table: Table, roles: Sequence[str], taken: Collection[int]) -> tuple[str, str] | None:
@@ -125,14 +126,13 @@ def _nothing_known(table: Table, need_time: bool) -> str:
     clear = all(table.names) and len(set(table.names)) == len(table.names)
     names = table.names if clear else [str(i + 1) for i in range(len(table.names))]
     pairs = ",".join(f"{r}={n}" for r, n in zip(roles, names, strict=False))
-    start = (
-        f"{table.source}: its columns are {table.listed()}, which say nothing of torque and motion"
-        if table.headed
-        else f"{table.source} has no header (its numbers begin in {table.begins})"
-    )
-    how = "name them" if table.headed else "give the numbers of its columns, counted from 1"
-    hint = f" {table.hint}" if table.hint else ""
-    return f"{start}: {how}, for instance {option('columns', pairs)}.{hint}"
+    said = f"{table.source} has no header (its numbers begin in {table.begins}): "
+    said += "give the numbers of its columns, counted from 1"
+    if table.headed:
+        said = f"{table.source}: its columns are {table.listed()}, which say nothing of torque and "
+        said += "motion: name them"
+    said = f"{said}, for instance {option('columns', pairs)}."
+    return f"{said} {table.hint}".rstrip()
 
 
 def _among(table: Table, role: str, fits: list[int]) -> str:
@@ -163,10 +163,9 @@ def _unused_said(
     missing = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
     if missing is None or not names:
         return []
-    return [
-        f"No column was found for {missing}; not used: {names}. If {missing} is among them, give "
-        f"{option('columns', f'{missing}=NAME')}."
-    ]
+    given = option("columns", f"{missing}=NAME")
+    start = f"No column was found for {missing}; not used: {names}."
+    return [f"{start} If {missing} is among them, give {given}."]
 
 
 def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[str]:
@@ -175,10 +174,8 @@ def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[st
     if np.any(u[np.isfinite(u)]) or not names:
         return []
     name = next(table.names[choice.index] for choice in choices if choice.role == "u")
-    return [
-        f"'{name}' is 0 in every row; not used: {names}. If u is among them, give "
-        f"{option('columns', 'u=NAME')}."
-    ]
+    start = f"'{name}' is 0 in every row; not used: {names}."
+    return [f"{start} If u is among them, give {option('columns', 'u=NAME')}."]
 
 
 def _unused(table: Table, choices: Collection[Choice]) -> str:

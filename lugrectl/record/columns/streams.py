@@ -51,9 +51,5 @@ def _on(role: str, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> np.ndarray
     step = 1.5 * max(float(np.median(np.diff(t[at]))), dt)
     near = np.searchsorted(t[at], grid, side="right")
     since = grid - t[at][np.maximum(near - 1, 0)]
-    return np.where((since < step) & (since > -step), _first(made, near, x[at]), np.nan)
-
-
-def _first(made: np.ndarray, near: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Before its first message a channel has the value of that message."""
-    return np.where(near == 0, x[0], made)
+    made = np.where(near == 0, x[at][0], made)  # before its first message, the value of that
+    return np.where((since < step) & (since > -step), made, np.nan)

@@ -15,16 +15,13 @@ from ...core.option_names import option
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: SI value = ``factor`` times the number in this unit.
-
-    ``motion`` is the kind of drive the unit belongs to, None when it fits both;
-    quantity "raw" has no SI meaning before the user's own scale is applied.
-    """
+    """A unit: SI value = ``factor`` times the number in this unit; quantity "raw" has no SI
+    meaning before the user's own scale is applied."""
 
     name: str
     quantity: str
     factor: float
-    motion: str | None = None
+    motion: str | None = None  # the kind of drive it belongs to; None: it fits both
 
 
 UNITS = {
@@ -166,29 +163,21 @@ def fits(role: str, unit: Unit) -> bool:
 
 
 def role_unit(role: str, text: str, *, scaled: bool, where: str, named: bool = False) -> Unit:
-    """Return the unit ``text`` of a role, checked to fit the role.
-
-    Raises InputError when the unit is unknown, measures something else, or is raw
-    (A, V, %, counts) without a scale. ``where`` begins the sentence; ``named``: only the
-    column's name says the unit.
-    """
+    """Return the unit ``text`` of a role; InputError, which begins with ``where``, when it is
+    unknown, measures something else, or is raw (A, V, %, counts) without a scale. ``named``: only
+    the column's name says the unit."""
     unit = parse_unit(text)
     if unit is None and re.sub(r"[\W_]", "", text).lower() in ("erpm", "electricalrpm"):
         raise InputError(
             f"{where}: eRPM is the electrical speed, that of the motor times its pole pairs: give "
             f"{option('units', 'w=rpm')} and {option('scale', 'w=1/PAIRS')}, such as w=1/7."
         )
-    if unit is None:
-        names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
-        raise InputError(
-            f"{where}: the unit '{text}' of {role} is not known{did_you_mean(text, names)}; "
-            f"known for {role}: {', '.join(names)}."
-        )
-    if unit.quantity not in _QUANTITIES[role]:
-        names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
-        raise InputError(
-            f"{where}: {role} cannot be in {unit.name}; known for {role}: {', '.join(names)}."
-        )
+    if unit is None or not fits(role, unit):
+        names = [u.name for u in UNITS.values() if fits(role, u)]
+        what = f"{role} cannot be in {unit.name}" if unit else (
+            f"the unit '{text}' of {role} is not known{did_you_mean(text, names)}"
+        )  # fmt: skip
+        raise InputError(f"{where}: {what}; known for {role}: {', '.join(names)}.")
     if unit.quantity == "raw" and not scaled:
         how, si = _HOW.get((role, unit.name), ""), si_unit(role, "rotary")
         start = f"by its name {role} is" if named else f"{role} is"

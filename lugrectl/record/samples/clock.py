@@ -19,7 +19,6 @@ _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
 _RATES = (5.0, 5e5)  # Hz; outside, the unit of time may be wrong
-UNIT_OF_T = "if t is not in the stated or assumed unit, give its unit, e.g. {} (or s, us)."
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
 _WIDTH = 51  # rows over which the true clock is even
 _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
@@ -36,10 +35,6 @@ def put_in_time(log: Stamped) -> None:
     _merge_doubles(log)
     _gaps(log)
     _jitter(log)
-    _say_rate(log)
-
-
-def _say_rate(log: Stamped) -> None:
     steps = np.diff(log.t)[~log.new[1:]]
     if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
         log.say(slow(1 / typical_step(steps), log.labels))
@@ -52,7 +47,10 @@ def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
         given = option("rate", f"{1e3 / rate:.6g}")
         step = f"; if {rate:.6g} is the step in ms, give {given}" if rate < _RATES[0] else ""
         return f"{option('rate')} gives {rate:.6g} samples per second{why}{step}."
-    unit = UNIT_OF_T.format(option("units", "t=ms"))
+    unit = (
+        "if t is not in the stated or assumed unit, give its unit, e.g. "
+        f"{option('units', 't=ms')} (or s, us)."
+    )
     return f"t gives a sampling rate of {rate:.6g} Hz{why}{';' if why else ':'} {unit}"
 
 
@@ -98,8 +96,7 @@ def _wild(log: Stamped) -> None:
     """Leave out rows with stamps off the line of those around them."""
     dt, wild = usual_step(log.t), np.zeros(len(log.t), bool)
     for k in np.flatnonzero(np.diff(log.t) < 0):
-        bad = _off_line(log.t, int(k), dt)
-        wild[bad] = True
+        wild[_off_line(log.t, int(k), dt)] = True
     if not wild.any():
         return
     first, around = int(wild.argmax()), "go on from the rows around it"
@@ -125,21 +122,21 @@ def _off_line(t: np.ndarray, k: int, dt: float) -> slice:
 def _back(log: Stamped) -> None:
     """Where time goes back for good, a timer wrapped or another run begins."""
     dt = usual_step(log.t)
-    t, shift = log.t.copy(), np.zeros(len(log.t))
+    shift = np.zeros(len(log.t))
     wraps: list[tuple[int, float]] = []
-    for k in np.flatnonzero(np.diff(log.t) < 0):
-        period = log.t[k] + dt - log.t[k + 1]
-        known = _timer(float(period), dt)
-        if known or _goes_on(log, int(k)):
-            wraps.append((int(k) + 1, known or float(period)))
-            shift[k + 1 :] += known or period
-        else:
-            log.new[k + 1] = True
-            log.say(
-                f"Time starts again at {log.place(int(k) + 1)} (from {log.t[k]:.9g} s to "
-                f"{log.t[k + 1]:.9g} s): the parts are treated separately."
-            )
-    log.t = t + shift
+    for k in map(int, np.flatnonzero(np.diff(log.t) < 0)):
+        period = float(log.t[k] + dt - log.t[k + 1])
+        period = _timer(period, dt) or period * _goes_on(log, k)
+        shift[k + 1 :] += period
+        if period:
+            wraps.append((k + 1, period))
+            continue
+        log.new[k + 1] = True
+        log.say(
+            f"Time starts again at {log.place(k + 1)} (from {log.t[k]:.9g} s to "
+            f"{log.t[k + 1]:.9g} s): the parts are treated separately."
+        )
+    log.t = log.t + shift
     if wraps:
         row, period = wraps[0]
         log.say(
@@ -210,22 +207,17 @@ def _even_out(log: Stamped) -> None:
     """
     t, x = log.t.copy(), log.motion_signal
     for part in log.parts():
-        if part.stop - part.start > FEWEST and _rounded(t[part]):
-            grid = np.arange(part.stop - part.start)
-            dt = nice(float(np.polyfit(grid, t[part] - t[part.start], 1)[0]))
-            even = t[part.start] + dt * grid
-            if x is not None and _smoother(t[part], even, x[part]):
+        rows = np.arange(part.stop - part.start)
+        if len(rows) <= FEWEST or not _rounded(t[part]):
+            continue
+        dt = nice(float(np.polyfit(rows, t[part] - t[part.start], 1)[0]))
+        even = t[part.start] + dt * rows
+        if x is not None and np.all(np.diff(t[part]) > 0):
+            if _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
                 continue
-            t[part] = even
-            log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
+        t[part] = even
+        log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
     log.t = t
-
-
-def _smoother(t: np.ndarray, even: np.ndarray, x: np.ndarray) -> bool:
-    """Whether a motion is much smoother over its stamps than over an even grid."""
-    if np.any(np.diff(t) <= 0):
-        return False
-    return _SMOOTHER * _roughness(t, x) < _roughness(even, x)
 
 
 def _rounded(t: np.ndarray) -> bool:
@@ -267,7 +259,7 @@ def _merge_doubles(log: Stamped) -> None:
 
 
 def _gaps(log: Stamped) -> None:
-    """Begin a new part after a longer loss of rows; leave out parts of a few rows."""
+    """Begin a new part after a longer loss of rows, say it, and leave out parts of a few rows."""
     for part in log.parts():
         t = log.t[part]
         if len(t) < 2:
@@ -277,7 +269,15 @@ def _gaps(log: Stamped) -> None:
             if _missing(t, int(k), dt) > FILL + 0.5:
                 log.new[part.start + k + 1] = True
     leave_out_scraps(log)
-    _say_gaps(log)
+    parts, dt = log.parts(), usual_step(log.t)
+    ends = [(log.t[a.stop - 1], log.t[b.start]) for a, b in zip(parts, parts[1:], strict=False)]
+    gaps = [(a, b) for a, b in ends if b - a > 1.5 * dt]
+    if gaps:
+        lost = round(sum(float(b - a) - dt for a, b in gaps) / dt)
+        log.say(
+            f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
+            f"t = {gaps[0][0]:.6g} s; the parts are treated separately."
+        )
 
 
 def leave_out_scraps(log: Stamped) -> None:
@@ -300,21 +300,6 @@ def _missing(t: np.ndarray, k: int, dt: float) -> float:
     start = np.median(before - dt * np.arange(1 - len(before), 1))
     end = np.median(after - dt * np.arange(1, len(after) + 1))
     return float(end - start) / dt
-
-
-def _say_gaps(log: Stamped) -> None:
-    parts = log.parts()
-    jumps = [
-        (log.t[b.start] - log.t[a.stop - 1], a) for a, b in zip(parts, parts[1:], strict=False)
-    ]
-    dt = usual_step(log.t)
-    gaps = [(jump, a) for jump, a in jumps if jump > 1.5 * dt]
-    if gaps:
-        lost = round(sum(float(jump) - dt for jump, _ in gaps) / dt)
-        log.say(
-            f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
-            f"t = {log.t[gaps[0][1].stop - 1]:.6g} s; the parts are treated separately."
-        )
 
 
 def _jitter(log: Stamped) -> None:
