@@ -105,7 +105,8 @@ class Called(Bar):
 class _Drawn(Bar, ABC):
     """Draws a few times a second at most, and the end always; nothing before ``after`` seconds."""
 
-    def __init__(self, after: float = _AFTER) -> None:
+    def __init__(self, after: float | None = None) -> None:
+        after = _AFTER if after is None else after
         self._next = time.monotonic() + after
         self._begun = after == 0.0
         self._place: Any = None

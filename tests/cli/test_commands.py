@@ -108,17 +108,12 @@ def test_record_options_reach_the_reader(files, job, capsys):
     assert np.allclose(odd["w"], plain["w"] * np.pi / 30)
 
 
-def test_json_is_one_document_and_nothing_else(files, job, capsys):
-    code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
-    assert code == 0 and one_document(out)["verdict"] == "found"
-    assert "report.html" in err and one_document((files / "made/report.json").read_text())
-
-
 def test_out_writes_the_three_files(files, job, capsys):
-    code, out, _ = run(capsys, "diagnose one.csv --model model.toml --out made/here")
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made/here")
     made = files / "made" / "here"
-    assert code == 0 and str(made.relative_to(files)) in out
+    assert code == 0 and one_document(out)["verdict"] == "found" and "report.html" in err
     assert {p.name for p in made.iterdir()} == {"report.html", "report.json", "model.toml"}
+    assert one_document((made / "report.json").read_text())
     assert read_model(made / "model.toml").effects[0].block.name == "torque_ripple"
 
 
@@ -270,12 +265,6 @@ def test_l2_gain_and_its_gains(capsys):
     assert document["frequency"] is None
     code, out, err = run(capsys, "check l2 --kp 3 --json")
     assert code == 0 and one_document(out) and "--kp" in err
-
-
-def test_l2_of_a_model_without_bristle_damping(files, capsys):
-    write_model(MODEL.with_values({"sigma1": 0.0}), files / "stiff.toml")
-    code, out, _ = run(capsys, "check l2 --model stiff.toml")
-    assert code == 1 and out.startswith("no finite L2 gain") and "sigma1 = 0" in out
 
 
 def test_gains_not_given_are_zero_but_the_paper_has_some(capsys):

@@ -217,11 +217,6 @@ def test_a_composed_block_comes_back_equal(made):
     assert copy.deepcopy(made) == made
 
 
-def test_models_come_back_equal():
-    assert pickle.loads(pickle.dumps(model())) == model()
-    assert copy.deepcopy(model()) == model()
-
-
 def drag(w, c=P(0.1, "N m s/rad", neutral=0.0)):
     """d = c w."""
     return c * w
@@ -340,9 +335,3 @@ def test_what_cannot_pickle_is_copied_all_the_same(what):
         for other in copies:
             np.testing.assert_array_equal(answer(other), answer(made))
     assert all(other.name == made.name for other in copies)
-
-
-def test_a_block_prints_in_a_line():
-    for make in (MADE["plant with effects"], MADE["sampled observer"], MADE["velocity loop"]):
-        assert len(repr(make())) < 200
-    assert "outputs of the block plant" in str(lg.plant(TABLE))

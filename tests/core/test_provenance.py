@@ -116,20 +116,6 @@ def test_from_python_version_date_and_files_are_known(files, noon):
     assert arrays.provenance.files == ()
 
 
-def test_the_public_functions_are_stamped():
-    for work in (lg.diagnose, lg.identify):
-        code, names = work, set()
-        while hasattr(code, "__wrapped__"):
-            names.add(code.__code__.co_name)
-            code = code.__wrapped__
-        assert "stamping" in names
-
-
-def test_a_diagnosis_put_together_by_hand_has_none():
-    assert bare().summary()["provenance"] is None
-    assert "Provenance" not in report.html(bare())
-
-
 def test_a_stamp_keeps_the_files_and_leaves_other_results_alone(files):
     first = stamp(bare(), "one", [files / "run.csv"])
     again = stamp(first, "two", [files / "my model.toml"])

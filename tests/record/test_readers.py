@@ -38,12 +38,6 @@ def test_decimal_commas_are_read_and_said(tmp_path, delimiter):
     assert any("Decimal commas" in m for m in record.messages)
 
 
-def test_decimal_commas_between_commas_are_not_guessed(tmp_path):
-    log = machine()
-    body = rows([log["t"], log["u"], log["theta"]], ",", "{:.6f}").replace(".", ",")
-    refused(InputError, write(tmp_path / "a.csv", "t,u,theta\n" + body), "decimal commas", "line 2")
-
-
 def test_points_and_commas_together_are_not_guessed(tmp_path):
     log = machine()
     lines = rows([log["t"], log["u"], log["theta"]], ";", "{:.6f}").splitlines()
@@ -113,14 +107,6 @@ def test_a_torque_column_of_zeros_is_said_with_the_columns_that_are_left(tmp_pat
     assert not any("0 in every row" in m for m in given)
 
 
-def test_header_in_a_comment(tmp_path):
-    log = machine()
-    path = tmp_path / "a.csv"
-    table = np.column_stack([log["t"], log["u"], log["w"]])
-    np.savetxt(path, table, delimiter=",", header="saved by hand\nt [s],u [mN m],w [rad/s]")
-    np.testing.assert_allclose(read_record(path).u, 1e-3 * log["u"], rtol=1e-12)
-
-
 def test_a_last_line_cut_off_is_left_out(tmp_path):
     path = csv(tmp_path, change=lambda lines: [*lines[:-1], "2.999,0.1"])
     record = read_record(path)
@@ -188,12 +174,6 @@ def test_mat_columns_scalars_and_structs(tmp_path):
     refused(InputError, path, "differ in length", "u 2999")
     scipy.io.savemat(path, {"a": 1.0, "b": "text"})
     refused(InputError, path, "at least two")
-
-
-def test_npz(tmp_path):
-    log = machine()
-    np.savez(tmp_path / "a.npz", **log)
-    np.testing.assert_array_equal(read_record(tmp_path / "a.npz").w, log["w"])
 
 
 @pytest.mark.parametrize(

@@ -122,17 +122,9 @@ def test_an_own_name_goes_before_a_usual_one(tmp_path):
 
 def test_missing_and_misspelt_columns(tmp_path):
     path = csv(tmp_path, "t,trque,w,theta")
-    refused(
-        InputError,
-        path,
-        "'trque'",
-        "'theta'",
-        "If 'trque' is u, rename it, or give columns=\"u=trque\".",
-    )
     refused(InputError, path, "'torqe'", "did you mean 'trque'", columns={"u": "torqe"})
     refused(InputError, path, "more than one role", columns="u=w,w=w")
     refused(InputError, csv(tmp_path, "a,u,w,theta"), "column for t", "rate=HZ")
-    refused(InputError, path, "no role 'torque'", columns={"torque": "trque"})
     refused(InputError, csv(tmp_path), "names d", scale="d=2")
 
 
@@ -160,12 +152,6 @@ def test_unknown_unit_in_the_header_names_its_column(tmp_path):
     path = csv(tmp_path, "t,u [furlong],w,theta")
     refused(InputError, path, "run.csv", "'u'", "'furlong'")
     assert read_record(path, units={"u": "N m"}).samples == 3000
-
-
-def test_current_by_its_usual_name_needs_a_scale(tmp_path):
-    refused(InputError, csv(tmp_path, "t,current,w,theta"), "is in A", 'scale="u=')
-    record = read_record(csv(tmp_path, "t,current,w,theta"), scale="u=0.5")
-    np.testing.assert_allclose(record.u, 0.5 * machine()["u"], rtol=1e-8)
 
 
 SI = {  # written down again on purpose: factor to SI of what a user may write

@@ -111,10 +111,6 @@ def test_a_zero_at_half_the_rate_does_not_squeeze_the_picture():
     assert ax.get_ylim()[0] > -180
 
 
-def test_only_an_spr_verdict_shows_a_margin():
-    assert "margin" not in lg.spr_check(FALLS).plot()[0].get_title("left")
-
-
 def test_several_channels_are_drawn_by_their_largest_singular_value():
     T = ct.ss(np.diag([-1.0, -2.0]), np.eye(2), np.eye(2), np.zeros((2, 2)))
     (ax,) = lg.l2_check(T).plot()

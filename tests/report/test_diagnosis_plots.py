@@ -5,9 +5,6 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from matplotlib.figure import Figure
 
 from lugrectl import report
 from lugrectl.blocks.block import members
@@ -30,11 +27,6 @@ def test_overview_draws_every_plot_into_one_figure_of_pyplot():
     axes = diagnosis_plots.overview(diagnosis())
     assert len(axes) == 4 and plt.get_fignums() == [axes[0].figure.number]
     assert list(axes) == axes[0].figure.axes
-
-
-def test_overview_draws_into_the_axes_given():
-    ax = Figure().subplots()
-    assert diagnosis().plot(ax) is ax and len(ax.lines) == 3
 
 
 def test_nothing_to_plot_is_said():
@@ -76,16 +68,6 @@ def test_error_over_time_agrees_with_the_error_itself():
     total = np.sqrt(np.nansum(share * rms**2) / tr.held_out.sum())
     assert total == pytest.approx(np.sqrt(np.nanmean(error**2)), rel=1e-12)
     assert np.isnan(rms[edges[1:] < 1.9]).all()
-
-
-@given(st.lists(st.tuples(st.floats(0, 1), st.floats(-9, 9)), min_size=1), st.integers(1, 9))
-def test_bin_means_add_up_to_the_mean(points, bins):
-    x, y = np.array(points).T
-    edges = np.linspace(0, 1, bins + 1)
-    centres, mean = canvas.binned(x, y, edges, least=1)
-    count, _ = np.histogram(x, edges)
-    assert np.nansum(mean * count) == pytest.approx(y.sum(), abs=1e-9)
-    assert np.array_equal(np.isnan(mean), count == 0) and len(centres) == bins
 
 
 def test_residual_of_a_ripple_is_shown_over_one_turn():
@@ -179,17 +161,6 @@ def test_every_effect_of_the_catalogue_can_be_reported(name):
     d = diagnosis(effects=(effect(name, **values),))
     assert members("effect")[name].equation.rstrip(".") in report.text(d)
     assert diagnosis_plots.torque(d).get_xlabel()
-
-
-def test_small_errors_are_drawn_with_a_prefix():
-    made = diagnosis()
-    small = replace(made.traces, measured=1e-3 * made.traces.measured)
-    small = replace(small, simulated={k: 1e-3 * v for k, v in small.simulated.items()})
-    d = replace(made, traces=small)
-    (before, *_), (after, *_) = (
-        diagnosis_plots.error(x).get_ylabel().split("[")[::-1] for x in (made, d)
-    )
-    assert before == "rad/s]" and after in ("mrad/s]", "urad/s]")
 
 
 def test_small_residuals_are_drawn_with_the_prefix_of_the_table():

@@ -144,16 +144,6 @@ def test_the_ends_of_an_interval_are_never_one_text(interval, shown):
     assert between(interval) == shown
 
 
-def test_large_values_show_no_digit_that_the_interval_does_not_know():
-    estimate = Estimate(1517863.0, "N/m", (624699.0, 3688028.0))
-    assert with_interval(estimate) == ("1500000", "600000 to 3700000")
-
-
-def test_names_are_listed_as_in_a_sentence():
-    lists = [wording.listed(names) for names in ([], ["a"], ["a", "b"], ["a", "b", "c"])]
-    assert lists == ["", "a", "a and b", "a, b and c"]
-
-
 @given(st.lists(st.floats(0, 1e3), min_size=1), st.sampled_from(["m", "rad/s", "N m", "1"]))
 def test_readable_units_change_no_value(values, unit):
     factor, shown = wording.readable(values, unit)
@@ -247,17 +237,6 @@ def test_a_failure_half_way_leaves_everything_as_it_was(tmp_path, monkeypatch, f
     with pytest.raises(InputError, match="No space left"):
         report.write(bare("adequate"), tmp_path)
     assert content(tmp_path) == before
-
-
-@pytest.mark.parametrize("method", ["write_text", "rename"])
-def test_a_failure_leaves_no_new_folder(tmp_path, monkeypatch, method):
-    def broken(*_, **__):
-        raise OSError(30, "Read-only file system")
-
-    monkeypatch.setattr(writing.Path, method, broken)
-    with pytest.raises(InputError, match="Read-only"):
-        report.write(bare(), tmp_path / "new" / "folder")
-    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_is_written_where_nothing_can_be(tmp_path):
