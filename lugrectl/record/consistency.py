@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -27,8 +28,6 @@ _LAG = 1.5  # samples
 _GEARS = 500.0  # the usual ratios
 _LEAST_OFFSET = 0.005  # of the RMS speed
 _DEAD = ("u", "w", "theta")
-_COASTS = "dead torque channel, or a drive that coasts"
-_ONE = "dead torque channel, or one torque throughout, which does not tell inertia from friction"
 _IGNORED = "w is ignored and the velocity is computed from theta."
 Labels = Mapping[str, str | None]
 
@@ -54,25 +53,24 @@ def _longest(record: Record) -> Record:
     return record.slice(part.start, part.stop)
 
 
-def _edge(record: Record, band: float) -> tuple[float, int]:
-    """Return the cut-off frequency, Hz, and the samples that the filter spoils at each end."""
-    edge = min(band, record.rate / 20)
-    return edge, int(record.rate / edge)
-
-
 def _long_enough(record: Record, band: float = _BAND) -> bool:
     """Return whether the longest stretch, without its ends, is long enough for slow signals."""
     part = _longest(record)
-    return len(part.u) > 2 * (_edge(part, band)[1] + _BLOCKS)
+    return len(part.u) > 2 * (int(part.rate / _edge(part, band)) + _BLOCKS)
+
+
+def _edge(record: Record, band: float) -> float:
+    """Return the cut-off frequency, Hz; the filter spoils a period of it at each end."""
+    return min(band, record.rate / 20)
 
 
 def _low_passed(
     record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
 ) -> list[np.ndarray]:
     """Return low-pass filtered signals (the band of the motion), without their ends."""
-    edge, end = _edge(record, band)
+    edge = _edge(record, band)
     sos = butter(3, edge, fs=record.rate, output="sos")
-    cut = 0 if keep_ends else end
+    cut = 0 if keep_ends else int(record.rate / edge)
     return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
 
 
@@ -109,32 +107,14 @@ def refuse_dead(records: Sequence[Record]) -> None:
 
 
 def _dead(source: str, role: str, value: float, how: str) -> Refused:
-    meaning = "nothing moves" if role != "u" else _COASTS if value == 0 else _ONE
+    meaning = "nothing moves"
+    if role == "u":
+        one = "one torque throughout, which does not tell inertia from friction"
+        meaning = f"dead torque channel, or {one if value else 'a drive that coasts'}"
     return Refused(
         f"{source}: {role} is constant ({value:.6g}): {meaning}.",
         f"Record a motion that starts, stops and {how}, with its torque.",
     )
-
-
-def _alive(record: Record, alone: bool) -> None:
-    for role in _DEAD:
-        values = getattr(record, role)
-        if values is None or not _is_constant(values):
-            continue
-        on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
-        if not on_a_curve and (alone or role != "u"):
-            raise _dead(record.source, role, values[0], "reverses")
-    if record.theta is not None and len(np.unique(record.theta)) < 4:
-        raise Refused(
-            f"{record.source}: theta takes {len(np.unique(record.theta))} values only: "
-            "nothing moves by more than the sensor's step.",
-            "Record a motion of many sensor steps.",
-        )
-    if record.theta is None and record.w is not None and _is_noise(record.w):
-        raise Refused(
-            f"{record.source}: w is noise about zero: nothing moves.",
-            "Record a motion well above the sensor's noise.",
-        )
 
 
 def _is_constant(values: np.ndarray) -> bool:
@@ -156,11 +136,31 @@ def _is_steady(record: Record) -> bool:
 
 def _is_noise(values: np.ndarray) -> bool:
     """Return whether values are uncorrelated from sample to sample, about zero."""
-    spread = np.std(values)
-    x = values - values.mean()
-    lag1 = np.mean(x[1:] * x[:-1]) / spread**2
+    spread, x = np.std(values), values - values.mean()
     sure = min(5 / np.sqrt(len(x)), 0.5)  # a few samples can show that only roughly
+    lag1 = np.mean(x[1:] * x[:-1]) / spread**2
     return bool(abs(lag1) < sure and abs(values.mean()) < sure * spread)
+
+
+def _alive(record: Record, alone: bool) -> None:
+    for role in _DEAD:
+        values = getattr(record, role)
+        if values is None or not _is_constant(values):
+            continue
+        on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
+        if not on_a_curve and (alone or role != "u"):
+            raise _dead(record.source, role, values[0], "reverses")
+    if record.theta is not None and len(np.unique(record.theta)) < 4:
+        raise Refused(
+            f"{record.source}: theta takes {len(np.unique(record.theta))} values only: "
+            "nothing moves by more than the sensor's step.",
+            "Record a motion of many sensor steps.",
+        )
+    if record.theta is None and record.w is not None and _is_noise(record.w):
+        raise Refused(
+            f"{record.source}: w is noise about zero: nothing moves.",
+            "Record a motion well above the sensor's noise.",
+        )
 
 
 # ---- the speed against the position's: unit, sign, offset and lag -------------------
@@ -194,18 +194,30 @@ class _Speeds:
         g, T = found[0], found[1] / found[0] if found[0] else 0.0
         return float(g), float(T), float(found[3]), float(error[0])
 
+    def compared(self) -> _Compared:
+        """Compare w with d theta/dt.
+
+        Noise in the regressor biases a fitted ratio towards zero, so the two regressions bracket
+        the true one. With few swings of the motion it is less certain.
+        """
+        w, slope = self.w, self.slope
+        (ratio, lead, *_), (inverse, lag, *_) = self.fitted(w, slope), self.fitted(slope, w)
+        agreement = ratio * inverse
+        if agreement < 0.25:
+            return _Compared(0.0, agreement)
+        swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
+        margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
+        low, high = sorted((abs(ratio), abs(1 / inverse)))
+        same = low <= 1 + margin and high >= 1 - margin
+        size = 1.0 if same else float(np.sqrt(ratio / inverse))
+        return _Compared(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
+
     def steady_ratio(self) -> float:
         """Mean w over mean d theta/dt if the speed varies too little to compare them; else 0."""
         w, slope = float(self.w.mean()), float(self.slope.mean())
         ratio = w / slope if slope else 0.0
         alike = np.std(self.w - ratio * self.slope) < _STEADY * abs(w)
         return ratio if alike and np.std(self.slope) < _STEADY * abs(slope) else 0.0
-
-    def are_one(self) -> bool:
-        """Return whether w is d theta/dt, in the same unit."""
-        ratio = self.fitted(self.w, self.slope)[0]
-        inverse = self.fitted(self.slope, self.w)[0]
-        return ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF
 
     def offset(self) -> float:
         """The offset of w against d theta/dt, beside gain and lag; 0 where it may be none."""
@@ -214,33 +226,13 @@ class _Speeds:
         return offset if abs(offset) > least and np.ptp(self.slope) > 0 else 0.0
 
 
-@dataclass(frozen=True)
-class _Compared:
+class _Compared(NamedTuple):
     """w over d theta/dt, 1 or -1 where it may be that; its lag and the least one, in s."""
 
     ratio: float
     agreement: float
     lag: float = 0.0
     least_lag: float = 0.0
-
-    @classmethod
-    def of(cls, speeds: _Speeds) -> _Compared:
-        """Compare w with d theta/dt.
-
-        Noise in the regressor biases a fitted ratio towards zero, so the two regressions bracket
-        the true one. With few swings of the motion it is less certain.
-        """
-        w, slope = speeds.w, speeds.slope
-        (ratio, lead, *_), (inverse, lag, *_) = speeds.fitted(w, slope), speeds.fitted(slope, w)
-        agreement = ratio * inverse
-        if agreement < 0.25:
-            return cls(0.0, agreement)
-        swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
-        margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
-        low, high = sorted((abs(ratio), abs(1 / inverse)))
-        same = low <= 1 + margin and high >= 1 - margin
-        size = 1.0 if same else float(np.sqrt(ratio / inverse))
-        return cls(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
 
 
 def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
@@ -249,17 +241,14 @@ def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
     speeds = _Speeds.of(record)
     if speeds is None:
         return record
-    found, labels = _Compared.of(speeds), labels or {}
+    found = speeds.compared()
     if not found.ratio:
-        return _unrelated(record, speeds, labels, found.agreement)
-    if abs(found.ratio) != 1.0:
-        record = _converted(record, labels, found.ratio)
-    elif found.ratio < 0:
-        record = _turned(record)
-    if abs(found.ratio) != 1.0 or found.ratio < 0:
+        return _unrelated(record, speeds, labels or {}, found.agreement)
+    if found.ratio != 1.0:
+        record = _converted(record, labels or {}, found.ratio)
+        if record.w is None:
+            return record
         speeds = _Speeds.of(record)
-    if record.w is None:
-        return record
     offset = speeds.offset() if speeds is not None else 0.0
     if offset:
         size = f"{abs(offset):.3g} {si_unit('w', record.motion)}"
@@ -280,21 +269,13 @@ def _unrelated(record: Record, speeds: _Speeds, labels: Labels, agreement: float
         return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)
     swapped = replace(record, theta=record.w, w=record.theta)
     other = _Speeds.of(swapped)
-    if other is not None and other.are_one():
-        return swapped.with_messages("theta is d w/dt: the two were exchanged.")
-    return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
-
-
-def _ignored(record: Record, why: str) -> Record:
-    said = f"w is not d theta/dt but {why}: {_IGNORED}"
-    return replace(record, w=None).with_messages(said)
-
-
-def _turned(record: Record) -> Record:
-    assert record.w is not None
-    return replace(record, w=-record.w).with_messages(
-        "w has the opposite sign of d theta/dt: its sign was changed."
-    )
+    if other is not None:
+        ratio = other.fitted(other.w, other.slope)[0]
+        inverse = other.fitted(other.slope, other.w)[0]
+        if ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF:
+            return swapped.with_messages("theta is d w/dt: the two were exchanged.")
+    why = f"has little in common with it (R2 = {max(agreement, 0.0):.2f})"
+    return replace(record, w=None).with_messages(f"w is not d theta/dt but {why}: {_IGNORED}")
 
 
 @dataclass(frozen=True)
@@ -313,7 +294,7 @@ def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
     speeds = _Speeds.of(record)
     if speeds is None:
         return None
-    ratio = _Compared.of(speeds).ratio or speeds.steady_ratio()
+    ratio = speeds.compared().ratio or speeds.steady_ratio()
     if not ratio or abs(abs(ratio) - 1) <= _OFF:
         return None
     _check_time(record, labels, abs(ratio))
@@ -374,18 +355,22 @@ def _check_time(record: Record, labels: Labels, ratio: float) -> None:
 
 
 def _converted(record: Record, labels: Labels, ratio: float) -> Record:
-    """Return the record corrected where a wrong unit explains the ratio, else without w."""
-    found, size = _mistake(record, labels, abs(ratio)), abs(ratio)
+    """Return the record corrected where a wrong unit or sign explains the ratio, else without w."""
+    size, said = abs(ratio), "w has the opposite sign of d theta/dt: its sign was changed."
+    found = _mistake(record, labels, size) if size != 1.0 else None
     if found is not None:
         values = getattr(record, found.role) * found.factor
         record = replace(record, **{found.role: values}).with_messages(found.said)
-        return _turned(record) if ratio < 0 else record
+    if found is not None or size == 1.0:
+        assert record.w is not None
+        return replace(record, w=-record.w).with_messages(said) if ratio < 0 else record
     gear = ""
     if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
         joint, motor = option("scale", f"w={1 / size:.4g}"), option("scale", f"theta={size:.4g}")
         gives = f"{joint} gives the joint's motion, {motor} the motor's"
         gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
-    return _ignored(record, f"{ratio:.4g} times it{gear}")
+    said = f"w is not d theta/dt but {ratio:.4g} times it{gear}: {_IGNORED}"
+    return replace(record, w=None).with_messages(said)
 
 
 # ---- sign of the torque -------------------------------------------------------------

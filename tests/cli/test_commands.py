@@ -253,46 +253,6 @@ def test_a_reader_that_leaves_a_pipe_is_no_error():
         assert process.stderr.read() == b"" and process.wait(60) == 141
 
 
-# --- check -------------------------------------------------------------------------------
-
-
-def test_l2_gain_and_its_gains(capsys):
-    code, out, _ = run(capsys, "check l2 --json")
-    assert code == 0 and one_document(out)["gain"] == pytest.approx(22 / 260)
-    code, out, _ = run(capsys, "check l2 --K2 0 --json")
-    document = one_document(out)
-    assert code == 0 and document["gain"] == pytest.approx(0.0022 / 0.6)
-    assert document["frequency"] is None
-    code, out, err = run(capsys, "check l2 --kp 3 --json")
-    assert code == 0 and one_document(out) and "--kp" in err
-
-
-def test_gains_not_given_are_zero_but_the_paper_has_some(capsys):
-    def gains(options):
-        return one_document(run(capsys, f"check spr --json {options}")[1])["gains"]
-
-    assert gains("") == {"kp": 15.0, "ki": 1.55, "kd": 0.0}
-    assert gains("--velocity") == {"kp": 1.6, "ki": 0.16, "kd": 0.0}
-    assert gains("--kd 2") == {"kp": 0.0, "ki": 0.0, "kd": 2.0}
-    assert gains("--kp 1 --ki 2 --tau 0.5") == {"kp": 1.0, "ki": 2.0, "kd": 0.0, "tau": 0.5}
-
-
-def test_checks_say_what_the_model_must_declare(files, capsys):
-    (files / "c.toml").write_text('[plant]\nJ = 0.0022\n[friction]\nmodel = "coulomb"\n')
-    for name in ("l2", "spr"):
-        sentence = refused(f"check {name} --model c.toml", capsys)
-        assert "coulomb" in sentence and "lugre" in sentence
-    assert run(capsys, "check bandwidth --model c.toml")[0] == 0
-    (files / "m.toml").write_text('[friction]\nmodel = "lugre"\nsigma0 = 260.0\n')
-    assert "J and sigma1" in refused("check l2 --model m.toml", capsys)
-
-
-@pytest.mark.parametrize("name", ["l2", "spr", "bandwidth"])
-def test_check_text_answers_first(name, capsys):
-    _, out, _ = run(capsys, f"check {name}")
-    assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
-
-
 # --- template ------------------------------------------------------------------
 
 

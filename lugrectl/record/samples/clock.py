@@ -26,9 +26,24 @@ _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
 
 def put_in_time(log: Stamped) -> None:
     """Leave out rows without a true stamp, unwrap timers, and cut where time starts again."""
-    _without_time(log)
-    _newest_first(log)
-    _empty_rows(log)
+    with np.errstate(invalid="ignore"):
+        none = ~np.isfinite(log.t) | (np.abs(log.t) >= HUGE)
+    if none.any():
+        log.say(f"t is missing in {count(int(none.sum()), 'row')}: left out.")
+        log.keep(~none)
+    steps = np.diff(log.t)
+    if 2 * np.count_nonzero(steps < 0) > len(steps):
+        log.say("t falls from row to row: the rows were read from the last to the first.")
+        log.t, log.rows = log.t[::-1], log.rows[::-1]
+        log.new = np.r_[True, log.new[:0:-1]]
+        log.channels = {role: values[::-1] for role, values in log.channels.items()}
+    columns = (log.t, *(log.channels[role] for role in log.required))
+    empty = np.all([x == 0 for x in columns], axis=0)  # a buffer that was not filled
+    if len(empty):
+        empty[0] &= len(empty) > 1 and bool(empty[1])  # a log may begin at rest
+    if empty.any() and not empty.all():
+        log.say(f"All columns are 0 {log.places(empty)}: left out.")
+        log.keep(~empty)
     _wild(log)
     _back(log)
     _even_out(log)
@@ -52,37 +67,6 @@ def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
         f"{option('units', 't=ms')} (or s, us)."
     )
     return f"t gives a sampling rate of {rate:.6g} Hz{why}{';' if why else ':'} {unit}"
-
-
-def _without_time(log: Stamped) -> None:
-    with np.errstate(invalid="ignore"):
-        none = ~np.isfinite(log.t) | (np.abs(log.t) >= HUGE)
-    if none.any():
-        log.say(f"t is missing in {count(int(none.sum()), 'row')}: left out.")
-        log.keep(~none)
-
-
-def _empty_rows(log: Stamped) -> None:
-    """Rows of zeros in all columns, t included: a buffer that was not filled."""
-    empty = np.ones(len(log.t), bool)
-    for x in (log.t, *(log.channels[role] for role in log.required)):
-        empty &= x == 0
-    if len(empty):
-        empty[0] &= len(empty) > 1 and bool(empty[1])  # a log may begin at rest
-    if empty.any() and not empty.all():
-        log.say(f"All columns are 0 {log.places(empty)}: left out.")
-        log.keep(~empty)
-
-
-def _newest_first(log: Stamped) -> None:
-    """The rows in the order of time, where most steps go back."""
-    steps = np.diff(log.t)
-    if 2 * np.count_nonzero(steps < 0) <= len(steps):
-        return
-    log.say("t falls from row to row: the rows were read from the last to the first.")
-    log.t, log.rows = log.t[::-1], log.rows[::-1]
-    log.new = np.r_[True, log.new[:0:-1]]
-    log.channels = {role: values[::-1] for role, values in log.channels.items()}
 
 
 def usual_step(t: np.ndarray) -> float:
@@ -126,7 +110,12 @@ def _back(log: Stamped) -> None:
     wraps: list[tuple[int, float]] = []
     for k in map(int, np.flatnonzero(np.diff(log.t) < 0)):
         period = float(log.t[k] + dt - log.t[k + 1])
-        period = _timer(period, dt) or period * _goes_on(log, k)
+        # a timer counts up to a power of two of its ticks
+        timers = (
+            tick * 2.0 ** max(np.rint(np.log2(max(period / tick, 1.0))), 8) for tick in _TICKS
+        )
+        near = (p for p in timers if p > 20 * dt and abs(p - period) <= 2 * dt)
+        period = float(next(near, period * _goes_on(log, k)))
         shift[k + 1 :] += period
         if period:
             wraps.append((k + 1, period))
@@ -145,15 +134,6 @@ def _back(log: Stamped) -> None:
         )
 
 
-def _timer(period: float, dt: float) -> float:
-    """The period of the timer that wraps: a power of two of its ticks; 0 if it is none."""
-    for tick in _TICKS:
-        power = tick * 2.0 ** np.rint(np.log2(max(period / tick, 1.0)))
-        if power >= 2.0**8 * tick and power > 20 * dt and abs(power - period) <= 2 * dt:
-            return float(power)
-    return 0.0
-
-
 def _goes_on(log: Stamped, k: int) -> bool:
     """Whether the motion goes on from row k to the next as it does around them."""
     x = log.motion_signal
@@ -164,10 +144,9 @@ def _goes_on(log: Stamped, k: int) -> bool:
     if not len(before) or not len(after):
         return False
     own, sides = x[k + 1] - x[k], (np.median(before), np.median(after))
-    usual = float(np.mean(sides))
-    if not np.isfinite(usual) or usual == 0:
-        return False  # at rest nothing shows
-    return bool(max(abs(own - usual), abs(sides[0] - sides[1])) <= 0.3 * abs(usual))
+    usual = float(np.mean(sides))  # at rest nothing shows
+    far = max(abs(own - usual), abs(sides[0] - sides[1]))
+    return bool(np.isfinite(usual) and usual != 0 and far <= 0.3 * abs(usual))
 
 
 # ---- the step -----------------------------------------------------------------------
@@ -207,10 +186,10 @@ def _even_out(log: Stamped) -> None:
     """
     t, x = log.t.copy(), log.motion_signal
     for part in log.parts():
-        rows = np.arange(part.stop - part.start)
-        if len(rows) <= FEWEST or not _rounded(t[part]):
+        since, rows = t[part] - t[part.start], np.arange(part.stop - part.start)
+        if len(rows) <= FEWEST or not _rounded(since, rows):
             continue
-        dt = nice(float(np.polyfit(rows, t[part] - t[part.start], 1)[0]))
+        dt = nice(float(np.polyfit(rows, since, 1)[0]))
         even = t[part.start] + dt * rows
         if x is not None and np.all(np.diff(t[part]) > 0):
             if _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
@@ -220,9 +199,9 @@ def _even_out(log: Stamped) -> None:
     log.t = t
 
 
-def _rounded(t: np.ndarray) -> bool:
+def _rounded(since: np.ndarray, rows: np.ndarray) -> bool:
     """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
-    steps = np.diff(t)
+    steps = np.diff(since)
     typical, spread = float(np.mean(steps)), np.ptp(steps)
     has_loss = steps.min() > 0 and steps.max() > 4 * typical
     if typical <= 0.0 or spread < 2 * _EXACT * typical or has_loss:
@@ -230,8 +209,7 @@ def _rounded(t: np.ndarray) -> bool:
     _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
     if len(shares) != 2 or shares.min() < 0.02 * len(steps):
         return False
-    grid, since = np.arange(len(t)), t - t[0]
-    error = since - np.polyval(np.polyfit(grid, since, 1), grid)
+    error = since - np.polyval(np.polyfit(rows, since, 1), rows)
     return bool(np.abs(error).max() < 0.7 * spread)
 
 
