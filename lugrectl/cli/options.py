@@ -28,29 +28,27 @@ class Option:
     names: tuple[str, ...]
     settings: Mapping[str, Any]
 
-    @classmethod
-    def of(cls, written: str, what: str) -> Option:
-        """Read an option as it is written in the tables."""
-        written, _, default = written.partition(" = ")
-        written, several, _ = written.partition(" ...")
-        name, _, word = written.partition(" ")
-        if not word:
-            return cls((name,), {"action": "store_true", "help": what})
-        if word[0] == "{":
-            more: dict[str, Any] = {"choices": tuple(word.strip("{}").split(","))}
-        else:
-            more = {"metavar": word.split(" ")[0], "type": KINDS.get(word, str)}
-        more |= {"action": "append"} if several else {}
-        more |= {"default": more.get("type", str)(default)} if default else {}
-        return cls((name,), {"help": what, **more})
-
     def add(self, command: Any) -> None:
         """Give the option to a command or to a group."""
         command.add_argument(*self.names, **self.settings)
 
 
 def _read(table: Mapping[str, str]) -> Iterator[Option]:
-    return (Option.of(written, what) for written, what in table.items())
+    """The options as they are written in the tables."""
+    for written, what in table.items():
+        written, _, default = written.partition(" = ")
+        written, several, _ = written.partition(" ...")
+        name, _, word = written.partition(" ")
+        more: dict[str, Any] = {"help": what}
+        if not word:
+            more |= {"action": "store_true"}
+        elif word[0] == "{":
+            more |= {"choices": tuple(word.strip("{}").split(","))}
+        else:
+            more |= {"metavar": word.split(" ")[0], "type": KINDS.get(word, str)}
+        more |= {"action": "append"} if several else {}
+        more |= {"default": more.get("type", str)(default)} if default else {}
+        yield Option((name,), more)
 
 
 @dataclass(frozen=True)

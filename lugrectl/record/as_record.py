@@ -16,7 +16,7 @@ from ..core.validation import as_path, is_file, like_it, shown
 from .columns.table import FORMS, is_table
 from .files.readers import SUFFIXES, read_table
 from .log import Log
-from .read import already_read, read_log, read_record
+from .read import already_read, read_log, record_of
 from .record import Record
 
 
@@ -35,11 +35,7 @@ def as_record(
 ) -> Record:
     """The record that is meant, read for a drive of that motion with these options of
     :func:`read_record`; InputError names the argument."""
-    if isinstance(given, Record):
-        return given
-    if is_record(given):
-        return read_record(given, **reading, motion=motion)
-    raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
+    return record_of(as_log(given, motion, what, **reading))
 
 
 def as_log(

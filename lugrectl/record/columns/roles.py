@@ -48,9 +48,22 @@ def choose_columns(
             doubtful[role] = fits
     _complete(table, choices, doubtful, need_time)
     said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
-    if not {"w", "theta"} & set(named):  # no note if the user named one
-        said += _unused_said(table, choices, doubtful)
+    missing = next((r for r in ("w", "theta") if r not in {*choices, *doubtful, *named}), None)
+    unused = _unused(table, choices.values())
+    if not {"w", "theta"} & set(named) and missing and unused:  # its name may be misspelt
+        given = option("columns", f"{missing}=NAME")
+        start = f"No column was found for {missing}; not used: {unused}."
+        said.append(f"{start} If {missing} is among them, give {given}.")
     return [choices[role] for role in ROLES if role in choices], said
+
+
+def _same(table: Table, fits: Sequence[int]) -> bool:
+    """Whether columns that may be one role hold the same values."""
+    try:
+        first, *others = table.load(list(fits))[0]
+    except InputError:
+        return False
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
 
 
 def _named(table: Table, role: str, name: str) -> Choice:
@@ -66,15 +79,6 @@ def _named(table: Table, role: str, name: str) -> Choice:
             f"{'' if fits else did_you_mean(name, table.names)}; its columns are {table.listed()}."
         )
     return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
-
-
-def _same(table: Table, fits: Sequence[int]) -> bool:
-    """Whether columns that may be one role hold the same values."""
-    try:
-        first, *others = table.load(list(fits))[0]
-    except InputError:
-        return False
-    return all(np.array_equal(first, other, equal_nan=True) for other in others)
 
 
 def _complete(
@@ -98,26 +102,18 @@ def _complete(
     else:
         words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
         start = f"{table.source} has no column for {words}"
-        near = _misspelt(table, roles, {choice.index for choice in choices.values()})
-        if near is not None:
-            meant, name = near
+        taken = {choice.index for choice in choices.values()}
+        free = [name for i, name in enumerate(table.names) if i not in taken and name]
+        known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
+        near = [(likeness(k, c), r, c) for r, k in known if (c := nearest(k, free)) is not None]
+        if near:
+            _, meant, name = max(near, key=lambda one: one[0])
             given = option("columns", f"{meant}={name}")
             how = f". If '{name}' is {meant}, rename it, or give {given}"
     how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
     raise InputError(
         f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
     )
-
-
-def _misspelt(table: Table, roles: Sequence[str], taken: Collection[int]) -> tuple[str, str] | None:
-    """The role and the column, not taken yet, with the nearest names; None if none are near."""
-    free = [name for i, name in enumerate(table.names) if i not in taken and name]
-    known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
-    found = [(r, name, near) for r, name in known if (near := nearest(name, free)) is not None]
-    if not found:
-        return None
-    role, _, column = max(found, key=lambda one: likeness(*one[1:]))
-    return role, column
 
 
 def _nothing_known(table: Table, need_time: bool) -> str:
@@ -153,19 +149,6 @@ def usual_said(
         if c.role not in named and table.names[c.index] != c.role
     ]
     return [f"Columns were identified by usual names: {', '.join(found)}."] if found else []
-
-
-def _unused_said(
-    table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, list[int]]
-) -> list[str]:
-    """A note on unused columns if w or theta has no column: its name may be misspelt."""
-    names = _unused(table, choices.values())
-    missing = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
-    if missing is None or not names:
-        return []
-    given = option("columns", f"{missing}=NAME")
-    start = f"No column was found for {missing}; not used: {names}."
-    return [f"{start} If {missing} is among them, give {given}."]
 
 
 def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[str]:
