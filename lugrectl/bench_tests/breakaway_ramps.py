@@ -1,7 +1,6 @@
 """Breakaway ramps: the torque rises until the axis runs away; static friction where it does.
 
-The ramp goes on while the axis speeds up, so that the torque at the first count is late, and
-bristles yield before, so that the first count may be early. The instant is that from which the
+The first count may be late or early (bristles yield before): the instant is that from which the
 motion grows with the third power of time, as under a torque that rises from balance.
 """
 

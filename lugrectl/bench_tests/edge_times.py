@@ -1,7 +1,5 @@
-"""The angle behind a speed that is counts over the time since the last encoder edge.
-
-Such a speed keeps its value while no edge comes, at rest for ever. Times that time it is a whole
-number of counts, which gives the angle back, exact to the count.
+"""The angle behind a speed that is counts over the time since the last encoder edge: such a speed
+keeps its value while no edge comes; times that time it is a whole number of counts.
 """
 
 from __future__ import annotations
@@ -40,10 +38,8 @@ def angle_of(t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float] | None:
 def _angle(
     w: np.ndarray, at: np.ndarray, since: np.ndarray, dt: float, count: float
 ) -> np.ndarray | None:
-    """The angle, with this count; None where what passes is no whole number of it.
-
-    Between two changes of w lie edges at the old speed, equally far apart, and one at the new.
-    """
+    """The angle, with this count; None where what passes is no whole number of it. Between two
+    changes of w lie edges at the old speed, equally far apart, and one at the new."""
     rate = np.abs(w[at]) * dt / count  # counts per row
     own = _rows_of(rate, since)
     repeats = np.append(0.0, own[:-1])

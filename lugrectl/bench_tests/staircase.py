@@ -1,7 +1,5 @@
-"""Staircase of speeds: a point of the friction curve from each plateau, and Stribeck's law.
-
-A plateau is a part of a log in which the axis keeps its speed, however slow beside its top speed.
-"""
+"""Staircase of speeds: a point of the friction curve from each plateau, a part of a log in which
+the axis keeps its speed, and Stribeck's law."""
 
 from __future__ import annotations
 

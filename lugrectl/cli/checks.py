@@ -1,7 +1,4 @@
-"""``lugrectl check``: the linear checks of a loop, or of a transfer function that is typed.
-
-The latter is ``--num 1,10 --den 1,2,0.5 [--dt 0.001]``.
-"""
+"""``lugrectl check``: the linear checks of a loop, or of a transfer function that is typed."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""The commands: what they do with their options, and their exit code.
-
-Slow imports are left to the command that needs them.
+"""The commands: what they do with their options, and their exit code. Slow imports are left to the
+command that needs them.
 """
 
 from __future__ import annotations
@@ -148,10 +147,7 @@ def reproduce(a: Namespace) -> int:
 
 
 def plot(a: Namespace) -> int:
-    """Print the plain answer and draw it, into a file or on the screen.
-
-    That there is no screen is said before the work.
-    """
+    """Print the plain answer and draw it, into a file or on the screen."""
     from ..blocks.model import changed
     from ..core.result import plain
     from ..diagnosis.asked import plain_answer
@@ -173,10 +169,8 @@ def plot(a: Namespace) -> int:
 
 
 def bode(a: Namespace) -> int:
-    """Print the response, and draw it into a file; a refusal is printed as JSON all the same.
-
-    With --plan it writes the excitation to record instead; without a record it tunes a model.
-    """
+    """Print the response, and draw it; a refusal is printed as JSON all the same. With --plan it
+    writes the excitation to record instead; without a record it tunes a model."""
     if a.plan is not None:
         return _planned(a)
     from ..commissioning import frequency_response

@@ -88,10 +88,8 @@ def processors() -> int:
 
 
 class Store:
-    """Writes the reports: a folder per log as soon as the log is done, the index at the end.
-
-    Raises InputError if nothing can be written, or if an input would be overwritten.
-    """
+    """Writes the reports: a folder per log as soon as the log is done, the index at the end;
+    InputError if nothing can be written, or if an input would be overwritten."""
 
     def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
         from ..report import FILES, check_folder

@@ -1,8 +1,6 @@
 """Systems of python-control that pickle, and blocks whose parameters carry the block's name.
-
-A system holds functions that do not pickle. Where python-control builds such a function from the
-system itself (a state space, an interconnection), it is left out and built again on loading.
-"""
+Functions that python-control builds from a system itself are left out and built again on
+loading."""
 
 from __future__ import annotations
 
@@ -18,10 +16,8 @@ from .pickling import carried, from_fields
 
 
 class BlockSystem(ct.NonlinearIOSystem):
-    """A block of the package: a copy of it, or the block under a new name, has its own parameters.
-
-    The keys of the parameters begin with the name: ``plant.Fc``, ``twin.Fc`` in a copy "twin".
-    """
+    """A block of the package: a copy of it, or the block under a new name, has its own parameters,
+    whose keys begin with the name: ``plant.Fc``, ``twin.Fc`` in a copy "twin"."""
 
     @property
     def name(self) -> Any:

@@ -134,11 +134,8 @@ def noticed(said: Sequence[str], where: str) -> list[Row]:
 
 
 class Shown:
-    """Base of what shows itself: ``repr`` in a few lines, an HTML table in Jupyter.
-
-    By default the rows are the fields of a dataclass; ``_units`` gives the units of some. Arrays
-    are shown by size and range, never in full.
-    """
+    """Base of what shows itself: ``repr`` in a few lines, an HTML table in Jupyter. By default the
+    rows are the fields of a dataclass; ``_units`` gives the units of some."""
 
     _units: ClassVar[Mapping[str, str]] = {}
 

@@ -37,11 +37,8 @@ _UNKNOWN = 16  # number of workers assumed for an executor that does not give it
 
 @dataclass(frozen=True)
 class JobError:
-    """A job that failed: its index, what happened in one sentence, and an exit code.
-
-    ``exit_code`` is the error's own (``InputError`` 2, ``Refused`` 3), 2 if a file cannot be
-    read, and 70 for any other exception or a worker process that died.
-    """
+    """A job that failed: its index, what happened in one sentence, and an exit code: the error's
+    own, 2 if a file cannot be read, 70 for any other exception or a worker process that died."""
 
     index: int
     sentence: str
@@ -70,14 +67,9 @@ def run_jobs(
     """``(index, function(item))`` for each item, in the order in which they are done; a job that
     raised yields a ``JobError``, and if a worker process dies, only its item is lost.
 
-    Without ``executor``, ``jobs`` 1 runs in the calling process, more in that many new processes,
-    to which ``function`` must be picklable; an executor is not shut down, and ``jobs`` is its
-    number of workers if it does not give it itself. ``chunk`` items are one task. The fraction that
-    ``progress`` gets is 0 while the number of items is unknown.
-
-    Raises InputError for a function that cannot be sent to another process; KeyboardInterrupt
-    after the finished results: jobs that have not begun are cancelled, processes ended.
-    """
+    Without ``executor``, ``jobs`` processes are started (1: none), to which ``function`` must be
+    picklable; else it is the number of its workers if it does not give it itself. ``chunk`` items
+    are one task. Ctrl-C yields what is finished first."""
     jobs, chunk = whole(jobs, "jobs", 1), whole(chunk, "chunk", 1)
     numbered = enumerate(items)
     parts = iter(lambda: list(islice(numbered, chunk)), [])
@@ -206,9 +198,7 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin(typed: bool) -> None:
-    """Ignore Ctrl-C: the process that started the workers handles it and ends them.
-
-    ``typed``: that process is the command line, whose options sentences name.
-    """
+    """Ignore Ctrl-C, which the process that started the workers handles; it may be the command
+    line."""
     speak_as(typed)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -16,10 +16,8 @@ class NotPicklable(InputError, pickle.PicklingError):
 
 
 def carried(what: str, value: Any, cure: str = "") -> None:
-    """Raise NotPicklable where a part of a system cannot be pickled; ``cure``: what to do.
-
-    Nothing is raised where functions are copied, or carried by value: cloudpickle can do that.
-    """
+    """Raise NotPicklable where a part of a system cannot be pickled (``cure``: what to do), unless
+    functions are copied, or carried by value: cloudpickle can do that."""
     try:
         pickle.dumps(value)
     except NotPicklable:

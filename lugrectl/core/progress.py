@@ -1,8 +1,5 @@
-"""Progress of long work: who sees it, and the bars.
-
-``progress`` is a callable ``(fraction, what)``, True, False, or None: a bar in Jupyter, nothing
-elsewhere. True shows one on a terminal too.
-"""
+"""Progress of long work. ``progress`` is a callable ``(fraction, what)``, True, False, or None: a
+bar in Jupyter, nothing elsewhere. True shows one on a terminal too."""
 
 from __future__ import annotations
 
@@ -40,10 +37,7 @@ def shows_progress(work: Callable[P, R]) -> Callable[P, R]:
 
 
 def bar_for(wanted: Wanted) -> Bar:
-    """What reports where the user wants to see it.
-
-    Raises InputError for a ``progress`` that is none of a callable, True, False and None.
-    """
+    """What reports where the user wants to see it."""
     if callable(wanted):
         return Called(wanted)
     if wanted not in (None, True, False):
@@ -74,10 +68,8 @@ def in_notebook() -> bool:
 
 
 class Bar:
-    """Takes the fraction done (0 to 1) and a few words; this one shows nothing.
-
-    Leave the ``with`` block and the bar is gone.
-    """
+    """Takes the fraction done (0 to 1) and a few words; this one shows nothing. A ``with`` block
+    ends it."""
 
     def __call__(self, fraction: float, what: str = "") -> None:
         """Report."""

@@ -43,10 +43,9 @@ def write_whole(path: Path, content: bytes) -> None:
 def write_together(content: Mapping[str, str], folder: Path, complaint: str) -> list[Path]:
     """Write texts by file name into a folder, which is created if it is missing; the paths.
 
-    Everything is written to a hidden folder first, so that only renaming remains. On failure
-    the previous state is restored, and InputError says the ``complaint``, of which {} is why. A
-    killed process may leave a part of the files in an old folder, but then without the first.
-    """
+    All is written to a hidden folder first. On failure the previous state is restored, and
+    InputError says the ``complaint``, of which {} is why. A killed process may leave a part of the
+    files in an old folder, but then without the first."""
     try:
         _together(content, folder.absolute())
     except OSError as error:
@@ -88,10 +87,8 @@ def _settle(staged: Path, folder: Path) -> None:
 
 
 def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
-    """Rename into an existing folder; on failure the previous files are restored.
-
-    The first file goes first and comes last: where it is, the others are of the same run.
-    """
+    """Rename into an existing folder; on failure the previous files are restored. The first file
+    goes first and comes last: where it is, the others are of the same run."""
     try:
         for name in names:
             if (folder / name).exists():

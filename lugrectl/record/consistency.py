@@ -35,12 +35,9 @@ Labels = Mapping[str, str | None]
 def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
-    ``labels`` are the units by role that the file or the user stated (None: not stated); they
-    decide which of two channels has the wrong unit. Raises Refused when ``u`` or the motion is
-    constant or only noise. A constant torque at a steady speed is a point of a friction curve;
-    beside other runs (not ``alone``) it may be one of several torques, which :func:`refuse_dead`
-    judges together.
-    """
+    ``labels`` are the units by role as stated. Raises Refused when ``u`` or the motion is constant
+    or only noise; a constant torque at a steady speed is a point of a friction curve, and beside
+    other runs (not ``alone``) it may be one of several torques (:func:`refuse_dead`)."""
     _alive(record, alone)
     return _saturation(_torque_sign(fitting_speed(record, labels)))
 
@@ -195,11 +192,9 @@ class _Speeds:
         return float(g), float(T), float(found[3]), float(error[0])
 
     def compared(self) -> _Compared:
-        """Compare w with d theta/dt.
-
-        Noise in the regressor biases a fitted ratio towards zero, so the two regressions bracket
-        the true one. With few swings of the motion it is less certain.
-        """
+        """Compare w with d theta/dt. Noise in the regressor biases a fitted ratio towards zero: the
+        two regressions bracket the true one, which is less certain with few swings of the
+        motion."""
         w, slope = self.w, self.slope
         (ratio, lead, *_), (inverse, lag, *_) = self.fitted(w, slope), self.fitted(slope, w)
         agreement = ratio * inverse
@@ -331,11 +326,9 @@ def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Un
 
 
 def _check_time(record: Record, labels: Labels, ratio: float) -> None:
-    """InputError if the unit of t is what makes w so many times d theta/dt.
-
-    It is where no drive is logged at the rate that the taken unit means, or where the others have
-    a stated unit and t has none; and where one is at the rate that the other unit means.
-    """
+    """InputError if the unit of t is what makes w so many times d theta/dt: where no drive is
+    logged at the rate it means, or only t has no stated unit; and one is at the rate of the other
+    unit."""
     if "t" not in labels:
         return
     stated = labels["t"] is not None
@@ -377,12 +370,8 @@ def _converted(record: Record, labels: Labels, ratio: float) -> Record:
 
 
 def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
-    """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz.
-
-    Returns J and the mean friction power over their standard errors, and the share of u that is
-    explained; None without motion, under a constant torque, or if the stretch is too short. Terms
-    are the angle, too, for a spring, and on a rotary drive its sin and cos, for a gravity load.
-    """
+    """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz: J
+    and the mean friction power over their standard errors, and the share of u that is explained."""
     if _is_constant(record.u) or not _long_enough(record, band):
         return None
     part = _longest(record)
@@ -416,10 +405,8 @@ def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, floa
 def _torque_sign(record: Record) -> Record:
     """Invert a torque that drives against its own motion; only report it if that is uncertain.
 
-    Delay and filters make the fitted friction of a light drive negative, so the sign of the
-    fitted inertia decides. Above a resonance between motor and sensor a correct torque looks
-    inverted: the inverted balance must hold in the whole motion and in its slow part alone.
-    """
+    Delay and filters make the fitted friction of a light drive negative, so the fitted inertia
+    decides. Above a resonance a correct torque looks inverted: the slow part must agree."""
     whole = None if _is_steady(record) else _torque_fit(record)
     if whole is None or whole[2] >= 0.05 and min(whole[:2]) >= -_SURE:
         return record

@@ -82,11 +82,8 @@ def read_record(
 
 
 def read_log(path: Any, **reading: Any) -> Log:
-    """Read the rows of a log in SI units; the options are those of :func:`read_record`.
-
-    Where w and d theta/dt differ by a factor of two units, one of them is in another unit than
-    was assumed: it is converted here, before anything is computed from the log.
-    """
+    """Read the rows of a log in SI units; the options are those of :func:`read_record`. Where w and
+    d theta/dt differ by a factor of two units, one of them is converted before all else."""
     log = rows_of(path, **reading)
     if not {"w", "theta"} <= set(log.channels):
         return log
@@ -107,9 +104,7 @@ def read_log(path: Any, **reading: Any) -> Log:
 
 def record_of(log: Log | Record, *, alone: bool = True) -> Record:
     """A log on uniform time, without its bad samples; Refused where there is no motion in it.
-
-    ``alone``: no other run of the drive stands beside it, whose torque may be another.
-    """
+    ``alone``: no other run of the drive stands beside it, whose torque may be another."""
     if isinstance(log, Record):
         return log
     made = audit(_uniform(log), log.labels, alone=alone)

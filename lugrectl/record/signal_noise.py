@@ -82,12 +82,9 @@ def repeats(x: np.ndarray, count: float) -> np.ndarray:
 
 
 def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Return the standard deviation of a sampled signal's own noise, estimated without a model.
-
-    Computed from the median size of the third differences, which are near zero for a finely
-    sampled motion; too high if the motion changes within four samples. Never below the rounding
-    noise (q / sqrt(12)) of the ``resolution``, which interpolated samples do not show.
-    """
+    """Return the standard deviation of a signal's own noise by the median size of its third
+    differences (too high if the motion changes within four samples); never below the rounding of
+    ``resolution``, which interpolated samples do not show."""
     x = x[np.isfinite(x)]
     third = np.abs(np.diff(x, 3))
     noise = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE
@@ -103,11 +100,8 @@ def share_noise(theta: np.ndarray, w: np.ndarray) -> bool:
 
 
 def white_noise(parts: Sequence[np.ndarray]) -> float:
-    """Return the standard deviation of the white noise per sample, at least that of the quantum.
-
-    The level of the top of the spectrum of the fourth difference, divided by the gain of that
-    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there.
-    """
+    """Return the standard deviation of the white noise per sample, at least that of the quantum:
+    the top of the spectrum of the fourth difference over its gain, |2 sin(pi f)|^8."""
     rounding = quantum(np.concatenate(parts)) / np.sqrt(12)
     d = np.concatenate([np.diff(x, DIFFERENCE) for x in parts])
     if len(d) < 64:

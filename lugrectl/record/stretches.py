@@ -15,10 +15,8 @@ from .samples.usable import usable
 
 
 def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
-    """The stretches of uniform time in the logs of one drive, and what was noticed, as sentences.
-
-    A stretch ends where rows are lost, where time starts again and where the position jumps.
-    """
+    """The stretches of uniform time in the logs of one drive, and what was noticed, as sentences;
+    one ends where rows are lost, where time starts again and where the position jumps."""
     found, said = [], []
     for run, log in enumerate(logs):
         rows = usable(log)

@@ -35,11 +35,8 @@ _NEAR = 0.25  # rates of runs that differ by more are not brought together
 
 def uniform(log: Stamped) -> Record:
     """Bring the rows of a log, in SI units, to uniform time; Refused without 12 rows in one piece.
-
-    Up to 3 missing samples in a row are filled, rows whose stamps jitter are resampled; a longer
-    loss becomes a gap. A held channel keeps its time integral, motion is interpolated by cubic
-    splines (a speed that is the difference of a position: via that position), temperature linearly.
-    """
+    Up to 3 missing samples in a row are filled, jitter is resampled, a longer loss becomes a
+    gap."""
     _enough(log, len(log.t))
     _fill_optional(log)
     _fill_missing(log)
@@ -137,10 +134,8 @@ def _regular(log: Stamped) -> Record:
 def _piece(
     log: Stamped, part: slice, counts: np.ndarray, dt: float
 ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """Return the grid of a part in steps, its channels there, and whether they are resampled.
-
-    ``counts`` are the steps of the clock from the first row on.
-    """
+    """Return the grid of a part in steps, its channels there, and whether they are resampled;
+    ``counts`` are the steps of the clock from the first row on."""
     at = (log.t[part] - log.t[part.start]) / dt
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)

@@ -1,7 +1,4 @@
-"""Plots over frequency: the linear checks, a measured response, a tuned loop.
-
-Sizes are in dB, phases go on without a jump; the checks have rad/s, measured axes Hz.
-"""
+"""Plots over frequency: the linear checks (rad/s), a measured response and a tuned loop (Hz)."""
 
 from __future__ import annotations
 

@@ -218,11 +218,8 @@ def residual(d: Any) -> Residual | None:
 
 
 def _times(d: Any, block: Block | None) -> str:
-    """The signal whose sign the residual is multiplied by, "" if none.
-
-    w if an effect changes a friction parameter, so that the plot shows the friction level. If
-    the unexplained residual depends on two signals: a, else u, else w.
-    """
+    """The signal whose sign the residual is multiplied by, "" if none: w if an effect changes a
+    friction parameter; of an unexplained residual that depends on two signals a, else u, else w."""
     signals = d.traces.signals
     if block is None:
         pair = d.depends_on if d.verdict == "unexplained" and len(d.depends_on) == 2 else ()

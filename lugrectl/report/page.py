@@ -87,10 +87,8 @@ def wrapped(line: str, indent: str, later: str | None = None) -> str:
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of a report: paragraphs, then a table, then a footnote.
-
-    ``prose``: the cells of the table are sentences, which a text reads in this order.
-    """
+    """A titled part of a report: paragraphs, a table, a footnote. ``prose``: the cells of the table
+    are sentences, which a text reads in this order."""
 
     title: str
     lines: tuple[str, ...] = ()
@@ -164,10 +162,8 @@ class Markup:
 
 @dataclass(frozen=True)
 class Page:
-    """A title, what it means, and the parts below; ``kind`` colours the title.
-
-    ``tab`` is the name of a browser's tab, ``style`` a class of the page.
-    """
+    """A title, what it means, and the parts below; ``kind`` colours the title, ``tab`` is the name
+    of a browser's tab, ``style`` a class of the page."""
 
     title: str
     meaning: str

@@ -351,10 +351,8 @@ def bench_tables(d: Any) -> Iterator[Section]:
 
 
 def _plain_notes(d: Any) -> list[str]:
-    """What the balance noticed, where nothing is known to bias it; the headline may have said it.
-
-    Where something is missing, it biases what the balance noticed as well.
-    """
+    """What the balance noticed, where nothing is missing that biases it; the headline may have said
+    it."""
     balance = _get(d, "plain")
     if balance is None or _get(d, "effects", ()) or _get(d, "depends_on"):
         return []

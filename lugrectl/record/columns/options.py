@@ -16,11 +16,9 @@ from .units import ROLES, did_you_mean
 
 
 def parse_pairs(text: str, what: str) -> dict[str, str]:
-    """Read 't=time,u=torque' into a dict of role to value; ``what`` names the option.
-
-    A value may contain a comma, unless a role and '=' follow it; of "columns" it may be empty, for
-    a role that no column is.
-    """
+    """Read 't=time,u=torque' into a dict of role to value; ``what`` names the option. A value may
+    hold a comma if no role and '=' follow; of "columns" it may be empty, for a role without
+    column."""
     pairs: dict[str, str] = {}
     for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
         role, equals, value = (piece.strip() for piece in part.partition("="))

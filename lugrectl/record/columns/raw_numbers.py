@@ -31,12 +31,9 @@ _BOTH = ((60.0, "rev", "rpm"), (1 / 6, "deg", "rpm"), (360.0, "rev", "deg/s"),
 def check_angles(
     source: str, channels: Mapping[str, np.ndarray], rate: float | None, unstated: set[str]
 ) -> None:
-    """InputError if an angle without a unit shows that it is in deg or turns, not in rad.
-
-    It shows it by the step of its encoder, a round part of a turn in that unit only; by wrapping
-    after 1; by a speed that no drive has; or, beside a w without a unit, by the ratio of the two.
-    A w that contradicts theta in one unit only is left to the audit, which converts it.
-    """
+    """InputError if an angle without a unit shows that it is in deg or turns: by the step of its
+    encoder, by wrapping after 1, by a speed that no drive has, or by the ratio of w to d theta/dt.
+    A w that contradicts theta in one unit only is left to the audit, which converts it."""
     channels = {k: np.where(np.abs(x) < _MARK, x, np.nan) for k, x in channels.items()}
     theta = channels.get("theta")
     if theta is None or "theta" not in unstated or len(theta) < _CELLS:
@@ -83,11 +80,9 @@ def _slope(channels: Mapping[str, np.ndarray], rate: float | None) -> np.ndarray
 
 
 def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
-    """deg or rev and the steps per turn, where values (N,) lie on the grid of an encoder.
-
-    None where there is no grid, where it is a round part of 2 pi, or where it may be the last
-    digit that was written, or the motion of a sample at one speed.
-    """
+    """deg or rev and the steps per turn, where values (N,) lie on the grid of an encoder; None
+    where that is a round part of 2 pi, may be the last digit, or the motion of a sample at one
+    speed."""
     values = np.unique(theta[np.isfinite(theta)])
     if len(values) < _CELLS:
         return None

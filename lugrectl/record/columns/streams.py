@@ -14,11 +14,8 @@ _TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they a
 def merged(
     roles: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
-    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged.
-
-    Tools that merge topics leave a cell empty where a topic has no message. ``u`` is held from
-    message to message, so its mean over each step is taken; w and others are interpolated.
-    """
+    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged:
+    tools that merge topics leave a cell empty where a topic has no message."""
     by = dict(zip(roles, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:

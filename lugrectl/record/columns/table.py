@@ -191,11 +191,9 @@ def source_of(given: Any) -> str:
 
 
 def table_of(given: Any, named: Mapping[str, str]) -> Table:
-    """The columns as those of a file; ``named`` are the roles whose columns the user names.
-
-    Names may carry units, ``w [rpm]``. Instants become seconds from the first. The index of a
-    DataFrame is a column where it holds instants or has a usual name of t, and no column is t.
-    """
+    """The columns as those of a file; ``named`` are the roles whose columns the user names. The
+    index of a DataFrame is a column where it holds instants or has a usual name of t, and no column
+    is t."""
     source, columns = source_of(given), _columns(given)
     if _is_frame(given):
         columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)

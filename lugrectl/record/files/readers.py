@@ -46,10 +46,7 @@ _EXTRA = 'install it with pip install "lugrectl[files]"'
 
 
 def read_table(path: str | Path) -> Table:
-    """Open a file of columns; its first bytes, not its name, decide its format.
-
-    Raises InputError if the file is missing, a directory, empty or of an unknown format.
-    """
+    """Open a file of columns; its first bytes, not its name, decide its format."""
     path = Path(path)
     try:
         if path.is_dir():

@@ -1,7 +1,4 @@
-"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place.
-
-Cells hold numbers (missing marks, decimal commas, thousands, Fortran's D), dates or times of day.
-"""
+"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place."""
 
 from __future__ import annotations
 
@@ -496,10 +493,7 @@ def _headers(
     delimiter: str,
     width: int,
 ) -> tuple[list[str], list[str] | None] | None:
-    """Return the cells of the header and of the line of units, if there is one.
-
-    None if the file has no header.
-    """
+    """The cells of the header and of the line of units, if there is one; None without a header."""
     first = rows[start][0]
     if start == 0:
         remarks = [line.lstrip(" \t#%/") for line in lines[:first] if line.strip()]

@@ -180,10 +180,8 @@ def nice(dt: float) -> float:
 
 
 def _even_out(log: Stamped) -> None:
-    """Stamps rounded to few digits: the even grid that they were rounded from.
-
-    Rows that are lost one by one leave the same steps; then the motion is smoother over the stamps.
-    """
+    """Stamps rounded to few digits: the even grid that they were rounded from. Rows that are lost
+    one by one leave the same steps; then the motion is smoother over the stamps."""
     t, x = log.t.copy(), log.motion_signal
     for part in log.parts():
         since, rows = t[part] - t[part.start], np.arange(part.stop - part.start)

@@ -124,12 +124,9 @@ def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
 
 
 def outliers(role: str, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return where samples of a channel (N,), all finite, are far off their neighbours.
-
-    Such a sample lies outside the middle of its neighbours and off the cubic through four of them,
-    in rows and in stamps ``t`` (s), by far more than others near it or anywhere in the channel.
-    In the motion, up to four in a row may be so.
-    """
+    """Return where samples of a channel (N,), all finite, are far off their neighbours: outside
+    their middle and off the cubic through four of them, in rows and in stamps ``t`` (s), by far
+    more than others near it or anywhere. In the motion, up to four in a row may be so."""
     if len(x) < 16 or np.ptp(x) == 0:
         return np.zeros(len(x), bool)
     far = distances(t, x)
@@ -204,11 +201,8 @@ def limits(role: str, x: np.ndarray) -> np.ndarray:
 
 
 def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
-    """Return where the motion shows the torque of these rows: a short one that did act.
-
-    A reversal may be all that a log shows of the inertia: then the speed changes there, in the
-    direction of the torque, as it hardly ever does.
-    """
+    """Return where the motion shows the torque of these rows: a short one that did act. Of a
+    reversal that shows the inertia, the speed changes in its direction as it hardly ever does."""
     fit, felt = needed(log, bad), np.zeros(len(bad), bool)
     if fit is None:
         return felt

@@ -23,11 +23,9 @@ _LONG = 20  # the same of a speed, whose noise never stops
 
 @dataclass(frozen=True, eq=False)
 class Jumps:
-    """Steps of a position that are no motion: between good row ``a`` and good row ``b``.
-
-    ``size`` is what the step has beyond the motion around it; ``steady`` is whether the speed is
-    the same on both sides, and not 0; ``pace`` is that speed, per row.
-    """
+    """Steps of a position that are no motion: between good row ``a`` and good row ``b``, ``size``
+    beyond the motion around; ``steady``: one speed on both sides, not 0; ``pace`` is that, per
+    row."""
 
     a: np.ndarray
     b: np.ndarray
@@ -112,12 +110,9 @@ def unwrap_positions(log: Stamped) -> None:
 def unwrapped(
     role: str, theta: np.ndarray, found: Jumps, motion: str, label: str | None = None
 ) -> tuple[np.ndarray, list[str]]:
-    """Return a position without wraps, and a sentence if there were any.
-
-    A position wraps by whole turns, by a power of two of its own steps, or by any period where
-    all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
-    mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
-    """
+    """Return a position without wraps, and a sentence if there were any: wraps by whole turns, by a
+    power of two of its own steps, or by any period where all its jumps are of one size and span its
+    range while the motion goes on. Jumps by 360 mean that degrees were read as radians."""
     lasting = np.ones(len(found), bool)  # not taken back within a few rows
     for i in range(len(found) - 1):
         near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
@@ -237,11 +232,8 @@ def _leave_out_excursions(log: Stamped, role: str) -> None:
 
 
 def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
-    """Leave out runs of one value that end or begin at a jump.
-
-    A drive comes to rest gradually: a position that stops at once, a speed that loses its noise,
-    or a channel that stands still together with all others, was not read.
-    """
+    """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
+    speed that loses its noise, or a channel that stands still with all others, was not read."""
     x = log.channels[role]
     bad, edges = np.zeros(len(x), bool), np.flatnonzero(np.diff(x) != 0) + 1
     for before, after in zip(found.a, found.b, strict=True):

@@ -38,11 +38,8 @@ def on_grid(
 def speed(
     at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
 ) -> np.ndarray:
-    """Resample a speed, recorded at the times ``at`` (in steps, rounded: ``counts``).
-
-    If w was computed as a position difference with a constant step, time-stamp jitter and lost
-    samples distort it. It is then summed to a position, resampled and differenced again.
-    """
+    """Resample a speed, recorded at the times ``at`` (in steps, rounded: ``counts``). One that was
+    a position difference with a constant step is summed, resampled and differenced again."""
 
     def as_position(travels: np.ndarray) -> np.ndarray:
         theta = np.cumsum(travels)

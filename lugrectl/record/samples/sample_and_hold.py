@@ -53,11 +53,8 @@ def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
 
 
 def keep_renewed(log: Stamped) -> None:
-    """Keep the rows that were sampled; leave out a second motion signal that is slower.
-
-    A torque that is stepped between a few levels is held on purpose: its rows stay. One that is
-    renewed more often than the motion is averaged from row to row.
-    """
+    """Keep the rows that were sampled; leave out a second motion signal that is slower. A torque
+    that is stepped between a few levels stays; one that is renewed more often is averaged."""
 
     def say(names: str, every: float, then: str) -> None:
         verb = "are" if " and " in names else "is"

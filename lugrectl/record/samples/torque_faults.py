@@ -1,7 +1,5 @@
-"""Torques that were not read: registers at their end or that wrap, readings that stand still.
-
-Their values alone do not show it, since a drive may hold its torque or jump with it. The motion
-does: it needs another torque than the log says.
+"""Torques that were not read: registers at their end or that wrap, readings that stand still. Their
+values alone do not show it; the motion does: it needs another torque than the log says.
 """
 
 from __future__ import annotations
