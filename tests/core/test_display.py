@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.core.display import Row, Shown, brief, noticed, with_interval
+from lugrectl.core.display import Row, Shown, brief, noticed, to_interval, with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.result import Diagnosis
 from lugrectl.estimates.findings import Estimate
@@ -176,6 +176,12 @@ def test_a_diagnosis_returns_an_array_of_axes_or_the_only_one():
     assert diagnosis(traces=None).plot().get_title(loc="left") == "Torque budget"
 
 
+def test_an_identification_draws_what_it_simulated():
+    axes = identification().plot()
+    labels = [line.get_label() for line in axes[0].lines]
+    assert labels == ["measured", "simulated, refitted"] and len(axes) == 3
+
+
 def test_pages_leave_no_figure_behind(tmp_path):
     before = diagnosis().plot()[0].figure.number
     diagnosis()._repr_html_()
@@ -229,10 +235,22 @@ def test_a_cell_shows_its_picture_once_with_and_without_semicolon(monkeypatch):
         ((0.0112, 0.0132), "0.0122", "0.0112 to 0.0132"),
         ((-0.3, 2.9), "1.3", "-0.3 to 2.9"),
         ((1_234_000.0, 1_298_000.0), "1270000", "1230000 to 1300000"),
+        ((75.81, 75.84), "75.825", "75.810 to 75.840"),  # never one text
+        ((0.28712, 0.28712), "0.28712", "0.28712 +- <0.00001"),
+        ((1234.5678, 1234.5678), "1234.6", "1234.6 +- <0.1"),
+        ((2e6, 2e6), "2.0000e+06", "2.0000e+06 +- <100"),
+        ((3.0, 3.0 + 1e-12), "3.0000000", "3.0000000 +- <1e-7"),
     ],
 )
 def test_no_digit_says_less_than_the_interval(interval, value, shown):
     assert with_interval(Estimate(sum(interval) / 2, "N m", interval)) == (value, shown)
+
+
+@pytest.mark.parametrize(
+    ("width", "shown"), [(0.0, "0.103"), (1e-4, "0.103"), (0.02, "0.10"), (0.3, "0.1")]
+)
+def test_three_digits_are_shown_where_an_interval_knows_them(width, shown):
+    assert to_interval(0.1028, width, 3) == shown
 
 
 def test_a_result_prints_what_was_noticed_and_where_the_rest_is():

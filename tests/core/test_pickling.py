@@ -335,3 +335,9 @@ def test_what_cannot_pickle_is_copied_all_the_same(what):
         for other in copies:
             np.testing.assert_array_equal(answer(other), answer(made))
     assert all(other.name == made.name for other in copies)
+
+
+def test_a_block_prints_in_a_line():
+    for make in (MADE["plant with effects"], MADE["sampled observer"], MADE["velocity loop"]):
+        assert len(repr(make())) < 200
+    assert "outputs of the block plant" in str(lg.plant(TABLE))

@@ -2,6 +2,7 @@
 
 import io
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -58,24 +59,27 @@ def test_a_function_gets_every_report():
     assert isinstance(bar_for(print), Called)
 
 
-@pytest.mark.parametrize("wanted", ["yes", 3])
-def test_anything_else_is_refused_in_one_sentence(wanted):
-    with pytest.raises(InputError, match="progress must be a function, True, False or None"):
-        lg.sweep(PI, T, T, TABLE, progress=wanted)
-
-
 def test_long_work_takes_every_kind_of_progress():
     """Each of them is wrapped by the one place that decides."""
-    for work in (
-        *(lg.diagnose, lg.identify, lg.compensate),
-        *(lg.sweep, lg.diagnose_each, reproduce),
-        *(lg.compare_observers, lg.recommend_observer),
-    ):
+    fits = (lg.diagnose, lg.identify, lg.compensate, lg.sweep, lg.diagnose_each)
+    for work in (*fits, lg.compare_observers, lg.recommend_observer):
         with pytest.raises(InputError, match="progress must be"):
-            work("any", "thing", progress="yes") if work is not reproduce else work(progress="yes")
+            work("any", "thing", progress="yes")
+    with pytest.raises(InputError, match="progress must be"):
+        reproduce(progress="yes")
 
 
 # --- notebooks ---------------------------------------------------------------------------
+
+
+def test_the_paper_and_a_compensation_report():
+    said = []
+    reproduce(only=["initial"], progress=lambda part, what: said.append(part))
+    assert said and said[-1] == 1.0
+    said = []
+    given = {"reference": (T, np.sin(4.0 * T)), "progress": lambda part, what: said.append(what)}
+    lg.compensate(lg.Model.of(lg.table1()), **given)
+    assert len(said) == 3 and all(what.startswith("simulating the loop ") for what in said)
 
 
 def test_a_notebook_gets_a_bar_without_asking(kernel, monkeypatch):
@@ -86,24 +90,13 @@ def test_a_notebook_gets_a_bar_without_asking(kernel, monkeypatch):
 
 
 def test_only_a_kernel_is_a_notebook(monkeypatch):
-    class Shell:
-        kernel = object()
-
-    class IPython:
-        shell = None
-
-        @classmethod
-        def get_ipython(cls):
-            return cls.shell
-
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
     assert not progress.in_notebook()
-    monkeypatch.setitem(sys.modules, "IPython", IPython)
-    assert not progress.in_notebook()  # IPython was imported, but does not run this
-    IPython.shell = object()
-    assert not progress.in_notebook()  # IPython on a terminal
-    IPython.shell = Shell()
-    assert progress.in_notebook()
+    # IPython was imported but does not run this, runs on a terminal, runs in a kernel
+    for shell, is_one in ((None, False), (object(), False), (SimpleNamespace(kernel=1), True)):
+        fake = SimpleNamespace(get_ipython=lambda shell=shell: shell)
+        monkeypatch.setitem(sys.modules, "IPython", fake)
+        assert progress.in_notebook() == is_one
 
 
 def test_short_work_in_a_notebook_gets_no_bar(kernel):

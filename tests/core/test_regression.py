@@ -35,6 +35,10 @@ def test_bounded_finds_the_least_squares_within_the_bounds(seed: int) -> None:
     want = lsq_linear(X, y, (low, high), tol=1e-14).x
     np.testing.assert_allclose(b, want, rtol=1e-5, atol=1e-6)
     assert np.all((b == low)[~free] | (b == high)[~free])
+    wrong = np.isfinite(low) | np.isfinite(high)  # bounds that hold at the start
+    again, there = bounded(X.T @ X, X.T @ y, low, high, wrong)
+    np.testing.assert_allclose(again, b, rtol=1e-9, atol=1e-12)
+    np.testing.assert_array_equal(there, free)
 
 
 def test_a_matrix_from_which_noise_was_taken_off_is_solved_as_well() -> None:

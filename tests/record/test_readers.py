@@ -38,6 +38,12 @@ def test_decimal_commas_are_read_and_said(tmp_path, delimiter):
     assert any("Decimal commas" in m for m in record.messages)
 
 
+def test_decimal_commas_between_commas_are_not_guessed(tmp_path):
+    log = machine()
+    body = rows([log["t"], log["u"], log["theta"]], ",", "{:.6f}").replace(".", ",")
+    refused(InputError, write(tmp_path / "a.csv", "t,u,theta\n" + body), "decimal commas", "line 2")
+
+
 def test_points_and_commas_together_are_not_guessed(tmp_path):
     log = machine()
     lines = rows([log["t"], log["u"], log["theta"]], ";", "{:.6f}").splitlines()

@@ -49,6 +49,7 @@ def test_realness_shows_band_edge_and_margin():
     found = lg.spr_check(FALLS)
     real, nyquist = found.plot()
     assert f"band edge {found.band_edge:.4g} rad/s" in words(real) and "not PR" in words(real)
+    assert "margin" not in real.get_title("left")
     w, values = real.lines[0].get_data()
     assert (values[w < 0.99 * found.band_edge] > 0).all()
     assert (values[w > 1.01 * found.band_edge] < 0).all()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from lugrectl import report
 from lugrectl.blocks.block import members
@@ -27,6 +28,11 @@ def test_overview_draws_every_plot_into_one_figure_of_pyplot():
     axes = diagnosis_plots.overview(diagnosis())
     assert len(axes) == 4 and plt.get_fignums() == [axes[0].figure.number]
     assert list(axes) == axes[0].figure.axes
+
+
+def test_overview_draws_into_the_axes_given():
+    ax = Figure().subplots()
+    assert diagnosis().plot(ax) is ax and len(ax.lines) == 3
 
 
 def test_nothing_to_plot_is_said():
@@ -161,6 +167,16 @@ def test_every_effect_of_the_catalogue_can_be_reported(name):
     d = diagnosis(effects=(effect(name, **values),))
     assert members("effect")[name].equation.rstrip(".") in report.text(d)
     assert diagnosis_plots.torque(d).get_xlabel()
+
+
+def test_small_errors_are_drawn_with_a_prefix():
+    made = diagnosis()
+    small = replace(made.traces, measured=1e-3 * made.traces.measured)
+    small = replace(small, simulated={k: 1e-3 * v for k, v in small.simulated.items()})
+    labels = [
+        diagnosis_plots.error(replace(made, traces=x)).get_ylabel() for x in (made.traces, small)
+    ]
+    assert labels[0].endswith("[rad/s]") and labels[1].endswith(("[mrad/s]", "[urad/s]"))
 
 
 def test_small_residuals_are_drawn_with_the_prefix_of_the_table():

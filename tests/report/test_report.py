@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lugrectl import report
 from lugrectl.blocks.model import Model, read_model, table1
 from lugrectl.core import writing
-from lugrectl.core.display import between, with_interval
+from lugrectl.core.display import with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
@@ -130,20 +130,6 @@ def test_interval_text_keeps_the_interval(middle, width):
     assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.11 * width)
 
 
-@pytest.mark.parametrize(
-    ("interval", "shown"),
-    [
-        ((75.81, 75.84), "75.810 to 75.840"),
-        ((0.28712, 0.28712), "0.28712 +- <0.00001"),
-        ((1234.5678, 1234.5678), "1234.6 +- <0.1"),
-        ((2e6, 2e6), "2.0000e+06 +- <100"),
-        ((3.0, 3.0 + 1e-12), "3.0000000 +- <1e-7"),
-    ],
-)
-def test_the_ends_of_an_interval_are_never_one_text(interval, shown):
-    assert between(interval) == shown
-
-
 @given(st.lists(st.floats(0, 1e3), min_size=1), st.sampled_from(["m", "rad/s", "N m", "1"]))
 def test_readable_units_change_no_value(values, unit):
     factor, shown = wording.readable(values, unit)
@@ -237,6 +223,17 @@ def test_a_failure_half_way_leaves_everything_as_it_was(tmp_path, monkeypatch, f
     with pytest.raises(InputError, match="No space left"):
         report.write(bare("adequate"), tmp_path)
     assert content(tmp_path) == before
+
+
+@pytest.mark.parametrize("method", ["write_text", "rename"])
+def test_a_failure_leaves_no_new_folder(tmp_path, monkeypatch, method):
+    def broken(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr(writing.Path, method, broken)
+    with pytest.raises(InputError, match="Read-only"):
+        report.write(bare(), tmp_path / "new" / "folder")
+    assert not list(tmp_path.iterdir())
 
 
 def test_nothing_is_written_where_nothing_can_be(tmp_path):
