@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.validation import shown
 from ..core.writing import nearest, write_together
 from .comparison_section import BUDGET
-from .page import Beside, Figure, Markup, Page, Section
+from .page import Figure, Page, Section, beside
 from .wording import ERRORS, headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
@@ -43,18 +43,18 @@ def html(d: Any, folder: Path | None = None) -> str:
     return _page(d, [*_model_file(d, folder), *_provenance(d)]).html()
 
 
-def _page(d: Any, more: list[Markup]) -> Page:
+def _page(d: Any, more: list[str]) -> Page:
     title, meaning = headline(d)
     return Page(title, meaning, [*_parts(d), *more], kind=title.split(":")[0])
 
 
-def _parts(d: Any) -> Iterator[Section | Figure | Beside]:
+def _parts(d: Any) -> Iterator[Section | Figure | str]:
     """Sections, each with its figures; the log stands below the budget, or first."""
     from . import diagnosis_plots, log_plot
 
     plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}
     budget, balance = plots.pop("budget", None), getattr(d, "plain", None)
-    log = [Beside(log_plot.figures(balance))] if balance is not None and balance.stretches else []
+    log = [beside(log_plot.figures(balance))] if balance is not None and balance.stretches else []
     said = sections(d)
     if not said or said[0].title != BUDGET:
         yield from log
@@ -68,13 +68,13 @@ def _parts(d: Any) -> Iterator[Section | Figure | Beside]:
     yield from plots.values()
 
 
-def _model_file(d: Any, folder: Path | None) -> list[Markup]:
+def _model_file(d: Any, folder: Path | None) -> list[str]:
     if getattr(d, "model", None) is None:
         return []
-    return [Markup(f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>")]
+    return [f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>"]
 
 
-def _provenance(d: Any) -> list[Markup]:
+def _provenance(d: Any) -> list[str]:
     """What the report was computed by and from, in small print."""
     known = getattr(d, "provenance", None)
     if known is None:
@@ -82,7 +82,7 @@ def _provenance(d: Any) -> list[Markup]:
     said = [f"lugrectl {known.version}, {known.date}", known.command]
     said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
     lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
-    return [Markup(f"<h2>Provenance</h2>\n{lines}")]
+    return [f"<h2>Provenance</h2>\n{lines}"]
 
 
 def content(d: Any, folder: Path) -> dict[str, str]:

@@ -15,7 +15,7 @@ from urllib.parse import quote
 from ..core.display import NONE, Grid, grid_text, number
 from ..core.writing import write_together
 from . import FILES, check_folder, write
-from .page import Markup, Page, wrapped
+from .page import Page, wrapped
 from .wording import readable
 
 INDEX: tuple[str, ...] = ("index.html", "summary.csv")
@@ -99,9 +99,9 @@ def html(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def _page(fleet: Any, links: Mapping[str, str]) -> Page:
-    parts = [Markup(_table(fleet.rows, links)), Markup(f'<p class="small">{_NOTE}</p>')]
+    parts = [_table(fleet.rows, links), f'<p class="small">{_NOTE}</p>']
     left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
-    parts += [Markup(f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>")] if left else []
+    parts += [f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>"] if left else []
     return Page(*headline(fleet), parts, style="fleet")
 
 

@@ -137,27 +137,10 @@ class Figure:
         return f"<figure>\n{svg}\n<figcaption>{escape(self.caption)}</figcaption>\n</figure>"
 
 
-@dataclass(frozen=True)
-class Beside:
-    """Figures side by side where there is room."""
-
-    figures: Sequence[Figure]
-
-    def html(self) -> str:
-        """Return the figures as a block of HTML."""
-        made = "\n".join(figure.html() for figure in self.figures)
-        return f'<div class="log">\n{made}\n</div>'
-
-
-@dataclass(frozen=True)
-class Markup:
-    """A part that only pages have."""
-
-    body: str
-
-    def html(self) -> str:
-        """Return it as it is."""
-        return self.body
+def beside(figures: Sequence[Figure]) -> str:
+    """Figures side by side where there is room, as a block of HTML."""
+    made = "\n".join(figure.html() for figure in figures)
+    return f'<div class="log">\n{made}\n</div>'
 
 
 @dataclass(frozen=True)
@@ -167,7 +150,7 @@ class Page:
 
     title: str
     meaning: str
-    parts: Sequence[Section | Figure | Beside | Markup]
+    parts: Sequence[Section | Figure | str]  # a text is HTML, which only pages have
     kind: str = ""
     tab: str = ""
     style: str = ""
@@ -193,6 +176,7 @@ class Page:
     def _body(self) -> str:
         kind = f"verdict {escape(self.kind)}".strip()
         first = f"<h1>{escape(self.title)}</h1>\n<p>{escape(self.meaning)}</p>"
-        parts = [f'<div class="{kind}">\n{first}\n</div>', *(part.html() for part in self.parts)]
+        rest = (part if isinstance(part, str) else part.html() for part in self.parts)
+        parts = [f'<div class="{kind}">\n{first}\n</div>', *rest]
         style = f"lugrectl {self.style}".strip()
         return f'<div class="{style}">\n' + "\n".join(parts) + "\n</div>"

@@ -99,14 +99,18 @@ def unwrap_torque(log: Stamped) -> None:
     u = log.channels["u"]
     span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() and len(log.required) > 1 else 0.0
     values = np.nan_to_num(u)
-    segments = _segments(values, span) if span else []
-    if not 1 < len(segments) <= _SEGMENTS:
+    steps = np.abs(np.diff(values))
+    if not span or not (steps > span / 2).any():
         return
-    fit = needed(log)
+    # a jump of the torque that wraps may come out as a smaller one
+    edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
+    ends = [0, *edges.tolist(), len(u)]
+    segments = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+    fit = needed(log) if 1 < len(segments) <= _SEGMENTS else None
     if fit is None:
         return
     turns = _turns(fit.torque - values, segments, values, span)
-    moved = values + span * np.repeat(turns, [part.stop - part.start for part in segments])
+    moved = values + span * np.repeat(turns, np.diff(ends))
     changed = moved != values
     left, before = (np.nansum(np.abs(fit.missing(x)) / fit.error) for x in (moved, values))
     if not 0 < changed.mean() <= 0.5 or left > before:
@@ -128,29 +132,18 @@ def _span(values: np.ndarray) -> float:
     return float(power) if -1e-6 * span < power - span < 0.02 * span else 0.0
 
 
-def _segments(u: np.ndarray, span: float) -> list[slice]:
-    """Return the rows between jumps; none where no jump is half a span."""
-    steps = np.abs(np.diff(u))
-    if not (steps > span / 2).any():
-        return []
-    # a jump of the torque that wraps may come out as a smaller one
-    edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
-    return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(u)], strict=True)]
-
-
 def _turns(
     missing: np.ndarray, segments: Sequence[slice], u: np.ndarray, span: float
 ) -> np.ndarray:
     """Return for each segment the multiple of the span that is missing there; the longest segment
     is as it was read."""
     turns = np.zeros(len(segments), int)
+    jumps = [np.rint((u[s.start - 1] - u[s.start]) / span) for s in segments[1:]]
     known = [i for i, part in enumerate(segments) if np.isfinite(missing[part]).any()]
     for i in known:
         turns[i] = np.rint(np.nanmedian(missing[segments[i]]) / span)
     for i in range(known[0] - 1, -1, -1):  # beyond the windows: the smallest jump
-        edge = segments[i].stop
-        turns[i] = turns[i + 1] + np.rint((u[edge] - u[edge - 1]) / span)
+        turns[i] = turns[i + 1] - jumps[i]
     for i in range(known[-1] + 1, len(segments)):
-        edge = segments[i].start
-        turns[i] = turns[i - 1] + np.rint((u[edge - 1] - u[edge]) / span)
+        turns[i] = turns[i - 1] + jumps[i - 1]
     return turns - turns[int(np.argmax([part.stop - part.start for part in segments]))]
