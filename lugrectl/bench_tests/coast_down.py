@@ -10,8 +10,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
-from . import momentum
-from .momentum import EXPLAINED, Stroke, interval, stroked
+from .momentum import EXPLAINED, Stroke, best, interval, stroked
 from .motion import Motion
 
 DIES = 0.3  # of the speed at its start, to which a coast falls at least
@@ -44,8 +43,7 @@ def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> Bench
     if not strokes or sum(s.at.stop - s.at.start for s in strokes) < COASTING * moving:
         return None
     ways = {np.sign(s.v[0]) for s in strokes}
-    terms = {"Fc": momentum.coulomb, "Fv": momentum.viscous}
-    made = momentum.best(strokes, terms, {"constant": momentum.constant} if len(ways) > 1 else {})
+    made = best(strokes, ("Fc", "Fv"), ("constant",) if len(ways) > 1 else ())
     if made is None or made["Fc"] <= 0 or made.unexplained > EXPLAINED:
         return None
     if made["Fv"] < -2 * made.error("Fv"):  # no friction: something else brakes

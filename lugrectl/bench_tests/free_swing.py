@@ -17,9 +17,8 @@ from scipy.linalg import block_diag, solve_banded
 from ..blocks.friction import level
 from ..estimates.bench_test import BenchTest, in_words
 from ..estimates.findings import Estimate
-from . import momentum
 from .coast_down import ZERO
-from .momentum import EXPLAINED, SHORTEST, Column, Fitted, Stroke, interval, memory, solved
+from .momentum import EXPLAINED, SHORTEST, Fitted, Stroke, best, interval, likely, memory, solved
 from .motion import Motion
 
 G = 9.81  # m/s2
@@ -47,10 +46,8 @@ def free_swing(motions: Sequence[Motion], motion: str) -> BenchTest | None:
 
 def _trajectory(swings: Sequence[Stroke]) -> Fitted | None:
     """The whole trajectories; values to begin with are those of periods, one by one."""
-    laws = (momentum.sine, momentum.cosine, momentum.coulomb, momentum.viscous)
-    terms: dict[str, Column] = dict(zip(NAMES, laws, strict=False))
     parts = [part for s in swings for part in _periods(s)]
-    start = momentum.best(parts, terms, {}) if parts else None
+    start = best(parts, NAMES[:4], ()) if parts else None
     if start is None:
         return None
     pull = float(np.hypot(start["sin"], start["cos"]))
@@ -64,7 +61,7 @@ def _trajectory(swings: Sequence[Stroke]) -> Fitted | None:
     for vs in FALLS:
         fallen = fitted(cells, np.r_[plain.p, 0.2 * plain["Fc"], np.log(vs * top)], NAMES)
         fits += [fallen] if fallen is not None and fallen["fall"] > 0 else []
-    return momentum.likely(fits)
+    return likely(fits)
 
 
 def _cells(s: Stroke, pull: float) -> Swing:

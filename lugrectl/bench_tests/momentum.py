@@ -45,6 +45,18 @@ class Stroke:
         made = self.once(rate)
         return self.once(made) if self.motion.angle else made
 
+    def driven(self) -> np.ndarray:
+        """The integral of the torque, held from row to row, once or twice."""
+        u, dt = self.u[:-1], np.diff(self.motion.t[self.at])
+        once = np.append(0.0, np.cumsum(u * dt))
+        if not self.motion.angle:
+            return once
+        return np.append(0.0, np.cumsum(once[:-1] * dt + 0.5 * u * dt**2))
+
+    @property
+    def u(self) -> np.ndarray:
+        return self.motion.u[self.at]
+
     @property
     def v(self) -> np.ndarray:
         return self.motion.v[self.at]
@@ -58,42 +70,16 @@ class Stroke:
 
 
 Column = Callable[[Stroke], np.ndarray]
-
-
-def torque(s: Stroke) -> np.ndarray:
-    """The integral of the torque, held from row to row, once or twice."""
-    u, dt = s.motion.u[s.at][:-1], np.diff(s.motion.t[s.at])
-    once = np.append(0.0, np.cumsum(u * dt))
-    if not s.motion.angle:
-        return once
-    return np.append(0.0, np.cumsum(once[:-1] * dt + 0.5 * u * dt**2))
-
-
-def coulomb(s: Stroke) -> np.ndarray:
-    return -s.integral(np.sign(s.v))
-
-
-def viscous(s: Stroke) -> np.ndarray:
-    x = s.x - s.x[0]
-    return -(s.once(x) if s.motion.angle else x)
-
-
-def constant(s: Stroke) -> np.ndarray:
-    return -s.integral(np.ones(len(s.v)))
-
-
-def late(s: Stroke) -> np.ndarray:
-    """By how much a torque acts later than it was logged, to first order."""
-    u = s.motion.u[s.at]
-    return -s.once(u) if s.motion.angle else -u
-
-
-def sine(s: Stroke) -> np.ndarray:
-    return -s.integral(np.sin(s.x - s.x0))
-
-
-def cosine(s: Stroke) -> np.ndarray:
-    return -s.integral(np.cos(s.x - s.x0))
+LAWS: dict[str, Column] = {  # what each coefficient multiplies
+    "1/J": lambda s: s.driven(),
+    "Fc": lambda s: -s.integral(np.sign(s.v)),
+    "Fv": lambda s: -(s.once(s.x - s.x[0]) if s.motion.angle else s.x - s.x[0]),
+    "constant": lambda s: -s.integral(np.ones(len(s.v))),
+    # by how much a torque acts later than it was logged, to first order
+    "late": lambda s: -(s.once(s.u) if s.motion.angle else s.u),
+    "sin": lambda s: -s.integral(np.sin(s.x - s.x0)),
+    "cos": lambda s: -s.integral(np.cos(s.x - s.x0)),
+}
 
 
 def fall(vs: float) -> Column:
@@ -245,21 +231,18 @@ def memory(r: np.ndarray) -> float:
     return float(1 + 2 * np.sum(c[1 : end[0] if len(end) else n]))
 
 
-def best(
-    strokes: Sequence[Stroke], terms: dict[str, Column], more: dict[str, Column]
-) -> Fitted | None:
+def best(strokes: Sequence[Stroke], terms: Sequence[str], more: Sequence[str]) -> Fitted | None:
     """The fit of the terms, with those further ones that are clearly there; friction falls with
     speed, at one of several speeds, where that is likely."""
     table = Table(strokes)
-    columns = {k: table.column(of) for k, of in terms.items()}
+    columns = {k: table.column(LAWS[k]) for k in terms}
     made = table.fit(columns)
     if made is None:
         return None
     angles = all(s.motion.angle for s in strokes) and "sin" not in terms
-    gravity = {"sin": sine, "cos": cosine} if angles else {}
-    for added in (*({k: of} for k, of in more.items()), gravity):
-        tried = columns | {k: table.column(of) for k, of in added.items()}
-        other = table.fit(tried) if added else None
+    for added in (*((k,) for k in more), *([("sin", "cos")] if angles else [])):
+        tried = columns | {k: table.column(LAWS[k]) for k in added}
+        other = table.fit(tried)
         if other is not None and max(map(other.clear, added)) > CLEARLY:
             made, columns = other, tried
     slow = min(max(s.motion.still, np.abs(s.v).min()) for s in strokes)

@@ -9,8 +9,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
-from . import momentum
-from .momentum import EXPLAINED, Fitted, interval, stroked
+from .momentum import EXPLAINED, Fitted, best, interval, stroked
 from .motion import Motion, Piece
 
 HELD = 0.9  # of the moving rows, in which the torque must be held
@@ -27,10 +26,9 @@ def steps_and_pulses(motions: Sequence[Motion], motion: str) -> BenchTest | None
     levels = np.sort([p.level for _, parts in found for p in parts if p.held])
     if not strokes or not np.any(np.diff(levels) > LEVELS * np.abs(levels).max(initial=0.0)):
         return None
-    terms = {"1/J": momentum.torque, "Fc": momentum.coulomb, "Fv": momentum.viscous}
     ways = {np.sign(s.v[0]) for s in strokes}
-    both = {"constant": momentum.constant} if len(ways) > 1 else {}
-    made = momentum.best(strokes, terms, {**both, "late": momentum.late})
+    both = ("constant",) if len(ways) > 1 else ()
+    made = best(strokes, ("1/J", "Fc", "Fv"), (*both, "late"))
     if made is None or made["1/J"] <= 0 or made["Fc"] < 0 or made.unexplained > EXPLAINED:
         return None
     pushes = sum(p.held and p.level != 0 for _, parts in found for p in parts)
