@@ -50,10 +50,11 @@ def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> Bench
         return None
     per = {"Fc": "m/s2" if motion == "linear" else "rad/s2", "Fv": "1/s"}
     values = {f"{k}/J": interval(made[k], made.error(k), made.freedom, per[k]) for k in per}
-    for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad")) if J else ():
-        one = values[f"{k}/J"]
-        low, high = one.ci95 or (0.0, 0.0)
-        values[k] = Estimate(J * one.value, unit_for(unit, motion), (J * low, J * high))
+    if J:
+        for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad")):
+            one = values[f"{k}/J"]
+            low, high = one.ci95 or (0.0, 0.0)
+            values[k] = Estimate(J * one.value, unit_for(unit, motion), (J * low, J * high))
     many = f"{len(strokes)} coast-downs" if len(strokes) > 1 else "One coast-down"
     taken = f", with J = {J:.6g} {unit_for('kg m2', motion)} as declared" if J else ""
     alone = ALONE if len(ways) == 1 else ""

@@ -83,7 +83,8 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
         ax.fill_between(t, low, high, color=MEASURED, lw=0.6, rasterized=True)
         edges = np.flatnonzero(np.diff(np.r_[False, ~one.ok, False]))
         for a, b in edges.reshape(-1, 2):  # samples that are not used
-            ax.axvspan(one.t[a] + shift, one.t[b - 1] + shift, color=LEFT_OUT, alpha=0.5, lw=0)
+            start, end = float(one.t[a]) + shift, float(one.t[b - 1]) + shift
+            ax.axvspan(start, end, color=LEFT_OUT, alpha=0.5, lw=0)
     _between_runs(balance, ax)
     ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, balance.motion)}]")
     ax.margins(x=0.01)

@@ -89,15 +89,14 @@ def _found(d: Any) -> str:
     """What is missing, how large it is, and what it is worth on samples that no fit has seen."""
     effects = _get(d, "effects", ())
     what = "; ".join(_size(d, finding) for finding in effects)
-    for error in (_get(d, "error"), _get(d, "torque_error")):
-        ends = [error.get(k) for k in ("refitted", "augmented")] if error else [None]
-        if error and None not in ends and ends[1] < ends[0]:
-            factor, unit = readable(ends, error["unit"])
-            before, after = (number(factor * x, 3) for x in ends)
+    for error in (_get(d, "error", {}), _get(d, "torque_error", {})):
+        before, after = error.get("refitted"), error.get("augmented")
+        if before is not None and after is not None and after < before:
+            factor, unit = readable((before, after), error["unit"])
             return (
                 f"Missing from the model: {what}; with {'it' if len(effects) == 1 else 'them'} the "
-                f"error of {error.get('signal', 'torque')} on held-out samples goes from {before} "
-                f"to {after} {unit}."
+                f"error of {error.get('signal', 'torque')} on held-out samples goes from "
+                f"{number(factor * before, 3)} to {number(factor * after, 3)} {unit}."
             )
     return f"Missing from the model: {what}."
 
