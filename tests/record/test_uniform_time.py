@@ -7,7 +7,13 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.core.errors import Refused
-from lugrectl.record import Record, consistent, long_enough_to_judge, read_record
+from lugrectl.record import (
+    Record,
+    consistent,
+    long_enough_to_judge,
+    read_record,
+    refuse_open_time,
+)
 
 from ..cases.logs import cell, csv, machine, refused
 
@@ -267,5 +273,8 @@ def test_a_rate_that_no_drive_has_is_not_judged_without_a_unit_of_time():
     refused = lg.diagnose(slow, {"J": 0.002})
     assert refused.verdict == "refused"
     assert re.search('t has no unit.*1 Hz.*give units="t=ms", or units="t=s"', refused.reason)
-    stated = slow | {"t [s]": slow.pop("t")}
-    assert "has no unit" not in (lg.diagnose(stated, {"J": 0.002}).reason or "")
+    stated = [
+        read_record(slow, **how) for how in ({"units": "t=s"}, {"units": "t=ms"}, {"rate": 1})
+    ]
+    for record in (*stated, Record(**{role: np.asarray(x) for role, x in slow.items()})):
+        refuse_open_time(record.source, record.log.labels, record.dt)

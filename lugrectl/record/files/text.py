@@ -123,6 +123,11 @@ def number(cell: str) -> float:
         return float(FORTRAN.sub("e", cell))
 
 
+def with_remark(cell: str) -> bool:
+    """Whether a cell was typed over by hand: a number and words beside it, "-1200, was -8.9"."""
+    return bool(_TYPED_OVER.fullmatch(cell.strip()))
+
+
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number or a stamp of time."""
     try:
@@ -303,7 +308,7 @@ class _Text:
             try:
                 values[k] = number(cell)
             except ValueError:
-                if not _TYPED_OVER.fullmatch(cell.strip()):
+                if not with_remark(cell):
                     raise self.no_number(i, numbers[k], cell, "number") from None
                 place = f"line {numbers[k]}, column '{self.names[i]}'"
                 said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
