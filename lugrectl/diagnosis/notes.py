@@ -35,6 +35,7 @@ SAME = (
         r"w is not d theta/dt but \S+ times it: w is ignored",
         r"w is \S+ ms (behind|ahead of) dtheta",
     ),
+    (r"w is not d theta/dt but", r"w does not follow d theta/dt"),
     (r"its sign was changed for the simulation", r"u has the wrong sign"),
 )
 

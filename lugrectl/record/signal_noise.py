@@ -16,6 +16,7 @@ TOP_OF_SPECTRUM = (0.3, 0.48)  # frequencies where only noise is left, times the
 BAND = (0.125, 0.25)  # of the rate: above most motion, below where rounding hides a speed
 TOGETHER = 0.8  # median coherence there from which two channels share their noise
 NO_NOISE = 1e-12  # a standard deviation is never below this
+OFF_LATTICE, ON_LATTICE = 0.02, 0.9  # steps off a lattice; share of the changes that are on it
 LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
 
 
@@ -53,6 +54,17 @@ def quantum(x: np.ndarray) -> float:
     unit = float(np.median(steps[steps <= 1.5 * np.quantile(steps, 0.05)]))
     near = steps[steps < 20.5 * unit] / unit
     return unit if np.mean(np.abs(near - np.rint(near)) < 0.1) > 0.9 else 0.0
+
+
+def lattice_step(x: np.ndarray) -> float:
+    """Return the step of an encoder by the changes of its position (N,); 0 if it has none."""
+    every = np.abs(np.diff(x))
+    for step in (smallest_step(x), quantum(x)):  # a drive that never rests skips counts
+        changes = every[every > 0.5 * step] / step if step > 0 else every[:0]
+        on = np.abs(changes - np.round(changes)) < OFF_LATTICE
+        if len(on) and np.mean(on) > ON_LATTICE:
+            return step
+    return 0.0
 
 
 def resolution(x: np.ndarray) -> float:

@@ -12,6 +12,7 @@ from .samples.clock import FEWEST, multiples, typical_step
 from .samples.resampling import on_grid
 from .samples.rows import Stamped
 from .samples.usable import usable
+from .signal_noise import lattice_step
 
 
 def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
@@ -49,10 +50,10 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     if not len(sound):
         return None
     cut = slice(int(sound[0]), int(sound[-1]) + 1)
-    off = (t - t[0]) / dt
-    jitter = float(np.sqrt(np.mean((off - np.round(off)) ** 2)))
     channels = {role: x[cut] for role, x in made.items()}
-    return Stretch(run=run, dt=dt, t=grid[cut], ok=ok[cut], jitter=jitter, **channels)
+    raw = values.get("theta")  # between the stamps theta is on no count any more
+    step = 0.0 if raw is None else lattice_step(raw[np.isfinite(raw)])
+    return Stretch(run=run, dt=dt, t=grid[cut], ok=ok[cut], count=step, **channels)
 
 
 def _near(grid: np.ndarray, t: np.ndarray, ticks: np.ndarray, dt: float) -> np.ndarray:
@@ -75,5 +76,5 @@ class Stretch:
     theta: np.ndarray | None = None  # rad or m
     w: np.ndarray | None = None  # rad/s or m/s
     ok: np.ndarray  # False where a sample is missing, bad or bridged over more than a sample
-    jitter: float = 0.0  # RMS distance of the stamps from even ones, in steps
     d: np.ndarray | None = None  # measured load torque
+    count: float = 0.0  # step of the encoder, rad; 0 where there is none to see

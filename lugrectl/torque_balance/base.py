@@ -12,6 +12,7 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..estimates.balance import Balance, Combination
 from ..record.stretches import Stretch
+from .constants import FLOOR
 from .friction import View
 from .held_out import Split, Unseen
 from .interval import Interval, best_law, other_views
@@ -21,6 +22,10 @@ from .table import Table
 from .verdict import COASTS, Answer, refuse_dead, seen
 
 TURNED = "u has the wrong sign: it opposes the motion. These values are those of -u."
+MISSING = (
+    "Torque of {:.2g} % of friction stays that the declared model does not explain: values may be "
+    "wrong by more than their intervals. A diagnosis says what is missing."
+)
 
 
 def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
@@ -38,7 +43,15 @@ def base_row(stretches: Sequence[Stretch], model: Model) -> Balance:
     last = settled(view, table)
     interval = Interval(last)
     V = interval.covariance() + interval.between(other_views(last))
-    return plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
+    made = plain_balance(last, interval, interval.values(V), V, width.sure, stretches)
+    return replace(made, notes=(*made.notes, *_missing(last)))
+
+
+def _missing(last: LastFit) -> list[str]:
+    """A sentence where torque stays for longer than a window: no interval knows of its cause."""
+    view = last.view
+    stays = Unseen.left(last.left, view.rows).stays / view.size
+    return [] if view.is_map or stays < 2 * FLOOR else [MISSING.format(100 * stays)]
 
 
 def _per_inertia(stretches: Sequence[Stretch], model: Model) -> Balance:
@@ -81,5 +94,5 @@ def alone(
     left = Unseen.of(trained, test)
     return Answer(
         "identified", None, view, split, last, interval, interval.values(V), V, left, left,
-        refitted=trained, trained=trained,
+        notes=_missing(last), refitted=trained, trained=trained,
     )  # fmt: skip

@@ -65,7 +65,8 @@ TOGETHER = 3  # first names that are tried in pairs where one alone does not exp
 MOST = 3  # effects that are named together
 HEAVY = 0.3  # of friction: gravity above it joins the base before anything else is judged
 CLEAR = 3.0  # times what stays: effects that explain this much are found, whatever else there is
-MOSTLY = 0.5  # of all torque: with more than this left on unseen rows nothing is found
+MOSTLY = 0.5  # of all torque: with more than this left on unseen rows nothing is found; of the
+# speed of theta: with more than this left w is no speed of it
 ONE_SPEED = 0.3  # of the typical speed: speeds that spread by less are one
 LESS = 0.8  # of what stays: what a base with gravity must leave to be the base
 UNSEEN = 0.1  # of friction: where every effect would have to be larger to show, nothing is judged

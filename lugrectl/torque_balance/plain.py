@@ -28,6 +28,7 @@ NO_J = "J is not determined by this log: that needs faster changes of speed."
 ONE_WAY = "The drive moves in one direction: Fc and a constant torque are one number."
 LATE = "u comes {:.2g} ms late: it acted that long before its rows."
 SCALED = "w is {:.4g} times d theta/dt."
+FOREIGN = "w does not follow d theta/dt: it is left out."
 ABOVE = "w is {:.3g} {} too {}: the drive stands there."
 BACKWARD = (
     "Friction would drive the motion ({:.3g} {} at {:.3g} {}): u has the wrong sign, or a load "
@@ -221,6 +222,8 @@ def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: 
         made.append(ABOVE.format(abs(above), unit, "high" if above > 0 else "low"))
     if "w_gain" in own:
         made.append(SCALED.format(own["w_gain"][0]))
+    if any(r.sensors.foreign for r in v.motion.runs):
+        made.append(FOREIGN)
     known, taken = v.declared, []
     if not sure or "J" not in certain:
         taken += ["J"] if known.get("J") and not (sure or v.is_map) else []

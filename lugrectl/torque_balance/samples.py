@@ -8,13 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..core.errors import Refused
-from ..record.signal_noise import smallest_step
 from ..record.stretches import Stretch
 
 SHORTEST = 40  # samples: a shorter piece is left out
 SAME_RATE = 0.01  # relative difference of two sample times that are one
-EVEN = 0.02  # RMS distance of stamps from even ones, in samples, that is none
-ON_LATTICE = 0.9  # share of changes that are whole steps of an encoder
 
 Function = Callable[[np.ndarray], np.ndarray]
 
@@ -26,7 +23,8 @@ class Samples:
     ``t`` (s) are times with the runs one after the other, ``stamp`` (s) those of each log, ``u``
     (N m), ``theta`` (rad) and ``w`` (rad/s) are (n,), theta or w None where not
     recorded, ``d`` (N m) the measured load torque. ``ok`` (n,) marks sound samples, ``run`` (n,)
-    the log they come from. ``pieces`` are slices of even time with the step ``dt`` (s).
+    the log they come from. ``pieces`` are slices of even time with the step ``dt`` (s). ``count``
+    (rad) is the step of the encoder, 0 where theta lies on no lattice.
     """
 
     dt: float
@@ -39,7 +37,7 @@ class Samples:
     ok: np.ndarray
     run: np.ndarray
     pieces: tuple[slice, ...]
-    even: bool
+    count: float
 
     @classmethod
     def of(cls, stretches: Sequence[Stretch], times: Sequence[np.ndarray]) -> Samples:
@@ -64,7 +62,7 @@ class Samples:
             ok=np.concatenate([s.ok for s in stretches]),
             run=np.repeat([s.run for s in stretches], np.diff(ends)),
             pieces=tuple(map(slice, ends[:-1], ends[1:])),
-            even=all(s.jitter < EVEN for s in stretches),
+            count=max(s.count for s in stretches),
         )
 
     def __len__(self) -> int:
@@ -77,11 +75,6 @@ class Samples:
     @property
     def moves(self) -> bool:
         return any(np.ptp(x) > 0 for x in (self.theta, self.w) if x is not None)
-
-    @property
-    def count(self) -> float:
-        """The step of the encoder, rad; 0 where theta lies on no lattice."""
-        return 0.0 if self.theta is None else lattice_step(self.theta)
 
     def some(self, most: int) -> Samples:
         """Evenly spread parts of a long log, ``most`` samples in all; itself where it is short."""
@@ -109,15 +102,6 @@ def in_turn(at: Sequence[slice]) -> tuple[slice, ...]:
     """The places that parts have one after the other."""
     ends = np.cumsum([0, *(one.stop - one.start for one in at)]).tolist()
     return tuple(map(slice, ends[:-1], ends[1:]))
-
-
-def lattice_step(x: np.ndarray) -> float:
-    """The step of the lattice that values (n,) lie on; 0 if they lie on none."""
-    step = smallest_step(x)
-    changes = np.abs(np.diff(x))
-    changes = changes[changes > 0.5 * step] / step if step > 0 else changes[:0]
-    on = np.abs(changes - np.round(changes)) < EVEN
-    return step if len(on) and np.mean(on) > ON_LATTICE else 0.0
 
 
 def sampled(stretches: Sequence[Stretch]) -> list[Samples]:

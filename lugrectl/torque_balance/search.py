@@ -149,10 +149,6 @@ class Search:
             yield from self._of_frequency(block, keys[0])
         elif own[block.gain].unit == "kg m2" and {"stiffness", "damping"} <= {*keys}:
             yield from self._of_spring(block, keys)
-        elif any(own[k].passed for k in keys):
-            yield from self._of_place(block, keys)
-        elif len(keys) == 1 and own[keys[0]].unit == "s":
-            yield from self._of_time(block, keys[0])
         else:
             yield from self._of_any(block, keys)
 
@@ -337,20 +333,6 @@ class Search:
             cost = len(chosen) * float(np.log(len(N)))
             yield self._contender(block, *({key: float(N[i])} for i in chosen), cost=cost)
 
-    def _of_time(self, block: Block, key: str) -> Iterator[Contender]:
-        """From an instant on, or with a time constant."""
-        t, T = self.along.t, self.view.motion.duration
-        instant = block.own[key].instant
-        fast = self.view.rows.h if block.states else 0.05 * T  # memory may be as short as a row
-        grid = np.geomspace(fast, 3 * T, 16)
-        if instant:
-            grid = t.min() + np.linspace(0.04, 0.96, 93) * T
-        gains = self._gains(block, self._screened(block, [{key: x} for x in grid]))
-        q, cost = {key: float(grid[int(np.argmax(gains))])}, np.log(len(grid) if instant else 4)
-        if instant:
-            q = self._polished(block, q, {key: 0.004 * T}, gains.max())
-        yield self._contender(block, q, cost=float(cost))
-
     def _of_frequency(self, block: Block, key: str) -> Iterator[Contender]:
         """All frequencies by the Fourier transform of what the base leaves, over what the base
         leaves of each frequency. At one speed a wave over time is one over the angle."""
@@ -410,25 +392,6 @@ class Search:
             shares = 1.0 - np.r_[0.0, np.geomspace(1e-3, 0.7, 16)]
             return np.quantile(size, shares)
         return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
-
-    def _of_place(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A place beyond which a minority of the samples lies, on either side."""
-        (key,) = (k for k in keys if block.own[k].passed)
-        rest = [k for k in keys if k != key]
-        if any(not block.own[k].choices for k in rest):
-            yield from self._of_any(block, keys)
-            return
-        th = self.view.motion.theta
-        shares = np.r_[np.linspace(0.003, 0.3, 20), np.linspace(0.7, 0.997, 20)]
-        inner = self.span * np.linspace(0.02, 0.35, 15)
-        places = np.unique(np.r_[np.quantile(th, shares), th.min() + inner, th.max() - inner])
-        others = [dict(zip(rest, x, strict=True))
-                  for x in product(*(block.own[k].choices for k in rest))]  # fmt: skip
-        sets = [{key: float(p)} | other for p in places for other in others]
-        gains = self._gains(block, self._seen(block, sets).rows)
-        best = sets[int(np.argmax(gains))]
-        best = self._polished(block, best, {key: 0.01 * self.span}, gains.max())
-        yield self._contender(block, best, cost=float(np.log(len(sets) / len(others))))
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A load behind a spring or a gap, driven by the measured motion.
@@ -491,36 +454,43 @@ class Search:
         return self._gains(block, self._seen(block, sets).rows)
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A grid of all values around their defaults, the best of it polished."""
-        many = (24, 9, 5, 3)[min(len(keys), 4) - 1]
-        grids = [self._grid(block.own[k], many) for k in keys]
-        sets = [dict(zip(keys, map(float, x), strict=True)) for x in product(*grids)]
+        """A grid of all values, the best of it polished."""
+        own, many = block.own, (24, 9, 5, 3)[min(len(keys), 4) - 1]
+        grids = [self._grid(block, own[k], many) for k in keys]
+        sets = [dict(zip(keys, x, strict=True)) for x in product(*(g.tolist() for g in grids))]
+        chosen = float(np.prod([len(own[k].choices) or 1 for k in keys]))
+        cost = float(np.log(len(sets) / chosen))
         if self.view.is_map:  # few rows: each is entered, as the screening knows no bounds
-            yield from (self._contender(block, q, cost=float(np.log(len(sets)))) for q in sets)
+            yield from (self._contender(block, q, cost=cost) for q in sets)
             return
-        X = self._screened(block, sets)
-        gains = self._gains(block, np.nan_to_num(X))
+        gains = self._gains(block, np.nan_to_num(self._screened(block, sets)))
         q = sets[int(np.argmax(gains))]
         steps = {k: 0.5 * float(np.gradient(g)[g == q[k]][0]) if len(g) > 1 else 0.1
-                 for k, g in zip(keys, grids, strict=True)}  # fmt: skip
-        q = self._polished(block, q, steps, gains.max())
-        yield self._contender(block, q, cost=float(np.log(len(sets))))
+                 for k, g in zip(keys, grids, strict=True) if not own[k].choices}  # fmt: skip
+        yield self._contender(block, self._polished(block, q, steps, gains.max()), cost=cost)
 
-    def _grid(self, p: P, many: int) -> np.ndarray:
+    def _grid(self, block: Block, p: P, many: int) -> np.ndarray:
         """Values of any parameter, within its bounds."""
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)
         if p.grid is not None:
             grid = np.asarray(p.grid(m), float)
+        elif p.passed:  # beyond it lies a minority of the samples
+            shares, inner = np.linspace(0.003, 0.3, 20), self.span * np.linspace(0.02, 0.35, 15)
+            ends = np.quantile(m.theta, np.r_[shares, 1.0 - shares])
+            grid = np.r_[ends, m.theta.min() + inner, m.theta.max() - inner]
+        elif p.instant:
+            grid = m.t.min() + np.linspace(0.04, 0.96, 93) * m.duration
         elif p.unit == "rad" and p.low >= 0:  # a width, no place
             grid = self.span * np.geomspace(0.01, 1.0, many)
         elif p.unit == "rad":
             grid = np.quantile(m.theta, (np.arange(4 * many) + 0.5) / (4 * many))
         elif p.unit == "rad/s":
             grid = m.top * np.geomspace(0.003, 1.0, many)
-        elif p.unit == "s":
-            grid = m.duration * np.geomspace(1e-3, 1.0, many)
+        elif p.unit == "s":  # a memory may be as short as a row
+            fast = self.view.rows.h if block.states else 0.05 * m.duration
+            grid = np.geomspace(fast, 3 * m.duration, many)
         elif np.isfinite(p.low) and np.isfinite(p.high) and not 0 < 100 * p.low < p.high:
             grid = np.linspace(p.low, p.high, many)
         else:

@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from ..core.errors import Refused
 from ..core.regression import NU
-from .constants import FAR_W, SCALE, VERY_LATE
+from .constants import AT_REST, FAR_W, MOSTLY, SCALE, VERY_LATE
 from .numerics import local_noise, slope
 from .samples import Samples, joined
 
@@ -27,8 +27,8 @@ class Sensors:
 
     ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
     ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
-    encoder, late, and where it is too late to say more. ``lag`` (s), ``offset`` (rad/s) and
-    ``gain``, with their standard errors, are those of
+    encoder, late, where it is too late to say more, and where it is ``foreign``: no speed of theta.
+    ``lag`` (s), ``offset`` (rad/s) and ``gain``, with their standard errors, are those of
 
         dtheta/dt = gain w(t + lag) - offset
     """
@@ -49,7 +49,7 @@ class Sensors:
         if self.w is not None:
             noise = self._noise(self.w, white, 0.3)
             self.w_variance = max(noise**2, (1e-7 * np.ptp(self.w)) ** 2)
-        self.filtered = self.repeats = self.differenced = False
+        self.filtered = self.repeats = self.differenced = self.foreign = False
         if self.theta is not None and self.w is not None:
             self.differenced = self._differenced()
             self._compare()
@@ -90,8 +90,8 @@ class Sensors:
         self._reconcile()
         self.filtered = self.late
         # a filtered difference of an encoder tells nothing that the encoder does not
-        self.repeats = self.late and self.samples.even and self.count > 0
-        if self.repeats or abs(self.lag) > FAR_W:
+        self.repeats = self.late and self.count > 0
+        if self.repeats or self.foreign or abs(self.lag) > FAR_W:
             self.w = None
 
     def _windows(self, x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
@@ -127,19 +127,25 @@ class Sensors:
         dphi = np.gradient(phi) / dt
         assert self.theta is not None
         turned = self._windows(self.theta, dphi)
-        if len(turned) < 8:
+        moves = np.abs(turned) > AT_REST * np.max(np.abs(turned), initial=0.0)
+        if moves.sum() < 8:
             return
         shift = self._far(turned, phi)
         for _ in range(3):
             w = self._moved(shift)
             columns = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
-            b, weights, scale = _robust_line(np.column_stack(columns), turned)
+            b, weights, scale = _robust_line(np.column_stack(columns), turned, moves)
             rest = b[1] / b[0] if shift else b[1]
             self.gain, self.lag = float(b[0]), shift + float(np.clip(rest, -FILTER, FILTER))
             if abs(self.lag) < min(3 * dt, 8e-3):
                 break
             shift = float(np.clip(self.lag, -0.05, VERY_LATE))
         X = np.column_stack(columns)
+        left = np.mean((turned - X @ b)[moves] ** 2)
+        self.foreign = bool(left > MOSTLY**2 * np.mean(turned[moves] ** 2))
+        if self.foreign:
+            self.gain, self.lag = 1.0, 0.0
+            return
         inverse = np.linalg.pinv(X * np.sqrt(weights)[:, None])
         error = np.sqrt(2 * (inverse**2).sum(axis=1)) * scale
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
@@ -186,13 +192,16 @@ def moved(x: np.ndarray, steps: int) -> np.ndarray:
     return x[np.clip(np.arange(len(x)) - steps, 0, len(x) - 1)]
 
 
-def _robust_line(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients, weights of the rows and scale of a robust regression without priors."""
+def _robust_line(
+    X: np.ndarray, y: np.ndarray, moves: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coefficients, weights of the rows and scale of a robust regression without priors; rows that
+    do not move (m,) say nothing of the scale."""
     weights = np.ones(len(y))
     for _ in range(6):
         root = weights[:, None] ** 0.5
         b = np.linalg.lstsq(X * root, y * root[:, 0], rcond=None)[0]
         r = y - X @ b
-        scale = 1.5 * float(np.median(np.abs(r))) + 1e-15
+        scale = 1.5 * float(np.median(np.abs(r[moves]))) + 1e-15
         weights = 1 / (1 + (r / scale) ** 2 / NU)
     return b, weights, scale

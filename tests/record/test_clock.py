@@ -243,3 +243,19 @@ def test_a_lost_row_of_an_even_clock_is_bridged_and_three_are_not():
     t = 1e-3 * np.delete(np.arange(1000), [300, 600, 601, 602])
     (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "w": np.sin(6.0 * t)})])
     assert found.ok[300] and not found.ok[601]
+
+
+def test_the_step_of_an_encoder_is_that_of_the_rows_as_recorded():
+    """Between uneven stamps a position lies on no count any more; its rounding is noise still."""
+    t = np.cumsum(np.random.default_rng(1).uniform(6e-4, 1.4e-3, 3000))
+    count = 2 * np.pi / 4096
+    log = {"t": t, "u": np.cos(t), "theta": count * np.round(3.0 * np.sin(2.0 * t) / count)}
+    (found,), _ = stretches([read_log(log)])
+    assert found.count == pytest.approx(count)
+    assert np.std(found.theta - count * np.round(found.theta / count)) > 0.1 * count
+
+
+def test_a_smooth_position_has_no_count():
+    t = 1e-3 * np.arange(2000)
+    (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "theta": np.sin(7.0 * t)})])
+    assert found.count == 0.0

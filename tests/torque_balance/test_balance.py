@@ -114,3 +114,18 @@ def test_a_late_torque_is_said_with_its_time(log):
     found = lg.balance(log_of(np.roll(log["u"], 5)[20:-20], DT, log["theta"][20:-20]), MODEL)
     note = [n for n in found.notes if n.startswith("u comes")]
     assert note and "10 ms late" in note[0]
+
+
+@pytest.mark.parametrize("w", [0.0, 7.0])
+def test_a_dead_speed_beside_a_position_is_left_out(log, w):
+    found = lg.balance(log_of(log["u"], DT, log["theta"], w=np.full(len(log["u"]), w)), MODEL)
+    assert found.parameters["J"].value == pytest.approx(J, rel=0.01)
+    assert "w does not follow d theta/dt: it is left out." in found.notes
+    assert not {"w_lag", "w_gain", "w_offset"} & found.parameters.keys()
+
+
+def test_torque_that_the_model_does_not_explain_is_said(log, plain):
+    said = "stays that the declared model does not explain"
+    u = log["u"] + 0.3 * FC * np.sin(5.0 * log["theta"])
+    assert any(said in note for note in lg.balance(log_of(u, DT, log["theta"]), MODEL).notes)
+    assert not any(said in note for note in plain.notes)
