@@ -1,7 +1,6 @@
 """Breakaway ramps: the torque rises until the axis runs away; static friction where it does.
 
-The ramp goes on while the axis speeds up, so that the torque at the first count is late, and
-bristles yield before, so that the first count may be early. The instant is that from which the
+The first count may be late or early (bristles yield before): the instant is that from which the
 motion grows with the third power of time, as under a torque that rises from balance.
 """
 
@@ -44,17 +43,17 @@ class Breakaway:
 def breakaway_ramps(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     """Static friction in each direction and at each place, with its scatter."""
     parts = [(one, piece) for one in motions for piece in one.pieces]
-    held = sum(_rows(piece) for _, piece in parts if piece.held)
-    all_rows = sum(map(len, motions))
+    every = sum(map(len, motions))
+    held = sum(p.at.stop - p.at.start for _, p in parts if p.held)
 
     def enough(ramps: int) -> bool:
-        return ramps >= RAMPS * all_rows and ramps + held >= MOSTLY * all_rows
+        return ramps >= RAMPS * every and ramps + held >= MOSTLY * every
 
-    if not enough(sum(_rows(piece) for _, piece in parts if piece.ramp)):
+    if not enough(sum(p.at.stop - p.at.start for _, p in parts if p.ramp)):
         return None
-    tried = [(piece, _breakaway(one, piece)) for one, piece in parts]
+    tried = [(piece.at, _breakaway(one, piece)) for one, piece in parts]
     found = [b for _, b in tried if b is not None]
-    if len(found) < FEWEST or not enough(sum(_rows(piece) for piece, b in tried if b is not None)):
+    if len(found) < FEWEST or not enough(sum(at.stop - at.start for at, b in tried if b)):
         return None
     unit = unit_for("N m", motion)
     torque, known = (np.array([getattr(b, k) for b in found]) for k in ("torque", "known"))
@@ -69,22 +68,14 @@ def breakaway_ramps(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     for k, at in ways.items():
         size, error = float(np.abs(torque[at]).mean()), scatter / np.sqrt(at.sum())
         values[k] = interval(size, error, freedom, unit, resolution=float(known[at].mean()))
-    values["Fs_scatter"] = _spread(scatter, freedom, float(known.mean()), unit)
+    low, high = scatter * np.sqrt(freedom / stats.chi2.ppf((0.975, 0.025), freedom))
+    ends = (max(float(low) - float(known.mean()), 0.0), float(high) + float(known.mean()))
+    values["Fs_scatter"] = Estimate(scatter, unit, ends)
     many = " and ".join(f"{at.sum()} {k[3:]}" for k, at in ways.items())
     x = "x [m]" if motion == "linear" else "theta [rad]"
     rows = tuple((b.x, "forward" if b.torque > 0 else "backward", abs(b.torque)) for b in found)
     table = BenchTable((x, "direction", f"Fs [{unit}]"), rows)
     return BenchTest(KIND, f"Breakaway in {many} ramps: {in_words(values)}.", values, table)
-
-
-def _spread(scatter: float, freedom: int, known: float, unit: str) -> Estimate:
-    """A standard deviation with its interval."""
-    low, high = (scatter * np.sqrt(freedom / stats.chi2.ppf(q, freedom)) for q in (0.975, 0.025))
-    return Estimate(scatter, unit, (max(float(low) - known, 0.0), float(high) + known))
-
-
-def _rows(piece: Piece) -> int:
-    return piece.at.stop - piece.at.start
 
 
 def _breakaway(one: Motion, piece: Piece) -> Breakaway | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
-from .momentum import EXPLAINED, Fitted, Stroke, best, constant, coulomb, interval, stroked, viscous
+from .momentum import EXPLAINED, Stroke, best, interval, stroked
 from .motion import Motion
 
 DIES = 0.3  # of the speed at its start, to which a coast falls at least
@@ -23,23 +24,16 @@ def coasts(motions: Sequence[Motion]) -> list[Stroke]:
     largest = max(float(np.abs(one.u).max()) for one in motions)
     found = []
     for one in motions:
-        for piece in one.pieces:
-            if not piece.held or abs(piece.level) > ZERO * largest:
+        free = [p.at for p in one.pieces if p.held and abs(p.level) <= ZERO * largest]
+        for piece, stroke in itertools.product(free, one.strokes):
+            at = slice(max(stroke.start, piece.start), min(stroke.stop, piece.stop))
+            if at.stop - at.start <= 3 * one.window:
                 continue
-            for at in one.strokes:
-                both = slice(max(at.start, piece.at.start), min(at.stop, piece.at.stop))
-                if both.stop - both.start > 3 * one.window and _dies(one, both):
-                    made = stroked(one, both)
-                    found += [made] if made is not None else []
-    return found
-
-
-def _dies(one: Motion, at: slice) -> bool:
-    v = np.abs(one.v[at])
-    return bool(
-        v[-1] < DIES * v[0]
-        and np.all(np.maximum.accumulate(v[::-1])[::-1] - v < 0.05 * v[0] + 3 * one.speeds[1])
-    )
+            v = np.abs(one.v[at])
+            later = np.maximum.accumulate(v[::-1])[::-1]
+            if v[-1] < DIES * v[0] and np.all(later - v < 0.05 * v[0] + 3 * one.speeds[1]):
+                found.append(stroked(one, at))
+    return [stroke for stroke in found if stroke is not None]
 
 
 def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> BenchTest | None:
@@ -49,29 +43,19 @@ def coast_down(motions: Sequence[Motion], J: float | None, motion: str) -> Bench
     if not strokes or sum(s.at.stop - s.at.start for s in strokes) < COASTING * moving:
         return None
     ways = {np.sign(s.v[0]) for s in strokes}
-    made = best(
-        strokes, {"Fc": coulomb, "Fv": viscous}, {"constant": constant} if len(ways) > 1 else {}
-    )
+    made = best(strokes, ("Fc", "Fv"), ("constant",) if len(ways) > 1 else ())
     if made is None or made["Fc"] <= 0 or made.unexplained > EXPLAINED:
         return None
     if made["Fv"] < -2 * made.error("Fv"):  # no friction: something else brakes
         return None
-    values = _values(made, J, motion)
+    per = {"Fc": "m/s2" if motion == "linear" else "rad/s2", "Fv": "1/s"}
+    values = {f"{k}/J": interval(made[k], made.error(k), made.freedom, per[k]) for k in per}
+    if J:
+        for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad")):
+            one = values[f"{k}/J"]
+            low, high = one.ci95 or (0.0, 0.0)
+            values[k] = Estimate(J * one.value, unit_for(unit, motion), (J * low, J * high))
     many = f"{len(strokes)} coast-downs" if len(strokes) > 1 else "One coast-down"
     taken = f", with J = {J:.6g} {unit_for('kg m2', motion)} as declared" if J else ""
     alone = ALONE if len(ways) == 1 else ""
     return BenchTest(KIND, f"{many}{taken}: {in_words(values)}.{alone}", values)
-
-
-def _values(made: Fitted, J: float | None, motion: str) -> dict[str, Estimate]:
-    per = {"Fc/J": "m/s2" if motion == "linear" else "rad/s2", "Fv/J": "1/s"}
-    found = {
-        f"{k}/J": interval(made[k], made.error(k), made.freedom, per[f"{k}/J"])
-        for k in ("Fc", "Fv")
-    }
-    if J:
-        for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad")):
-            one = found[f"{k}/J"]
-            low, high = one.ci95 or (0.0, 0.0)
-            found[k] = Estimate(J * one.value, unit_for(unit, motion), (J * low, J * high))
-    return found

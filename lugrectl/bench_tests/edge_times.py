@@ -1,7 +1,5 @@
-"""The angle behind a speed that is counts over the time since the last encoder edge.
-
-Such a speed keeps its value while no edge comes, at rest for ever. Times that time it is a whole
-number of counts, which gives the angle back, exact to the count.
+"""The angle behind a speed that is counts over the time since the last encoder edge: such a speed
+keeps its value while no edge comes; times that time it is a whole number of counts.
 """
 
 from __future__ import annotations
@@ -27,7 +25,9 @@ def angle_of(t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float] | None:
     passed = np.abs(w[at]) * since * dt
     late = passed[(since > 1) & (passed > 0)]
     tried = [float(np.quantile(late, 0.02))] if len(late) > FEWEST else []
-    usual = _usual(np.abs(w)) * dt
+    values, many = np.unique(np.round(np.abs(w), 6), return_counts=True)
+    often = values[(many > OFTEN * len(w)) & (values > 0)]  # their least difference: one per row
+    usual = float(np.diff(often, prepend=0.0).min()) * dt if len(often) else 0.0
     for count in (*tried, quantum(np.abs(w)) * dt, *(usual * n for n in range(1, 5))):
         x = _angle(w, at, since, dt, count) if count else None
         if x is not None:
@@ -35,20 +35,11 @@ def angle_of(t: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, float] | None:
     return None
 
 
-def _usual(w: np.ndarray) -> float:
-    """The least difference of the speeds that come often: a count per row."""
-    values, many = np.unique(np.round(w, 6), return_counts=True)
-    often = values[(many > OFTEN * len(w)) & (values > 0)]
-    return float(np.diff(often, prepend=0.0).min()) if len(often) else 0.0
-
-
 def _angle(
     w: np.ndarray, at: np.ndarray, since: np.ndarray, dt: float, count: float
 ) -> np.ndarray | None:
-    """The angle, with this count; None where what passes is no whole number of it.
-
-    Between two changes of w lie edges at the old speed, equally far apart, and one at the new.
-    """
+    """The angle, with this count; None where what passes is no whole number of it. Between two
+    changes of w lie edges at the old speed, equally far apart, and one at the new."""
     rate = np.abs(w[at]) * dt / count  # counts per row
     own = _rows_of(rate, since)
     repeats = np.append(0.0, own[:-1])
@@ -60,7 +51,13 @@ def _angle(
         return None
     slow = (own > 1) & (rate > 0)  # one count after many rows: a mere register would not do that
     if np.sum(slow) < SLOW:
-        if not _is_even(np.cumsum(w) * dt / count):
+        # counts of an encoder add up to a smooth angle, the rounded values of a register drift
+        x = np.cumsum(w) * dt / count
+        parts = x[: len(x) // SPAN * SPAN].reshape(-1, SPAN)
+        Q = np.linalg.qr(np.vander(np.arange(SPAN) / SPAN, 3))[0]
+        left = np.sqrt(np.mean((parts - parts @ Q @ Q.T) ** 2, axis=1))
+        moved = np.ptp(np.diff(parts, axis=1), axis=1) > 0.5
+        if moved.sum() <= FEWEST or np.median(left[moved]) >= EVEN:
             return None
     elif np.median(rate[slow] * own[slow]) > 1.5:
         return None
@@ -70,17 +67,6 @@ def _angle(
         edges = np.arange(at[i - 1] + repeats[i], at[i] - own[i] + 1, repeats[i]).astype(int)
         steps[edges] = w[at[i - 1]] * repeats[i] * dt
     return np.cumsum(steps)
-
-
-def _is_even(x: np.ndarray) -> bool:
-    """Whether counts add up to a smooth angle within a count: those of an encoder do, at any
-    speed; the rounded values of a register drift."""
-    parts = x[: len(x) // SPAN * SPAN].reshape(-1, SPAN)
-    A = np.vander(np.arange(SPAN) / SPAN, 3)
-    Q = np.linalg.qr(A)[0]
-    left = np.sqrt(np.mean((parts - parts @ Q @ Q.T) ** 2, axis=1))
-    moved = np.ptp(np.diff(parts, axis=1), axis=1) > 0.5
-    return bool(moved.sum() > FEWEST and np.median(left[moved]) < EVEN)
 
 
 def _rows_of(rate: np.ndarray, since: np.ndarray) -> np.ndarray:

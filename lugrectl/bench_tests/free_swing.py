@@ -12,28 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg import block_diag, solve_banded
 
 from ..blocks.friction import level
 from ..estimates.bench_test import BenchTest, in_words
 from ..estimates.findings import Estimate
 from .coast_down import ZERO
-from .momentum import (
-    EXPLAINED,
-    SHORTEST,
-    Column,
-    Fitted,
-    Stroke,
-    best,
-    cosine,
-    coulomb,
-    interval,
-    likely,
-    memory,
-    sine,
-    solved,
-    viscous,
-)
+from .momentum import EXPLAINED, SHORTEST, Fitted, Stroke, best, interval, likely, memory, solved
 from .motion import Motion
 
 G = 9.81  # m/s2
@@ -61,9 +46,8 @@ def free_swing(motions: Sequence[Motion], motion: str) -> BenchTest | None:
 
 def _trajectory(swings: Sequence[Stroke]) -> Fitted | None:
     """The whole trajectories; values to begin with are those of periods, one by one."""
-    terms: dict[str, Column] = {"sin": sine, "cos": cosine, "Fc": coulomb, "Fv": viscous}
     parts = [part for s in swings for part in _periods(s)]
-    start = best(parts, terms, {}) if parts else None
+    start = best(parts, NAMES[:4], ()) if parts else None
     if start is None:
         return None
     pull = float(np.hypot(start["sin"], start["cos"]))
@@ -82,16 +66,10 @@ def _trajectory(swings: Sequence[Stroke]) -> Fitted | None:
 
 def _cells(s: Stroke, pull: float) -> Swing:
     """A swing as means over cells, from the angle of which its sine and cosine are taken."""
-    dt = s.motion.dt
-    n = max(round(2 * np.pi / np.sqrt(pull) / KNOTS / dt), 1)
-    many = len(s.x) // n
-
-    def cells(x: np.ndarray) -> np.ndarray:
-        return x[: many * n].reshape(many, n).mean(1)
-
-    x = cells(s.x - s.x0)
-    y = x if s.motion.angle else cells(s.measured())
-    return Swing(n * dt, x, y[1:-1], not s.motion.angle)
+    n = max(round(2 * np.pi / np.sqrt(pull) / KNOTS / s.motion.dt), 1)
+    x, y = (z[: len(z) // n * n].reshape(-1, n).mean(1) for z in (s.x - s.x0, s.measured()))
+    y = x if s.motion.angle else y
+    return Swing(n * s.motion.dt, x, y[1:-1], not s.motion.angle)
 
 
 def _periods(s: Stroke) -> list[Stroke]:
@@ -121,52 +99,47 @@ def _swings(one: Motion) -> list[Stroke]:
 
 
 def _alternating(one: Motion, at: slice) -> list[list[slice]]:
-    """The rows of strokes in turn forwards and backwards, each shorter than the one before."""
+    """The rows of strokes in turn forwards and backwards, each shorter than the one before; the
+    first one may be cut."""
     found: list[list[slice]] = [[]]
     for stroke in one.strokes:
         if stroke.start < at.start or stroke.stop > at.stop or np.ptp(one.x[stroke]) < LEAST:
             continue
-        last = found[-1][-1] if found[-1] else None
-        if last is not None and not _follows(one, last, stroke, first=len(found[-1]) == 1):
-            found.append([])
+        if found[-1]:
+            last = found[-1][-1]
+            turned = one.side[last.start] != one.side[stroke.start]
+            soon = stroke.start - last.stop < last.stop - last.start
+            shorter = np.ptp(one.x[stroke]) < np.ptp(one.x[last]) or len(found[-1]) == 1
+            if not (turned and soon and shorter):
+                found.append([])
         found[-1].append(stroke)
     return found
 
 
-def _follows(one: Motion, last: slice, stroke: slice, first: bool) -> bool:
-    """Whether a stroke is the way back of the last one; the first one may be cut."""
-    turned = one.side[last.start] != one.side[stroke.start]
-    rest = stroke.start - last.stop
-    shorter = np.ptp(one.x[stroke]) < np.ptp(one.x[last])
-    return bool(turned and (shorter or first) and rest < (last.stop - last.start))
-
-
 def _values(fits: Sequence[Fitted]) -> dict[str, Estimate]:
     """Of all runs: each has its own zero of the angle, so that only the size of gravity is one."""
-    pull = _of_all([_pull(made) for made in fits], fits, "rad/s2")
+    freedom = sum(made.freedom for made in fits)
+
+    def mean(found: Sequence[tuple[float, float]], unit: str) -> Estimate:
+        """By the errors of the runs, wider where they differ by more."""
+        value, error = np.array(found).T
+        weight = error**-2
+        mean, own = float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
+        apart = float(weight @ (value - mean) ** 2) / max(len(value) - 1, 1)
+        return interval(mean, own * max(1.0, np.sqrt(apart)), freedom, unit)
+
+    pulls = []
+    for made in fits:
+        at = [made.names.index(key) for key in ("sin", "cos")]
+        size = float(np.hypot(*made.p[at]))
+        g = made.p[at] / size
+        pulls.append((size, float(np.sqrt(g @ made.V[np.ix_(at, at)] @ g))))
+    pull = mean(pulls, "rad/s2")
     low, high = pull.ci95 or (pull.value, pull.value)
     values = {"length": Estimate(G / pull.value, "m", (G / high, G / low)), "gravity/J": pull}
     for key, unit in (("Fc", "rad/s2"), ("Fv", "1/s")):
-        values[f"{key}/J"] = _of_all([(made[key], made.error(key)) for made in fits], fits, unit)
+        values[f"{key}/J"] = mean([(made[key], made.error(key)) for made in fits], unit)
     return values
-
-
-def _pull(made: Fitted) -> tuple[float, float]:
-    """The size of gravity for each unit of inertia, and its standard deviation."""
-    at = [made.names.index(key) for key in ("sin", "cos")]
-    size = float(np.hypot(*made.p[at]))
-    g = made.p[at] / size
-    return size, float(np.sqrt(g @ made.V[np.ix_(at, at)] @ g))
-
-
-def _of_all(found: Sequence[tuple[float, float]], fits: Sequence[Fitted], unit: str) -> Estimate:
-    """The mean of the runs by their errors, wider where they differ by more."""
-    value, error = np.array(found).T
-    weight = error**-2
-    mean, own = float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
-    apart = float(weight @ (value - mean) ** 2) / max(len(value) - 1, 1)
-    freedom = sum(made.freedom for made in fits)
-    return interval(mean, own * max(1.0, np.sqrt(apart)), freedom, unit)
 
 
 # ---- the trajectory --------------------------------------------------------------
@@ -256,7 +229,11 @@ def fitted(swings: Sequence[Swing], p: np.ndarray, names: tuple[str, ...]) -> Fi
             xs = [s.trajectory(p, x) for s, x in zip(swings, xs, strict=True)]
         except np.linalg.LinAlgError:
             return None
-        A, r = _linear(swings, p, xs)
+        slopes = [s.seen(s.slopes(p, x)) for s, x in zip(swings, xs, strict=True)]
+        # two knots of each swing are unknown, too
+        A = np.c_[np.concatenate([own[:, :m] for own in slopes]),
+                  block_diag(*(own[:, m:] for own in slopes))]  # fmt: skip
+        r = np.concatenate([s.y - s.seen(x) for s, x in zip(swings, xs, strict=True)])
         if len(r) - A.shape[1] < 3 or not (np.all(np.isfinite(A)) and np.all(np.isfinite(r))):
             return None
         size = np.linalg.norm(A, axis=0)
@@ -271,17 +248,3 @@ def fitted(swings: Sequence[Swing], p: np.ndarray, names: tuple[str, ...]) -> Fi
         if np.all(np.abs(step) < SETTLED * np.sqrt(np.diag(V))):
             break
     return made
-
-
-def _linear(
-    swings: Sequence[Swing], p: np.ndarray, xs: Sequence[np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """The slopes of all that is measured, by the values and two knots of each swing, and what is
-    left of it."""
-    m, made = len(p), []
-    for i, (s, x) in enumerate(zip(swings, xs, strict=True)):
-        own = s.seen(s.slopes(p, x))
-        A = np.zeros((len(own), m + 2 * len(swings)))
-        A[:, :m], A[:, m + 2 * i : m + 2 * i + 2] = own[:, :m], own[:, m:]
-        made.append((A, s.y - s.seen(x)))
-    return np.concatenate([A for A, _ in made]), np.concatenate([r for _, r in made])

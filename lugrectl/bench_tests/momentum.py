@@ -40,18 +40,22 @@ class Stroke:
         dt = np.diff(self.motion.t[self.at])
         return np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt))
 
-    def held(self, u: np.ndarray) -> np.ndarray:
-        """The integral of a torque that is held from row to row, once or twice."""
-        dt = np.diff(self.motion.t[self.at])
-        one = np.append(0.0, np.cumsum(u[:-1] * dt))
-        if not self.motion.angle:
-            return one
-        return np.append(0.0, np.cumsum(one[:-1] * dt + 0.5 * u[:-1] * dt**2))
-
     def integral(self, rate: np.ndarray) -> np.ndarray:
-        """The same of any torque along the motion."""
+        """The integral of a torque along the motion, once or twice."""
         made = self.once(rate)
         return self.once(made) if self.motion.angle else made
+
+    def driven(self) -> np.ndarray:
+        """The integral of the torque, held from row to row, once or twice."""
+        u, dt = self.u[:-1], np.diff(self.motion.t[self.at])
+        once = np.append(0.0, np.cumsum(u * dt))
+        if not self.motion.angle:
+            return once
+        return np.append(0.0, np.cumsum(once[:-1] * dt + 0.5 * u * dt**2))
+
+    @property
+    def u(self) -> np.ndarray:
+        return self.motion.u[self.at]
 
     @property
     def v(self) -> np.ndarray:
@@ -61,46 +65,21 @@ class Stroke:
     def x(self) -> np.ndarray:
         return self.motion.x[self.at]
 
-    def travelled(self) -> np.ndarray:
-        """The integral of w, once or twice."""
-        x = self.x - self.x[0]
-        return self.once(x) if self.motion.angle else x
-
     def measured(self) -> np.ndarray:
         return self.x if self.motion.w is None else self.motion.w[self.at]
 
 
 Column = Callable[[Stroke], np.ndarray]
-
-
-def torque(s: Stroke) -> np.ndarray:
-    return s.held(s.motion.u[s.at])
-
-
-def coulomb(s: Stroke) -> np.ndarray:
-    return -s.integral(np.sign(s.v))
-
-
-def viscous(s: Stroke) -> np.ndarray:
-    return -s.travelled()
-
-
-def constant(s: Stroke) -> np.ndarray:
-    return -s.integral(np.ones(len(s.v)))
-
-
-def late(s: Stroke) -> np.ndarray:
-    """By how much a torque acts later than it was logged, to first order."""
-    u = s.motion.u[s.at]
-    return -s.once(u) if s.motion.angle else -u
-
-
-def sine(s: Stroke) -> np.ndarray:
-    return -s.integral(np.sin(s.x - s.x0))
-
-
-def cosine(s: Stroke) -> np.ndarray:
-    return -s.integral(np.cos(s.x - s.x0))
+LAWS: dict[str, Column] = {  # what each coefficient multiplies
+    "1/J": lambda s: s.driven(),
+    "Fc": lambda s: -s.integral(np.sign(s.v)),
+    "Fv": lambda s: -(s.once(s.x - s.x[0]) if s.motion.angle else s.x - s.x[0]),
+    "constant": lambda s: -s.integral(np.ones(len(s.v))),
+    # by how much a torque acts later than it was logged, to first order
+    "late": lambda s: -(s.once(s.u) if s.motion.angle else s.u),
+    "sin": lambda s: -s.integral(np.sin(s.x - s.x0)),
+    "cos": lambda s: -s.integral(np.cos(s.x - s.x0)),
+}
 
 
 def fall(vs: float) -> Column:
@@ -110,20 +89,16 @@ def fall(vs: float) -> Column:
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Coefficients by name, their covariance and its degrees of freedom.
-
-    ``left`` is the RMS of what is left, over the noise of a sample, ``cost`` the sum of its
-    squares, ``moved`` the RMS of what is fitted, ``rows`` how many rows are independent.
-    """
+    """Coefficients by name, their covariance and its degrees of freedom."""
 
     names: tuple[str, ...]
     p: np.ndarray
     V: np.ndarray
     freedom: float
-    left: float
-    cost: float
-    moved: float
-    rows: float
+    left: float  # RMS of what is left, over the noise of a sample
+    cost: float  # sum of its squares
+    moved: float  # RMS of what is fitted
+    rows: float  # how many are independent
 
     def __getitem__(self, name: str) -> float:
         return float(self.p[self.names.index(name)])
@@ -198,18 +173,14 @@ class Table:
     def __init__(self, strokes: Sequence[Stroke]) -> None:
         self.strokes = strokes
         self.rows = [np.flatnonzero(s.motion.fresh[s.at]) for s in strokes]
-        self.free = [self._free(s, at) for s, at in zip(strokes, self.rows, strict=True)]
+        self.free = []
+        for s, at in zip(strokes, self.rows, strict=True):
+            t = s.motion.t[s.at][at]
+            powers = np.vander((t - t[0]) / (t[-1] - t[0]), 2 if s.motion.angle else 1)
+            self.free.append(np.linalg.qr(powers)[0])
         self.ends = np.cumsum([0, *map(len, self.rows)])
-        self.noise = np.concatenate(
-            [np.full(len(r), s.motion.noise) for s, r in zip(strokes, self.rows, strict=True)]
-        )
+        self.noise = np.repeat([s.motion.noise for s in strokes], np.diff(self.ends))
         self.y = self.column(Stroke.measured)
-
-    @staticmethod
-    def _free(s: Stroke, at: np.ndarray) -> np.ndarray:
-        t = s.motion.t[s.at][at]
-        powers = np.vander((t - t[0]) / (t[-1] - t[0]), 2 if s.motion.angle else 1)
-        return np.linalg.qr(powers)[0]
 
     def column(self, of: Column) -> np.ndarray:
         """A column in units of the noise."""
@@ -221,7 +192,8 @@ class Table:
         return np.concatenate(made) / self.noise
 
     def fit(self, columns: dict[str, np.ndarray]) -> Fitted | None:
-        """Least squares; None where the columns cannot be separated."""
+        """Least squares; None where the columns cannot be separated. The covariance is of what is
+        left, with its memory, and of what differs between strokes if that is more."""
         A, names = np.column_stack([*columns.values()]), tuple(columns)
         size = np.linalg.norm(A, axis=0)
         free = len(self.y) - A.shape[1] - sum(Q.shape[1] for Q in self.free)
@@ -234,26 +206,17 @@ class Table:
         inverse = np.linalg.inv(H)
         p = inverse @ (B.T @ self.y)
         r = self.y - B @ p
-        V, freedom, rows = self._covariance(B, inverse, r, free)
-        cost = float(r @ r)
+        cost, rows = float(r @ r), free / min(memory(r), free / 4)
+        V, freedom, G = inverse * max(cost / free, 1.0) * free / rows, rows, len(self.strokes)
+        if G >= STROKES:
+            ends = zip(self.ends, self.ends[1:], strict=False)
+            M = np.array([B[a:b].T @ r[a:b] for a, b in ends])
+            sandwich = inverse @ (M.T @ M) @ inverse * G / (G - 1)
+            more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(V), 1.0))
+            V, freedom = V * np.outer(more, more), min(rows, G - 1.0)
+        V = V * np.outer(1 / size, 1 / size)
         moved = float(np.sqrt(np.mean(self.y**2)))
-        scale = np.outer(1 / size, 1 / size)
-        return Fitted(names, p / size, V * scale, freedom, np.sqrt(cost / free), cost, moved, rows)
-
-    def _covariance(
-        self, B: np.ndarray, inverse: np.ndarray, r: np.ndarray, free: int
-    ) -> tuple[np.ndarray, float, float]:
-        """Of what is left, with its memory, and of what differs between strokes if that is more."""
-        together = min(memory(r), free / 4)
-        V = inverse * max(float(r @ r) / free, 1.0) * together
-        rows, G = free / together, len(self.strokes)
-        if G < STROKES:
-            return V, rows, rows
-        parts = [B[a:b].T @ r[a:b] for a, b in zip(self.ends, self.ends[1:], strict=False)]
-        M = np.array(parts)
-        sandwich = inverse @ (M.T @ M) @ inverse * G / (G - 1)
-        more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(V), 1.0))
-        return V * np.outer(more, more), min(rows, G - 1.0), rows
+        return Fitted(names, p / size, V, freedom, np.sqrt(cost / free), cost, moved, rows)
 
 
 def memory(r: np.ndarray) -> float:
@@ -268,33 +231,25 @@ def memory(r: np.ndarray) -> float:
     return float(1 + 2 * np.sum(c[1 : end[0] if len(end) else n]))
 
 
-def best(
-    strokes: Sequence[Stroke], terms: dict[str, Column], more: dict[str, Column]
-) -> Fitted | None:
+def best(strokes: Sequence[Stroke], terms: Sequence[str], more: Sequence[str]) -> Fitted | None:
     """The fit of the terms, with those further ones that are clearly there; friction falls with
-    speed where that is likely."""
+    speed, at one of several speeds, where that is likely."""
     table = Table(strokes)
-    columns = {k: table.column(of) for k, of in terms.items()}
+    columns = {k: table.column(LAWS[k]) for k in terms}
     made = table.fit(columns)
     if made is None:
         return None
     angles = all(s.motion.angle for s in strokes) and "sin" not in terms
-    gravity = {"sin": sine, "cos": cosine} if angles else {}
-    for added in (*({k: of} for k, of in more.items()), gravity):
-        tried = columns | {k: table.column(of) for k, of in added.items()}
-        other = table.fit(tried) if added else None
+    for added in (*((k,) for k in more), *([("sin", "cos")] if angles else [])):
+        tried = columns | {k: table.column(LAWS[k]) for k in added}
+        other = table.fit(tried)
         if other is not None and max(map(other.clear, added)) > CLEARLY:
             made, columns = other, tried
-    return likely([made, *_fallen(table, columns)])
-
-
-def _fallen(table: Table, columns: dict[str, np.ndarray]) -> list[Fitted]:
-    """The same with friction that falls, at one of several speeds."""
-    slow = min(max(s.motion.still, np.abs(s.v).min()) for s in table.strokes)
-    top = max(np.abs(s.v).max() for s in table.strokes)
+    slow = min(max(s.motion.still, np.abs(s.v).min()) for s in strokes)
+    top = max(np.abs(s.v).max() for s in strokes)
     speeds = np.geomspace(slow, max(MOST_FALL * top, 1.01 * slow), FALLS)
-    fits = [table.fit(columns | {"fall": table.column(fall(vs))}) for vs in speeds]
-    return [one for one in fits if one is not None and one["fall"] > 0]
+    fallen = [table.fit(columns | {"fall": table.column(fall(vs))}) for vs in speeds]
+    return likely([made, *(one for one in fallen if one is not None and one["fall"] > 0)])
 
 
 def likely(fits: Sequence[Fitted]) -> Fitted:

@@ -35,7 +35,7 @@ class Piece:
 
 
 def pieces(t: np.ndarray, u: np.ndarray, step: float) -> list[Piece]:
-    """The pieces of u between its steps and its bends."""
+    """The pieces of u between its steps and its bends (Douglas and Peucker, 1973)."""
     span = float(np.ptp(np.quantile(u, (RARE, 1 - RARE)))) or float(np.ptp(u))
     if not span:
         return [Piece(slice(0, len(u)), float(u[0]), 0.0, True, False)]
@@ -47,20 +47,15 @@ def pieces(t: np.ndarray, u: np.ndarray, step: float) -> list[Piece]:
     made, bends = [], 0
     while left:
         a, b = left.pop()
-        bend = _bend(t[a:b], u[a:b], far + step) if bends < MOST else None
-        if bend is None:
+        since = (t[a:b] - t[a]) / (t[b - 1] - t[a])
+        off = np.abs(u[a:b] - u[a] - (u[b - 1] - u[a]) * since)  # the chord
+        bend = int(np.argmax(off))
+        if bends >= MOST or off[bend] <= far + step or not 0 < bend < b - a - 1:
             made.append(_piece(t, u, slice(a, b), span, step + noise))
             continue
         bends += 1
         left += [(x, y) for x, y in ((a + bend, b), (a, a + bend)) if y - x >= SHORTEST]
     return made
-
-
-def _bend(t: np.ndarray, u: np.ndarray, far: float) -> int | None:
-    """The row farthest from the chord, if it is off (Douglas and Peucker, 1973)."""
-    off = np.abs(u - u[0] - (u[-1] - u[0]) * (t - t[0]) / (t[-1] - t[0]))
-    i = int(np.argmax(off))
-    return i if off[i] > far and 0 < i < len(u) - 1 else None
 
 
 def _piece(t: np.ndarray, u: np.ndarray, at: slice, span: float, step: float) -> Piece:
@@ -86,17 +81,15 @@ SLOW = 0.01  # of the top speed below which the axis rests
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Rows in time order. ``x`` is the angle, ``w`` the speed where no angle was recorded: x is
-    then its integral; ``fresh`` marks the rows whose motion was measured anew; ``noise`` is the
-    standard deviation of a sample of the signal that was recorded, ``step`` that of u."""
+    """Rows in time order of one part of a log."""
 
     t: np.ndarray
     u: np.ndarray
-    x: np.ndarray
-    w: np.ndarray | None
-    fresh: np.ndarray
-    noise: float
-    step: float
+    x: np.ndarray  # the angle, or the integral of w
+    w: np.ndarray | None  # the speed where no angle was recorded
+    fresh: np.ndarray  # rows whose motion was measured anew
+    noise: float  # standard deviation of a sample of the signal that was recorded
+    step: float  # that of u
     dt: float
 
     @property
@@ -110,28 +103,22 @@ class Motion:
     @cached_property
     def speeds(self) -> tuple[np.ndarray, float, int]:
         """The speed at every row, the standard deviation of its noise, and rows of its window."""
-        found = self._slope(3) if self.w is None else (self.w, self.noise)
-        window = 3 if self.w is None else 1
+        found = self._smoothed(3 if self.angle else 1)
         for m in WINDOWS:
-            if found[1] < SMOOTH * self._top(found[0]) or m > len(self) // 4:
+            if found[1] < SMOOTH * _top(found[0]) or m > len(self) // 4:
                 break
-            found, window = (self._slope(m) if self.w is None else self._mean(m)), m
-        return *found, window
+            found = self._smoothed(m)
+        return found
 
-    def _top(self, v: np.ndarray) -> float:
-        return float(np.quantile(np.abs(v), 0.995))
-
-    def _slope(self, m: int) -> tuple[np.ndarray, float]:
-        """Slopes of x over m rows by least squares."""
+    def _smoothed(self, m: int) -> tuple[np.ndarray, float, int]:
+        """Slopes of x over m rows by least squares, or means of w."""
+        if self.w is not None:
+            w = np.pad(self.w, m // 2, mode="edge")
+            return np.convolve(w, np.full(m, 1 / m), "valid"), self.noise / np.sqrt(m), m
         j = np.arange(m) - (m - 1) / 2
         k = j / (j @ j) / self.dt
         x = np.pad(self.x - self.x[0], m // 2, mode="reflect", reflect_type="odd")
-        return np.convolve(x, k[::-1], "valid"), self.noise * float(np.linalg.norm(k))
-
-    def _mean(self, m: int) -> tuple[np.ndarray, float]:
-        assert self.w is not None
-        w = np.pad(self.w, m // 2, mode="edge")
-        return np.convolve(w, np.full(m, 1 / m), "valid"), self.noise / np.sqrt(m)
+        return np.convolve(x, k[::-1], "valid"), self.noise * float(np.linalg.norm(k)), m
 
     @property
     def v(self) -> np.ndarray:
@@ -144,7 +131,7 @@ class Motion:
 
     @cached_property
     def top(self) -> float:
-        return self._top(self.v)
+        return _top(self.v)
 
     @cached_property
     def still(self) -> float:
@@ -154,16 +141,12 @@ class Motion:
     @cached_property
     def side(self) -> np.ndarray:
         """The direction of the motion in each row, 0 at rest."""
-        moving = (np.abs(self.v) > self.still) & ~self.stale
-        return np.sign(self.v) * moving
+        return np.sign(self.v) * ((np.abs(self.v) > self.still) & ~self.stale)
 
     @cached_property
     def stale(self) -> np.ndarray:
         """Rows in which a speed without an angle was not renewed for long: a rest."""
-        made = np.zeros(len(self), bool)
-        for first, length in runs(~self.fresh) if not self.angle else ():
-            made[first : first + length] = True
-        return made
+        return np.zeros(len(self), bool) if self.angle else ~self.fresh
 
     @cached_property
     def pieces(self) -> list[Piece]:
@@ -178,6 +161,10 @@ class Motion:
         return [slice(int(a), int(b)) for a, b in pairs if self.side[a]]
 
 
+def _top(v: np.ndarray) -> float:
+    return float(np.quantile(np.abs(v), 0.995))
+
+
 def motions(log: Log) -> list[Motion]:
     """The parts of a log, each on its own rows."""
     rows = usable(log)
@@ -188,38 +175,24 @@ def motions(log: Log) -> list[Motion]:
 
 
 def _motion(rows: Stamped, part: slice) -> Motion | None:
-    needed = ("u", "theta" if "theta" in rows.channels else "w")
-    taken = {k: rows.channels[k][part] for k in needed}
-    good = np.all([np.isfinite(x) for x in (rows.t[part], *taken.values())], axis=0)
-    t = rows.t[part][good]
+    role = "theta" if "theta" in rows.channels else "w"
+    t, u, x = rows.t[part], rows.channels["u"][part], rows.channels[role][part]
+    good = np.isfinite(t) & np.isfinite(u) & np.isfinite(x)
+    t, u, x = t[good], u[good], x[good]
     if len(t) < FEWEST or np.any(np.diff(t) <= 0):
         return None
     dt = float(np.median(np.diff(t)))
-    values = {k: x[good] for k, x in taken.items()}
-    u = values["u"]
     step = quantum(u) if len(np.unique(u)) > LEVELS else 0.0
     every = np.ones(len(t), bool)
-    if "theta" in values:
-        x = values["theta"]
+    if role == "theta":
         return Motion(t, u, x, None, every, white_noise([x]), step, dt)
-    w = values["w"]
-    counted = angle_of(t, w)
+    counted = angle_of(t, x)
     if counted is not None:
-        x, count = counted
-        return Motion(t, u, x, None, every, count / np.sqrt(12), step, dt)
-    fresh = _renewed(w)
-    return Motion(t, u, _integral(t, w, fresh), w, fresh, white_noise([w]), step, dt)
-
-
-def _renewed(w: np.ndarray) -> np.ndarray:
-    """Rows of a new value; a value that stays for a few rows is new in each."""
-    made = np.diff(w, prepend=np.nan) != 0
-    for first, length in runs(~made):
-        made[first : first + length] = length <= FEW
-    return made
-
-
-def _integral(t: np.ndarray, w: np.ndarray, renewed: np.ndarray) -> np.ndarray:
-    """The angle that a speed passes, straight between the rows that renew it."""
-    w = np.interp(t, t[renewed], w[renewed])
-    return np.append(0.0, np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t)))
+        angle, count = counted
+        return Motion(t, u, angle, None, every, count / np.sqrt(12), step, dt)
+    fresh = np.diff(x, prepend=np.nan) != 0
+    for first, length in runs(~fresh):  # a value that stays for a few rows is new in each
+        fresh[first : first + length] = length <= FEW
+    w = np.interp(t, t[fresh], x[fresh])  # straight between the rows that renew it
+    passed = np.append(0.0, np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t)))
+    return Motion(t, u, passed, x, fresh, white_noise([x]), step, dt)

@@ -42,16 +42,14 @@ class Scan:
 
 
 class Scans:
-    """The cells of all scans: angle ``x``, torque ``u`` and direction ``side``."""
+    """The cells of all scans: angle ``x``, torque ``u``, direction ``side``, and the columns of
+    friction and the harmonics of the turn."""
 
     def __init__(self, each: Sequence[Scan]) -> None:
         self.each = each
         self.x, self.u = (np.concatenate([getattr(s, k) for s in each]) for k in ("x", "u"))
         self.side = np.concatenate([np.full(len(s.x), np.sign(s.w)) for s in each])
-
-    def columns(self) -> np.ndarray:
-        """Friction and the harmonics of the turn."""
-        return np.column_stack([self.side, _harmonics(self.x)])
+        self.columns = np.column_stack([self.side, _harmonics(self.x)])
 
 
 def slow_scan(motions: Sequence[Motion], J: float | None, motion: str) -> BenchTest | None:
@@ -106,7 +104,7 @@ def _harmonics(x: np.ndarray) -> np.ndarray:
 def _accelerating(scans: Scans, J: float | None) -> tuple[np.ndarray, np.ndarray]:
     """The torque that accelerates the axis in each cell, and its standard error: the speed is not
     quite even. J shows in how this differs between the directions."""
-    A, u, n = scans.columns(), scans.u, np.arange(1, ORDERS + 1)
+    A, u, n = scans.columns, scans.u, np.arange(1, ORDERS + 1)
     p = solved(A, u).p
     size = np.hypot(p[2 : 2 + ORDERS], p[2 + ORDERS :])
     large = size > LITTLE * size.max()  # the noise of the others is no acceleration
@@ -127,7 +125,7 @@ def _accelerating(scans: Scans, J: float | None) -> tuple[np.ndarray, np.ndarray
 
 def _values(scans: Scans, force: np.ndarray, error: np.ndarray, motion: str) -> dict[str, Estimate]:
     """Friction, and the largest harmonics of the torque over the turn."""
-    A = scans.columns()
+    A = scans.columns
     fit = solved(A, scans.u - force)
     p, V = fit.p, np.diag(fit.V) + solved(A, error).p ** 2
     unit, freedom = unit_for("N m", motion), fit.rows

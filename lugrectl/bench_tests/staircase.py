@@ -1,7 +1,5 @@
-"""Staircase of speeds: a point of the friction curve from each plateau, and Stribeck's law.
-
-A plateau is a part of a log in which the axis keeps its speed, however slow beside its top speed.
-"""
+"""Staircase of speeds: a point of the friction curve from each plateau, a part of a log in which
+the axis keeps its speed, and Stribeck's law."""
 
 from __future__ import annotations
 
@@ -60,37 +58,28 @@ class Plateau:
 def plateaus(one: Motion) -> tuple[list[Plateau], int]:
     """The plateaus of a motion, and the rows in which the axis moves."""
     size = max(int(BLOCK / one.dt), len(one) // MOST, 5)
-    b, noise = _speeds(one, size)
+    many = len(one) // size
+    if one.w is not None:  # mean speeds of blocks, and the standard deviation of their noise
+        b = np.where(one.stale, 0.0, one.w)[: many * size].reshape(many, size).mean(1)
+        noise = one.noise / np.sqrt(size)
+    else:
+        ends = np.arange(many + 1) * size
+        b = np.diff(one.x[ends - (ends >= len(one))]) / (size * one.dt)
+        noise = one.noise * np.sqrt(2) / (size * one.dt)
     if len(b) < FEWEST:
         return [], 0
     made, k = [], 0
     while k + FEWEST <= len(b):
-        end = _end(b, k, noise)
+        total, end = b[k], k + 1
+        while end < len(b):  # up to the first block whose speed is another
+            mean = total / (end - k)
+            if abs(b[end] - mean) > KEEPS * abs(mean) + NOISE * noise:
+                break
+            total, end = total + b[end], end + 1
         if end - k >= FEWEST:
             made += _settled(one, k, end, size)
         k = end if end - k >= FEWEST else k + 1
     return made, int(np.count_nonzero(np.abs(b) > NOISE * noise)) * size
-
-
-def _speeds(one: Motion, size: int) -> tuple[np.ndarray, float]:
-    """Mean speeds of blocks, and the standard deviation of their noise."""
-    many = len(one) // size
-    if one.w is not None:
-        w = np.where(one.stale, 0.0, one.w)[: many * size].reshape(many, size).mean(1)
-        return w, one.noise / np.sqrt(size)
-    x = one.x[np.arange(many + 1) * size - (np.arange(many + 1) * size >= len(one))]
-    return np.diff(x) / (size * one.dt), one.noise * np.sqrt(2) / (size * one.dt)
-
-
-def _end(b: np.ndarray, k: int, noise: float) -> int:
-    """The first block after k whose speed is another than that of the blocks before."""
-    total, j = b[k], k + 1
-    while j < len(b):
-        mean = total / (j - k)
-        if abs(b[j] - mean) > KEEPS * abs(mean) + NOISE * noise:
-            break
-        total, j = total + b[j], j + 1
-    return j
 
 
 def _settled(one: Motion, k: int, end: int, size: int) -> list[Plateau]:
@@ -104,12 +93,6 @@ def _settled(one: Motion, k: int, end: int, size: int) -> list[Plateau]:
     later = float((x[-1] - x[middle]) / (t[-1] - t[middle]))
     steady = abs(later - w) < 0.5 * STEADY * abs(w) + 2 * NOISE * found.error
     return [found] if steady and abs(w) > 2 * NOISE * found.error else []
-
-
-def levels(w: np.ndarray) -> int:
-    """How many sizes of speed differ."""
-    sizes = np.sort(np.abs(w))
-    return 1 + int(np.sum(np.diff(np.log(sizes)) > np.log(LEVEL)))
 
 
 LEVELS = 4  # different speeds, at least
@@ -132,16 +115,18 @@ def staircase(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     found = [p for parts, _ in both for p in parts]
     covered, moving = sum(p.rows for p in found), sum(rows for _, rows in both)
     w = np.array([p.w for p in found])
-    if not len(w) or covered < COVERED * moving or levels(w) < LEVELS:
+    levels = 1 + int(np.sum(np.diff(np.log(np.sort(np.abs(w)))) > np.log(LEVEL)))
+    if not len(w) or covered < COVERED * moving or levels < LEVELS:
         return None
     u, error = np.array([_torque(p) for p in found]).T
-    values = fitted(w, u, error, np.array([p.error for p in found]), motion)
+    error_u = np.hypot(error, 1e-4 * np.abs(u).max())
+    values = fitted(Points(w, u, error_u, np.array([p.error for p in found])), motion)
     if values is None:
         return None
     torque, speed = unit_for("N m", motion), unit_for("rad/s", motion)
-    order = np.argsort(w)
     rows = tuple(
-        (float(w[i]), float(u[i]), Z95 * float(np.hypot(error[i], SCALE * u[i]))) for i in order
+        (float(w[i]), float(u[i]), Z95 * float(np.hypot(error[i], SCALE * u[i])))
+        for i in np.argsort(w)
     )
     table = BenchTable((f"w [{speed}]", f"u [{torque}]", f"+- [{torque}]"), rows)
     said = f"Staircase of {len(w)} plateaus: {in_words(values)}."
@@ -160,21 +145,45 @@ def _torque(p: Plateau) -> tuple[float, float]:
     return float(u.mean()), float(np.hypot(error, p.motion.step / np.sqrt(12)))
 
 
-def fitted(
-    w: np.ndarray, u: np.ndarray, error: np.ndarray, error_w: np.ndarray, motion: str
-) -> dict[str, Estimate] | None:
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Speeds and torques of plateaus (n,) with their standard errors."""
+
+    w: np.ndarray
+    u: np.ndarray
+    error: np.ndarray
+    error_w: np.ndarray
+
+    @property
+    def plain(self) -> list[np.ndarray]:
+        """The columns of Coulomb and viscous friction, and of a constant in two directions."""
+        both = np.ptp(np.sign(self.w)) > 0
+        return [np.sign(self.w), self.w, *([np.ones(len(self.w))] if both else [])]
+
+    def falling(self, vs: float) -> tuple[Solved, float]:
+        """The fit with friction that falls at vs, where an error of w is one of u; the misfit is
+        twice a negative log-likelihood."""
+        size, own = np.abs(self.w), self.error
+        fall = level(size, 0.0, 1.0, vs)
+        columns = np.column_stack([*self.plain, np.sign(self.w) * fall])
+        for _ in range(2):
+            slope = solved(columns / own[:, None], self.u / own).p[-1] * 2 * size / vs**2 * fall
+            own = np.hypot(self.error, slope * self.error_w)
+        fit = solved(columns / own[:, None], self.u / own)
+        return fit, fit.cost + 2 * float(np.sum(np.log(own / self.error)))
+
+
+def fitted(points: Points, motion: str) -> dict[str, Estimate] | None:
     """Stribeck's law along the points: solved for the levels at each vs, and averaged over vs by
     how likely it is."""
-    s, size = np.sign(w), np.abs(w)
-    error = np.hypot(error, 1e-4 * np.abs(u).max())
-    plain = [s, w, *([np.ones(len(w))] if np.ptp(s) else [])]
-    free = len(w) - len(plain) - 2
+    size, plain, error = np.abs(points.w), points.plain, points.error
+    n, free = len(plain), len(size) - len(plain) - 2
     if free < 1:
         return None
-    straight = solved(np.column_stack(plain) / error[:, None], u / error)
+    straight = solved(np.column_stack(plain) / error[:, None], points.u / error)
     speeds = np.geomspace(LOWEST * size.min(), size.max(), SPEEDS)
     for _ in range(2):  # all speeds, then more of those that are likely
-        fits = [_at(vs, plain, u, error, error_w) for vs in speeds]
+        fits = [points.falling(vs) for vs in speeds]
         cost = np.array([misfit if f.p[-1] > 0 else np.inf for f, misfit in fits])
         unit = max(min(float(cost.min()), straight.cost) / free, 1.0)
         near = np.flatnonzero(cost < cost.min() + FAR * unit)
@@ -183,53 +192,36 @@ def fitted(
         ends = speeds[max(near[0] - 1, 0)], speeds[min(near[-1] + 1, SPEEDS - 1)]
         last, speeds = speeds, np.geomspace(*ends, SPEEDS)
     off = np.sqrt(min(float(cost.min()), straight.cost) / free) * np.median(error)
-    if off > SCATTERED * np.abs(u).mean():  # on no curve
+    if off > SCATTERED * np.abs(points.u).mean():  # on no curve
         return None
     falls = straight.cost - cost.min() > CLEARLY * unit
     fits = [f for f, _ in fits]
     made = fits[int(np.argmin(cost))] if falls else straight
-    p, n = made.p, len(plain)
-    if p[0] <= 0:  # no friction: the axis only seems to keep its speed
+    if made.p[0] <= 0:  # no friction: the axis only seems to keep its speed
         return None
     likely = np.exp(-0.5 * (cost - cost.min()) / unit) if falls else np.zeros(SPEEDS)
     likely /= max(likely.sum(), 1.0)
-    gap = np.array([f.p[:n] for f in fits]) - p[:n]
+    gap = np.array([f.p[:n] for f in fits]) - made.p[:n]
     V = made.H[:n, :n] * unit + np.einsum("i,ij,ik->jk", likely, gap, gap)
-    more = "" if np.ptp(s) else ONE_WAY
-    units = {"Fc" + more: unit_for("N m", motion), "Fv": unit_for("N m s/rad", motion)}
-    values = {
-        k: interval(p[i], float(np.sqrt(V[i, i])), free, one)
-        for i, (k, one) in enumerate(units.items())
-    }
-    fall = _fall(fits, last, likely, unit, free, motion) if falls else {}
+    more = "" if n > 2 else ONE_WAY
+    values = {}
+    for i, (k, name) in enumerate({"Fc" + more: "N m", "Fv": "N m s/rad"}.items()):
+        spread = float(np.sqrt(V[i, i]))
+        values[k] = interval(made.p[i], spread, free, unit_for(name, motion))
+    fall = _fall(fits, last, likely, (unit, free), motion) if falls else {}
     return values | {k + more * (k == "Fs"): e for k, e in fall.items()}
-
-
-def _at(
-    vs: float, plain: list[np.ndarray], u: np.ndarray, error: np.ndarray, error_w: np.ndarray
-) -> tuple[Solved, float]:
-    """The same for friction that falls at vs, where an error of w is one of u; the misfit is
-    twice a negative log-likelihood."""
-    s, size = plain[0], np.abs(plain[1])
-    fall = level(size, 0.0, 1.0, vs)
-    columns, own = np.column_stack([*plain, s * fall]), error
-    for _ in range(2):
-        slope = solved(columns / own[:, None], u / own).p[-1] * 2 * size / vs**2 * fall
-        own = np.hypot(error, slope * error_w)
-    fit = solved(columns / own[:, None], u / own)
-    return fit, fit.cost + 2 * float(np.sum(np.log(own / error)))
 
 
 def _fall(
     fits: Sequence[Solved],
     speeds: np.ndarray,
     likely: np.ndarray,
-    unit: float,
-    free: int,
+    scale: tuple[float, int],
     motion: str,
 ) -> dict[str, Estimate]:
-    """Fs and vs, whose intervals hold what other vs say."""
-    best = int(np.argmax(likely))
+    """Fs and vs, whose intervals hold what other vs say; ``scale``: unit of the misfit, and its
+    degrees of freedom."""
+    best, (unit, free) = int(np.argmax(likely)), scale
     Fs = np.array([f.p[0] + f.p[-1] for f in fits])
     V = fits[best].H
     own = float(V[0, 0] + V[-1, -1] + 2 * V[0, -1]) * unit
@@ -241,7 +233,4 @@ def _fall(
     static = interval(float(Fs[best]), float(error), free, unit_for("N m", motion))
     if half > 1 or (static.ci95 or (0.0,))[0] <= 0:  # too few plateaus are slow enough
         return {}
-    return {
-        "Fs": static,
-        "vs": Estimate(vs, unit_for("rad/s", motion), ends),
-    }
+    return {"Fs": static, "vs": Estimate(vs, unit_for("rad/s", motion), ends)}

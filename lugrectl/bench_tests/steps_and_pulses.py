@@ -9,18 +9,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..estimates.bench_test import ALONE, BenchTest, in_words
 from ..estimates.findings import Estimate
-from .momentum import (
-    EXPLAINED,
-    Fitted,
-    best,
-    constant,
-    coulomb,
-    interval,
-    late,
-    stroked,
-    torque,
-    viscous,
-)
+from .momentum import EXPLAINED, Fitted, best, interval, stroked
 from .motion import Motion, Piece
 
 HELD = 0.9  # of the moving rows, in which the torque must be held
@@ -32,14 +21,14 @@ KIND = "steps_and_pulses"
 
 def steps_and_pulses(motions: Sequence[Motion], motion: str) -> BenchTest | None:
     """J, Fc and Fv of the motion between the steps of the torque."""
-    found = [(one, one.pieces) for one in motions]
-    found = [(one, parts) for one, parts in found if _is_held(one, parts)]
+    found = [(one, one.pieces) for one in motions if _is_held(one, one.pieces)]
     strokes = [s for one, _ in found for at in one.strokes if (s := stroked(one, at)) is not None]
-    if not strokes or _levels([p for _, parts in found for p in parts if p.held]) < 2:
+    levels = np.sort([p.level for _, parts in found for p in parts if p.held])
+    if not strokes or not np.any(np.diff(levels) > LEVELS * np.abs(levels).max(initial=0.0)):
         return None
-    terms = {"1/J": torque, "Fc": coulomb, "Fv": viscous}
-    both = {"constant": constant} if len({np.sign(s.v[0]) for s in strokes}) > 1 else {}
-    made = best(strokes, terms, {**both, "late": late})
+    ways = {np.sign(s.v[0]) for s in strokes}
+    both = ("constant",) if len(ways) > 1 else ()
+    made = best(strokes, ("1/J", "Fc", "Fv"), (*both, "late"))
     if made is None or made["1/J"] <= 0 or made["Fc"] < 0 or made.unexplained > EXPLAINED:
         return None
     pushes = sum(p.held and p.level != 0 for _, parts in found for p in parts)
@@ -57,21 +46,13 @@ def _is_held(one: Motion, parts: Sequence[Piece]) -> bool:
     driven = moving & (np.abs(one.u) > DRIVEN * np.abs(one.u).max())
     if not driven.any() or held[moving].mean() < HELD:
         return False
-    changed = sum(_changed(one, at, p.at) for at in one.strokes for p in parts if p.held)
+    changed = 0.0  # of the speed, in all strokes, while the torque is held
+    for stroke in one.strokes:
+        for piece in (p.at for p in parts if p.held):
+            first, last = max(stroke.start, piece.start), min(stroke.stop, piece.stop) - 1
+            changed += abs(one.v[last] - one.v[first]) if last > first else 0.0
     v = [np.abs(one.v[at]) for at in one.strokes]
     return bool(changed > CHANGED * sum(2 * x.max() - x[0] - x[-1] for x in v))
-
-
-def _changed(one: Motion, stroke: slice, piece: slice) -> float:
-    """By how much the speed of a stroke changes in a piece."""
-    first, last = max(stroke.start, piece.start), min(stroke.stop, piece.stop) - 1
-    return float(abs(one.v[last] - one.v[first])) if last > first else 0.0
-
-
-def _levels(held: Sequence[Piece]) -> int:
-    """How many levels of the torque differ clearly."""
-    levels = np.sort([p.level for p in held])
-    return 1 + int(np.sum(np.diff(levels) > LEVELS * np.abs(levels).max()))
 
 
 def _values(made: Fitted, found: Sequence[Motion], motion: str) -> dict[str, Estimate]:

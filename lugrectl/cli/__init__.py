@@ -41,7 +41,7 @@ def _own_warnings() -> Iterator[None]:
 
     def show(message: Any, category: Any, *place: Any, **more: Any) -> None:
         if issubclass(category, NotLoaded):
-            _said(f"warning: {message}", 0)
+            say(f"warning: {message}")
         else:
             others(message, category, *place, **more)
 
@@ -56,7 +56,11 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments = parser().parse_args(argv)
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
         blocks = getattr(arguments, "blocks", None) or ()
-        _load(blocks)
+        if blocks:
+            from ..blocks.extending import load_blocks
+
+            for file in blocks:
+                load_blocks(file)
         if getattr(arguments, "plot", None) is not None:
             check_picture(arguments.plot)
         code = arguments.run(arguments)
@@ -65,7 +69,8 @@ def _run(argv: Sequence[str] | None) -> int:
     except SystemExit as stop:  # argparse: 0 after --help, 2 for wrong usage
         return int(stop.code or 0)
     except KeyboardInterrupt:
-        return _said("interrupted.", INTERRUPTED)
+        say("interrupted.")
+        return INTERRUPTED
     except BrokenPipeError:  # the reader closed the pipe: print nothing, not even at exit
         with contextlib.suppress(OSError):  # stdout may not be a file
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -74,41 +79,22 @@ def _run(argv: Sequence[str] | None) -> int:
         return _failed(error, blocks)
 
 
-def _load(files: Sequence[str]) -> None:
-    """Declare the blocks of the files of --blocks."""
-    if files:
-        from ..blocks.extending import load_blocks
-
-        for file in files:
-            load_blocks(file)
-
-
-def _in_own_file(error: Exception, blocks: Sequence[str]) -> str | None:
-    """File and line of a file of --blocks in which it went wrong."""
-    own = {os.path.realpath(file) for file in blocks}
-    for frame in reversed(traceback.extract_tb(error.__traceback__)):
-        if os.path.realpath(frame.filename) in own:
-            return f"{frame.filename}, line {frame.lineno}"
-    return None
-
-
-def _failed(error: Exception, blocks: Sequence[str] = ()) -> int:
+def _failed(error: Exception, blocks: Sequence[str]) -> int:
+    """Say what went wrong; an error in a file of --blocks with its line."""
     code = getattr(error, "exit_code", None)
     if code is not None:
-        return _said(f"error: {error}", code)
+        say(f"error: {error}")
+        return code
     if os.environ.get("LUGRECTL_DEBUG") == "1":
         traceback.print_exc()
     what = " ".join(f"{type(error).__name__}: {error}".split())
-    place = _in_own_file(error, blocks)
-    if place is not None:
-        return _said(f"error: {place}: {what}", InputError.exit_code)
-    return _said(
+    own = {os.path.realpath(file) for file in blocks}
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        if os.path.realpath(frame.filename) in own:
+            say(f"error: {frame.filename}, line {frame.lineno}: {what}")
+            return InputError.exit_code
+    say(
         f"unexpected {what}. Please report this with the command you typed; "
-        "set LUGRECTL_DEBUG=1 to see where it happened.",
-        UNEXPECTED,
+        "set LUGRECTL_DEBUG=1 to see where it happened."
     )
-
-
-def _said(sentence: str, code: int) -> int:
-    say(sentence)
-    return code
+    return UNEXPECTED

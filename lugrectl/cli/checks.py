@@ -1,7 +1,4 @@
-"""``lugrectl check``: the linear checks of a loop, or of a transfer function that is typed.
-
-The latter is ``--num 1,10 --den 1,2,0.5 [--dt 0.001]``.
-"""
+"""``lugrectl check``: the linear checks of a loop, or of a transfer function that is typed."""
 
 from __future__ import annotations
 
@@ -50,11 +47,26 @@ UNUSED = {  # options on which a property does not depend
 
 def check(a: Namespace) -> int:
     """``lugrectl check``: 0 when the property holds, 1 when not."""
+    from .. import linear
     from ..core.result import plain
 
-    T = _transfer(a)
-    verdict, about = _of_loop(a) if T is None else (_checking(a)(T), {"transfer": _typed(a)})
-    _say_unused(a)
+    T, work = _transfer(a), getattr(linear, f"{a.property}_check")
+    if a.property == "bandwidth":
+        work = partial(work, level="half-power" if a.half_power else "-3dB")
+    if T is None:
+        verdict, about = _of_loop(a, work)
+    else:
+        num, den = ([float(c) for c in _coefficients(text, "")] for text in (a.num, a.den))
+        typed = {"num": num, "den": den, "dt": a.dt, **given(a, "dead_time")}
+        verdict, about = work(T), {"transfer": typed}
+    names = UNUSED[a.property]
+    if a.num is not None:
+        more = () if a.property == "bandwidth" else ("half_power",)
+        names = ("model", "K2", *_LOOP, "prefilter", *more)
+    extra = [f"--{k.replace('_', '-')}" for k in given(a, " ".join(names))]
+    extra += [f"--{a.loop}"] if a.loop and (a.property in ("l2", "passivity") or a.num) else []
+    if extra:
+        say(f"note: {a.property} does not depend on {', '.join(extra)}: not used.")
     about = {"model": None, "gains": {}} | about
     last = {k: about.pop(k) for k in ("model", "gains")}
     facts = {"schema": 1, "check": a.property, **about, **last, **verdict.summary()}
@@ -62,27 +74,20 @@ def check(a: Namespace) -> int:
     return 0 if verdict else 1
 
 
-def _checking(a: Namespace) -> Any:
-    """The function of a check."""
-    from .. import linear
-
-    level = {"level": "half-power" if a.half_power else "-3dB"}
-    work = getattr(linear, f"{a.property}_check")
-    return partial(work, **level) if a.property == "bandwidth" else work
-
-
-def _of_loop(a: Namespace) -> tuple[Any, dict[str, Any]]:
+def _of_loop(a: Namespace, work: Any) -> tuple[Any, dict[str, Any]]:
     """The verdict on a loop with a model, and what it is about."""
     from .. import linear
 
-    (p, name), work = _parameters(a), _checking(a)
+    p, name = _parameters(a)
     if a.property == "passivity":
         return work(p), {"model": name}
     if a.property == "l2":
         gains = {"K2": PAPER_K2 if a.K2 is None else a.K2}
         return work(p, **gains), {"model": name, "gains": gains}
     loop = a.loop or ("position" if a.property == "spr" else "velocity")
-    gains = _gains(a, loop)
+    # the paper's gains if none is given, else the given ones and 0 for the others
+    gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given(a, "kp ki kd") or PAPER[loop])
+    gains |= given(a, "tau leak derivative_filter dead_time")
     filtered = {"prefilter": bool(a.prefilter)} if a.property == "bandwidth" else {}
     made = getattr(linear, f"{loop}_{_MADE[a.property]}")(p, **gains, **filtered)
     return work(made), {"loop": loop, **filtered, "model": name, "gains": gains}
@@ -108,23 +113,6 @@ def _parameters(a: Namespace) -> tuple[Any, str]:
             f"{a.model}: {a.property} needs {' and '.join(missing)}, which the file does not give."
         )
     return (model if a.property == "passivity" else Namespace(**values)), model.name
-
-
-def _gains(a: Namespace, loop: str) -> dict[str, float]:
-    """The paper's gains if none is given, else the given ones and 0 for the others."""
-    gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given(a, "kp ki kd") or PAPER[loop])
-    return gains | given(a, "tau leak derivative_filter dead_time")
-
-
-def _say_unused(a: Namespace) -> None:
-    names = UNUSED[a.property]
-    if a.num is not None:
-        more = () if a.property == "bandwidth" else ("half_power",)
-        names = ("model", "K2", *_LOOP, "prefilter", *more)
-    extra = [f"--{k.replace('_', '-')}" for k in given(a, " ".join(names))]
-    extra += [f"--{a.loop}"] if a.loop and (a.property in ("l2", "passivity") or a.num) else []
-    if extra:
-        say(f"note: {a.property} does not depend on {', '.join(extra)}: not used.")
 
 
 # --- a transfer function that is typed -----------------------------------------------------
@@ -169,12 +157,6 @@ def _coefficients(text: str, option: str) -> list[Fraction]:
     return found
 
 
-def _typed(a: Namespace) -> dict[str, Any]:
-    """T for the JSON document."""
-    num, den = ([float(c) for c in _coefficients(text, "")] for text in (a.num, a.den))
-    return {"num": num, "den": den, "dt": a.dt, **given(a, "dead_time")}
-
-
 def joined(words: Sequence[str]) -> list[str]:
     """``--num -1 2`` as ``--num=-1 2``: argparse takes "-1" for an option."""
     out: list[str] = []
@@ -191,15 +173,22 @@ def joined(words: Sequence[str]) -> list[str]:
 
 
 def _text(facts: dict[str, Any], units: Mapping[str, str]) -> str:
-    said = [facts[k].rstrip(".") + "." for k in ("reason", "meaning", "repair") if facts.get(k)]
-    known = [k for k in _SHOWN if k in facts and not math.isnan(facts[k])]
-    return "\n".join(
-        [
-            f"{_answer(facts)}: {_about(facts)}",
-            *(textwrap.fill(s, 80, initial_indent="  ", subsequent_indent="  ") for s in said),
-            *(f"  {k}: {facts[k]:.6g} {units.get(k, '')}".rstrip() + _at(facts, k) for k in known),
-        ]
-    )
+    lines = [f"{_answer(facts)}: {_about(facts)}"]
+    for sentence in (facts[k] for k in ("reason", "meaning", "repair") if facts.get(k)):
+        said = sentence.rstrip(".") + "."
+        lines.append(textwrap.fill(said, 80, initial_indent="  ", subsequent_indent="  "))
+    for k in (k for k in _SHOWN if k in facts and not math.isnan(facts[k])):
+        more = []  # the other form in which a margin is known, and at which frequency it is
+        if k == "gain_margin" and 0 < facts[k] < math.inf:
+            more.append(f"{20 * math.log10(facts[k]):.4g} dB")
+        if k == "modulus_margin":
+            more.append(f"Ms {facts['Ms']:.6g}")
+        at = facts.get(f"{k}_frequency", math.nan)
+        if not math.isnan(at):
+            more.append(f"at {at:.6g} rad/s" if math.isfinite(at) else "as w grows")
+        value = f"  {k}: {facts[k]:.6g} {units.get(k, '')}".rstrip()
+        lines.append(value + (f" ({', '.join(more)})" if more else ""))
+    return "\n".join(lines)
 
 
 def _about(facts: dict[str, Any]) -> str:
@@ -225,18 +214,6 @@ def _polynomial(p: Sequence[float], name: str) -> str:
         sign = ("-" if c < 0 else "") if not terms else (" - " if c < 0 else " + ")
         terms.append(sign + size)
     return "".join(terms) or "0"
-
-
-def _at(facts: dict[str, Any], margin: str) -> str:
-    """At which frequency a margin is, and the other form in which it is known."""
-    more = []
-    if margin == "gain_margin" and 0 < facts[margin] < math.inf:
-        more.append(f"{20 * math.log10(facts[margin]):.4g} dB")
-    if margin == "modulus_margin":
-        more.append(f"Ms {facts['Ms']:.6g}")
-    at = facts.get(f"{margin}_frequency", math.nan)
-    more += [] if math.isnan(at) else [f"at {at:.6g} rad/s" if math.isfinite(at) else "as w grows"]
-    return f" ({', '.join(more)})" if more else ""
 
 
 def _answer(facts: dict[str, Any]) -> str:

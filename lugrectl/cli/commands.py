@@ -1,6 +1,5 @@
-"""The commands: what they do with their options, and their exit code.
-
-Slow imports are left to the command that needs them.
+"""The commands: what they do with their options, and their exit code. Slow imports are left to the
+command that needs them.
 """
 
 from __future__ import annotations
@@ -93,7 +92,9 @@ def demo(a: Namespace) -> int:
 
 
 def _fitted(work: Any, a: Namespace) -> int:
+    """Fit, print and write; a record that cannot answer gives the verdict "refused"."""
     from ..blocks.extending import files_loaded
+    from ..diagnosis.notes import refusal
     from ..report import FILES, check_folder, text
     from ..report import write as write_report
 
@@ -104,7 +105,16 @@ def _fitted(work: Any, a: Namespace) -> int:
         named = [*a.records, a.model, a.holdout or "last"]
         spare(a.out, named, [Path(a.out) / name for name in FILES])
     sources = [*a.records, model, a.holdout, *files_loaded()]
-    result = stamp(_answered(work, a, model), a.typed, sources)
+    training, holdout = with_holdout(a, model)
+    options = searched(a) | {"holdout": holdout}
+    options |= {"law": AUTO} if getattr(a, "law", None) == AUTO else {}
+    record = training[0] if len(training) == 1 else training
+    try:
+        with Terminal(sys.stderr) as bar:
+            result = work(record, model, progress=bar, **options)
+    except Refused as no:
+        result = refusal(no, model, [], no.plain)
+    result = stamp(result, a.typed, sources)
     refused = getattr(result, "verdict", None) == "refused"
     written = write_report(result, a.out) if a.out is not None else []
     a.plot = None if refused else a.plot
@@ -113,21 +123,6 @@ def _fitted(work: Any, a: Namespace) -> int:
     if refused and a.json:
         say(f"refused: {result.reason}")
     return Refused.exit_code if refused else 0
-
-
-def _answered(work: Any, a: Namespace, model: Model) -> Any:
-    """The result of ``work``; a record that cannot answer gives the verdict "refused"."""
-    from ..diagnosis.notes import refusal
-
-    training, holdout = with_holdout(a, model)
-    options = searched(a) | {"holdout": holdout}
-    options |= {"law": AUTO} if getattr(a, "law", None) == AUTO else {}
-    record = training[0] if len(training) == 1 else training
-    try:
-        with Terminal(sys.stderr) as bar:
-            return work(record, model, progress=bar, **options)
-    except Refused as no:
-        return refusal(no, model, [], no.plain)
 
 
 def reproduce(a: Namespace) -> int:
@@ -152,11 +147,9 @@ def reproduce(a: Namespace) -> int:
 
 
 def plot(a: Namespace) -> int:
-    """Print the plain answer and draw it, into a file or on the screen.
-
-    That there is no screen is said before the work.
-    """
+    """Print the plain answer and draw it, into a file or on the screen."""
     from ..blocks.model import changed
+    from ..core.result import plain
     from ..diagnosis.asked import plain_answer
     from ..report import plain_text
 
@@ -168,64 +161,49 @@ def plot(a: Namespace) -> int:
         say(f"{NO_SCREEN}.")
     balance = plain_answer(read, model or changed({}, {"motion": read[0].motion}, "model"))
     said = "" if blind else drawn(balance, a.plot)
-    print_out(balance.to_json() if a.json else plain_text(balance))
+    document = {**balance.summary(), "messages": balance.said}
+    print_out(as_json(plain(document)) if a.json else plain_text(balance))
     if said:
         say(said)
     return 0
 
 
 def bode(a: Namespace) -> int:
-    """Print the response, and draw it into a file; a refusal is printed as JSON all the same.
-
-    With --plan it writes the excitation to record instead; without a record it tunes a model.
-    """
+    """Print the response, and draw it; a refusal is printed as JSON all the same. With --plan it
+    writes the excitation to record instead; without a record it tunes a model."""
     if a.plan is not None:
         return _planned(a)
     from ..commissioning import frequency_response
 
-    _check_gains(a)
-    model = declared(a)
-    if not a.records:
-        answer(stamp(_tuned(model, a, rate=a.rate), a.typed, [model]), a)
-        return 0
-    a.records = files(a.records)
-    try:
-        found = frequency_response(logs(a, model.motion), model)
-    except Refused as no:
-        if a.json:
-            print_out(_no_response(no))
-        raise
-    found, no = _with_gains(stamp(found, a.typed, [*a.records, model]), a, model)
-    both = "\n".join(map(repr, filter(None, (found, found.gains))))
-    answer(found, a, None if a.json else both)
-    if no:
-        raise no
-    return 0
-
-
-def _no_response(no: Refused) -> str:
-    arrays = ("frequency", "magnitude", "phase", "low", "high", "coherence", "modes")
-    document = {"schema": 1, **{k: [] for k in arrays}, "gains": None, "reason": str(no)}
-    return as_json(document | {"experiment": no.experiment})
-
-
-def _check_gains(a: Namespace) -> None:
-    """Raise InputError for options of --tune without it, and where there is nothing to do."""
     more = [k for k in ("ms", "bandwidth", "dead_time", "no_hunting") if getattr(a, k)]
     if more and not a.tune:
         raise InputError(f"--{more[0].replace('_', '-')} is for gains: use it with --tune.")
     if not a.records and not a.tune:
         raise InputError("give a record; without one, --tune P-PI gives the gains of the model.")
-
-
-def _with_gains(found: Any, a: Namespace, model: Model) -> tuple[Any, Refused | None]:
-    """The response with its gains, or with why there are none."""
-    if not a.tune:
-        return found, None
+    model = declared(a)
+    if not a.records:
+        answer(stamp(_tuned(model, a, rate=a.rate), a.typed, [model]), a)
+        return 0
+    a.records, none = files(a.records), None
     try:
-        return replace(found, gains=_tuned(found, a, model=model)), None
+        found = frequency_response(logs(a, model.motion), model)
     except Refused as no:
-        return replace(found, messages=(*found.messages, f"No gains: {no}")), no
+        if a.json:
+            arrays = ("frequency", "magnitude", "phase", "low", "high", "coherence", "modes")
+            empty = {"schema": 1, **{k: [] for k in arrays}, "gains": None, "reason": str(no)}
+            print_out(as_json(empty | {"experiment": no.experiment}))
+        raise
+    found = stamp(found, a.typed, [*a.records, model])
+    try:
+        found = replace(found, gains=_tuned(found, a, model=model)) if a.tune else found
+    except Refused as no:
+        none = no
+        found = replace(found, messages=(*found.messages, f"No gains: {no}"))
+    both = "\n".join(map(repr, filter(None, (found, found.gains))))
+    answer(found, a, None if a.json else both)
+    if none:
+        raise none
+    return 0
 
 
 def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
@@ -274,9 +252,18 @@ def hunt(a: Namespace) -> int:
     ``--speed`` 0 where both speeds are known."""
     gains = {k: getattr(a, k) for k in ("kp", "ki", "kd", "kv")}
     loop = {k: getattr(a, k) for k in ("rate", "dead_time", "counts", "limit", "time_limit")}
-    vary = dict(map(_range, a.vary)) if a.vary else None
-    moving = _moving(a, gains, vary) if a.speed else None
-    found = _cycles(a, gains | loop, None if moving else vary)
+    vary = {}
+    for text in a.vary or ():  # ki=1:50
+        name, _, ends = text.partition("=")
+        try:
+            low, high = map(float, ends.split(":"))
+        except ValueError:
+            raise InputError(
+                f"--vary is '{text}', but a gain and its ends are needed, such as ki=1:50."
+            ) from None
+        vary[name.strip()] = low, high
+    moving = _moving(a, gains, vary or None) if a.speed else None
+    found = _cycles(a, gains | loop, None if moving else vary or None)
     found = replace(found, stick_slip=moving) if moving else found
     answer(found, a, picture=moving)
     return int(not math.isfinite(moving.speed_end)) if moving else OUTCOMES[found.outcome]
@@ -309,18 +296,6 @@ def _cycles(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
     if vary:
         raise InputError("--vary is for one drive: give --model instead of --report.")
     return hunting_chance(a.report, members=a.members, progress=True, **loop)
-
-
-def _range(text: str) -> tuple[str, tuple[float, float]]:
-    """ "ki=1:50" as ("ki", (1, 50))."""
-    name, _, ends = text.partition("=")
-    try:
-        low, high = map(float, ends.split(":"))
-    except ValueError:
-        raise InputError(
-            f"--vary is '{text}', but a gain and its ends are needed, such as ki=1:50."
-        ) from None
-    return name.strip(), (low, high)
 
 
 def assure(a: Namespace) -> int:

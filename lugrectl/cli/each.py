@@ -24,7 +24,7 @@ def each(a: Namespace) -> int:
     """Diagnose, print and write; the exit code is the highest of the logs'."""
     from ..diagnosis.fleet import run_each
     from ..record import parse_pairs
-    from ..record.as_record import passed_over, record_files
+    from ..record.as_record import record_files
     from ..report import content
 
     if a.holdout not in (None, "last"):
@@ -57,8 +57,27 @@ def each(a: Namespace) -> int:
     finally:  # print the answer even if the disk is full
         print_out(fleet.to_json() if a.json else str(fleet))
     listed("table", written, a, ", a folder for each report")
-    _tell(fleet, a.json, passed_over(a.records))
+    _tell(fleet, a)
     return INTERRUPTED if fleet.unfinished else fleet.exit_code
+
+
+def _tell(fleet: Fleet, a: Namespace) -> None:
+    """Say why the work ended early, and what the table on stdout does not show."""
+    from ..record.as_record import passed_over
+
+    done, without = len(fleet.outcomes), [o for o in fleet.outcomes if o.exit_code]
+    if without and a.json:
+        say(f"{len(without)} of {done} logs have no answer; see their reason.")
+    broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
+    if broken:
+        say(
+            f"{broken}: unexpected error. Please report this with the command you typed; to see "
+            "where it happened, diagnose that log alone with LUGRECTL_DEBUG=1."
+        )
+    if fleet.unfinished:
+        say(f"interrupted: {done} of {done + len(fleet.unfinished)} logs done.")
+    if left := passed_over(a.records):
+        say(f"passed over, as no logs: {', '.join(path.name for path in left)}.")
 
 
 def processors() -> int:
@@ -69,10 +88,8 @@ def processors() -> int:
 
 
 class Store:
-    """Writes the reports: a folder per log as soon as the log is done, the index at the end.
-
-    Raises InputError if nothing can be written, or if an input would be overwritten.
-    """
+    """Writes the reports: a folder per log as soon as the log is done, the index at the end;
+    InputError if nothing can be written, or if an input would be overwritten."""
 
     def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
         from ..report import FILES, check_folder
@@ -94,14 +111,13 @@ class Store:
     def __call__(self, outcome: Outcome, content: dict[str, str] | None) -> Outcome:
         from ..report.fleet_page import store
 
-        if content is None:
-            return outcome
         name = self._names[outcome.file]
         try:
-            store(content, self._folder / name)
+            if content is not None:
+                store(content, self._folder / name)
+                self._links[outcome.file] = f"{name}/report.html"
         except InputError as no:
             return replace(outcome, exit_code=no.exit_code, reason=str(no))
-        self._links[outcome.file] = f"{name}/report.html"
         return outcome
 
     def index(self, fleet: Fleet) -> list[Path]:
@@ -109,20 +125,3 @@ class Store:
         from ..report.fleet_page import write_index
 
         return write_index(fleet, self._folder, self._links)
-
-
-def _tell(fleet: Fleet, as_json: bool, left: Sequence[Path]) -> None:
-    """Say why the work ended early, and what the table on stdout does not show."""
-    done, without = len(fleet.outcomes), [o for o in fleet.outcomes if o.exit_code]
-    if without and as_json:
-        say(f"{len(without)} of {done} logs have no answer; see their reason.")
-    broken = next((o.file for o in without if o.exit_code == UNEXPECTED), None)
-    if broken:
-        say(
-            f"{broken}: unexpected error. Please report this with the command you typed; to see "
-            "where it happened, diagnose that log alone with LUGRECTL_DEBUG=1."
-        )
-    if fleet.unfinished:
-        say(f"interrupted: {done} of {done + len(fleet.unfinished)} logs done.")
-    if left:
-        say(f"passed over, as no logs: {', '.join(path.name for path in left)}.")

@@ -55,15 +55,14 @@ def with_holdout(a: Namespace, model: Model) -> tuple[list[Log], Any]:
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
         raise InputError(f"{twice.name} is given twice; name each record once.")
-    apart = a.holdout not in (None, "last")
-    if apart and Path(a.holdout).resolve() in names:
+    if a.holdout in (None, "last"):
+        return logs(a, model.motion), a.holdout
+    if Path(a.holdout).resolve() in names:
         raise InputError(
             f"--holdout {a.holdout} is a training record too; give another file, or --holdout last."
         )
-    training = logs(a, model.motion)
-    if not apart:
-        return training, a.holdout
-    return training, logs(Namespace(**vars(a) | {"records": [a.holdout]}), model.motion)[0]
+    apart = Namespace(**vars(a) | {"records": [a.holdout]})
+    return logs(a, model.motion), logs(apart, model.motion)[0]
 
 
 def declared(a: Namespace) -> Model:

@@ -8,7 +8,7 @@ braces is one of several; without a word the option is a flag.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,9 @@ KINDS: dict[str, Callable[[str], Any]] = {
 }
 
 
+Group = tuple[str, str, Mapping[str, str]]  # title, text, table
+
+
 @dataclass(frozen=True)
 class Option:
     """The arguments of ``add_argument``."""
@@ -28,58 +31,23 @@ class Option:
     names: tuple[str, ...]
     settings: Mapping[str, Any]
 
-    @classmethod
-    def of(cls, written: str, what: str) -> Option:
-        """Read an option as it is written in the tables."""
+
+def _read(table: Mapping[str, str]) -> Iterator[Option]:
+    """The options as they are written in the tables."""
+    for written, what in table.items():
         written, _, default = written.partition(" = ")
         written, several, _ = written.partition(" ...")
         name, _, word = written.partition(" ")
+        more: dict[str, Any] = {"help": what}
         if not word:
-            return cls((name,), {"action": "store_true", "help": what})
-        if word[0] == "{":
-            more: dict[str, Any] = {"choices": tuple(word.strip("{}").split(","))}
+            more |= {"action": "store_true"}
+        elif word[0] == "{":
+            more |= {"choices": tuple(word.strip("{}").split(","))}
         else:
-            more = {"metavar": word.split(" ")[0], "type": KINDS.get(word, str)}
+            more |= {"metavar": word.split(" ")[0], "type": KINDS.get(word, str)}
         more |= {"action": "append"} if several else {}
         more |= {"default": more.get("type", str)(default)} if default else {}
-        return cls((name,), {"help": what, **more})
-
-    def add(self, command: Any) -> None:
-        """Give the option to a command or to a group."""
-        command.add_argument(*self.names, **self.settings)
-
-
-def _read(table: Mapping[str, str]) -> Iterator[Option]:
-    return (Option.of(written, what) for written, what in table.items())
-
-
-@dataclass(frozen=True)
-class Group:
-    """Options under a title of their own."""
-
-    title: str
-    text: str
-    table: Mapping[str, str]
-
-    def add(self, command: Any) -> None:
-        """Give the group to a command."""
-        group = command.add_argument_group(self.title, self.text)
-        for option in _read(self.table):
-            option.add(group)
-
-
-@dataclass(frozen=True)
-class Either:
-    """Options of which one at most is given, or one exactly."""
-
-    options: Sequence[Option]
-    required: bool = False
-
-    def add(self, command: Any) -> None:
-        """Give the options to a command."""
-        group = command.add_mutually_exclusive_group(required=self.required)
-        for option in self.options:
-            option.add(group)
+        yield Option((name,), more)
 
 
 @dataclass(frozen=True)
@@ -88,14 +56,24 @@ class Command:
 
     what: str
     run: Callable[[argparse.Namespace], int]
-    first: Sequence[Option | Either] = ()
+    first: Sequence[Option] = ()
     table: Mapping[str, str] = field(default_factory=dict)
-    groups: Sequence[Group] = ()
+    groups: Sequence[Group] = ()  # options under a title of their own
+    either: Sequence[Option] = ()  # of which one at most is given
+    needs_one: bool = False  # one of these must be given
 
     def add(self, command: Any) -> None:
         """Give the options to the command."""
-        for option in (*_read(ALL), *self.first, *_read(self.table), *self.groups):
-            option.add(command)
+        places: list[tuple[Any, Iterable[Option]]] = [(command, _read(ALL))]
+        if self.either:
+            group = command.add_mutually_exclusive_group(required=self.needs_one)
+            places.append((group, self.either))
+        places.append((command, (*self.first, *_read(self.table))))
+        for title, text, table in self.groups:
+            places.append((command.add_argument_group(title, text), _read(table)))
+        for place, options in places:
+            for option in options:
+                place.add_argument(*option.names, **option.settings)
 
 
 # --- options -------------------------------------------------------------------------------
@@ -120,15 +98,13 @@ PROPERTY = (
     "never give back more energy than it stores"
 )
 CHECKED = Option(("property",), {"choices": tuple(checks.UNUSED), "help": PROPERTY})
-LOOPS = Either(
-    [
-        Option((f"--{k}",), {"dest": "loop", "action": "store_const", "const": k, "help": what})
-        for k, what in {
-            "position": "check the position loop (default for spr)",
-            "velocity": "check the velocity loop (default for bandwidth and stability)",
-        }.items()
-    ]
-)
+LOOPS = [
+    Option((f"--{k}",), {"dest": "loop", "action": "store_const", "const": k, "help": what})
+    for k, what in {
+        "position": "check the position loop (default for spr)",
+        "velocity": "check the velocity loop (default for bandwidth and stability)",
+    }.items()
+]
 ONE_OR_MANY = {
     "--model MODEL.toml": "the drive, all values known",
     "--report report.json": "a result: the chance of hunting over drives that its covariance draws",
@@ -168,7 +144,7 @@ DIAGNOSED = FITTED | {
     "compensation with the declared and with the augmented model, and the tracking error of both, "
     "on the exact model and on drives like the recorded one",
 }
-FLEET = Group(
+FLEET: Group = (
     "many drives",
     "One log per drive, and one table of all. A RECORD may then be a folder: every record in "
     "it is taken. --out writes DIR/LOG/report.html, report.json and model.toml when a log is "
@@ -181,7 +157,7 @@ FLEET = Group(
         "the number of processors or of logs, whichever is smaller); 1 starts no other process",
     },
 )
-AXIS_GAINS = Group(
+AXIS_GAINS: Group = (
     "gains",
     "Without a record they are those of the model, whose values must be known. The controller "
     "runs at the rate of the record; without one at --rate, else in continuous time.",
@@ -194,7 +170,7 @@ AXIS_GAINS = Group(
         "--no-hunting": "with --tune: as little integral action as keeps the loop from hunting",
     },
 )
-TO_RECORD = Group(
+TO_RECORD: Group = (
     "to record a good log",
     "In place of a record, with --rate.",
     {
@@ -302,14 +278,17 @@ COMMANDS: dict[str, dict[str, Command]] = {
         "check": Command(
             "checks: l2, spr, bandwidth, stability, passivity",
             checks.check,
-            [CHECKED, LOOPS, PICTURE],
+            [CHECKED, PICTURE],
             CHECK,
+            either=LOOPS,
         ),
         "hunt": Command(
             "find friction limit cycles of a position loop",
             commands.hunt,
-            [Either([*_read(ONE_OR_MANY)], required=True), PICTURE],
+            [PICTURE],
             HUNT,
+            either=[*_read(ONE_OR_MANY)],
+            needs_one=True,
         ),
         "assure": Command(
             "how much compensation to dare", commands.assure, [REPORT, PICTURE], ASSURE

@@ -28,10 +28,8 @@ def say(sentence: str) -> None:
 
 
 def answer(found: Any, a: Namespace, text: str | None = None, picture: Any = None) -> None:
-    """Draw a result where --plot asks for it, print it, then say where the picture is.
-
-    ``text`` stands in place of its JSON or ``repr``, and ``picture`` is what is drawn instead.
-    """
+    """Draw a result (or ``picture``) where --plot asks for it, print it (or ``text`` in place of
+    its JSON or ``repr``), then say where the picture is."""
     said = drawn(found if picture is None else picture, a.plot) if a.plot else ""
     print_out(text or (found.to_json() if a.json else repr(found)))
     if said:

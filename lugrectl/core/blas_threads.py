@@ -12,12 +12,8 @@ _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *B
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Linear algebra inside uses one thread, if threadpoolctl is installed.
-
-    On small matrices the threads wait for each other longer than they work, several times as
-    long if other processes are busy. The setting holds for the whole process: if another Python
-    thread resets it first, the remaining work only takes longer.
-    """
+    """Linear algebra inside uses one thread, if threadpoolctl is installed: on small matrices the
+    threads wait for each other longer than they work. The setting holds for the whole process."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:

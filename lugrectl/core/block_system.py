@@ -1,8 +1,6 @@
 """Systems of python-control that pickle, and blocks whose parameters carry the block's name.
-
-A system holds functions that do not pickle. Where python-control builds such a function from the
-system itself (a state space, an interconnection), it is left out and built again on loading.
-"""
+Functions that python-control builds from a system itself are left out and built again on
+loading."""
 
 from __future__ import annotations
 
@@ -18,10 +16,8 @@ from .pickling import carried, from_fields
 
 
 class BlockSystem(ct.NonlinearIOSystem):
-    """A block of the package: a copy of it, or the block under a new name, has its own parameters.
-
-    The keys of the parameters begin with the name: ``plant.Fc``, ``twin.Fc`` in a copy "twin".
-    """
+    """A block of the package: a copy of it, or the block under a new name, has its own parameters,
+    whose keys begin with the name: ``plant.Fc``, ``twin.Fc`` in a copy "twin"."""
 
     @property
     def name(self) -> Any:
@@ -42,32 +38,27 @@ class BlockSystem(ct.NonlinearIOSystem):
 
 def own_functions(system: Any) -> bool:
     """Whether python-control, or the loading below, made both functions from the system itself."""
-    return all(_is_of(f, system) for f in (system.updfcn, system.outfcn))
-
-
-def _is_of(function: Any, system: Any) -> bool:
-    if not isinstance(function, FunctionType) or function.__closure__ is None:
-        return False
-    home = function.__module__.startswith("control.") or function.__module__ == __name__
-    return home and all(cell.cell_contents is system for cell in function.__closure__)
+    for function in (system.updfcn, system.outfcn):
+        if not isinstance(function, FunctionType) or function.__closure__ is None:
+            return False
+        home = function.__module__.startswith("control.") or function.__module__ == __name__
+        if not home or any(cell.cell_contents is not system for cell in function.__closure__):
+            return False
+    return True
 
 
 def _reduced(system: Any) -> Any:
     state = dict(vars(system))
+    # python-control's stand-in for the update function of a system without states
+    none = "NonlinearIOSystem.__init__.<locals>.<lambda>"
     if isinstance(system, (ct.StateSpace, ct.InterconnectedSystem)) and own_functions(system):
         del state["updfcn"], state["outfcn"]
-    elif _is_nothing(system.updfcn) and not system.nstates:
+    elif getattr(system.updfcn, "__qualname__", "") == none and not system.nstates:
         state["updfcn"] = no_states
     for what, key in (("update", "updfcn"), ("output", "outfcn")):
         if key in state:
             carried(f"the {what} function of the block {system.name}", state[key])
     return restored, (type(system), state)
-
-
-def _is_nothing(function: Any) -> bool:
-    """python-control's stand-in for the update function of a system without states."""
-    name = getattr(function, "__qualname__", "")
-    return name == "NonlinearIOSystem.__init__.<locals>.<lambda>"
 
 
 def no_states(t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
@@ -78,37 +69,22 @@ def no_states(t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
 def restored(cls: type, state: dict[str, Any]) -> Any:
     """A python-control system from its attributes."""
     system: Any = from_fields(cls, state)
-    if "updfcn" in state:
-        return system
-    if isinstance(system, ct.StateSpace):
-        system.updfcn, system.outfcn = _linear(system)
-    else:
-        system.updfcn, system.outfcn = _wired(system)
-    return system
-
-
-def _linear(system: Any) -> tuple[Any, Any]:
-    """Rates and outputs of a state space."""
 
     def update(t: Any, x: Any, u: Any, params: Any) -> Any:
-        return system.A @ np.atleast_1d(x) + system.B @ np.atleast_1d(u)
-
-    def output(t: Any, x: Any, u: Any, params: Any) -> Any:
-        return system.C @ np.atleast_1d(x) + system.D @ np.atleast_1d(u)
-
-    return update, output
-
-
-def _wired(system: Any) -> tuple[Any, Any]:
-    def update(t: Any, x: Any, u: Any, params: Any) -> Any:
+        if isinstance(system, ct.StateSpace):
+            return system.A @ np.atleast_1d(x) + system.B @ np.atleast_1d(u)
         system._update_params(params)
         return system._rhs(t, x, u)
 
     def output(t: Any, x: Any, u: Any, params: Any) -> Any:
+        if isinstance(system, ct.StateSpace):
+            return system.C @ np.atleast_1d(x) + system.D @ np.atleast_1d(u)
         system._update_params(params)
         return system._out(t, x, u)
 
-    return update, output
+    if "updfcn" not in state:
+        system.updfcn, system.outfcn = update, output
+    return system
 
 
 PICKLED = (BlockSystem, ct.NonlinearIOSystem, ct.StateSpace, ct.InterconnectedSystem)

@@ -84,17 +84,11 @@ class Grid:
 
 def grid_text(grid: Grid) -> list[str]:
     """The lines of a table, its columns aligned."""
-    table = [grid.head, *grid.rows]
-    widths = [max(len(row[i]) for row in table) for i in range(len(grid.head))]
-
-    def line(row: tuple[str, ...]) -> str:
-        cells = [
-            cell.ljust(w) if side == "l" else cell.rjust(w)
-            for cell, w, side in zip(row, widths, grid.align, strict=True)
-        ]
-        return ("  " + "  ".join(cells)).rstrip()
-
-    return [line(row) for row in table]
+    columns = []
+    for side, cells in zip(grid.align, zip(grid.head, *grid.rows, strict=True), strict=True):
+        wide = max(map(len, cells))
+        columns.append([c.ljust(wide) if side == "l" else c.rjust(wide) for c in cells])
+    return [("  " + "  ".join(row)).rstrip() for row in zip(*columns, strict=True)]
 
 
 def grid_html(grid: Grid) -> str:
@@ -140,11 +134,8 @@ def noticed(said: Sequence[str], where: str) -> list[Row]:
 
 
 class Shown:
-    """Base of what shows itself: ``repr`` in a few lines, an HTML table in Jupyter.
-
-    By default the rows are the fields of a dataclass; ``_units`` gives the units of some. Arrays
-    are shown by size and range, never in full.
-    """
+    """Base of what shows itself: ``repr`` in a few lines, an HTML table in Jupyter. By default the
+    rows are the fields of a dataclass; ``_units`` gives the units of some."""
 
     _units: ClassVar[Mapping[str, str]] = {}
 
@@ -162,33 +153,25 @@ class Shown:
     def __repr__(self) -> str:
         rows = list(self._rows())
         wide = max((len(row.name) for row in rows), default=0)
-        return "\n".join([_one_line(self._title()), *(_lines(row, wide) for row in rows)])
+        lines = [" ".join(self._title().split())]
+        for row in rows:
+            start = f"  {row.name.ljust(wide)}  "
+            indents: Any = {"initial_indent": start, "subsequent_indent": " " * len(start)}
+            whole: Any = {"break_long_words": False, "break_on_hyphens": False}
+            lines.append(textwrap.fill(row.text() or NONE, WIDTH, **indents, **whole))
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        rows = "\n".join(map(_html_row, self._rows()))
+        left = "text-align: left; vertical-align: top"  # Jupyter's own is to the right
+        rows = "\n".join(
+            f'<tr><td style="{left}; white-space: nowrap">{html.escape(row.name)}</td>'
+            f'<td style="{left}">{html.escape(row.text() or NONE)}</td></tr>'
+            for row in self._rows()
+        )
         title = html.escape(self._title())
         if not rows:
             return f"<div>{title}</div>"
         return f"<div><strong>{title}</strong>\n<table><tbody>\n{rows}\n</tbody></table></div>"
-
-
-def _lines(row: Row, wide: int) -> str:
-    start = f"  {row.name.ljust(wide)}  "
-    return textwrap.fill(
-        row.text() or NONE,
-        WIDTH,
-        initial_indent=start,
-        subsequent_indent=" " * len(start),
-        break_long_words=False,
-        break_on_hyphens=False,
-    )
-
-
-def _html_row(row: Row) -> str:
-    left = "text-align: left; vertical-align: top"  # Jupyter's own is to the right
-    name, said = html.escape(row.name), html.escape(row.text() or NONE)
-    first = f'<td style="{left}; white-space: nowrap">{name}</td>'
-    return f'<tr>{first}<td style="{left}">{said}</td></tr>'
 
 
 def brief(value: Any) -> str:
@@ -198,35 +181,22 @@ def brief(value: Any) -> str:
     if isinstance(value, Shown):
         return value._title()
     if isinstance(value, np.ndarray):
-        return _array(value)
+        size = " x ".join(map(str, value.shape)) if value.ndim > 1 else str(value.size)
+        if value.dtype == bool:
+            return f"{int(value.sum())} of {size}"
+        finite = value[np.isfinite(value)] if value.dtype.kind in "iuf" else value[:0]
+        span = f", {finite.min():.6g} to {finite.max():.6g}" if finite.size else ""
+        return f"{size} values{span}"
     if isinstance(value, (float, np.floating)):
         return f"{value:.6g}"
     if isinstance(value, complex):
         return f"{value:.4g}"
-    if isinstance(value, Mapping):
-        return _several([f"{k} {brief(v)}" for k, v in value.items()], "; ")
-    if isinstance(value, (tuple, list)):
-        return _several([brief(v) for v in value])
+    if isinstance(value, (Mapping, tuple, list)):
+        named = isinstance(value, Mapping)
+        said = [f"{k} {brief(v)}" for k, v in value.items()] if named else list(map(brief, value))
+        more = f" and {len(said) - _MOST} more" if len(said) > _MOST else ""
+        return ("; " if named else ", ").join(said[:_MOST]) + more or "none"
     if isinstance(value, str):
-        return _one_line(value)
+        return " ".join(value.split())
     said = repr(value)
     return said if len(said) <= WIDTH and "\n" not in said else type(value).__name__
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
-def _several(said: list[str], between: str = ", ") -> str:
-    more = f" and {len(said) - _MOST} more" if len(said) > _MOST else ""
-    return between.join(said[:_MOST]) + more or "none"
-
-
-def _array(values: np.ndarray) -> str:
-    size = " x ".join(map(str, values.shape)) if values.ndim > 1 else str(values.size)
-    if values.dtype == bool:
-        return f"{int(values.sum())} of {size}"
-    numbers = values[np.isfinite(values)] if values.dtype.kind in "iuf" else values[:0]
-    if not numbers.size:
-        return f"{size} values"
-    return f"{size} values, {numbers.min():.6g} to {numbers.max():.6g}"

@@ -1,8 +1,6 @@
 """Independent jobs in this process, on processes of this machine, or on any executor.
 
-``run_jobs`` yields results as they are ready and keeps a bounded number of chunks in progress, so
-that neither items nor results accumulate. It turns a failing job into a :class:`JobError`, and
-stops all jobs when it is interrupted.
+A bounded number of chunks is in progress, so that neither items nor results accumulate.
 """
 
 from __future__ import annotations
@@ -39,11 +37,8 @@ _UNKNOWN = 16  # number of workers assumed for an executor that does not give it
 
 @dataclass(frozen=True)
 class JobError:
-    """A job that failed: its index, what happened in one sentence, and an exit code.
-
-    ``exit_code`` is the error's own (``InputError`` 2, ``Refused`` 3), 2 if a file cannot be
-    read, and 70 for any other exception or a worker process that died.
-    """
+    """A job that failed: its index, what happened in one sentence, and an exit code: the error's
+    own, 2 if a file cannot be read, 70 for any other exception or a worker process that died."""
 
     index: int
     sentence: str
@@ -69,50 +64,25 @@ def run_jobs(
     chunk: int = 1,
     progress: Progress | None = None,
 ) -> Iterator[tuple[int, R | JobError]]:
-    """``(index, function(item))`` for each item, in the order in which they are done.
+    """``(index, function(item))`` for each item, in the order in which they are done; a job that
+    raised yields a ``JobError``, and if a worker process dies, only its item is lost.
 
-    Parameters
-    ----------
-    function : callable
-        A function of one item. With processes or a cluster it and its results must be
-        picklable: a function at the top of a module, or a ``functools.partial`` of one.
-    items : iterable
-        Read as needed, a few chunks ahead.
-    executor : concurrent.futures.Executor, optional
-        Runs the jobs (threads, processes, ``dask.distributed.Client.get_executor()``, mpi4py)
-        and is not shut down.
-    jobs : int
-        Without ``executor``: 1 runs in the calling process, more in that many new processes
-        ("spawn": a script needs ``if __name__ == "__main__":``). With ``executor``: its number
-        of workers, if it does not give it itself (decides how far ahead items are sent).
-    chunk : int
-        Items in one task.
-    progress : callable, optional
-        ``progress(fraction, words)``; the fraction is 0 while the number of items is unknown.
-
-    Yields
-    ------
-    (index, result)
-        A job that raised yields a ``JobError`` in place of its result; the others go on. If a
-        worker process dies, only the item at which it died is lost.
-
-    Raises
-    ------
-    InputError
-        For jobs or chunk below 1, and for a function that cannot be sent to another process.
-    KeyboardInterrupt
-        After the finished results have been yielded. Jobs that have not begun are cancelled;
-        processes started here are ended.
-    """
+    Without ``executor``, ``jobs`` processes are started (1: none), to which ``function`` must be
+    picklable; else it is the number of its workers if it does not give it itself. ``chunk`` items
+    are one task. Ctrl-C yields what is finished first."""
     jobs, chunk = whole(jobs, "jobs", 1), whole(chunk, "chunk", 1)
-    parts = _chunks(items, chunk)
+    numbered = enumerate(items)
+    parts = iter(lambda: list(islice(numbered, chunk)), [])
     if executor is not None:
         workers = jobs if jobs > 1 else getattr(executor, "_max_workers", None) or _UNKNOWN
         found = _spread(function, parts, executor, _AHEAD * workers)
     elif jobs == 1:
         found = (pair for part in parts for pair in _one_by_one(function, part))
     else:
-        _sendable(function)
+        try:
+            pickle.dumps(function)
+        except Exception as error:
+            raise InputError(f"the job cannot be sent to another process: {error}.") from None
         found = _on_processes(function, parts, jobs)
     return _reported(found, len(items) if isinstance(items, Sized) else None, progress)
 
@@ -128,34 +98,18 @@ def _reported(
                 progress(fraction, f"{done} of {total}" if total else f"{done} done")
 
 
-def _attempt(function: Callable[[Any], Any], index: int, item: Any) -> Any:
-    try:
-        return function(item)
-    except Exception as error:
-        return JobError.of(index, error)
-
-
 def _one_by_one(function: Callable[[Any], Any], chunk: Chunk) -> Iterator[tuple[int, Any]]:
     for index, item in chunk:
-        yield index, _attempt(function, index, item)
+        try:
+            result = function(item)
+        except Exception as error:
+            result = JobError.of(index, error)
+        yield index, result
 
 
 def _work(function: Callable[[Any], Any], chunk: Chunk) -> list[tuple[int, Any]]:
     """Run the function on each item of a chunk (in the worker)."""
     return list(_one_by_one(function, chunk))
-
-
-def _chunks(items: Iterable[Any], size: int) -> Iterator[Chunk]:
-    numbered = enumerate(items)
-    while part := list(islice(numbered, size)):
-        yield part
-
-
-def _sendable(function: Callable[..., Any]) -> None:
-    try:
-        pickle.dumps(function)
-    except Exception as error:
-        raise InputError(f"the job cannot be sent to another process: {error}.") from None
 
 
 def _spread(
@@ -171,33 +125,25 @@ def _spread(
     try:
         while True:
             while not lost and len(waiting) < ahead and (part := next(chunks, None)):
-                waiting[_submitted(executor, function, part)] = part
+                try:
+                    future = executor.submit(_work, function, part)
+                except Exception as error:  # it is broken or shut down
+                    future = Future()
+                    future.set_exception(error)
+                waiting[future] = part
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 yield from _collected(future, waiting.pop(future), lost)
     except KeyboardInterrupt:
-        _cancel(waiting)
+        for future in waiting:
+            future.cancel()
         for future in [f for f in waiting if f.done() and not f.cancelled()]:
             yield from _collected(future, waiting.pop(future), None)
         raise
     finally:
-        _cancel(waiting)
-
-
-def _cancel(futures: Iterable[Future[Any]]) -> None:
-    for future in futures:
-        future.cancel()
-
-
-def _submitted(executor: Executor, function: Callable[[Any], Any], part: Chunk) -> Future[Any]:
-    """A future, already failed if the executor is broken or shut down."""
-    try:
-        return executor.submit(_work, function, part)
-    except Exception as error:
-        failed: Future[Any] = Future()
-        failed.set_exception(error)
-        return failed
+        for future in waiting:
+            future.cancel()
 
 
 def _collected(
@@ -226,19 +172,13 @@ def _on_processes(
         pairs = [pair for part in lost for pair in part]
         lost.clear()
         while pairs:
-            yield from _one_at_a_time(function, pairs)
-
-
-def _one_at_a_time(function: Callable[[Any], Any], pairs: Chunk) -> Generator[tuple[int, Any]]:
-    """Run pairs off the list until one makes the process die."""
-    died: list[Chunk] = []
-    with _processes(1) as pool:
-        while pairs and not died:
-            pair = pairs.pop(0)
-            yield from _spread(function, iter([[pair]]), pool, 1, died)
-    for index, _ in [pair for part in died for pair in part]:
-        sentence = "its worker process died (out of memory, or a crash in compiled code)."
-        yield index, JobError(index, sentence)
+            died: list[Chunk] = []
+            with _processes(1) as pool:
+                while pairs and not died:
+                    yield from _spread(function, iter([[pairs.pop(0)]]), pool, 1, died)
+            for index, _ in (pair for part in died for pair in part):
+                sentence = "its worker process died (out of memory, or a crash in compiled code)."
+                yield index, JobError(index, sentence)
 
 
 @contextlib.contextmanager
@@ -258,9 +198,7 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin(typed: bool) -> None:
-    """Ignore Ctrl-C: the process that started the workers handles it and ends them.
-
-    ``typed``: that process is the command line, whose options sentences name.
-    """
+    """Ignore Ctrl-C, which the process that started the workers handles; it may be the command
+    line."""
     speak_as(typed)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -14,6 +14,12 @@ def top_speed(w: np.ndarray, share: float = 0.95) -> float:
     return float(ordered[np.searchsorted(path, share * path[-1])]) if len(path) else 0.0
 
 
+def column_sizes(x: np.ndarray) -> np.ndarray:
+    """Norms of the columns (k,); 1 for a column that is 0 throughout, which explains nothing."""
+    size = np.linalg.norm(x, axis=0)
+    return np.where(size == 0, 1.0, size)
+
+
 def rms(e: np.ndarray) -> float:
     """Root mean square; inf where a simulation diverged."""
     with np.errstate(over="ignore"):

@@ -1,7 +1,5 @@
-"""How a sentence names an option: as it is typed, or as the argument of a Python function.
-
-One sentence serves both: ``option("units", "t=ms")`` is ``--units t=ms`` while the command line
-runs, and ``units="t=ms"`` otherwise.
+"""How a sentence names an option: ``option("units", "t=ms")`` is ``--units t=ms`` while the command
+line runs, and ``units="t=ms"`` otherwise.
 """
 
 from __future__ import annotations
@@ -35,11 +33,8 @@ def is_typed() -> bool:
 
 
 def option(name: str, value: str = "") -> str:
-    """An option by the name of its argument, ``time_limit``, with its value if one is given.
-
-    Numbers and words in capitals, such as HZ, stand for themselves; Python quotes other values, a
-    shell those with spaces.
-    """
+    """An option by the name of its argument, with its value if one is given. Numbers and words in
+    capitals stand for themselves; Python quotes other values, a shell those with spaces."""
     if is_typed():
         plain = not value or shlex.quote(value) == value
         shown = value if plain else f'"{value}"'

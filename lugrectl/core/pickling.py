@@ -16,20 +16,22 @@ class NotPicklable(InputError, pickle.PicklingError):
 
 
 def carried(what: str, value: Any, cure: str = "") -> None:
-    """Raise NotPicklable where a part of a system cannot be pickled; ``cure``: what to do.
-
-    Nothing is raised where functions are copied, or carried by value: cloudpickle can do that.
-    """
+    """Raise NotPicklable where a part of a system cannot be pickled (``cure``: what to do), unless
+    functions are copied, or carried by value: cloudpickle can do that."""
     try:
         pickle.dumps(value)
     except NotPicklable:
         raise
     except Exception:
-        if not _functions_are_carried():
-            is_what, usual = _described(value)
-            raise NotPicklable(
-                f"{what} is {is_what}, which cannot be pickled: {cure or usual}."
-            ) from None
+        frame: Any = sys._getframe()
+        while frame is not None:
+            home = str(frame.f_globals.get("__name__", "")).split(".")
+            if home[0] == "copy" or any(name in home for name in BY_VALUE):
+                return
+            frame = frame.f_back
+        is_what, usual = _described(value)
+        said = f"{what} is {is_what}, which cannot be pickled: {cure or usual}."
+        raise NotPicklable(said) from None
 
 
 def _described(value: Any) -> tuple[str, str]:
@@ -43,16 +45,6 @@ def _described(value: Any) -> tuple[str, str]:
     if name:
         return f"the function {name.split('.')[-1]}", f"define it {where}, under this name"
     return f"an object of the class {type(value).__name__}", f"define what it holds {where}"
-
-
-def _functions_are_carried() -> bool:
-    frame: Any = sys._getframe(1)
-    while frame is not None:
-        home = str(frame.f_globals.get("__name__", "")).split(".")
-        if home[0] == "copy" or any(name in home for name in BY_VALUE):
-            return True
-        frame = frame.f_back
-    return False
 
 
 def rebuilt(function: Any) -> Any:

@@ -1,8 +1,5 @@
-"""Progress of long work: who sees it, and the bars.
-
-``progress`` is a callable ``(fraction, what)``, True, False, or None: a bar in Jupyter, nothing
-elsewhere. True shows one on a terminal too.
-"""
+"""Progress of long work. ``progress`` is a callable ``(fraction, what)``, True, False, or None: a
+bar in Jupyter, nothing elsewhere. True shows one on a terminal too."""
 
 from __future__ import annotations
 
@@ -14,7 +11,6 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from importlib.util import find_spec
-from types import TracebackType
 from typing import Any, ParamSpec, TextIO, TypeVar
 
 from .errors import InputError
@@ -41,10 +37,7 @@ def shows_progress(work: Callable[P, R]) -> Callable[P, R]:
 
 
 def bar_for(wanted: Wanted) -> Bar:
-    """What reports where the user wants to see it.
-
-    Raises InputError for a ``progress`` that is none of a callable, True, False and None.
-    """
+    """What reports where the user wants to see it."""
     if callable(wanted):
         return Called(wanted)
     if wanted not in (None, True, False):
@@ -52,7 +45,8 @@ def bar_for(wanted: Wanted) -> Bar:
     if wanted is False or (wanted is None and not in_notebook()):
         return Bar()
     if in_notebook():
-        return Widget() if _has_widgets() else Cell()
+        rich = all(find_spec(name) is not None for name in ("tqdm", "ipywidgets"))
+        return Widget() if rich else Cell()
     return Terminal(sys.stderr)
 
 
@@ -73,15 +67,9 @@ def in_notebook() -> bool:
     return getattr(shell, "kernel", None) is not None
 
 
-def _has_widgets() -> bool:
-    return all(find_spec(name) is not None for name in ("tqdm", "ipywidgets"))
-
-
 class Bar:
-    """Takes the fraction done (0 to 1) and a few words; this one shows nothing.
-
-    Leave the ``with`` block and the bar is gone.
-    """
+    """Takes the fraction done (0 to 1) and a few words; this one shows nothing. A ``with`` block
+    ends it."""
 
     def __call__(self, fraction: float, what: str = "") -> None:
         """Report."""
@@ -92,12 +80,7 @@ class Bar:
     def __enter__(self) -> Bar:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 
@@ -114,9 +97,11 @@ class Called(Bar):
 class _Drawn(Bar, ABC):
     """Draws a few times a second at most, and the end always; nothing before ``after`` seconds."""
 
-    def __init__(self, after: float = 0.0) -> None:
+    def __init__(self, after: float | None = None) -> None:
+        after = _AFTER if after is None else after
         self._next = time.monotonic() + after
         self._begun = after == 0.0
+        self._place: Any = None
 
     def __call__(self, fraction: float, what: str = "") -> None:
         now = time.monotonic()
@@ -134,13 +119,12 @@ class Terminal(_Drawn):
     """Progress on one line of a terminal; silent on anything else."""
 
     def __init__(self, stream: TextIO) -> None:
-        super().__init__()
+        super().__init__(0.0)
         self._stream = stream
         self._live = stream is not None and stream.isatty()
 
     def _draw(self, fraction: float, what: str) -> None:
-        if self._live:
-            self._put(self.line(fraction, what, shutil.get_terminal_size().columns - 1))
+        self._put(self.line(fraction, what, shutil.get_terminal_size().columns - 1))
 
     @staticmethod
     def line(fraction: float, what: str, width: int) -> str:
@@ -150,42 +134,34 @@ class Terminal(_Drawn):
         return f"[{'#' * done}{'.' * (30 - done)}] {100 * fraction:3.0f} %  {what}"[:width]
 
     def close(self) -> None:
-        if self._live:
-            self._put("")
+        self._put("")
 
     def _put(self, text: str) -> None:
-        self._stream.write(f"\r{text}\x1b[K")
-        self._stream.flush()
+        if self._live:
+            self._stream.write(f"\r{text}\x1b[K")
+            self._stream.flush()
 
 
 class Widget(_Drawn):
     """The bar of tqdm in a notebook."""
 
-    def __init__(self) -> None:
-        super().__init__(_AFTER)
-        self._bar: Any = None
-
     def _draw(self, fraction: float, what: str) -> None:
-        if self._bar is None:
+        if self._place is None:
             from tqdm.auto import tqdm  # pyright: ignore[reportMissingModuleSource]
 
             layout = "{percentage:3.0f} % {bar} {desc} [{elapsed}]"
-            self._bar = tqdm(total=100, leave=False, bar_format=layout)
-        self._bar.n = round(100 * fraction)
-        self._bar.set_description_str(what)
+            self._place = tqdm(total=100, leave=False, bar_format=layout)
+        self._place.n = round(100 * fraction)
+        self._place.set_description_str(what)
 
     def close(self) -> None:
-        if self._bar is not None:
-            self._bar.n = self._bar.total  # else tqdm leaves a red bar behind
-            self._bar.close()
+        if self._place is not None:
+            self._place.n = self._place.total  # else tqdm leaves a red bar behind
+            self._place.close()
 
 
 class Cell(_Drawn):
     """A bar of plain HTML in a notebook, where tqdm or ipywidgets is not installed."""
-
-    def __init__(self) -> None:
-        super().__init__(_AFTER)
-        self._place: Any = None
 
     def _draw(self, fraction: float, what: str) -> None:
         words = f"{100 * fraction:.0f} % {html.escape(what)}"

@@ -45,11 +45,8 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a result was computed by and from.
-
-    ``date`` is ISO 8601 with the offset of the time zone. ``command`` is the command line as it
-    was typed, or the Python function.
-    """
+    """What a result was computed by and from; ``date`` is ISO 8601 with its time zone, ``command``
+    the line as it was typed, or the Python function."""
 
     version: str
     date: str
@@ -80,10 +77,8 @@ def now() -> datetime:
 
 
 def provenance(command: str, inputs: Iterable[Any] = ()) -> Provenance:
-    """The provenance of a result of this moment.
-
-    ``inputs`` are paths, and records and models with a ``file``; anything else is left out.
-    """
+    """The provenance of a result of this moment; ``inputs`` are paths, and records and models with
+    a ``file``; anything else is left out."""
     files = tuple(dict.fromkeys(_files(inputs)))
     return Provenance(version(), now().isoformat(timespec="seconds"), command, files)
 

@@ -71,10 +71,8 @@ def bounded(
     upper: np.ndarray,
     fixed: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Minimise b'Gb - 2 g'b with lower <= b <= upper, by an active set that starts at ``fixed``.
-
-    Returns b (k,) and the mask of those that no bound holds.
-    """
+    """Minimise b'Gb - 2 g'b with lower <= b <= upper, by an active set that starts at ``fixed``: b
+    (k,) and the mask of those that no bound holds."""
     scale = np.sqrt(np.maximum(np.diag(G), TINY))
     fixed = np.zeros(len(g), bool) if fixed is None else fixed.copy()
     b = np.clip(0.0, lower, upper)
@@ -154,11 +152,9 @@ def log_density(r: np.ndarray, stretch: float = 1.0) -> np.ndarray:
 
 
 class Blocks:
-    """Stretches of time over which descriptions are compared: those of ``most`` of equal length
-    in which there are rows, ``number`` in all.
-
-    ``t`` (m,) are the times of the rows in order, from 0 to ``duration``.
-    """
+    """Stretches of time over which descriptions are compared: those of ``most`` of equal length in
+    which there are rows, ``number`` in all. ``t`` (m,) are the times of the rows, up to
+    ``duration``."""
 
     def __init__(self, t: np.ndarray, duration: float, most: int) -> None:
         at = np.minimum((t / duration * most).astype(int), most - 1)
@@ -174,10 +170,8 @@ class Blocks:
     def left_out(
         self, fit: Fit, X: np.ndarray, prior: Prior, scale: float, stretch: float
     ) -> np.ndarray:
-        """Log density of each block (number,) under the fit without it.
-
-        One Newton step leads to that fit; the density there is exact.
-        """
+        """Log density of each block (number,) under the fit without it, to which one Newton step
+        leads."""
         own, r = X[:, fit.free], fit.r
         weighted = own * (fit.w / scale**2)[:, None]
         score = own * (weight(r) * r / scale)[:, None]
@@ -198,10 +192,8 @@ class Blocks:
 
 
 def paired(a: np.ndarray, b: np.ndarray) -> tuple[float, float]:
-    """Difference of two scores by block (n,) and its standard error.
-
-    An effect that few blocks show counts by how many they are, not by how much they gain.
-    """
+    """Difference of two scores by block (n,) and its standard error; an effect that few blocks show
+    counts by how many they are, not by how much they gain."""
     d = a - b
     total, error = float(d.sum()), float(np.sqrt(len(d)) * d.std(ddof=1)) + 1e-9
     for most in CLIPS:
@@ -231,11 +223,9 @@ def left_out_covariance(
     noise: float,
     blocks: Sequence[np.ndarray],
 ) -> np.ndarray:
-    """Covariance (k, k) of b from fits that leave one block out, the widest over block sizes.
-
-    What one block alone tells is as wide as white noise leaves it; what no row determines stays as
-    wide as its prior.
-    """
+    """Covariance (k, k) of b from fits that leave one block out, the widest over block sizes; what
+    one block alone tells is as wide as white noise leaves it, what no row tells as wide as its
+    prior."""
     w, k = fit.w / scale**2, X.shape[1]
     G, _ = normal_equations(X, y, fit.w, prior, scale, noise)
     inverse = np.linalg.inv(G / scale**2)

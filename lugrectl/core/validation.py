@@ -48,10 +48,8 @@ def shown(value: Any) -> str:
 
 
 def real(value: Any) -> float | None:
-    """A real number as a float, NumPy's and an array of no dimension too; None for all else.
-
-    A whole number that no float holds is None; inf and nan are numbers here.
-    """
+    """A real number as a float, NumPy's and an array of no dimension too; None for all else, and
+    for a whole number that no float holds. inf and nan are numbers here."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
@@ -105,14 +103,16 @@ def flag(value: Any, name: str) -> bool:
 
 
 def array(value: Any, name: str) -> np.ndarray:
-    """A new float64 array of any shape; InputError for text, complex numbers or ragged lists.
-
-    A masked sample is nan.
-    """
+    """A new float64 array of any shape, a masked sample nan; InputError for text, complex numbers
+    or ragged lists."""
+    try:
+        made = np.asarray(value)
+    except ValueError:
+        what = f"a list of unequal parts, {shown(value)}"
+        raise InputError(f"{name} must be real numbers, not {what}.") from None
     try:
         if isinstance(value, np.ma.MaskedArray):
-            value = np.ma.filled(value.astype(float), np.nan)
-        made = np.asarray(value)
+            return np.array(np.ma.filled(value.astype(float), np.nan))
         if made.dtype.kind == "O":  # float() takes text and complains of what is no number
             if any(isinstance(item, (str, bytes)) for item in made.flat):
                 raise TypeError
@@ -121,18 +121,10 @@ def array(value: Any, name: str) -> np.ndarray:
         return np.array(made, dtype=float)
     except (TypeError, ValueError, OverflowError):
         pass
-    raise InputError(f"{name} must be real numbers, not {_what(value)}.")
-
-
-def _what(value: Any) -> str:
-    """What stands in place of an array of numbers."""
-    try:
-        made = np.asarray(value)
-    except ValueError:
-        return f"a list of unequal parts, {shown(value)}"
-    if made.dtype.kind == "c":
-        return "complex ones"
-    return f"an array of {made.dtype}" if made.ndim and made.size > 4 else shown(value)
+    long = f"an array of {made.dtype}" if made.ndim and made.size > 4 else shown(value)
+    raise InputError(
+        f"{name} must be real numbers, not {'complex ones' if made.dtype.kind == 'c' else long}."
+    )
 
 
 def within(value: Any, name: str, p: Any) -> float:
@@ -198,10 +190,9 @@ def is_file(given: Any) -> bool:
 
 def holds_samples(given: Mapping[Any, Any]) -> bool:
     """Whether a dict holds arrays or lists of numbers; the lists of a model stand in its tables."""
-    return any(map(_is_column, given.values()))
-
-
-def _is_column(x: Any) -> bool:
-    if isinstance(x, (list, tuple)):
-        return bool(x) and real(x[0]) is not None
-    return bool(getattr(x, "shape", ()))
+    return any(
+        bool(x) and real(x[0]) is not None
+        if isinstance(x, (list, tuple))
+        else bool(getattr(x, "shape", ()))
+        for x in given.values()
+    )

@@ -1,6 +1,5 @@
-"""Who draws and writes a result: functions of the report, loaded when they are first used.
-
-A result names its view instead of importing it, so that computing neither draws nor prints.
+"""Who draws and writes a result: functions of the report, which a result names instead of importing
+them, so that computing neither draws nor prints.
 """
 
 from __future__ import annotations

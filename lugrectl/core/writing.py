@@ -43,12 +43,9 @@ def write_whole(path: Path, content: bytes) -> None:
 def write_together(content: Mapping[str, str], folder: Path, complaint: str) -> list[Path]:
     """Write texts by file name into a folder, which is created if it is missing; the paths.
 
-    Everything is written to a hidden folder first, so that only renaming remains. On failure
-    the previous state is restored, and InputError says the ``complaint``, of which {} is why.
-    A process that is killed leaves the folder as it was or with all files of one run; where the
-    folder was there already, it may leave a part of them, but then without the first, and never
-    files of two runs.
-    """
+    All is written to a hidden folder first. On failure the previous state is restored, and
+    InputError says the ``complaint``, of which {} is why. A killed process may leave a part of the
+    files in an old folder, but then without the first."""
     try:
         _together(content, folder.absolute())
     except OSError as error:
@@ -90,10 +87,8 @@ def _settle(staged: Path, folder: Path) -> None:
 
 
 def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
-    """Rename into an existing folder; on failure the previous files are restored.
-
-    The first file goes first and comes last: where it is, the others are of the same run.
-    """
+    """Rename into an existing folder; on failure the previous files are restored. The first file
+    goes first and comes last: where it is, the others are of the same run."""
     try:
         for name in names:
             if (folder / name).exists():
@@ -114,11 +109,11 @@ def unfinished(folder: Path) -> Path:
     mine = _names_of(os.getpid())
     for left in folder.glob(f"{_PREFIX}*"):
         known = re.fullmatch(r"\.lugrectl-\w+-(\d+)-[0-9a-f]{12}", left.name)
-        if known is None:
-            continue
-        pid = int(known[1])
-        if _age(left) > _OLD or (left.name.startswith(_names_of(pid)) and not _runs(pid)):
-            _remove(left)
+        with contextlib.suppress(OSError):  # another process may have removed it
+            pid = int(known[1]) if known else 0
+            old = time.time() - left.stat().st_mtime > _OLD
+            if known and (old or (left.name.startswith(_names_of(pid)) and not _runs(pid))):
+                shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink()
     return folder / f"{mine}{secrets.token_hex(6)}"
 
 
@@ -128,29 +123,12 @@ def _names_of(pid: int) -> str:
     return f"{_PREFIX}{host}-{pid}-"
 
 
-def _remove(left: Path) -> None:
-    if left.is_dir():
-        shutil.rmtree(left, ignore_errors=True)
-        return
-    with contextlib.suppress(OSError):
-        left.unlink()
-
-
-def _age(path: Path) -> float:
-    try:
-        return time.time() - path.stat().st_mtime
-    except OSError:
-        return 0.0
-
-
 def _runs(pid: int) -> bool:
     """Whether a process of this machine runs; where that cannot be asked, it may."""
-    if os.name != "posix":
-        return True
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except (OSError, OverflowError):
-        return True
+    with contextlib.suppress(OSError, OverflowError):
+        if os.name == "posix":
+            try:
+                os.kill(pid, 0)
+            except ProcessLookupError:
+                return False
     return True

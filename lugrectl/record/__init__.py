@@ -1,18 +1,12 @@
 """Measured logs: from the columns of a file to a Record in SI units on uniform time."""
 
 from .columns.options import parse_pairs
-from .consistency import named, refuse_dead
+from .consistency import refuse_dead
 from .log import Log
 from .read import consistent, read_log, read_record, record_of
 from .record import Record
 from .stretches import Stretch, stretches
-from .uniform_time import (
-    long_enough_to_judge,
-    pooled,
-    refuse_open_time,
-    refuse_unlikely_time,
-    unlikely_time,
-)
+from .uniform_time import long_enough_to_judge, pooled, refuse_open_time
 
 __all__ = [
     "Log",
@@ -20,7 +14,6 @@ __all__ = [
     "Stretch",
     "consistent",
     "long_enough_to_judge",
-    "named",
     "parse_pairs",
     "pooled",
     "read_log",
@@ -28,7 +21,5 @@ __all__ = [
     "record_of",
     "refuse_dead",
     "refuse_open_time",
-    "refuse_unlikely_time",
     "stretches",
-    "unlikely_time",
 ]

@@ -16,7 +16,7 @@ from ..core.validation import as_path, is_file, like_it, shown
 from .columns.table import FORMS, is_table
 from .files.readers import SUFFIXES, read_table
 from .log import Log
-from .read import already_read, read_log, read_record
+from .read import already_read, read_log, record_of
 from .record import Record
 
 
@@ -33,15 +33,9 @@ def is_record(given: Any) -> bool:
 def as_record(
     given: Any, motion: str | None = None, what: str = "record", **reading: Any
 ) -> Record:
-    """The record that is meant, read for a drive of that motion; InputError names the argument.
-
-    ``reading`` are options of :func:`read_record`, for what is still to be read.
-    """
-    if isinstance(given, Record):
-        return given
-    if is_record(given):
-        return read_record(given, **reading, motion=motion)
-    raise InputError(f"{what} must be {FORMS}, not {shown(given)}.")
+    """The record that is meant, read for a drive of that motion with these options of
+    :func:`read_record`; InputError names the argument."""
+    return record_of(as_log(given, motion, what, **reading))
 
 
 def as_log(
@@ -61,15 +55,13 @@ def as_log(
 
 
 def as_logs(given: Any, motion: str | None = None, **reading: Any) -> tuple[Log | Record, ...]:
-    """The logs that are meant; ``reading`` are options of :func:`read_record`, for those still to
-    be read."""
+    """The logs that are meant; options of :func:`read_record` are for those still to be read."""
     if is_file(given) and os.path.isdir(given):  # a folder stands for the logs in it
         given = files_of(given)
     if is_record(given) or isinstance(given, np.ndarray) or not isinstance(given, Iterable):
-        made = as_log(given, motion, **reading)
-        if made is given and isinstance(made, Record):
-            already_read(made, **reading)
-        return (made,)
+        if isinstance(given, Record):
+            already_read(given, **reading)
+        return (as_log(given, motion, **reading),)
     found = tuple(as_log(one, motion, "each record", **reading) for one in given)
     if not found:
         raise InputError("record is an empty list: give at least one record.")
@@ -85,34 +77,19 @@ def as_holdout(
     if not is_record(given):
         raise InputError(f"holdout must be None, 'last', {FORMS}, not {shown(given)}.")
     made = as_record(given, motion, "holdout", **reading)
-    every = records if isinstance(records, Sequence) else [records]
-    if any(same_samples(made, record) for record in every):
-        raise InputError(
-            "holdout holds the same samples as a record to fit to: give a run of its own or 'last'."
-        )
+    roles = [role for role in ("u", "w", "theta") if role in made.channels()]
+    for record in records if isinstance(records, Sequence) else [records]:
+        ours, theirs = made.channels(), record.channels()
+        if all(k in theirs and np.array_equal(ours[k], theirs[k]) for k in roles):
+            raise InputError(
+                "holdout holds the same samples as a record to fit to: give a run of its own or "
+                "'last'."
+            )
     return made
 
 
-def same_samples(one: Record, other: Record) -> bool:
-    """Whether two records have the same samples of torque and motion."""
-    if one is other:
-        return True
-    mine, theirs = one.channels(), other.channels()
-    return one.samples == other.samples and all(
-        role in theirs and bool((mine[role] == theirs[role]).all())
-        for role in ("u", "w", "theta")
-        if role in mine
-    )
-
-
 def record_files(logs: Iterable[Any]) -> list[Any]:
-    """The logs with folders and patterns replaced by the files they stand for, each file once.
-
-    A folder stands for its files of SUFFIXES, axis2 before axis10; a pattern
-    (``*``, ``?``, ``**``) for what it matches, unless a file has that very name.
-
-    Raises InputError for a folder without such files and for a pattern without match.
-    """
+    """The logs with folders and patterns replaced by the files they stand for, each file once."""
     found: dict[Any, Any] = {}
     for log in logs:
         if not is_record(log):
@@ -138,7 +115,8 @@ def there(name: Any) -> None:
 
 
 def files_of(name: str | Path, folders: bool = True) -> list[Path]:
-    """The files that a name, a pattern or (with ``folders``) a folder stands for."""
+    """The files that a name, a pattern or (with ``folders``) a folder stands for: axis2 before
+    axis10; a pattern (``*``, ``?``, ``**``) stands for itself where a file has that very name."""
     path = Path(name)
     if folders and path.is_dir():
         files = [p for p in path.iterdir() if _is_record(p)]
@@ -165,14 +143,11 @@ def _is_record(path: Path) -> bool:
     hidden = path.name.startswith(".")
     if path.suffix.lower() not in SUFFIXES or hidden or not path.is_file():
         return False
-    return path.suffix.lower() not in _LOOSE or _holds_table(path)
-
-
-def _holds_table(path: Path) -> bool:
-    try:
-        read_table(path)
-    except InputError:
-        return False
+    if path.suffix.lower() in _LOOSE:
+        try:
+            read_table(path)
+        except InputError:
+            return False
     return True
 
 

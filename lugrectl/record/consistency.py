@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from ..core.errors import InputError, Refused
+from ..core.numeric import column_sizes
 from ..core.option_names import option
 from .columns.units import UNITS, Unit, si_unit
 from .record import Record
@@ -26,8 +28,6 @@ _LAG = 1.5  # samples
 _GEARS = 500.0  # the usual ratios
 _LEAST_OFFSET = 0.005  # of the RMS speed
 _DEAD = ("u", "w", "theta")
-_COASTS = "dead torque channel, or a drive that coasts"
-_ONE = "dead torque channel, or one torque throughout, which does not tell inertia from friction"
 _IGNORED = "w is ignored and the velocity is computed from theta."
 Labels = Mapping[str, str | None]
 
@@ -35,19 +35,11 @@ Labels = Mapping[str, str | None]
 def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
     """Check a record: correct the faults that have one possible cause, report the others.
 
-    ``w`` in another unit or of the opposite sign than d theta/dt is converted, and ignored if it
-    does not fit d theta/dt at all or has an offset. A torque of the wrong sign is inverted. A lag
-    of ``w`` and a saturated ``u`` are reported. ``labels`` are the units by role that the file or
-    the user stated (None: not stated); they decide which of two channels has the wrong unit.
-
-    Raises Refused when ``u`` or the motion is constant or only noise. A constant torque at a
-    steady speed is a point of a friction curve; beside other runs (not ``alone``) it may be one of
-    several torques, which :func:`refuse_dead` judges together.
-    """
+    ``labels`` are the units by role as stated. Raises Refused when ``u`` or the motion is constant
+    or only noise; a constant torque at a steady speed is a point of a friction curve, and beside
+    other runs (not ``alone``) it may be one of several torques (:func:`refuse_dead`)."""
     _alive(record, alone)
-    record = fitting_speed(record, labels)
-    record = _torque_sign(record)
-    return _saturation(record)
+    return _saturation(_torque_sign(fitting_speed(record, labels)))
 
 
 # ---- slow signals -------------------------------------------------------------------
@@ -58,25 +50,24 @@ def _longest(record: Record) -> Record:
     return record.slice(part.start, part.stop)
 
 
-def _edge(record: Record, band: float) -> tuple[float, int]:
-    """Return the cut-off frequency, Hz, and the samples that the filter spoils at each end."""
-    edge = min(band, record.rate / 20)
-    return edge, int(record.rate / edge)
-
-
 def _long_enough(record: Record, band: float = _BAND) -> bool:
     """Return whether the longest stretch, without its ends, is long enough for slow signals."""
     part = _longest(record)
-    return len(part.u) > 2 * (_edge(part, band)[1] + _BLOCKS)
+    return len(part.u) > 2 * (int(part.rate / _edge(part, band)) + _BLOCKS)
+
+
+def _edge(record: Record, band: float) -> float:
+    """Return the cut-off frequency, Hz; the filter spoils a period of it at each end."""
+    return min(band, record.rate / 20)
 
 
 def _low_passed(
     record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
 ) -> list[np.ndarray]:
     """Return low-pass filtered signals (the band of the motion), without their ends."""
-    edge, end = _edge(record, band)
+    edge = _edge(record, band)
     sos = butter(3, edge, fs=record.rate, output="sos")
-    cut = 0 if keep_ends else end
+    cut = 0 if keep_ends else int(record.rate / edge)
     return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
 
 
@@ -86,8 +77,7 @@ def _jackknifed(
     """Fit y by columns: the coefficients, and the standard error of a function of them, by leaving
     out one block of time after the other."""
     x = np.column_stack(columns)
-    size = np.linalg.norm(x, axis=0)
-    size[size == 0] = 1.0  # a column that does not change explains nothing
+    size = column_sizes(x)
     x = x / size
     blocks = np.array_split(np.arange(len(y)), _BLOCKS)
     grams = np.array([x[b].T @ x[b] for b in blocks])
@@ -104,26 +94,49 @@ def _jackknifed(
 # ---- dead channels ------------------------------------------------------------------
 
 
-def named(records: Sequence[Record]) -> str:
-    """Return the subject of a message: the record's source, or the number of records."""
-    return records[0].source if len(records) == 1 else f"{len(records)} records"
-
-
 def refuse_dead(records: Sequence[Record]) -> None:
     """Refuse channels that are constant over all records."""
     for role in _DEAD:
         given = [r.channels()[role] for r in records if role in r.channels()]
         if given and _is_constant(np.array([f(x) for x in given for f in (np.min, np.max)])):
-            how = "reverses at several speeds"
-            raise _dead(named(records), role, min(map(np.min, given)), how)
+            source = records[0].source if len(records) == 1 else f"{len(records)} records"
+            raise _dead(source, role, min(map(np.min, given)), "reverses at several speeds")
 
 
 def _dead(source: str, role: str, value: float, how: str) -> Refused:
-    meaning = "nothing moves" if role != "u" else _COASTS if value == 0 else _ONE
+    meaning = "nothing moves"
+    if role == "u":
+        one = "one torque throughout, which does not tell inertia from friction"
+        meaning = f"dead torque channel, or {one if value else 'a drive that coasts'}"
     return Refused(
         f"{source}: {role} is constant ({value:.6g}): {meaning}.",
         f"Record a motion that starts, stops and {how}, with its torque.",
     )
+
+
+def _is_constant(values: np.ndarray) -> bool:
+    return bool(np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0))
+
+
+def _is_steady(record: Record) -> bool:
+    """Return whether the drive keeps one speed."""
+    edges = np.linspace(0, record.samples - 1, 9).astype(int)
+    if record.samples < 18:
+        return False
+    if record.theta is not None:
+        means = np.diff(record.theta[edges]) / np.diff(edges)
+    else:
+        assert record.w is not None
+        means = np.array([part.mean() for part in np.split(record.w, edges[1:-1])])
+    return bool(np.ptp(means) < _STEADY * abs(means.mean()))
+
+
+def _is_noise(values: np.ndarray) -> bool:
+    """Return whether values are uncorrelated from sample to sample, about zero."""
+    spread, x = np.std(values), values - values.mean()
+    sure = min(5 / np.sqrt(len(x)), 0.5)  # a few samples can show that only roughly
+    lag1 = np.mean(x[1:] * x[:-1]) / spread**2
+    return bool(abs(lag1) < sure and abs(values.mean()) < sure * spread)
 
 
 def _alive(record: Record, alone: bool) -> None:
@@ -145,35 +158,6 @@ def _alive(record: Record, alone: bool) -> None:
             f"{record.source}: w is noise about zero: nothing moves.",
             "Record a motion well above the sensor's noise.",
         )
-
-
-def _is_constant(values: np.ndarray) -> bool:
-    return bool(np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0))
-
-
-def _is_steady(record: Record) -> bool:
-    """Return whether the drive keeps one speed."""
-    edges = np.linspace(0, record.samples - 1, 9).astype(int)
-    if record.samples < 18:
-        return False
-    if record.theta is not None:
-        means = np.diff(record.theta[edges]) / np.diff(edges)
-    else:
-        assert record.w is not None
-        means = np.array([part.mean() for part in np.split(record.w, edges[1:-1])])
-    return bool(np.ptp(means) < _STEADY * abs(means.mean()))
-
-
-def _is_noise(values: np.ndarray) -> bool:
-    """Return whether values are uncorrelated from sample to sample, about zero.
-
-    A few samples can show that only roughly: no bound is wider than a half.
-    """
-    spread = np.std(values)
-    x = values - values.mean()
-    lag1 = np.mean(x[1:] * x[:-1]) / spread**2
-    sure = min(5 / np.sqrt(len(x)), 0.5)
-    return bool(abs(lag1) < sure and abs(values.mean()) < sure * spread)
 
 
 # ---- the speed against the position's: unit, sign, offset and lag -------------------
@@ -207,18 +191,28 @@ class _Speeds:
         g, T = found[0], found[1] / found[0] if found[0] else 0.0
         return float(g), float(T), float(found[3]), float(error[0])
 
+    def compared(self) -> _Compared:
+        """Compare w with d theta/dt. Noise in the regressor biases a fitted ratio towards zero: the
+        two regressions bracket the true one, which is less certain with few swings of the
+        motion."""
+        w, slope = self.w, self.slope
+        (ratio, lead, *_), (inverse, lag, *_) = self.fitted(w, slope), self.fitted(slope, w)
+        agreement = ratio * inverse
+        if agreement < 0.25:
+            return _Compared(0.0, agreement)
+        swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
+        margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
+        low, high = sorted((abs(ratio), abs(1 / inverse)))
+        same = low <= 1 + margin and high >= 1 - margin
+        size = 1.0 if same else float(np.sqrt(ratio / inverse))
+        return _Compared(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
+
     def steady_ratio(self) -> float:
         """Mean w over mean d theta/dt if the speed varies too little to compare them; else 0."""
         w, slope = float(self.w.mean()), float(self.slope.mean())
         ratio = w / slope if slope else 0.0
         alike = np.std(self.w - ratio * self.slope) < _STEADY * abs(w)
         return ratio if alike and np.std(self.slope) < _STEADY * abs(slope) else 0.0
-
-    def are_one(self) -> bool:
-        """Return whether w is d theta/dt, in the same unit."""
-        ratio = self.fitted(self.w, self.slope)[0]
-        inverse = self.fitted(self.slope, self.w)[0]
-        return ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF
 
     def offset(self) -> float:
         """The offset of w against d theta/dt, beside gain and lag; 0 where it may be none."""
@@ -227,8 +221,7 @@ class _Speeds:
         return offset if abs(offset) > least and np.ptp(self.slope) > 0 else 0.0
 
 
-@dataclass(frozen=True)
-class _Compared:
+class _Compared(NamedTuple):
     """w over d theta/dt, 1 or -1 where it may be that; its lag and the least one, in s."""
 
     ratio: float
@@ -236,48 +229,21 @@ class _Compared:
     lag: float = 0.0
     least_lag: float = 0.0
 
-    @classmethod
-    def of(cls, speeds: _Speeds) -> _Compared:
-        """Compare w with d theta/dt.
-
-        Noise in the regressor biases a fitted ratio towards zero, so the two regressions, w on
-        d theta/dt and d theta/dt on w, bracket the true ratio. With few swings of the motion it is
-        less certain.
-        """
-        w, slope = speeds.w, speeds.slope
-        (ratio, lead, *_), (inverse, lag, *_) = speeds.fitted(w, slope), speeds.fitted(slope, w)
-        agreement = ratio * inverse
-        if agreement < 0.25:
-            return cls(0.0, agreement)
-        swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
-        margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
-        low, high = sorted((abs(ratio), abs(1 / inverse)))
-        same = low <= 1 + margin and high >= 1 - margin
-        size = 1.0 if same else float(np.sqrt(ratio / inverse))
-        return cls(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
-
 
 def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
-    """Return the record with a w that is consistent with d theta/dt; ``labels`` as for
-    :func:`audit`.
-
-    theta in rad, w in rad/s (m, m/s on a linear axis); the record's messages report each change.
-    A w that does not fit d theta/dt is left out.
-    """
+    """Return the record with a w that is consistent with d theta/dt, each change a message; a w
+    that does not fit d theta/dt is left out."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return record
-    found, labels = _Compared.of(speeds), labels or {}
+    found = speeds.compared()
     if not found.ratio:
-        return _unrelated(record, speeds, labels, found.agreement)
-    if abs(found.ratio) != 1.0:
-        fits, record = _converted(record, labels, found.ratio)
-        if not fits:
+        return _unrelated(record, speeds, labels or {}, found.agreement)
+    if found.ratio != 1.0:
+        record = _converted(record, labels or {}, found.ratio)
+        if record.w is None:
             return record
         speeds = _Speeds.of(record)
-    elif found.ratio < 0:
-        record = _turned(record)
-        speeds = replace(speeds, w=-speeds.w)
     offset = speeds.offset() if speeds is not None else 0.0
     if offset:
         size = f"{abs(offset):.3g} {si_unit('w', record.motion)}"
@@ -295,32 +261,21 @@ def _unrelated(record: Record, speeds: _Speeds, labels: Labels, agreement: float
     """Return a record whose w does not vary with d theta/dt, as far as it is understood."""
     steady = speeds.steady_ratio()
     if steady:
-        return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)[1]
+        return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)
     swapped = replace(record, theta=record.w, w=record.theta)
     other = _Speeds.of(swapped)
-    if other is not None and other.are_one():
-        return swapped.with_messages("theta is d w/dt: the two were exchanged.")
-    return _ignored(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
-
-
-def _ignored(record: Record, why: str) -> Record:
-    said = f"w is not d theta/dt but {why}: {_IGNORED}"
-    return replace(record, w=None).with_messages(said)
-
-
-def _turned(record: Record) -> Record:
-    assert record.w is not None
-    return replace(record, w=-record.w).with_messages(
-        "w has the opposite sign of d theta/dt: its sign was changed."
-    )
+    if other is not None:
+        ratio = other.fitted(other.w, other.slope)[0]
+        inverse = other.fitted(other.slope, other.w)[0]
+        if ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF:
+            return swapped.with_messages("theta is d w/dt: the two were exchanged.")
+    why = f"has little in common with it (R2 = {max(agreement, 0.0):.2f})"
+    return replace(record, w=None).with_messages(f"w is not d theta/dt but {why}: {_IGNORED}")
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A channel that is in another unit than it was taken in.
-
-    ``factor`` is what its values in SI are to be multiplied by, ``unit`` the name of its unit.
-    """
+    """A channel in another unit than it was taken in; ``factor`` is on its values in SI."""
 
     role: str
     unit: str
@@ -329,15 +284,12 @@ class Mistake:
 
 
 def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
-    """Return the unit that w, theta or t is in, where w and d theta/dt differ by a factor of units.
-
-    None where they agree, or differ by another factor. Raises InputError where the unit of t is
-    the one that is not as assumed: all rates depend on it.
-    """
+    """Return the mistake where w and d theta/dt differ by a factor of units, else None; InputError
+    where the unit of t is the one that is not as assumed: all rates depend on it."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return None
-    ratio = _Compared.of(speeds).ratio or speeds.steady_ratio()
+    ratio = speeds.compared().ratio or speeds.steady_ratio()
     if not ratio or abs(abs(ratio) - 1) <= _OFF:
         return None
     _check_time(record, labels, abs(ratio))
@@ -358,11 +310,8 @@ def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
 
 
 def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Unit]]:
-    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units.
-
-    A channel without a stated unit is suspected first, then one stated in SI: another unit is
-    stated on purpose, SI often by habit.
-    """
+    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units:
+    first those without a stated unit, then of one in SI, which is often stated by habit."""
     found = []
     for role in ("w", "theta"):
         label = labels.get(role)
@@ -377,11 +326,9 @@ def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Un
 
 
 def _check_time(record: Record, labels: Labels, ratio: float) -> None:
-    """InputError if the unit of t is what makes w so many times d theta/dt.
-
-    It is where no drive is logged at the rate that the taken unit means, or where the others have
-    a stated unit and t has none; and where one is at the rate that the other unit means.
-    """
+    """InputError if the unit of t is what makes w so many times d theta/dt: where no drive is
+    logged at the rate it means, or only t has no stated unit; and one is at the rate of the other
+    unit."""
     if "t" not in labels:
         return
     stated = labels["t"] is not None
@@ -400,52 +347,39 @@ def _check_time(record: Record, labels: Labels, ratio: float) -> None:
             )
 
 
-def _converted(record: Record, labels: Labels, ratio: float) -> tuple[bool, Record]:
-    """Return whether a wrong unit explains the ratio, and the record corrected or without w."""
-    found = _mistake(record, labels, abs(ratio))
-    if found is None:
-        return False, _ignored(record, f"{ratio:.4g} times it{_geared(abs(ratio))}")
-    values = getattr(record, found.role) * found.factor
-    record = replace(record, **{found.role: values}).with_messages(found.said)
-    return True, _turned(record) if ratio < 0 else record
-
-
-def _geared(ratio: float) -> str:
-    """Return what to give where w is the motor's and theta the joint's."""
-    if not 2.0 < ratio < _GEARS:
-        return ""
-    joint, motor = option("scale", f"w={1 / ratio:.4g}"), option("scale", f"theta={ratio:.4g}")
-    gives = f"{joint} gives the joint's motion, {motor} the motor's"
-    return f" (a motor with a gear of {ratio:.4g}? Then {gives})"
+def _converted(record: Record, labels: Labels, ratio: float) -> Record:
+    """Return the record corrected where a wrong unit or sign explains the ratio, else without w."""
+    size, said = abs(ratio), "w has the opposite sign of d theta/dt: its sign was changed."
+    found = _mistake(record, labels, size) if size != 1.0 else None
+    if found is not None:
+        values = getattr(record, found.role) * found.factor
+        record = replace(record, **{found.role: values}).with_messages(found.said)
+    if found is not None or size == 1.0:
+        assert record.w is not None
+        return replace(record, w=-record.w).with_messages(said) if ratio < 0 else record
+    gear = ""
+    if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
+        joint, motor = option("scale", f"w={1 / size:.4g}"), option("scale", f"theta={size:.4g}")
+        gives = f"{joint} gives the joint's motion, {motor} the motor's"
+        gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
+    said = f"w is not d theta/dt but {ratio:.4g} times it{gear}: {_IGNORED}"
+    return replace(record, w=None).with_messages(said)
 
 
 # ---- sign of the torque -------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _TorqueFit:
-    """A plain balance ``u = J dw/dt + Fv w + Fc sign(w) + ...`` of slow signals.
-
-    ``inertia_t`` and ``power_t`` are J and the mean friction power over their standard
-    errors (jackknife over blocks of time); ``r2`` is the share of u that is explained.
-    """
-
-    inertia_t: float
-    power_t: float
-    r2: float
-
-
-def _torque_fit(record: Record, band: float = _BAND) -> _TorqueFit | None:
-    """Fit the balance to the longest stretch, up to ``band`` Hz; None without motion, under a
-    constant torque, or if the stretch is too short.
-
-    The terms include the angle, for a spring, and on a rotary drive its sin and cos, for a
-    gravity load.
-    """
+def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
+    """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz: J
+    and the mean friction power over their standard errors, and the share of u that is explained."""
     if _is_constant(record.u) or not _long_enough(record, band):
         return None
     part = _longest(record)
-    angle, speed = _motion(part)
+    angle, speed = part.theta, part.w
+    if speed is None:
+        assert angle is not None
+        speed = np.gradient(angle, part.dt)
+    angle = np.cumsum(speed) * part.dt if angle is None else angle
     (slow,) = _low_passed(part, speed, band=band, keep_ends=True)
     still = 0.02 * np.std(slow)
     if not still > 0:
@@ -463,49 +397,36 @@ def _torque_fit(record: Record, band: float = _BAND) -> _TorqueFit | None:
     p, error = _jackknifed(terms, u, inertia_and_power)
     if not np.all(error > 0):
         return None
+    inertia, friction_power = inertia_and_power(p) / error
     r2 = 1 - np.var(u - np.column_stack(terms) @ p) / np.var(u)
-    inertia_t, power_t = inertia_and_power(p) / error
-    return _TorqueFit(float(inertia_t), float(power_t), float(r2))
-
-
-def _motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
-    """Return angle and speed; if one was not recorded it is computed from the other."""
-    angle, speed = record.theta, record.w
-    if speed is None:
-        assert angle is not None
-        return angle, np.gradient(angle, record.dt)
-    return (np.cumsum(speed) * record.dt if angle is None else angle), speed
+    return float(inertia), float(friction_power), float(r2)
 
 
 def _torque_sign(record: Record) -> Record:
     """Invert a torque that drives against its own motion; only report it if that is uncertain.
 
-    Delay and filters make the fitted friction of a light drive negative, so the sign of the
-    fitted inertia decides. Above a resonance between motor and sensor a correct torque looks
-    inverted: the inverted balance must hold in the whole motion and in its slow part alone.
-    """
-    if _is_steady(record):
-        return record  # nothing accelerates
-    fit = _torque_fit(record)
-    if fit is None or fit.r2 >= 0.05 and min(fit.inertia_t, fit.power_t) >= -_SURE:
+    Delay and filters make the fitted friction of a light drive negative, so the fitted inertia
+    decides. Above a resonance a correct torque looks inverted: the slow part must agree."""
+    whole = None if _is_steady(record) else _torque_fit(record)
+    if whole is None or whole[2] >= 0.05 and min(whole[:2]) >= -_SURE:
         return record
     slow = _torque_fit(record, _SLOW_BAND)
     if slow is None:
         return record
-    if fit.r2 < 0.05 and _is_noise(record.u - record.u.mean()):
+    if whole[2] < 0.05 and _is_noise(record.u - record.u.mean()):
         raise Refused(
             f"{record.source}: u is noise that is not related to the motion: dead torque channel.",
             "Record the torque that the drive applies.",
         )
-    if max(fit.inertia_t, slow.inertia_t) < -_SURE and min(fit.r2, slow.r2) > 0.8:
+    inertias, powers, explained = zip(whole, slow, strict=True)
+    if max(inertias) < -_SURE and min(explained) > 0.8:
         return replace(record, u=-record.u).with_messages(
             "u drives against the motion it causes (the fitted inertia is negative): "
             "its sign was changed for the simulation, not in the plain torque balance. "
             f"Give {option('scale', 'u=-1')} to change it in both."
         )
-    turned = fit.inertia_t < -_SURE and slow.inertia_t < -2
-    brakes = max(fit.power_t, slow.power_t) < -_SURE and max(fit.inertia_t, slow.inertia_t) < 2
-    if turned and max(fit.r2, slow.r2) > 0.8 or brakes:
+    turned = whole[0] < -_SURE and slow[0] < -2 and max(explained) > 0.8
+    if turned or max(powers) < -_SURE and max(inertias) < 2:
         return record.with_messages(
             "u seems to drive against the motion it causes, but not clearly enough to change "
             f"its sign; if it is wrong, give {option('scale', 'u=-1')}."

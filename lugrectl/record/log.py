@@ -38,26 +38,17 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """A log as it was recorded.
-
-    ``t`` (N,) in s and ``channels`` by role, (N,) in SI units, hold every row of the file; NaN
-    where there is no number. ``where(row)`` names the place of a row: "line 2102" of a text file
-    (its header counted), "row 2100" (from 0) elsewhere. ``labels`` are the units by role as the
-    file or the user stated them, None where none was stated; ``motion`` is "rotary" or "linear".
-    ``messages`` say how the columns were interpreted; ``file`` is the file with its SHA-256.
-    ``cuts`` are rows known to begin a new part,
-    and ``of`` is the checksum of the record that was made from these rows, 0 if there is none.
-    """
+    """A log as it was recorded: every row of the file."""
 
     source: str
-    t: np.ndarray
-    channels: dict[str, np.ndarray]
-    where: Callable[[int], str]
-    labels: dict[str, str | None]
-    motion: str
-    messages: tuple[str, ...] = ()
-    cuts: tuple[int, ...] = ()
-    of: int = 0
+    t: np.ndarray  # (N,) s
+    channels: dict[str, np.ndarray]  # by role, (N,) in SI units; NaN where there is no number
+    where: Callable[[int], str]  # "line 2102" of a text, its header counted; "row 2100" elsewhere
+    labels: dict[str, str | None]  # units by role as stated, None where none was
+    motion: str  # "rotary" or "linear"
+    messages: tuple[str, ...] = ()  # how the columns were interpreted
+    cuts: tuple[int, ...] = ()  # rows known to begin a new part
+    of: int = 0  # checksum of the record that was made from these rows, 0 if there is none
     file: SourceFile | None = None
     kept: Kept = field(default_factory=Kept, repr=False, compare=False)
 
@@ -87,18 +78,17 @@ def rows_of(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Log:
-    """The rows of a log in the units that are stated or assumed; parameters as for
-    :func:`read_record`.
-
-    Raises InputError if the file or an argument cannot be read or understood.
-    """
+    """The rows of a log in the units that are stated or assumed; InputError if it or an argument
+    of :func:`read_record` cannot be read or understood."""
     named, stated, scaled = texts(columns, "columns"), texts(units, "units"), factors(scale)
     rate = None if rate is None else _rate(rate, named)
-    if not (isinstance(path, (str, os.PathLike)) or is_table(path)):
-        raise InputError(f"record must be {FORMS}, not {shown(path)}.")
     table, file = _opened(path, named)
     choices, said = choose_columns(table, named, need_time=rate is None)
-    choices, said = _without_time(table, choices, said) if rate else (choices, said)
+    time = next((c for c in choices if c.role == "t"), None)
+    if rate and time is not None:
+        choices.remove(time)
+        name = table.names[time.index]
+        said = [*said, f"The given rate was used in place of the column '{name}'."]
     check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
     reading = _Reading(table, tuple(choices), stated, scaled)
     reading.find_units(motion)
@@ -126,7 +116,9 @@ def _opened(path: Any, named: Mapping[str, str]) -> tuple[Table, SourceFile | No
     """The table of a file, of standard input ("-") or in memory, and the file."""
     if is_table(path):
         return table_of(path, named), None
-    if isinstance(path, (str, os.PathLike)) and os.fspath(path) == "-":
+    if not isinstance(path, (str, os.PathLike)):
+        raise InputError(f"record must be {FORMS}, not {shown(path)}.")
+    if os.fspath(path) == "-":
         table, data = read_stdin()
         return table, SourceFile.of_bytes("stdin", data)
     path = as_path(path, "record")
@@ -145,17 +137,6 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
         both = f"{option('rate')} and {option('columns', 't=NAME')}"
         raise InputError(f"{both} exclude each other: give one of them.")
     return rate
-
-
-def _without_time(
-    table: Table, choices: list[Choice], said: list[str]
-) -> tuple[list[Choice], list[str]]:
-    """The columns without that of t: the given rate takes its place."""
-    time = next((table.names[c.index] for c in choices if c.role == "t"), None)
-    if time is None:
-        return choices, said
-    note = f"The given rate was used in place of the column '{time}'."
-    return [c for c in choices if c.role != "t"], [*said, note]
 
 
 # ---- units --------------------------------------------------------------------------

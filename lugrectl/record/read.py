@@ -82,13 +82,8 @@ def read_record(
 
 
 def read_log(path: Any, **reading: Any) -> Log:
-    """Read the rows of a log in SI units; the options are those of :func:`read_record`.
-
-    Where w and d theta/dt differ by a factor of two units, one of them is in another unit than
-    was assumed: it is converted here, before anything is computed from the log.
-
-    Raises InputError if the file or an argument cannot be read or understood.
-    """
+    """Read the rows of a log in SI units; the options are those of :func:`read_record`. Where w and
+    d theta/dt differ by a factor of two units, one of them is converted before all else."""
     log = rows_of(path, **reading)
     if not {"w", "theta"} <= set(log.channels):
         return log
@@ -109,9 +104,7 @@ def read_log(path: Any, **reading: Any) -> Log:
 
 def record_of(log: Log | Record, *, alone: bool = True) -> Record:
     """A log on uniform time, without its bad samples; Refused where there is no motion in it.
-
-    ``alone``: no other run of the drive stands beside it, whose torque may be another.
-    """
+    ``alone``: no other run of the drive stands beside it, whose torque may be another."""
     if isinstance(log, Record):
         return log
     made = audit(_uniform(log), log.labels, alone=alone)
@@ -132,12 +125,8 @@ def _uniform(log: Log) -> Record:
 
 
 def consistent(record: Record, labels: Mapping[str, str | None] | None = None) -> Record:
-    """The record on uniform time, without bad samples, and w consistent with d theta/dt.
-
-    ``labels`` are the units by role that the user stated, as for ``audit``. theta in rad, w in
-    rad/s (m, m/s on a linear axis); the record's messages report each change. A w that does not
-    fit d theta/dt is left out. Raises Refused if too little is left.
-    """
+    """The record on uniform time, without bad samples, and w consistent with d theta/dt; Refused
+    if too little is left."""
     log = record.log
     assert log is not None  # a record always has one
     made = record

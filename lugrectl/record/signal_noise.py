@@ -24,11 +24,8 @@ LEFT_OUT = 0.001  # of the changes of a signal: so few may be anything
 
 
 def smallest_step(x: np.ndarray) -> float:
-    """Return the smallest change of a sampled signal (N,) between samples, due to its resolution.
-
-    In the signal's unit. The smallest thousandth of the changes is left out. 0 for a constant, and
-    for a signal that always goes one way: its smallest change is a part of the motion.
-    """
+    """Return the smallest change of a sampled signal (N,) between samples, due to its resolution;
+    0 for one that always goes one way: its smallest change is a part of the motion."""
     x = x[np.isfinite(x)]
     steps = np.diff(x)
     moved = steps[np.abs(steps) > 1e-9 * max(float(np.ptp(x)), 1e-300)] if len(x) else steps
@@ -46,10 +43,7 @@ def spread(x: np.ndarray) -> float:
 
 def quantum(x: np.ndarray) -> float:
     """Return the step of the lattice that the values of a channel (N,) lie on; 0 if there is none.
-
-    Unlike :func:`smallest_step` it needs no change from one sample to the next: a register is known
-    by all the values that it takes.
-    """
+    Unlike :func:`smallest_step` it needs no change from one sample to the next."""
     values = np.unique(x[:: max(1, len(x) // 20_000)])
     if len(values) < 3:
         return 0.0
@@ -82,10 +76,7 @@ def resolution(x: np.ndarray) -> float:
 
 def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
     """Return after how many samples a signal usually changes its value; 1 if it always does.
-
-    Samples between two encoder counts share one rounding error and carry the information of one
-    sample.
-    """
+    Samples between two encoder counts share one rounding error: they inform as one sample."""
     x = x[np.isfinite(x)]
     least = 0.5 * max(resolution, smallest_step(x))
     changed = np.flatnonzero(np.abs(np.diff(x)) > least)
@@ -103,13 +94,9 @@ def repeats(x: np.ndarray, count: float) -> np.ndarray:
 
 
 def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Return the standard deviation of a sampled signal's own noise, estimated without a model.
-
-    Computed from the median size of the third differences, which are near zero for a finely
-    sampled motion. Never below the rounding noise of the ``resolution`` (a step of q: q /
-    sqrt(12)). The smallest step in the samples is used as well, but interpolated samples do not
-    show it. The estimate is too high if the motion itself changes within four samples.
-    """
+    """Return the standard deviation of a signal's own noise by the median size of its third
+    differences (too high if the motion changes within four samples); never below the rounding of
+    ``resolution``, which interpolated samples do not show."""
     x = x[np.isfinite(x)]
     third = np.abs(np.diff(x, 3))
     noise = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE
@@ -125,28 +112,18 @@ def share_noise(theta: np.ndarray, w: np.ndarray) -> bool:
 
 
 def white_noise(parts: Sequence[np.ndarray]) -> float:
-    """Return the standard deviation of the white noise per sample, at least that of the quantum.
-
-    The level of the top of the spectrum of the fourth difference, divided by the gain of that
-    difference, |2 sin(pi f)|^8. The difference keeps slow motion from leaking there.
-    """
+    """Return the standard deviation of the white noise per sample, at least that of the quantum:
+    the top of the spectrum of the fourth difference over its gain, |2 sin(pi f)|^8."""
     rounding = quantum(np.concatenate(parts)) / np.sqrt(12)
     d = np.concatenate([np.diff(x, DIFFERENCE) for x in parts])
     if len(d) < 64:
         return max(rounding, NO_NOISE)
-    f, x = _top(d, min(SEGMENT, len(d)))
-    power = np.abs(x) ** 2 / (2 * np.sin(np.pi * f)) ** (2 * DIFFERENCE)
-    return float(max(np.sqrt(np.median(power.mean(axis=0))), rounding, NO_NOISE))
-
-
-def _top(x: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return frequencies per sample of the top of the spectrum, and Welch's transforms there.
-
-    Hann windows of ``length`` samples, half overlapping, without their means, of unit power.
-    """
+    length = min(SEGMENT, len(d))
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(length) / length)
-    parts = sliding_window_view(x, length)[:: length - length // 2]
-    lines = np.fft.rfft((parts - parts.mean(axis=1, keepdims=True)) * window)
+    cut = sliding_window_view(d, length)[:: length - length // 2]  # as Welch, half overlapping
+    lines = np.fft.rfft((cut - cut.mean(axis=1, keepdims=True)) * window)
     f = np.fft.rfftfreq(length)
     top = (f > TOP_OF_SPECTRUM[0]) & (f < TOP_OF_SPECTRUM[1])
-    return f[top], lines[:, top] / np.linalg.norm(window)
+    power = np.abs(lines[:, top] / np.linalg.norm(window)) ** 2
+    level = np.median((power / (2 * np.sin(np.pi * f[top])) ** (2 * DIFFERENCE)).mean(axis=0))
+    return float(max(np.sqrt(level), rounding, NO_NOISE))

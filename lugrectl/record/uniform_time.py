@@ -22,27 +22,21 @@ from .samples.clock import (
     slow,
     typical_step,
 )
-from .samples.resampling import HELD, between, on_grid, speed
+from .samples.resampling import HELD, between, how, on_grid, speed
 from .samples.rows import Stamped, count, runs, smallest_steps
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
-_SLOW = ", at which models of friction cannot be compared"
+_LONGER = "Record 20 s or more without loss."
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
 _SAME = 1e-3  # rates of runs that differ by less are one
 _NEAR = 0.25  # rates of runs that differ by more are not brought together
 
 
 def uniform(log: Stamped) -> Record:
-    """Bring the rows of a log, in SI units, to uniform time.
-
-    Up to 3 missing samples in a row are filled, repeated stamps are merged, and rows whose
-    stamps jitter are resampled; a longer loss becomes a gap. A held channel keeps its time
-    integral, motion is interpolated by cubic splines (a speed that is the difference of a
-    position: via that position), temperature linearly.
-
-    Raises Refused when no 12 rows in one piece are left.
-    """
+    """Bring the rows of a log, in SI units, to uniform time; Refused without 12 rows in one piece.
+    Up to 3 missing samples in a row are filled, jitter is resampled, a longer loss becomes a
+    gap."""
     _enough(log, len(log.t))
     _fill_optional(log)
     _fill_missing(log)
@@ -57,7 +51,7 @@ def _enough(log: Stamped, rows: int, whole: str = "") -> None:
         raise Refused(
             f"{log.source} is too short: {count(rows, 'row')}{whole} with torque and motion; at "
             f"least {FEWEST} are needed.",
-            "Record 20 s or more without loss.",
+            _LONGER,
         )
 
 
@@ -89,8 +83,7 @@ def _fill_optional(log: Stamped) -> None:
             log.say(f"{role} has too many missing samples and is left out.")
         elif lost.any():
             log.channels[role] = _filled(role, log.channels[role], lost)
-            how = "held" if role in HELD else "interpolated"
-            log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how}).")
+            log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how(role)}).")
 
 
 def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
@@ -109,16 +102,22 @@ def _regular(log: Stamped) -> Record:
     ticks = sum(int(n[-1]) for n in counts)
     dt = nice(float(sum(log.t[p.stop - 1] - log.t[p.start] for p in parts)) / max(ticks, 1))
     filled = ticks - sum(len(n) - 1 for n in counts)
-    said = [
-        f"{count(filled, 'sample')} missing between the stamps of t, filled in "
-        "(u held, motion interpolated)."
-    ]
+    if filled:
+        log.say(
+            f"{count(filled, 'sample')} missing between the stamps of t, filled in "
+            "(u held, motion interpolated)."
+        )
     pieces = [_piece(log, p, n, dt) for p, n in zip(parts, counts, strict=True)]
-    times = [log.t[p.start] + grid * dt for p, (grid, *_) in zip(parts, pieces, strict=True)]
+    times: list[np.ndarray] = []
+    for p, (grid, *_) in zip(parts, pieces, strict=True):
+        t = log.t[p.start] + grid * dt
+        if times and t[0] <= times[-1][-1]:  # its clock starts again: it follows a second later
+            t = t - t[0] + times[-1][-1] + max(1.0, 10 * dt)
+        times.append(t)
     changed = log.dropped or filled or any(resampled for *_, resampled in pieces)
-    steps = {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
+    resolution = {r: s if r in log.channels else s * dt for r, s in log.steps.items()}
     return Record(
-        _onward(times, dt),
+        np.concatenate(times),
         **{role: np.concatenate([made[role] for _, made, _ in pieces]) for role in log.channels},
         dt=dt,
         motion=log.motion,
@@ -126,19 +125,17 @@ def _regular(log: Stamped) -> Record:
         file=None,
         log=None,
         dropped=log.dropped + filled,
-        messages=(*log.said, *(said if filled else ())),
+        messages=tuple(log.said),
         gaps=tuple(int(g) for g in np.cumsum([len(t) for t in times])[:-1]),
-        resolution=steps if changed else {},
+        resolution=resolution if changed else {},
     )
 
 
 def _piece(
     log: Stamped, part: slice, counts: np.ndarray, dt: float
 ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """Return the grid of a part in steps, its channels there, and whether they are resampled.
-
-    ``counts`` are the steps of the clock from the first row on.
-    """
+    """Return the grid of a part in steps, its channels there, and whether they are resampled;
+    ``counts`` are the steps of the clock from the first row on."""
     at = (log.t[part] - log.t[part.start]) / dt
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
@@ -156,37 +153,19 @@ def _piece(
     return grid, made, resampled
 
 
-def _onward(times: list[np.ndarray], dt: float) -> np.ndarray:
-    """Return the times of all pieces; one whose clock starts again follows a second after the
-    last."""
-    made = times[:1]
-    for t in times[1:]:
-        end = made[-1][-1]
-        made.append(t if t[0] > end else t - t[0] + end + max(1.0, 10 * dt))
-    return np.concatenate(made)
-
-
 # ---- runs made alike ----------------------------------------------------------------
 
 
 def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
     """Return the runs at their commonest rate, where theirs differ by a little, with common
-    channels.
-
-    Each change is a message of the run. Runs whose rates differ a lot stay as they are.
-    """
+    channels; each change is a message of the run."""
     if len(records) < 2:
         return tuple(records)
-    return _with_common_channels(_at_one_rate(records))
-
-
-def _at_one_rate(records: Sequence[Record]) -> list[Record]:
     rates = [float(f"{r.rate:.4g}") for r in records]
-    common = Counter(rates).most_common(1)[0][0]
-    dt = records[rates.index(common)].dt
-    if any(abs(r.dt / dt - 1) > _NEAR for r in records):
-        return list(records)
-    return [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
+    dt = records[rates.index(Counter(rates).most_common(1)[0][0])].dt
+    if not any(abs(r.dt / dt - 1) > _NEAR for r in records):
+        records = [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
+    return _with_common_channels(records)
 
 
 def _resampled(record: Record, dt: float) -> Record:
@@ -229,73 +208,34 @@ def _with_common_channels(records: Sequence[Record]) -> tuple[Record, ...]:
 
 
 def long_enough_to_judge(record: Record) -> None:
-    """Raise Refused for a record that is too short or too slow to compare models on.
-
-    The torque balance needs less: it answers beside the refusal.
-    """
+    """Raise Refused for a record that is too short or too slow to compare models on; the torque
+    balance needs less and answers beside the refusal."""
     parts = record.segments()
     most = max(p.stop - p.start for p in parts)
     samples, seconds = _TO_JUDGE
     if not plausible(record.dt):
         labels = record.log.labels if record.log is not None else {}
-        raise Refused(
-            f"{record.source}: {slow(record.rate, labels, _SLOW)}",
-            "Record at 100 Hz or more.",
-        )
+        why = slow(record.rate, labels, ", at which models of friction cannot be compared")
+        raise Refused(f"{record.source}: {why}", "Record at 100 Hz or more.")
     if most < samples or most * record.dt < seconds - record.dt / 2:
         whole = "" if len(parts) == 1 else " in its longest piece"
         raise Refused(
             f"{record.source} is too short to judge models by simulation: {most * record.dt:.4g} s "
             f"and {most} samples{whole}; at least {seconds:g} s and {samples} samples are needed.",
-            "Record 20 s or more without loss.",
+            _LONGER,
         )
 
 
-def unlikely_time(record: Record) -> bool:
-    """Return whether t of a log has no unit, and no drive writes a log at that rate in s.
-
-    All rates and the inertia depend on the unit of t. A record that was built of arrays is in s.
-    """
-    return record.log is not None and _open_time(record.log.labels, record.dt)
-
-
-def _open_time(labels: Mapping[str, str | None], dt: float) -> bool:
-    return labels.get("t", "s") is None and not plausible(dt)
-
-
-def refuse_unlikely_time(record: Record) -> None:
-    """Raise Refused, with the unit to state, for a log of :func:`unlikely_time`, and for one that
-    is too short in its stated unit because no drive writes a log at that rate."""
-    if record.log is None:
-        return
-    label, seconds = record.log.labels.get("t"), record.samples * record.dt
-    if label is not None and not plausible(record.dt) and seconds < _TO_JUDGE[1]:
-        other = _unit_of_time(record.dt / UNITS[label].factor)
-        if other is not None:
-            raise Refused(
-                f"{record.source}: t is stated in {label}, which gives a sampling rate of "
-                f"{record.rate:.6g} Hz and a record of {seconds:.3g} s: give "
-                f"{option('units', f't={other}')} if t is in {other}. If not, it is too short.",
-                f"Write the unit of t into the header, as in t [{other}].",
-            )
-    refuse_open_time(record.source, record.log.labels, record.dt)
-
-
 def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
-    """Raise Refused where t has no unit and steps of ``dt`` are no s; ``labels`` are the units of
-    the log by role."""
-    if not _open_time(labels, dt):
+    """Raise Refused where t has no unit and no drive writes a log in steps of ``dt`` s, on which
+    all rates and the inertia depend. A record that was built of arrays is in s."""
+    if labels.get("t", "s") is not None or plausible(dt):
         return
-    unit = _unit_of_time(dt, below=1.0) or "ms"
+    times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
+    unit = next((u.name for u in times if plausible(dt * u.factor)), "ms")
     raise Refused(
         f"{source}: t has no unit, and read as s it gives a sampling rate of "
         f"{1.0 / dt:.6g} Hz, at which no drive writes a log: give "
         f"{option('units', f't={unit}')}, or {option('units', 't=s')} if that is right.",
         f"Write the unit of t into the header, as in t [{unit}].",
     )
-
-
-def _unit_of_time(step: float, below: float = np.inf) -> str | None:
-    """Return a unit, smaller than ``below`` s, in which a step is that of a log."""
-    times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < below]
-    return next((u.name for u in times if plausible(step * u.factor)), None)

@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.validation import shown
 from ..core.writing import nearest, write_together
 from .comparison_section import BUDGET
-from .page import Beside, Figure, Markup, Page, Section
+from .page import Figure, Page, Section, beside
 from .wording import ERRORS, headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
@@ -22,43 +22,39 @@ FILES: tuple[str, ...] = ("report.html", "report.json", "model.toml")
 
 
 def text(d: Any) -> str:
-    """The report in 80 columns: verdict, effects, error before and after, parameters, notes.
-
-    ``d`` is a Diagnosis, or any result with ``estimates``, ``error``, ``model``, ``messages``.
-    """
+    """The report of a Diagnosis or an Identification in 80 columns."""
     return Page(*headline(d), sections(d)).text()
 
 
 def plain_text(balance: Any) -> str:
     """The plain torque balance alone, with what was noticed, in 80 columns."""
-    d = SimpleNamespace(plain=balance, messages=balance.reading)
+    d = SimpleNamespace(plain=balance, messages=(*balance.against, *balance.reading))
     return "\n\n".join(part.text() for part in sections(d)) + "\n"
 
 
 def fragment(d: Any) -> str:
     """The report as an HTML fragment with its own style and inline plots, for Jupyter."""
-    return _page(d, [*_parts(d), *_model_file(d, None)]).fragment()
+    return _page(d, _model_file(d, None)).fragment()
 
 
 def html(d: Any, folder: Path | None = None) -> str:
-    """The report as one self-contained page: inline style and plots, nothing to fetch.
-
-    Its model file is that of the folder.
-    """
-    return _page(d, [*_parts(d), *_model_file(d, folder), *_provenance(d)]).html()
+    """The report as one self-contained page: inline style and plots, nothing to fetch. Its model
+    file is that of the folder."""
+    return _page(d, [*_model_file(d, folder), *_provenance(d)]).html()
 
 
-def _page(d: Any, parts: list[Any]) -> Page:
+def _page(d: Any, more: list[str]) -> Page:
     title, meaning = headline(d)
-    return Page(title, meaning, parts, kind=title.split(":")[0])
+    return Page(title, meaning, [*_parts(d), *more], kind=title.split(":")[0])
 
 
-def _parts(d: Any) -> Iterator[Section | Figure | Beside]:
+def _parts(d: Any) -> Iterator[Section | Figure | str]:
     """Sections, each with its figures; the log stands below the budget, or first."""
-    from .diagnosis_plots import figures
+    from . import diagnosis_plots, log_plot
 
-    plots = {figure.name: figure for figure in figures(d)}
-    budget, log = plots.pop("budget", None), _log(d)
+    plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}
+    budget, balance = plots.pop("budget", None), getattr(d, "plain", None)
+    log = [beside(log_plot.figures(balance))] if balance is not None and balance.stretches else []
     said = sections(d)
     if not said or said[0].title != BUDGET:
         yield from log
@@ -72,21 +68,13 @@ def _parts(d: Any) -> Iterator[Section | Figure | Beside]:
     yield from plots.values()
 
 
-def _log(d: Any) -> list[Beside]:
-    """The log as it was read and the plain balance, side by side where there is room."""
-    from .log_plot import figures
-
-    balance = getattr(d, "plain", None)
-    return [] if balance is None or not balance.stretches else [Beside(figures(balance))]
-
-
-def _model_file(d: Any, folder: Path | None) -> list[Markup]:
+def _model_file(d: Any, folder: Path | None) -> list[str]:
     if getattr(d, "model", None) is None:
         return []
-    return [Markup(f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>")]
+    return [f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>"]
 
 
-def _provenance(d: Any) -> list[Markup]:
+def _provenance(d: Any) -> list[str]:
     """What the report was computed by and from, in small print."""
     known = getattr(d, "provenance", None)
     if known is None:
@@ -94,7 +82,7 @@ def _provenance(d: Any) -> list[Markup]:
     said = [f"lugrectl {known.version}, {known.date}", known.command]
     said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
     lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
-    return [Markup(f"<h2>Provenance</h2>\n{lines}")]
+    return [f"<h2>Provenance</h2>\n{lines}"]
 
 
 def content(d: Any, folder: Path) -> dict[str, str]:
@@ -111,7 +99,7 @@ def write(d: Any, folder: str | Path) -> list[Path]:
     A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
     written.
     """
-    folder = _path(folder)
+    folder = _folder(folder)
     return written(content(d, folder), folder, "report")
 
 
@@ -123,14 +111,14 @@ def written(content: dict[str, str], folder: Path, what: str) -> list[Path]:
 
 def check_folder(folder: str | Path) -> None:
     """Raise InputError if a report cannot be written into the folder."""
-    base = nearest(_path(folder).absolute())
+    base = nearest(_folder(folder).absolute())
     if not base.is_dir():
         raise InputError(f"{folder}: {base} is not a folder; choose another path.")
     if not os.access(base, os.W_OK | os.X_OK):
         raise InputError(f"{folder}: no permission to write there; choose another folder.")
 
 
-def _path(folder: Any) -> Path:
-    if not isinstance(folder, (str, os.PathLike)):
-        raise InputError(f"the folder must be a path, not {shown(folder)}.")
-    return Path(folder)
+def _folder(given: Any) -> Path:
+    if not isinstance(given, (str, os.PathLike)):
+        raise InputError(f"the folder must be a path, not {shown(given)}.")
+    return Path(given)

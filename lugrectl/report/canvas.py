@@ -1,9 +1,5 @@
-"""Where plots are drawn: in pyplot for the user, beside it for reports.
-
-A plot is a function ``draw(what, ax)``. With :func:`drawn` its ``ax`` may be left out: then it
-draws into a new figure of pyplot, which ``plt.show()`` shows in a script and Jupyter after the
-cell. Figures of reports never touch pyplot, so that none is left behind.
-"""
+"""Where plots are drawn: a plot is a function ``draw(what, ax)``; without ``ax`` it opens a figure
+of pyplot (:func:`drawn`). Figures of reports never touch pyplot, so that none is left behind."""
 
 from __future__ import annotations
 
@@ -54,10 +50,8 @@ def drawn(draw: Draw) -> Draw:
 
 
 def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axes]:
-    """Draw panels into one new figure of pyplot; returns their Axes.
-
-    A panel that fails takes the figure away with it.
-    """
+    """Draw panels into one new figure of pyplot, which a panel that fails takes away; their
+    Axes."""
     import matplotlib.pyplot as plt
 
     columns = min(columns, len(panels))
@@ -77,10 +71,8 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
 
 
 def inline_svg(panel: Callable[[Axes], Any], name: str, size: tuple[float, float] = SIZE) -> str:
-    """One panel as SVG to stand inside an HTML page: no header, no address, ids of its own.
-
-    A page scales it to its column: a smaller ``size`` (inches) makes larger letters.
-    """
+    """One panel as SVG to stand inside an HTML page: no header, no address, ids of its own. A
+    smaller ``size`` (inches) makes larger letters."""
     from matplotlib.figure import Figure
 
     file = io.StringIO()

@@ -1,7 +1,4 @@
-"""Plots over frequency: the linear checks, a measured response, a tuned loop.
-
-Sizes are in dB, phases go on without a jump; the checks have rad/s, measured axes Hz.
-"""
+"""Plots over frequency: the linear checks (rad/s), a measured response and a tuned loop (Hz)."""
 
 from __future__ import annotations
 
@@ -23,6 +20,7 @@ if TYPE_CHECKING:
 
 NEAR_MINUS_1 = 3.0  # up to which |L| the Nyquist curve is drawn
 CERTAIN = 0.95  # the least coherence that is drawn as certain
+_DASHED: dict[str, Any] = {"color": MARK, "ls": "--"}
 TURN = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 361))
 
 
@@ -39,15 +37,17 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         _line(own, w, re)
         own.set_yscale("asinh", linear_width=max(1e-3 * size, 1e-300))  # signed, without a kink
         if 0 < edge < w[-1]:
-            _upright(own, edge, f"band edge {edge:.4g} rad/s")
+            own.axvline(edge, **_DASHED, label=f"band edge {edge:.4g} rad/s")
         shown = verdict and math.isfinite(verdict.margin)
         margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
-        own.set(xlabel="w [rad/s]", ylabel=f"Re {of}", title=f"{verdict.classification}{margin}")
+        own.set(xlabel="w [rad/s]", ylabel=f"Re {of}")
+        headed(own, f"{verdict.classification}{margin}")
 
     def nyquist(own: Axes) -> None:
         own.plot(re, im, color=LINE)
-        _upright(own, 0.0, "Re T = 0")
-        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}", title="Nyquist, w > 0")
+        own.axvline(0.0, **_DASHED, label="Re T = 0")
+        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}")
+        headed(own, "Nyquist, w > 0")
 
     return _panels([real, nyquist], ax)
 
@@ -63,11 +63,11 @@ def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
             place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
             most = float(_decibel(verdict.gain))
             label = f"largest: {verdict.gain:.4g} ({most:.4g} dB) {place}"
-            own.axhline(most, color=MARK, ls="--", label=label)
+            own.axhline(most, **_DASHED, label=label)
             if w[0] <= at <= w[-1]:
                 own.plot([at], [most], "o", color=MARK)
-            own.legend()
-        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]", title="L2 gain")
+        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]")
+        headed(own, "L2 gain")
 
     return _panels([size], ax)
 
@@ -81,14 +81,16 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     def magnitude(own: Axes) -> None:
         own.semilogx(w, decibel, color=LINE)
         if math.isfinite(width):
-            _upright(own, width, f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)")
+            label = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
+            own.axvline(width, **_DASHED, label=label)
             own.plot([width], [np.interp(np.log(width), np.log(w), decibel)], "o", color=MARK)
-        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]", title="Bandwidth")
+        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]")
+        headed(own, "Bandwidth")
 
     def phase(own: Axes) -> None:
         own.semilogx(w, np.degrees(np.unwrap(np.angle(T))), color=LINE)
         if math.isfinite(width):
-            own.axvline(width, color=MARK, ls="--")
+            own.axvline(width, **_DASHED)
         own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
 
     return _panels([magnitude, phase], ax)
@@ -113,8 +115,8 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         said = "stable" if verdict else "not stable"
         if math.isfinite(verdict.delay_margin):
             said += f", delay margin {verdict.delay_margin:.4g} s"
-        own.set(xlabel="w [rad/s]", ylabel=f"|{of}| [dB]", title=f"Closed loop {said}")
-        own.legend()
+        own.set(xlabel="w [rad/s]", ylabel=f"|{of}| [dB]")
+        headed(own, f"Closed loop {said}")
 
     def phase(own: Axes) -> None:
         _line(own, w, turned, -180.0)
@@ -122,12 +124,13 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         if ends["phase"]:
             span = [-180.0, verdict.phase_margin - 180.0]
             own.plot([ends["phase"]] * 2, span, color=MARK, lw=2, label=_said(verdict, "phase"))
-            own.legend()
         own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
+        headed(own, "")
 
     def nyquist(own: Axes) -> None:
         _about_minus_1(own, L, verdict, crossing.real if ends["gain"] else -math.inf)
-        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}", title="Nyquist, w > 0")
+        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}")
+        headed(own, "Nyquist, w > 0", columns=2)
 
     return _panels([size, phase, nyquist], ax)
 
@@ -149,7 +152,6 @@ def _about_minus_1(own: Axes, L: np.ndarray, verdict: Any, crossing: float) -> N
         label = f"{_said(verdict, 'modulus')}, Ms {verdict.Ms:.4g}"
         own.plot(np.real(ring), np.imag(ring), "--", color=MARK, lw=1, label=label)
     own.set_aspect("equal", adjustable="datalim")
-    own.legend()
 
 
 def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
@@ -160,10 +162,10 @@ def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     def least(own: Axes) -> None:
         _line(own, w, least_power(w, *verdict._source))
         if math.isfinite(speed):
-            _upright(own, speed, f"may give energy back above {speed:.4g} rad/s")
-        said = "passive" if verdict else "not passive"
-        ylabel = "least (w F - dV/dt)/w^2 [N m s/rad]"
-        own.set(xlabel="|w| [rad/s]", ylabel=ylabel, title=f"The friction is {said}")
+            label = f"may give energy back above {speed:.4g} rad/s"
+            own.axvline(speed, **_DASHED, label=label)
+        own.set(xlabel="|w| [rad/s]", ylabel="least (w F - dV/dt)/w^2 [N m s/rad]")
+        headed(own, f"The friction is {'passive' if verdict else 'not passive'}")
 
     return _panels([least], ax)
 
@@ -176,11 +178,6 @@ def _curve(verdict: Any, at: float) -> tuple[np.ndarray, np.ndarray]:
 def _line(own: Axes, w: np.ndarray, y: np.ndarray, level: float = 0.0) -> None:
     own.semilogx(w, y, color=LINE)
     own.axhline(level, color="0.4", lw=0.8)
-
-
-def _upright(own: Axes, x: float, label: str) -> None:
-    own.axvline(x, color=MARK, ls="--", label=label)
-    own.legend()
 
 
 def _place(verdict: Any, of: str) -> float:

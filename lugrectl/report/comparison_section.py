@@ -18,26 +18,26 @@ BIASED = (
     "the other terms."
 )
 FEW = "There are no intervals: the record has {} independent stretch{} only."
-SHARES = (
-    "Shares are of {} {}, the RMS friction torque of the refitted model. RMS values do not "
-    "add up: terms act at the same time, with or against each other."
-)
 UNKNOWN = "unknown torque"
 UNNAMED = ("left", "noise")
 
 
 def budget(d: Any) -> Section | None:
     """Where the torque goes: each term, as RMS and as a share of friction."""
-    found = _comparison(d)
+    found = _of(d)
     if found is None or not found.budget:
         return None
-    unit = unit_for("N m", motion_of(d))
-    rows = [
-        (name, number(s.rms, 3), percent(s.share), _ends(s.ci95), ", ".join(s.signals))
-        for name, s in zip(terms(found.budget), found.budget, strict=True)
-    ]
+    unit, rows = unit_for("N m", motion_of(d)), []
+    for name, s in zip(terms(found.budget), found.budget, strict=True):
+        ends = "" if s.ci95 is None else f"{between([100.0 * x for x in s.ci95])} %"
+        rows.append((name, number(s.rms, 3), percent(s.share), ends, ", ".join(s.signals)))
     head = ("term", f"RMS [{unit}]", "of friction", "95 % interval", "depends on")
-    footnote = SHARES.format(_whole(found.budget), unit)
+    first = max(found.budget, key=lambda s: s.rms)
+    whole = number(first.rms / first.share, 3) if first.share > 0 else "0"
+    footnote = (
+        f"Shares are of {whole} {unit}, the RMS friction torque of the refitted model. RMS values "
+        "do not add up: terms act at the same time, with or against each other."
+    )
     if all(s.ci95 is None for s in found.budget):
         many = found.stretches or FEWEST_PARTS
         why = FEW.format(many, "es" * (many > 1)) if many < FEWEST_PARTS else BIASED
@@ -47,24 +47,34 @@ def budget(d: Any) -> Section | None:
 
 def share_of(d: Any, name: str) -> str | None:
     """A term's torque as a share of friction, None where the budget has no such term."""
-    found = _comparison(d)
-    rows = () if found is None else zip(terms(found.budget), found.budget, strict=True)
+    parts = getattr(_of(d), "budget", ())
+    rows = zip(terms(parts), parts, strict=True)
     return next((percent(s.share) for term, s in rows if term == name), None)
 
 
 def table(d: Any) -> Section | None:
     """The models that were compared, the best first."""
-    found = _comparison(d)
+    found = _of(d)
     if found is None or not found.rows:
         return None
-    first, *others = found.rows
-    rows = [_row(row) for row in (first, *others[:ROWS])]
+    rows = [
+        ("declared", "0", "", "", str(row.parameters))
+        if row.model == "declared"
+        else (
+            row.model,
+            f"{row.elpd:,.0f}",
+            f"{row.se:,.0f}",
+            percent(row.torque),
+            str(row.parameters),
+        )
+        for row in found.rows[: ROWS + 1]
+    ]
     head = ("model", "predicts better by", "+-", "torque", "parameters")
     lines = (
         "Each model predicts parts of the record that its fit has not seen. The gain is the "
         "logarithm of how much more probable it makes them than the declared model does.",
     )
-    more = len(others) - ROWS
+    more = len(found.rows) - 1 - ROWS
     footnote = f"{more} more models gain less." if more > 0 else ""
     return Section("Comparison", lines, Grid(head, "lrrrr", tuple(rows)), footnote)
 
@@ -81,26 +91,24 @@ def laws(d: Any) -> Section | None:
 
 def limits(d: Any) -> Section | None:
     """How small an effect this record would have shown; only where nothing is missing."""
-    found = _comparison(d)
+    found = _of(d)
     if found is None or not found.detectable:
         return None
     shown = [limit for limit in found.detectable if limit.share > found.least]
-    best = len(found.detectable) - len(shown)
     line = (
-        f"{best or 'No'} effects would have been seen from {percent(found.least)} of friction on, "
-        "with a probability of 80 %; smaller ones are not named."
+        f"{len(found.detectable) - len(shown) or 'No'} effects would have been seen from "
+        f"{percent(found.least)} of friction on, with a probability of 80 %; smaller ones are not "
+        "named."
     )
-    rows = [(limit.name, _seen_from(limit.share)) for limit in shown]
+    rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
     grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
     return Section("What this record would show", (line,), grid)
 
 
 def limits_in_words(d: Any) -> str:
     """The limit below which most effects show, for the headline; "" if there is none."""
-    found = _comparison(d)
-    if found is None or not found.detectable:
-        return ""
-    most = sorted(limit.share for limit in found.detectable)[len(found.detectable) // 2]
+    shares = sorted(limit.share for limit in getattr(_of(d), "detectable", ()))
+    most = shares[len(shares) // 2] if shares else 1.0
     said = f" Most effects would have shown from {percent(most)} of friction on."
     return said if most < 1.0 else ""
 
@@ -111,24 +119,12 @@ def motion_of(d: Any) -> str:
     return next((x.motion for x in known if x is not None), "rotary")
 
 
-def _comparison(d: Any) -> Any:
+def _of(d: Any) -> Any:
     return getattr(d, "comparison", None)
-
-
-def _row(row: Any) -> tuple[str, ...]:
-    if row.model == "declared":
-        return ("declared", "0", "", "", str(row.parameters))
-    return (row.model, f"{row.elpd:,.0f}", f"{row.se:,.0f}", percent(row.torque),
-            str(row.parameters))  # fmt: skip
 
 
 def kind(term: str) -> str:
     return "friction" if term in OWN else "rest" if term in UNNAMED else "effect"
-
-
-def _seen_from(share: float) -> str:
-    """A limit beyond all friction says that the record cannot show the effect."""
-    return percent(share) if share < 1.0 else "not in this record"
 
 
 def terms(parts: Sequence[Any]) -> list[str]:
@@ -138,17 +134,5 @@ def terms(parts: Sequence[Any]) -> list[str]:
     return [words.get(term, term) for term in (str(s.term) for s in parts)]
 
 
-def _whole(parts: Sequence[Any]) -> str:
-    """The RMS torque of which the shares are, from the largest one."""
-    first = max(parts, key=lambda s: s.rms)
-    return number(first.rms / first.share, 3) if first.share > 0 else "0"
-
-
 def percent(share: float) -> str:
     return f"{number(100.0 * share, 2)} %"
-
-
-def _ends(ci95: Sequence[float] | None) -> str:
-    if ci95 is None:
-        return ""
-    return f"{between([100.0 * x for x in ci95])} %"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -33,6 +32,20 @@ _TURNS = 12  # harmonics up to this order are shown over one whole turn
 _CURVES = {"refitted": BEFORE, "augmented": AFTER}
 _RUN: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}
 _TERMS = {"friction": "#5b6675", "effect": AFTER, "rest": QUIET}
+CAPTIONS = {
+    "motion": "Measured and simulated motion over the two held-out seconds where the refitted "
+    "model has its largest error. The models are simulated from the recorded torque alone; where "
+    "they jump, they are restarted from the measured motion.",
+    "error": "Error of the simulated motion on held-out samples, in short bins.",
+    "budget": "Where the torque goes, RMS as a share of friction: blue what is missing from the "
+    "model.",
+    "map": "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
+    "missed": "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
+    "torque": "Residual torque: single samples (dots) and their mean (lines).",
+    "table": "The residual torque as a table, with its 95 % band. It describes the residual "
+    "without a physical explanation.",
+    "tracking": "Tracking error of the simulated loop: motion minus reference.",
+}
 _LAGS = {
     "autocorrelation": (AFTER, "of the residual"),
     "cross": (BEFORE, "with the change of u before"),
@@ -47,22 +60,20 @@ def motion(d: Any, ax: Axes) -> Axes:
     """Measured and simulated signal over the two held-out seconds with the largest error."""
     traces, models = d.traces, _models(d)
     cut = stretch(traces)
-    step = max((cut.stop - cut.start) // _POINTS, 1)
-    cut = slice(cut.start, cut.stop, step)
-    t = traces.t[cut]
+    cut = slice(cut.start, cut.stop, max((cut.stop - cut.start) // _POINTS, 1))
+    t, (name, unit) = traces.t[cut], _signal(d)
     ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
-    for name, values in models.items():
-        ax.plot(t, values[cut], color=_CURVES[name], lw=1.3, label=f"simulated, {name}")
-    ax.set(xlabel="t [s]", ylabel="{} [{}]".format(*_signal(d)), xlim=(t[0], t[-1]))
+    for model, values in models.items():
+        ax.plot(t, values[cut], color=_CURVES[model], lw=1.3, label=f"simulated, {model}")
+    ax.set(xlabel="t [s]", ylabel=f"{name} [{unit}]", xlim=(t[0], t[-1]))
     return headed(ax, "Measured and simulated, held-out samples")
 
 
 @drawn
 def error(d: Any, ax: Axes) -> Axes:
     """RMS of measured minus simulated over the whole record, in short bins of held-out samples."""
-    traces, models = d.traces, _models(d)
-    curves = {n: rms_over_time(traces.t, traces.measured - x) for n, x in models.items()}
-    name, unit = _signal(d)
+    traces, (name, unit) = d.traces, _signal(d)
+    curves = {n: rms_over_time(traces.t, traces.measured - x) for n, x in _models(d).items()}
     factor, unit = readable([float(np.nanmax(rms)) for _, rms in curves.values()], unit)
     for label, (edges, rms) in curves.items():
         look = {"color": _CURVES[label], "lw": 1.4, "label": label}
@@ -80,18 +91,24 @@ def error(d: Any, ax: Axes) -> Axes:
     return headed(ax, "Error over the record, held-out samples")
 
 
-def _models(d: Any) -> dict[str, np.ndarray]:
-    """The trace of each model to draw: refitted and, with effects, augmented."""
-    made = {name: simulated(d.traces, name) for name in _CURVES}
-    if made["refitted"] is None:
-        raise InputError("this diagnosis holds no simulated motion to plot.")
-    return {k: x for k, x in made.items() if x is not None and (k == "refitted" or d.effects)}
+def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges and RMS of an error in equal bins of the record; NaN for a bin without values."""
+    edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
+    return edges, np.sqrt(binned(t, np.square(error), edges, least=1)[1])
 
 
 def _signal(d: Any) -> tuple[str, str]:
     """The signal that errors refer to, and its unit."""
     error = d.error or {}
     return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
+
+
+def _models(d: Any) -> dict[str, np.ndarray]:
+    """The trace of each model to draw: refitted and, with effects, augmented."""
+    made = {name: simulated(d.traces, name) for name in _CURVES}
+    if made["refitted"] is None:
+        raise InputError("this diagnosis holds no simulated motion to plot.")
+    return {k: x for k, x in made.items() if x is not None and (k == "refitted" or d.effects)}
 
 
 def simulated(traces: Traces | None, name: str) -> np.ndarray | None:
@@ -113,12 +130,6 @@ def stretch(traces: Traces) -> slice:
     return slice(start, start + width)
 
 
-def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges and RMS of an error in equal bins of the record; NaN for a bin without values."""
-    edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
-    return edges, np.sqrt(binned(t, np.square(error), edges, least=1)[1])
-
-
 # --- residual torque -----------------------------------------------------------------------
 
 
@@ -128,8 +139,11 @@ def torque(d: Any, ax: Axes) -> Axes:
     view = residual(d)
     if view is None:
         raise InputError("this diagnosis holds no residual torque to plot.")
-    edges, unit = view.edges(), unit_for("N m", motion_of(d))
-    some, shown = _some(len(view.x)), list(limits(view.before, 1.0))
+    edges, unit, n = view.edges(), unit_for("N m", motion_of(d)), len(view.x)
+    some: Any = slice(None)
+    if n > _POINTS:  # chosen at random but always the same
+        some = np.random.default_rng(0).choice(n, _POINTS, replace=False)
+    shown = list(limits(view.before, 1.0))
     name = "residual torque" if unit == "N m" else "residual force"
     factor, unit = readable(shown, unit)
     shown = [factor * y for y in shown]
@@ -149,13 +163,6 @@ def torque(d: Any, ax: Axes) -> Axes:
     return headed(ax, f"{name.capitalize()}{', held-out samples' * view.held_out}")
 
 
-def _some(n: int) -> np.ndarray:
-    """Indices of at most ``_POINTS`` samples, chosen at random but always the same."""
-    if n <= _POINTS:
-        return np.arange(n)
-    return np.random.default_rng(0).choice(n, _POINTS, replace=False)
-
-
 def limits(values: np.ndarray, cut: float) -> tuple[float, float]:
     """Range of the finite values without ``cut`` percent at either end; never empty."""
     finite = values[np.isfinite(values)]
@@ -165,22 +172,16 @@ def limits(values: np.ndarray, cut: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Residual:
-    """Residual torque against the signal that explains it.
-
-    ``before`` and ``after`` belong to the refitted and the augmented model (``after`` is None
-    if they are the same), both multiplied by the sign of the signal ``times``, if any. Samples
-    where ``x`` or ``before`` is NaN are left out. ``x`` is shown modulo ``span``, 0 if as it is,
-    in which the effect repeats ``cycles`` times.
-    """
+    """Residual torque against the signal that explains it."""
 
     x: np.ndarray
     label: str
-    before: np.ndarray
-    after: np.ndarray | None
+    before: np.ndarray  # of the refitted model, times the sign of the signal ``times``, if any
+    after: np.ndarray | None  # of the augmented model, None if it is the same
     times: str
     held_out: bool
-    span: float = 0.0
-    cycles: float = 1.0
+    span: float = 0.0  # modulo which x is shown, 0 if as it is
+    cycles: float = 1.0  # of the effect in that
 
     def edges(self) -> np.ndarray:
         """Edges of the bins of ``x`` in which the residual is averaged."""
@@ -196,8 +197,13 @@ def residual(d: Any) -> Residual | None:
     if traces is None or not np.isfinite(traces.residual.get("refitted", np.nan)).any():
         return None
     before: np.ndarray = traces.residual["refitted"]
-    times = _times(d)
-    x, label, span, cycles = _explaining(d, times)
+    block, values = None, {}  # of the best effect
+    if d.effects and d.verdict != "unexplained":
+        first = d.effects[0]
+        block = members("effect").get(first.name)
+        values = {k: e.value for k, e in first.parameters.items()}
+    times = _times(d, block)
+    x, label, span, cycles = _explaining(d, times, block, values)
     after = traces.residual.get("augmented")
     sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
     good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
@@ -211,21 +217,9 @@ def residual(d: Any) -> Residual | None:
     return Residual(x[good], label, before[good], after, times, held_out, span, cycles)
 
 
-def _effect(d: Any) -> tuple[Block | None, dict[str, float]]:
-    """The best effect's block and its values; no block if the verdict is "unexplained"."""
-    if not d.effects or d.verdict == "unexplained":
-        return None, {}
-    first = d.effects[0]
-    return members("effect").get(first.name), {k: e.value for k, e in first.parameters.items()}
-
-
-def _times(d: Any) -> str:
-    """The signal whose sign the residual is multiplied by, "" if none.
-
-    w if an effect changes a friction parameter, so that the plot shows the friction level. If
-    the unexplained residual depends on two signals: a, else u, else w.
-    """
-    block, _ = _effect(d)
+def _times(d: Any, block: Block | None) -> str:
+    """The signal whose sign the residual is multiplied by, "" if none: w if an effect changes a
+    friction parameter; of an unexplained residual that depends on two signals a, else u, else w."""
     signals = d.traces.signals
     if block is None:
         pair = d.depends_on if d.verdict == "unexplained" and len(d.depends_on) == 2 else ()
@@ -234,10 +228,11 @@ def _times(d: Any) -> str:
     return "w" if "w" in signals and not plain else ""
 
 
-def _explaining(d: Any, times: str) -> tuple[np.ndarray, str, float, float]:
+def _explaining(
+    d: Any, times: str, block: Block | None, values: dict[str, float]
+) -> tuple[np.ndarray, str, float, float]:
     """The abscissa of the residual, its label with unit, what it is folded over and how often the
     effect repeats in that; never the signal ``times`` of an unexplained residual."""
-    block, values = _effect(d)
     signals = {"t": d.traces.t, **d.traces.signals}
     own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
     wanted = [*own, *(s for s in d.depends_on if block or s != times)]
@@ -343,39 +338,24 @@ def correlations(r: Any, ax: Axes) -> Axes:
 
 def figures(d: Any) -> list[Figure]:
     """Every plot that the result holds data for, with its caption; none if it was refused."""
-    return [] if getattr(d, "verdict", None) in (None, "refused") else [*_figures(d)]
-
-
-def _figures(d: Any) -> Iterator[Figure]:
-    if simulated(getattr(d, "traces", None), "refitted") is not None:
-        yield Figure(
-            "motion",
-            "Measured and simulated motion over the two held-out seconds where the refitted model "
-            "has its largest error. The models are simulated from the recorded torque alone; where "
-            "they jump, they are restarted from the measured motion.",
-            partial(motion, d),
-        )
-        said = "Error of the simulated motion on held-out samples, in short bins."
-        yield Figure("error", said, partial(error, d))
-    if getattr(getattr(d, "comparison", None), "budget", ()):
-        said = "Where the torque goes, RMS as a share of friction: blue what is missing from the "
-        yield Figure("budget", f"{said}model.", partial(bars, d))
-    if (runs := getattr(d, "map", None)) is not None:
-        said = "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves."
-        yield Figure("map", said, partial(friction_map, runs))
-        said = "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means."
-        yield Figure("missed", said, partial(missed, runs))
-    if residual(d) is not None:
-        said = "Residual torque: single samples (dots) and their mean (lines)."
-        yield Figure("torque", said, partial(torque, d))
-    if (found := getattr(d, "table", None)) is not None:
-        said = "The residual torque as a table, with its 95 % band. It describes the residual "
-        yield Figure(
-            "table", f"{said}without a physical explanation.", partial(loop_plots.table, found)
-        )
-    if (loop := getattr(d, "compensation", None)) is not None and loop.runs:
-        said = "Tracking error of the simulated loop: motion minus reference."
-        yield Figure("tracking", said, partial(loop_plots.tracking, loop))
+    if getattr(d, "verdict", None) in (None, "refused"):
+        return []
+    loop, simulates = getattr(d, "compensation", None), getattr(d, "traces", None)
+    of = {
+        "motion": (motion, d if simulated(simulates, "refitted") is not None else None),
+        "error": (error, d if simulated(simulates, "refitted") is not None else None),
+        "budget": (bars, d if getattr(getattr(d, "comparison", None), "budget", ()) else None),
+        "map": (friction_map, getattr(d, "map", None)),
+        "missed": (missed, getattr(d, "map", None)),
+        "torque": (torque, d if residual(d) is not None else None),
+        "table": (loop_plots.table, getattr(d, "table", None)),
+        "tracking": (loop_plots.tracking, loop if loop is not None and loop.runs else None),
+    }
+    return [
+        Figure(name, CAPTIONS[name], partial(draw, what))
+        for name, (draw, what) in of.items()
+        if what is not None
+    ]
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:

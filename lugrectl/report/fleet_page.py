@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -14,7 +15,7 @@ from urllib.parse import quote
 from ..core.display import NONE, Grid, grid_text, number
 from ..core.writing import write_together
 from . import FILES, check_folder, write
-from .page import Markup, Page, wrapped
+from .page import Page, wrapped
 from .wording import readable
 
 INDEX: tuple[str, ...] = ("index.html", "summary.csv")
@@ -98,32 +99,29 @@ def html(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def _page(fleet: Any, links: Mapping[str, str]) -> Page:
-    parts = [Markup(_table(fleet.rows, links)), Markup(f'<p class="small">{_NOTE}</p>')]
+    parts = [_table(fleet.rows, links), f'<p class="small">{_NOTE}</p>']
     left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
-    parts += [Markup(f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>")] if left else []
+    parts += [f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>"] if left else []
     return Page(*headline(fleet), parts, style="fleet")
 
 
 def _table(rows: Sequence[Mapping[str, Any]], links: Mapping[str, str]) -> str:
     """The table, each log followed by a row with what was found in it."""
     ths = "".join(f'<th class="{a}">{h}</th>' for h, a in zip(_HEAD, _ALIGN, strict=True))
-    names = _shown([row["file"] for row in rows])
-    made = [_row(row, n, links.get(row["file"])) for row, n in zip(rows, names, strict=True)]
+    made = []
+    for row, name in zip(rows, _shown([row["file"] for row in rows]), strict=True):
+        log, link = escape(name), links.get(row["file"])
+        if link is not None:
+            log = f'<a href="{quote(link)}">{log}</a>'
+        verdict = f'<span class="tag {row["verdict"]}">{row["verdict"]}</span>'
+        rest = zip(_cells(row, name)[2:], _ALIGN[2:], strict=True)
+        cells = "".join(f'<td class="{a}">{escape(cell)}</td>' for cell, a in rest)
+        what = "<br>".join(escape(said) for said in details(row))
+        kind = ' class="more"' if what else ""
+        made.append(f'<tr{kind}><td class="log">{log}</td><td>{verdict}</td>{cells}</tr>')
+        made += [f'<tr><td class="what" colspan="{len(_HEAD)}">{what}</td></tr>'] if what else []
     head, body = f"<thead><tr>{ths}</tr></thead>", "\n".join(made)
     return f'<div class="table"><table>\n{head}\n<tbody>\n{body}\n</tbody>\n</table></div>'
-
-
-def _row(row: Mapping[str, Any], name: str, link: str | None) -> str:
-    log = escape(name)
-    if link is not None:
-        log = f'<a href="{quote(link)}">{log}</a>'
-    verdict = f'<span class="tag {row["verdict"]}">{row["verdict"]}</span>'
-    rest = zip(_cells(row, name)[2:], _ALIGN[2:], strict=True)
-    cells = "".join(f'<td class="{a}">{escape(cell)}</td>' for cell, a in rest)
-    what = "<br>".join(escape(said) for said in details(row))
-    more = f'\n<tr><td class="what" colspan="{len(_HEAD)}">{what}</td></tr>' if what else ""
-    kind = ' class="more"' if what else ""
-    return f'<tr{kind}><td class="log">{log}</td><td>{verdict}</td>{cells}</tr>{more}'
 
 
 def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
@@ -142,42 +140,33 @@ def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def folder_names(files: Iterable[str]) -> list[str]:
-    """A folder name for each log: its own name without suffix, with more of its path if needed.
-
-    No two are the same, even if upper and lower case are not distinguished.
-    """
+    """A folder name for each log: its own name without suffix, with more of its path if needed. No
+    two are the same, even if upper and lower case are not distinguished."""
     paths = [Path(file) for file in files]
     stems = [path.stem.casefold() for path in paths]
-    used = {name.casefold() for name in INDEX}
-    names = []
+    used, names = {name.casefold() for name in INDEX}, []
     for path, shown in zip(paths, map(Path, _shown(list(map(str, paths)))), strict=True):
         name = path.stem
         if stems.count(name.casefold()) > 1:
             above = [part for part in shown.parent.parts if part not in ("..", path.anchor)]
             name = "-".join([*above, name])
-        name = wanted = name.strip(" .") or "log"
-        n = 1
-        while name.casefold() in used:
-            n += 1
-            name = f"{wanted}-{n}"
-        used.add(name.casefold())
-        names.append(name)
+        wanted = name.strip(" .") or "log"
+        tries = itertools.chain([wanted], (f"{wanted}-{n}" for n in itertools.count(2)))
+        names.append(next(name for name in tries if name.casefold() not in used))
+        used.add(names[-1].casefold())
     return names
 
 
-def store(content: Mapping[str, str], folder: Path) -> None:
+def store(content: Mapping[str, str], folder: Path) -> list[Path]:
     """Write texts by file name into a folder, all or none; InputError if that fails."""
-    write_together(content, folder, f"{' and '.join(content)} cannot be written ({{}}).")
+    return write_together(content, folder, f"{' and '.join(content)} cannot be written ({{}}).")
 
 
 def write_all(fleet: Any, folder: str | Path) -> list[Path]:
-    """Write the report of every diagnosis that was kept, then index.html and summary.csv.
-
-    Returns the paths of the latter two.
-    """
+    """Write the report of every diagnosis that was kept, then index.html and summary.csv; the
+    paths of the latter two."""
     check_folder(folder)
-    links = {}
-    kept = fleet.diagnoses
+    links, kept = {}, fleet.diagnoses
     for (file, d), name in zip(kept.items(), folder_names(kept), strict=True):
         write(d, Path(folder) / name)
         links[file] = f"{name}/{FILES[0]}"
@@ -187,5 +176,4 @@ def write_all(fleet: Any, folder: str | Path) -> list[Path]:
 def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:
     """Write index.html and summary.csv; returns their paths."""
     made = (html(fleet, links), table_csv(fleet, links))
-    store(dict(zip(INDEX, made, strict=True)), Path(folder))
-    return [Path(folder) / name for name in INDEX]
+    return store(dict(zip(INDEX, made, strict=True)), Path(folder))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.block import unit_for
+from ..core.numeric import top_speed
 from ..estimates.balance import Balance, at_samples, friction
 from .canvas import AFTER as FITTED
 from .canvas import HALF, MEASURED, binned, drawn, headed, on_pyplot
@@ -19,12 +20,11 @@ from .wording import UNITS, number, readable
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ..record.stretches import Stretch
-
 LEFT_OUT = "#e9b44c"
 TITLES = {"u": "Torque", "w": "Speed", "theta": "Angle"}
 _BINS = 1500  # of time over which a long signal is drawn as a band from least to greatest value
 _MEANS, _DOTS = 160, 4000  # bins in which a residual is averaged, and points of it
+_REST = 0.02  # of the top speed, below which a sample is at rest
 _LINES = 14  # of remarks beside the plots
 _COLUMNS = 78  # of a line of remarks
 
@@ -57,7 +57,11 @@ def _panels(balance: Balance) -> Iterator[tuple[str, Any, dict[str, str]]]:
     if balance.residual is not None:
         yield "What the plain torque balance leaves.", fit, {}
         for role in dict.fromkeys(("w", *motion)):
-            yield f"The same over {role}, with its mean.", rest, {"role": role}
+            yield (
+                f"The same over {role}, with its mean; without samples at rest.",
+                rest,
+                {"role": role},
+            )
 
 
 def starts(balance: Balance) -> list[float]:
@@ -77,30 +81,32 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
     for one, shift in zip(balance.stretches, starts(balance), strict=True):
         t, low, high = envelope(one.t + shift, getattr(one, role))
         ax.fill_between(t, low, high, color=MEASURED, lw=0.6, rasterized=True)
-        for a, b in left_out(one):
-            ax.axvspan(one.t[a] + shift, one.t[b - 1] + shift, color=LEFT_OUT, alpha=0.5, lw=0)
+        edges = np.flatnonzero(np.diff(np.r_[False, ~one.ok, False]))
+        for a, b in edges.reshape(-1, 2):  # samples that are not used
+            start, end = float(one.t[a]) + shift, float(one.t[b - 1]) + shift
+            ax.axvspan(start, end, color=LEFT_OUT, alpha=0.5, lw=0)
     _between_runs(balance, ax)
     ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, balance.motion)}]")
-    return _titled(ax, f"{TITLES[role]} as recorded")
+    ax.margins(x=0.01)
+    return headed(ax, f"{TITLES[role]} as recorded")
 
 
 @drawn
 def curve(balance: Balance, ax: Axes) -> Axes:
     """Friction torque in bins of speed, both directions."""
-    points = balance.curve
+    points, values = balance.curve, balance.values()
     w, torque = (np.array([getattr(p, k) for p in points]) for k in ("w", "torque"))
-    factor, unit = readable(
-        [float(np.abs(torque).max(initial=0.0))], unit_for("N m", balance.motion)
-    )
+    factor, unit = _readable(balance, float(np.abs(torque).max(initial=0.0)))
     bars = np.array([p.ci95 or (p.torque, p.torque) for p in points])
     sides = np.abs(bars - torque[:, None]).T
     ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
-    for side in (-1, 1) if "Fc" in balance.values() and balance.half_width is not None else ():
+    for side in (-1, 1) if "Fc" in values and balance.half_width is not None else ():
         x = np.linspace(0.0, side * (side * w).max(initial=0.0), 2)
-        law = friction(balance, x, side) + balance.values().get("constant_torque", 0.0)
+        law = friction(balance, x, side) + values.get("constant_torque", 0.0)
         ax.plot(x, factor * law, color=MEASURED, lw=1.2, label="plain fit" if side > 0 else None)
     ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")
-    return _titled(ax, "Friction over speed")
+    ax.margins(x=0.01)
+    return headed(ax, "Friction over speed")
 
 
 @drawn
@@ -112,7 +118,7 @@ def fit(balance: Balance, ax: Axes) -> Axes:
     for one, shift in zip(balance.stretches, starts(balance), strict=True):
         shifts.setdefault(one.run, shift)
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
-    factor, unit = readable([float(np.abs(windows.value).max())], unit_for("N m", balance.motion))
+    factor, unit = _readable(balance, float(np.abs(windows.value).max()))
     _between_runs(balance, ax)
     ax.plot(t, factor * windows.value, ".", ms=2.0, color=FITTED, rasterized=True)
     ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
@@ -123,17 +129,19 @@ def fit(balance: Balance, ax: Axes) -> Axes:
 
 @drawn
 def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
-    """The same over the speed or the angle, of a rotary drive over one turn, and its mean."""
+    """The same over the speed or the angle, of a rotary drive over one turn, and its mean; without
+    the samples at rest, which would cover all others."""
     parts = [at_samples(balance, one) for one in balance.stretches]
-    x = np.concatenate([part[role] for part in parts])
-    y = np.concatenate([part["left"] for part in parts])
+    w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
     good = np.isfinite(y)
+    moving = good & (np.abs(w) > _REST * top_speed(w[good]))
+    good = moving if moving.any() else good
     x, y = x[good], y[good]
     span = 2.0 * np.pi if role == "theta" and balance.motion == "rotary" else 0.0
     turns = span > 0.0 and np.ptp(x) > span
     x = np.mod(x, span) if turns else x
     edges = np.linspace(x.min(), x.max(), max(4, min(_MEANS, len(x) // 20)) + 1)
-    factor, unit = readable([float(np.quantile(np.abs(y), 0.99))], unit_for("N m", balance.motion))
+    factor, unit = _readable(balance, float(np.quantile(np.abs(y), 0.99)))
     some = slice(None, None, max(1, len(x) // _DOTS))
     ax.plot(x[some], factor * y[some], ".", ms=1.5, color=MEASURED, alpha=0.25, rasterized=True)
     ax.plot(*binned(x, factor * y, edges), color=FITTED, lw=1.8)
@@ -141,7 +149,8 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
     over = f"{role} modulo one turn" if turns else role
     ax.set(xlabel=f"{over} [{_unit(role, balance.motion)}]", ylabel=f"residual torque [{unit}]")
-    return _titled(ax, f"Plain fit: what it leaves over {role}, and its mean")
+    ax.margins(x=0.01)
+    return headed(ax, f"Plain fit: what it leaves over {role}, and its mean")
 
 
 def _between_runs(balance: Balance, ax: Axes) -> None:
@@ -163,7 +172,7 @@ def remarks(balance: Balance, ax: Axes) -> Axes:
     ax.axis("off")
     text = "\n".join(lines)
     ax.text(0.0, 1.0, text, va="top", family="monospace", fontsize=7.5, transform=ax.transAxes)
-    return _titled(ax, "What was noticed")
+    return headed(ax, "What was noticed")
 
 
 def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -175,17 +184,10 @@ def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
         return t[edges], np.fmin.reduceat(x, edges), np.fmax.reduceat(x, edges)
 
 
-def left_out(one: Stretch) -> Iterator[tuple[int, int]]:
-    """First and last (exclusive) sample of each part of a stretch that is not used."""
-    edges = np.flatnonzero(np.diff(np.r_[False, ~one.ok, False]))
-    return ((int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True))
-
-
 def _unit(role: str, motion: str) -> str:
     return unit_for(UNITS[role], motion)
 
 
-def _titled(ax: Axes, title: str) -> Axes:
-    ax.set_title(title)
-    ax.margins(x=0.01)
-    return ax
+def _readable(balance: Balance, largest: float) -> tuple[float, str]:
+    """The factor on a torque of this size, and its unit."""
+    return readable([largest], unit_for("N m", balance.motion))

@@ -29,10 +29,6 @@ AXES = {"friction": "friction, times what is believed"}
 MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
 
-def _begun(title: str) -> str:
-    return title[:1].upper() + title[1:]
-
-
 @drawn
 def table(made: Any, ax: Axes) -> Axes:
     """The table with its 95 % band; two lines if each direction has its own."""
@@ -133,7 +129,7 @@ def growth(found: Any, ax: Axes) -> Axes:
     if found.curve is None and not found.cycles:
         empty(ax, "no cycle was found")
     ax.set(xlabel=f"error at breakaway [{unit}]", ylabel="error at the next turn / error")
-    return headed(ax, _begun(found._title()))
+    return headed(ax, found._title()[:1].upper() + found._title()[1:])
 
 
 @drawn
@@ -151,7 +147,7 @@ def sliding(found: Any, ax: Axes) -> Axes:
         if speed and np.isfinite(speed):
             ax.axvline(speed, color=colour, ls="--", label=name)
     ax.set(xlabel=f"speed v [{found.unit}]", ylabel="growth [1/s]")
-    return headed(ax, _begun(found._title()))
+    return headed(ax, found._title()[:1].upper() + found._title()[1:])
 
 
 @drawn
@@ -184,6 +180,5 @@ def sweep(found: Any, ax: Axes, output: str | None = None) -> Axes:
     low, middle, high = np.quantile(values, [0.05, 0.5, 0.95], axis=0)
     ax.fill_between(t, low, high, color=AFTER, alpha=0.25, lw=0, label="5 to 95 %")
     ax.plot(t, middle, color=AFTER, lw=1.3, label="median")
-    ax.set(xlabel="t [s]", ylabel=name, title=f"{found.name}, {len(values)} members")
-    ax.legend()
-    return ax
+    ax.set(xlabel="t [s]", ylabel=name)
+    return headed(ax, f"{found.name}, {len(values)} members")

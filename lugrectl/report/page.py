@@ -87,10 +87,8 @@ def wrapped(line: str, indent: str, later: str | None = None) -> str:
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of a report: paragraphs, then a table, then a footnote.
-
-    ``prose``: the cells of the table are sentences, which a text reads in this order.
-    """
+    """A titled part of a report: paragraphs, a table, a footnote. ``prose``: the cells of the table
+    are sentences, which a text reads in this order."""
 
     title: str
     lines: tuple[str, ...] = ()
@@ -139,39 +137,20 @@ class Figure:
         return f"<figure>\n{svg}\n<figcaption>{escape(self.caption)}</figcaption>\n</figure>"
 
 
-@dataclass(frozen=True)
-class Beside:
-    """Figures side by side where there is room."""
-
-    figures: Sequence[Figure]
-
-    def html(self) -> str:
-        """Return the figures as a block of HTML."""
-        made = "\n".join(figure.html() for figure in self.figures)
-        return f'<div class="log">\n{made}\n</div>'
-
-
-@dataclass(frozen=True)
-class Markup:
-    """A part that only pages have."""
-
-    body: str
-
-    def html(self) -> str:
-        """Return it as it is."""
-        return self.body
+def beside(figures: Sequence[Figure]) -> str:
+    """Figures side by side where there is room, as a block of HTML."""
+    made = "\n".join(figure.html() for figure in figures)
+    return f'<div class="log">\n{made}\n</div>'
 
 
 @dataclass(frozen=True)
 class Page:
-    """A title, what it means, and the parts below; ``kind`` colours the title.
-
-    ``tab`` is the name of a browser's tab, ``style`` a class of the page.
-    """
+    """A title, what it means, and the parts below; ``kind`` colours the title, ``tab`` is the name
+    of a browser's tab, ``style`` a class of the page."""
 
     title: str
     meaning: str
-    parts: Sequence[Section | Figure | Beside | Markup]
+    parts: Sequence[Section | Figure | str]  # a text is HTML, which only pages have
     kind: str = ""
     tab: str = ""
     style: str = ""
@@ -197,6 +176,7 @@ class Page:
     def _body(self) -> str:
         kind = f"verdict {escape(self.kind)}".strip()
         first = f"<h1>{escape(self.title)}</h1>\n<p>{escape(self.meaning)}</p>"
-        parts = [f'<div class="{kind}">\n{first}\n</div>', *(part.html() for part in self.parts)]
+        rest = (part if isinstance(part, str) else part.html() for part in self.parts)
+        parts = [f'<div class="{kind}">\n{first}\n</div>', *rest]
         style = f"lugrectl {self.style}".strip()
         return f'<div class="{style}">\n' + "\n".join(parts) + "\n</div>"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,16 +50,36 @@ def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     but = [m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)][:1]
+    explain = "explain" if " and " in names else "explains"
     if verdict == "adequate":
         said = f"No missing effect was detected.{comparison_section.limits_in_words(d)}"
         return "adequate", " But: ".join([said, *but])
     if verdict == "found":
         return f"found: {names}", _found(d)
     if verdict == "ambiguous":
-        return f"ambiguous: {names}?", _ambiguous(_get(d, "effects", ()), names)
+        said = "Something is missing from the model, but this record cannot decide what"
+        ties = [(f.name, [c.name for c in f.alternatives]) for f in _get(d, "effects", ())]
+        ties = [(name, others) for name, others in ties if others]
+        if len(_get(d, "effects", ())) == len(ties) == 1:
+            alike = listed([ties[0][0], *ties[0][1]])
+            return f"ambiguous: {names}?", f"{said}: {alike} explain it equally well."
+        same = [
+            f"{listed(others)} {'explain' if len(others) > 1 else 'explains'} the same as {name}"
+            for name, others in ties
+        ]
+        said = f"{said}: {names} {explain} it best, but "
+        return (
+            f"ambiguous: {names}?",
+            f"{said}{listed(same or ['others explain it equally well'])}.",
+        )
     if verdict == "unexplained":
-        said = _unexplained(listed(_get(d, "depends_on", ())), names)
-        return "unexplained", " But: ".join([said, *but])
+        some = f"{names} {explain} a part, but something more is missing"
+        on = listed(_get(d, "depends_on", ()))
+        which = f": the residual torque depends on {on}" if on else ""
+        said = (
+            f"{some if names else 'Something is missing'}{which}, and no effect in the catalogue "
+        )
+        return "unexplained", " But: ".join([f"{said}explains it.", *but])
     if verdict == "refused":
         return "refused", _get(d, "reason") or "This record cannot answer the question."
     return "identified", "The declared model was fitted to the record; nothing was added."
@@ -69,24 +89,16 @@ def _found(d: Any) -> str:
     """What is missing, how large it is, and what it is worth on samples that no fit has seen."""
     effects = _get(d, "effects", ())
     what = "; ".join(_size(d, finding) for finding in effects)
-    them = "it" if len(effects) == 1 else "them"
-    error = next(filter(_falls, (_get(d, "error"), _get(d, "torque_error"))), None)
-    if error is None:
-        return f"Missing from the model: {what}."
-    ends = (error["refitted"], error["augmented"])
-    factor, unit = readable(ends, error["unit"])
-    before, after = (number(factor * x, 3) for x in ends)
-    return (
-        f"Missing from the model: {what}; with {them} the error of {error.get('signal', 'torque')} "
-        f"on held-out samples goes from {before} to {after} {unit}."
-    )
-
-
-def _falls(error: Mapping[str, Any] | None) -> bool:
-    """Whether an error is smaller with the effects than without."""
-    if not error or error.get("augmented") is None or error.get("refitted") is None:
-        return False
-    return error["augmented"] < error["refitted"]
+    for error in (_get(d, "error", {}), _get(d, "torque_error", {})):
+        before, after = error.get("refitted"), error.get("augmented")
+        if before is not None and after is not None and after < before:
+            factor, unit = readable((before, after), error["unit"])
+            return (
+                f"Missing from the model: {what}; with {'it' if len(effects) == 1 else 'them'} the "
+                f"error of {error.get('signal', 'torque')} on held-out samples goes from "
+                f"{number(factor * before, 3)} to {number(factor * after, 3)} {unit}."
+            )
+    return f"Missing from the model: {what}."
 
 
 def _size(d: Any, finding: Any) -> str:
@@ -104,72 +116,33 @@ def _size(d: Any, finding: Any) -> str:
     return ", ".join(said if share is None else [*said, f"{share} of friction"])
 
 
-def _ambiguous(effects: Sequence[Any], names: str) -> str:
-    start = "Something is missing from the model, but this record cannot decide what"
-    ties = [(f.name, [c.name for c in f.alternatives]) for f in effects if f.alternatives]
-    if len(effects) == len(ties) == 1:
-        name, others = ties[0]
-        return f"{start}: {listed([name, *others])} explain it equally well."
-    same = [f"{listed(others)} {_verb(listed(others))} the same as {name}" for name, others in ties]
-    same = same or ["others explain it equally well"]
-    return f"{start}: {names} {_verb(names)} it best, but {listed(same)}."
-
-
-def _unexplained(on: str, names: str) -> str:
-    some = f"{names} {_verb(names)} a part, but something more is missing"
-    which = f": the residual torque depends on {on}" if on else ""
-    return (
-        f"{some if names else 'Something is missing'}{which}, and no effect in the catalogue "
-        "explains it."
-    )
-
-
-def _verb(names: str) -> str:
-    return _plural(names, "explains", "explain")
-
-
-def _plural(names: str, one: str, several: str) -> str:
-    return several if " and " in names else one
-
-
 _TITLES = {"found": "Missing effect", "unexplained": "Partial explanation"}
 
 
 def sections(d: Any) -> list[Section]:
     """Everything below the headline, in reading order; parts without content are left out."""
+    on, next_ = listed(_get(d, "depends_on", ())), _get(d, "experiment")
     parts = [comparison_section.budget(d)]
     parts += [_effect(d, finding) for finding in _get(d, "effects", ())]
-    parts += [_depends(d), _table(d), comparison_section.limits(d), _experiment(d), errors(d)]
-    parts += [comparison_section.table(d), comparison_section.laws(d), _parameters(d), plain(d)]
-    parts += bench_tables(d)
-    parts += [_compensation(d), _record(d), _notes(d)]
+    parts += [Section("Depends on", (f"The residual torque depends on {on}.",))] if on else []
+    parts += [_table(d), comparison_section.limits(d)]
+    if next_:
+        parts.append(Section("What to record next", (_sentence(next_[0].upper() + next_[1:]),)))
+    parts += [errors(d), comparison_section.table(d), comparison_section.laws(d), _parameters(d)]
+    parts += [plain(d), *bench_tables(d), _compensation(d), _record(d), _notes(d)]
     return [part for part in parts if part is not None]
 
 
 def _effect(d: Any, finding: Any) -> Section:
-    lines = [equation(finding.name)] if equation(finding.name) else []
-    others = [_alternative(c.name) for c in finding.alternatives]
-    footnote = ""
-    if others:
-        same = _get(d, "verdict") == "ambiguous"
-        footnote = "Explain it equally well: " if same else "Next best: "
-        footnote += "; ".join(others) + "."
-    rows = [
-        (key, *with_interval(estimate), estimate.unit)
-        for key, estimate in finding.parameters.items()
-    ]
+    law, others = equation(finding.name), [c.name for c in finding.alternatives]
+    others = [f"{name} ({equation(name)})" if equation(name) else name for name in others]
+    same = "Explain it equally well" if _get(d, "verdict") == "ambiguous" else "Next best"
+    footnote = f"{same}: {'; '.join(others)}." if others else ""
+    rows = [(key, *with_interval(e), e.unit) for key, e in finding.parameters.items()]
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     title = _TITLES.get(_get(d, "verdict"), "Best explanation")
-    return Section(f"{title}: {finding.name}", tuple(lines), grid, footnote, formula=True)
-
-
-def _alternative(name: str) -> str:
-    return f"{name} ({equation(name)})" if equation(name) else name
-
-
-def _depends(d: Any) -> Section | None:
-    on = listed(_get(d, "depends_on", ()))
-    return Section("Depends on", (f"The residual torque depends on {on}.",)) if on else None
+    lines = (law,) if law else ()
+    return Section(f"{title}: {finding.name}", lines, grid, footnote, formula=True)
 
 
 def _table(d: Any) -> Section | None:
@@ -196,60 +169,50 @@ def _compensation(d: Any) -> Section | None:
         return None
     errors = (c.none, c.before, c.after)
     factor, unit = readable(errors, c.unit)
-    rows = ((f"{c.kind} loop", unit, *(number(e * factor, 3) for e in errors)),)
-    rows += _on_drives(c.drive, factor, unit) if c.drive else ()
-    grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", rows)
+    rows = [(f"{c.kind} loop", unit, *(number(e * factor, 3) for e in errors))]
     watcher = f"the {c.observer} observer" if c.observer else "no observer"
     lines = [
         "Simulated with the augmented model as the drive. The compensation uses "
         f"{watcher} and the declared model (before) or the augmented model (after).",
     ]
-    lines += [_drives(c.drive)] if c.drive else []
+    if c.drive:
+        drives = [c.drive.of(key) for key in ("none", "before", "after")]
+        middles, lows, highs = zip(
+            *([number(e * factor, 3) for e in x] for x in drives), strict=True
+        )
+        several = len(c.drive.errors["none"]) > 1
+        rows.append(("on drives, median" if several else "on a drive", unit, *middles))
+        if several:
+            ends = (f"{low}..{high}" for low, high in zip(lows, highs, strict=True))
+            rows.append(("10 to 90 %", "", *ends))
+        lines.append(_drives(c.drive))
+    grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", tuple(rows))
     if c.compensated:
         lines.append(f"Fed forward as a torque: {', '.join(c.compensated)}.")
     lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
     lines += [_sentence(m) for m in c.messages]
-    certificate = c.certificate
     footnote = ""
-    if certificate is not None and certificate.rate:
-        footnote = f"Observer errors decay at a rate of at least {number(certificate.rate, 3)} 1/s."
+    if c.certificate is not None and c.certificate.rate:
+        rate = number(c.certificate.rate, 3)
+        footnote = f"Observer errors decay at a rate of at least {rate} 1/s."
     return Section("Compensation in simulation", tuple(lines), grid, footnote)
-
-
-def _on_drives(drive: Any, factor: float, unit: str) -> tuple[tuple[str, ...], ...]:
-    """Rows with the median and the spread of the errors."""
-    found = [[number(e * factor, 3) for e in drive.of(key)] for key in ("none", "before", "after")]
-    many = len(drive.errors["none"])
-    middle = ("on drives, median" if many > 1 else "on a drive", unit, *(m for m, _, _ in found))
-    ends = ("10 to 90 %", "", *(f"{low}..{high}" for _, low, high in found))
-    return (middle, ends) if many > 1 else (middle,)
 
 
 def _drives(drive: Any) -> str:
     """What the drives of the spread are, in a sentence."""
-    noise = drive.noise
     parts = [f"control sampled at {number(drive.rate, 4)} Hz"]
     parts += [f"encoder steps of {number(drive.resolution, 3)}"] if drive.resolution else []
     parts += [
-        f"noise of {number(noise[key], 2)} in {name}"
+        f"noise of {number(drive.noise[key], 2)} in {name}"
         for key, name in (("theta", "position"), ("w", "speed"), ("u", "torque"))
-        if noise[key] > 0
+        if drive.noise[key] > 0
     ]
-    many = len(drive.errors["none"])
-    drawn = (
-        f"parameters drawn {many} times from their joint covariance, while the compensation "
-        "believes the estimate"
-        if drive.drawn
-        else "parameters as estimated"
-    )
+    drawn = "parameters as estimated"
+    if drive.drawn:
+        many = len(drive.errors["none"])
+        drawn = f"parameters drawn {many} times from their joint covariance, while the "
+        drawn += "compensation believes the estimate"
     return f"On drives like the recorded one (SI units): {', '.join(parts)}; {drawn}."
-
-
-def _experiment(d: Any) -> Section | None:
-    text = _get(d, "experiment")
-    return (
-        Section("What to record next", (_sentence(text[0].upper() + text[1:]),)) if text else None
-    )
 
 
 def _sentence(text: str) -> str:
@@ -262,7 +225,6 @@ SINGLE = (
 )
 
 
-FIT = "NRMSE fit of this motion: {}."
 RELATIVE = "Improvement is relative to the refitted model."
 
 
@@ -276,72 +238,57 @@ def errors(d: Any) -> Section | None:
     elif error:
         rows.append(_error_row(d, f"{error['signal']}, restarted", error))
     if free:
-        star = "*" if free.get("in_sample") else ""
-        rows.append(_error_row(d, f"{free['signal']}, free run{star}", free))
-        footnote = "Free run: simulated without restarts over the held-out part."
-        if star:
-            footnote = (
-                "* Simulated without restarts over the whole record. A part of it was fitted."
-            )
+        whole = bool(free.get("in_sample"))
+        rows.append(_error_row(d, f"{free['signal']}, free run{'*' * whole}", free))
+        footnote = (
+            "* Simulated without restarts over the whole record. A part of it was fitted."
+            if whole
+            else "Free run: simulated without restarts over the held-out part."
+        )
     if torque:
         rows.append(_error_row(d, "torque", torque))
         footnote = f"{footnote} {SINGLE}".strip()
     if not rows:
         return None
     head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
-    grid = Grid(head, "llrrrrr", tuple(rows))
-    lines = _scope(d, error)
-    if all(row[head.index("augmented")] == number(None, 3) for row in rows):  # an identification
-        return Section(ERRORS, lines, _fitted_only(grid), footnote)
-    lines = (f"{lines[0]} {RELATIVE}", *lines[1:]) if lines else ()
+    lines, keep = _scope(d, error), range(len(head))
+    if all(row[4] == NONE for row in rows):  # an identification: to it nothing was added
+        keep = (0, 1, 2, 3, 5)
+    elif lines:
+        lines = (f"{lines[0]} {RELATIVE}", *lines[1:])
+    head, *rows = (tuple(row[i] for i in keep) for row in (head, *rows))
+    grid = Grid(head, "llrrrrr"[: len(head)], tuple(rows))
     return Section(ERRORS, lines, grid, footnote)
 
 
-def _fitted_only(grid: Grid) -> Grid:
-    """The errors without those of a model to which something was added."""
-    keep = [i for i, name in enumerate(grid.head) if name not in ("augmented", "improved")]
-    head, *rows = (tuple(row[i] for i in keep) for row in (grid.head, *grid.rows))
-    return Grid(head, "".join(grid.align[i] for i in keep), tuple(rows))
-
-
 def _scope(d: Any, error: Mapping[str, Any] | None) -> tuple[str, ...]:
+    """Of what the errors are, and the fit of the motion where it is known."""
     if not error:
         return ()
-    if error["signal"] == "u":
-        what = "Mean torque of the held-out runs minus the model's torque at their speed"
-    else:
+    what = "Mean torque of the held-out runs minus the model's torque at their speed."
+    if error["signal"] != "u":
         what = (
             f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
-            f"is restarted every {error['horizon']:g} s"
+            f"is restarted every {error['horizon']:g} s."
         )
     shown = ("declared", "refitted", *(["augmented"] if _get(d, "effects", ()) else []))
     fit = {k: v for k, v in (error.get("fit") or {}).items() if k in shown and v is not None}
-    said = ", ".join(f"{k} {_percent(v)} %" for k, v in fit.items())
-    return (f"{what}.", *([FIT.format(said)] if said else []))
-
-
-def _percent(fit: float) -> str:
-    """A share near 100 with the digits that tell it from 100."""
-    return f"{fit:.{min(max(1 - math.floor(math.log10(max(100.0 - fit, 1e-9))), 0), 4)}f}"
+    # a share near 100 with the digits that tell it from 100
+    digits = {k: 1 - math.floor(math.log10(max(100.0 - v, 1e-9))) for k, v in fit.items()}
+    said = ", ".join(f"{k} {v:.{min(max(digits[k], 0), 4)}f} %" for k, v in fit.items())
+    return (what, *([f"NRMSE fit of this motion: {said}."] if said else []))
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:
-    keys = ("declared", "refitted", "augmented", "noise_floor")
-    factor, unit = readable([error.get(k) for k in keys], error["unit"])
-    cells = [number(_times(error.get(k), factor), 3) for k in keys]
-    return label, unit, *cells, improvement(d, error)
-
-
-def _times(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
-def improvement(d: Any, error: Mapping[str, Any]) -> str:
-    """How much smaller the augmented error is than the refitted one; '-' if nothing was added."""
-    before, after = error.get("refitted"), error.get("augmented")
-    if not before or after is None or not _get(d, "effects", ()):
-        return NONE
-    return f"{100 * (1 - after / before):.0f} %" if math.isfinite(after / before) else NONE
+    """The errors, and how much smaller the augmented one is than the refitted one."""
+    values = [error.get(k) for k in ("declared", "refitted", "augmented", "noise_floor")]
+    factor, unit = readable(values, error["unit"])
+    cells = [number(None if v is None else v * factor, 3) for v in values]
+    _, before, after, _ = values
+    better = NONE
+    if before and after is not None and _get(d, "effects", ()) and math.isfinite(after / before):
+        better = f"{100 * (1 - after / before):.0f} %"
+    return label, unit, *cells, better
 
 
 def readable(values: Iterable[float | None], unit: str) -> tuple[float, str]:
@@ -376,12 +323,14 @@ def plain(d: Any) -> Section | None:
     if balance is None:
         return None
     found = balance.summary()
-    rows = []
-    for key, one in found["parameters"].items():
-        estimate = Estimate(one["value"], one["unit"], one["ci95"])
-        rows.append((key, *with_interval(estimate), one["unit"]))
+    rows = [
+        (key, *with_interval(Estimate(one["value"], one["unit"], one["ci95"])), one["unit"])
+        for key, one in found["parameters"].items()
+    ]
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
-    lines = [*(test.text for test in balance.bench_tests), _left(found["left"])]
+    lines = [test.text for test in balance.bench_tests]
+    if found["left"] is not None:
+        lines.append(f"It leaves {number(100.0 * found['left'], 2)} % of the RMS torque.")
     if _get(d, "verdict") == "unexplained":
         lines.append("What is missing from the model is missing here too, and biases these values.")
     elif not _get(d, "effects", ()):
@@ -390,37 +339,23 @@ def plain(d: Any) -> Section | None:
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
 
-def bench_tables(d: Any) -> list[Section]:
+def bench_tables(d: Any) -> Iterator[Section]:
     """The tables of the bench tests: friction over angle or speed, one row for each breakaway."""
-    tests = getattr(_get(d, "plain"), "bench_tests", ())
-    tables = [(test.kind.replace("_", " "), test.table) for test in tests if test.table is not None]
-    return [
-        Section(
-            f"Bench test: {kind}", (), Grid(table.columns, "r" * len(table.columns), _cells(table))
-        )
-        for kind, table in tables
-    ]
-
-
-def _cells(table: Any) -> tuple[tuple[str, ...], ...]:
-    return tuple(tuple(x if isinstance(x, str) else number(x) for x in row) for row in table.rows)
+    for test in getattr(_get(d, "plain"), "bench_tests", ()):
+        if test.table is not None:
+            head, rows = test.table.columns, test.table.rows
+            cells = (tuple(x if isinstance(x, str) else number(x) for x in row) for row in rows)
+            title = f"Bench test: {test.kind.replace('_', ' ')}"
+            yield Section(title, (), Grid(head, "r" * len(head), tuple(cells)))
 
 
 def _plain_notes(d: Any) -> list[str]:
-    """What the balance noticed, where nothing is known to bias it; the headline may have said it.
-
-    Where something is missing, it biases what the balance noticed as well.
-    """
+    """What the balance noticed, where nothing is missing that biases it; the headline may have said
+    it."""
     balance = _get(d, "plain")
     if balance is None or _get(d, "effects", ()) or _get(d, "depends_on"):
         return []
     return [note for note in balance.notes if note != _get(d, "reason")]
-
-
-def _left(share: float | None) -> str:
-    if share is None:
-        return ""
-    return f"It leaves {number(100.0 * share, 2)} % of the RMS torque."
 
 
 def _together(one: Mapping[str, Any]) -> str:
@@ -432,28 +367,21 @@ def _together(one: Mapping[str, Any]) -> str:
 def _record(d: Any) -> Section | None:
     first, model = _get(d, "record"), _get(d, "declared")
     runs = _get(d, "records", ()) or ((first,) if first is not None else ())
-    lines = []
+    names, lines = [record.source for record in runs], []
     if runs and _get(d, "map"):
-        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed: {_names(runs)}.")
+        lines.append(f"{len(_get(d, 'map').w)} runs at steady speed: {listed(names)}.")
     elif runs:
-        lines += map(_run, runs[:LISTED])
-        more = runs[LISTED:]
-        lines += [f"{len(more)} more: {_names(more)}."] if more else []
+        for name, record in zip(names[:LISTED], runs, strict=False):
+            facts = record.summary()
+            lines.append(
+                f"{name}: {facts['samples']} samples at {facts['rate']:g} Hz, "
+                f"{facts['duration']:g} s, {facts['dropped']} dropped."
+            )
+        more = names[LISTED:]
+        lines += [f"{len(more)} more: {listed(more)}."] if more else []
     if model is not None:
         lines.append(f"Model: {model.name}, {model.motion}, {model.friction.block.name} friction.")
     return Section("Record and model", tuple(lines)) if lines else None
-
-
-def _run(record: Any) -> str:
-    facts = record.summary()
-    return (
-        f"{record.source}: {facts['samples']} samples at {facts['rate']:g} Hz, "
-        f"{facts['duration']:g} s, {facts['dropped']} dropped."
-    )
-
-
-def _names(records: Sequence[Any]) -> str:
-    return listed([record.source for record in records])
 
 
 def _notes(d: Any) -> Section | None:

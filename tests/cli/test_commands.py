@@ -1,67 +1,21 @@
 """The command line: exit codes, one JSON document, sentences instead of tracebacks."""
 
 import json
-import math
 import shutil
 import subprocess
 import sys
-from types import ModuleType
 
 import numpy as np
 import pytest
 
-from lugrectl.blocks.model import Model, read_model, table1, write_model
+from lugrectl.blocks.model import Model, read_model, table1
 from lugrectl.cli import commands, main
 from lugrectl.core.errors import InputError, Refused
-from lugrectl.diagnosis.result import Diagnosis
-from lugrectl.estimates.findings import Candidate, Estimate, Finding
 
-from ..cases.made_up import answered
+from ..cases import quick_work
 
 MODEL = Model.of(table1())
-
-
-def found(**changes):
-    ripple = {"amplitude": 0.05, "harmonic": 8.0, "phase": 0.1}
-    finding = Finding("torque_ripple", {k: Estimate(v, "1") for k, v in ripple.items()})
-    return Diagnosis(
-        "found",
-        (finding,),
-        ranking=(Candidate("torque_ripple", 9.0, math.nan),),
-        model=MODEL.with_effect("torque_ripple", ripple),
-        declared=MODEL,
-        **changes,
-    )
-
-
-@pytest.fixture
-def job(monkeypatch):
-    """Stands for lugrectl.diagnose: notes how it is called and returns or raises ``answer``."""
-    fake = ModuleType("lugrectl.diagnosis.diagnose")
-
-    def work(record, model, **options):
-        fake.calls.append((record, model, options))
-        return answered(fake.answer, record, model)
-
-    fake.calls, fake.answer = [], found()
-    fake.diagnose = fake.identify = work
-    for name in ("diagnose", "identify"):
-        monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
-    return fake
-
-
-@pytest.fixture
-def files(tmp_path, monkeypatch):
-    """A folder with two records and a model, as the working directory."""
-    for name, phase in (("one.csv", 0.0), ("two.csv", 0.7)):
-        t = np.arange(2000) * 1e-3
-        u = 0.1 * np.sin(6.0 * t + phase) + 0.02 * np.sin(41.0 * t)
-        w = np.r_[0.0, np.cumsum(u)[:-1]] * 1e-3 / 0.0022
-        head = "t [s],u [N m],w [rad/s]"
-        np.savetxt(tmp_path / name, np.c_[t, u, w], "%.9g", ",", header=head, comments="")
-    write_model(MODEL, tmp_path / "model.toml")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+files, job = quick_work.files, quick_work.job
 
 
 def one_document(text):
@@ -94,6 +48,8 @@ def test_options_reach_the_work(files, job, capsys):
     progress = options.pop("progress")
     assert options == {"holdout": "last", "horizon": 0.5, "seed": 7, "time_limit": 270.0}
     assert callable(progress)
+    assert run(capsys, "identify one.csv --model model.toml --holdout two.csv --json")[0] == 0
+    assert job.calls[1][2]["holdout"].source == "two.csv"
 
 
 def test_record_options_reach_the_reader(files, job, capsys):
@@ -108,23 +64,13 @@ def test_record_options_reach_the_reader(files, job, capsys):
     assert np.allclose(odd["w"], plain["w"] * np.pi / 30)
 
 
-def test_json_is_one_document_and_nothing_else(files, job, capsys):
-    code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
-    assert code == 0 and one_document(out)["verdict"] == "found"
-    assert "report.html" in err and one_document((files / "made/report.json").read_text())
-
-
 def test_out_writes_the_three_files(files, job, capsys):
-    code, out, _ = run(capsys, "diagnose one.csv --model model.toml --out made/here")
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made/here")
     made = files / "made" / "here"
-    assert code == 0 and str(made.relative_to(files)) in out
+    assert code == 0 and one_document(out)["verdict"] == "found" and "report.html" in err
     assert {p.name for p in made.iterdir()} == {"report.html", "report.json", "model.toml"}
+    assert one_document((made / "report.json").read_text())
     assert read_model(made / "model.toml").effects[0].block.name == "torque_ripple"
-
-
-def test_identify_takes_the_same_options(files, job, capsys):
-    code, out, _ = run(capsys, "identify one.csv --model model.toml --holdout two.csv --json")
-    assert code == 0 and one_document(out) and job.calls[0][2]["holdout"].source == "two.csv"
 
 
 def test_demo_uses_what_ships_and_says_where_the_report_is(files, job, capsys, monkeypatch):
@@ -149,27 +95,19 @@ def refused(line, capsys, code=2):
     return err
 
 
-def test_a_record_that_cannot_answer_is_refused(files, job, capsys):
+def test_a_record_that_cannot_answer_is_refused_and_its_report_has_no_model(files, job, capsys):
     job.answer = Refused("one.csv: u is constant.", "move the drive")
     code, out, err = run(capsys, "diagnose one.csv --model model.toml --json --out made")
     document = one_document(out)
     assert code == 3 and document["verdict"] == "refused" and len(err.splitlines()) == 2
     assert document["reason"] == "one.csv: u is constant."
     assert document["experiment"] == "move the drive" and document["record"]["samples"] == 2000
-    code, out, _ = run(capsys, "diagnose one.csv --model model.toml")
-    assert code == 3 and out.startswith("refused") and "u is constant." in out
-    job.answer = Diagnosis("refused", reason="too short.")
-    assert run(capsys, "diagnose one.csv --model model.toml")[0] == 3
-
-
-def test_a_refusal_writes_its_report_without_a_model(files, job, capsys):
-    job.answer = Refused("one.csv: u is constant.", "move the drive")
-    code, out, err = run(capsys, "diagnose one.csv --model model.toml --out made")
-    assert code == 3 and err == "" and "report: made/report.html (and report.json)" in out
-    assert {p.name for p in (files / "made").iterdir()} == {"report.html", "report.json"}
-    document = one_document((files / "made" / "report.json").read_text())
-    assert document["verdict"] == "refused" and document["reason"] == "one.csv: u is constant."
+    assert one_document((files / "made" / "report.json").read_text()) == document
     assert "u is constant." in (files / "made" / "report.html").read_text()
+    code, out, err = run(capsys, "diagnose one.csv --model model.toml --out more")
+    assert code == 3 and out.startswith("refused") and "u is constant." in out and err == ""
+    assert "report: more/report.html (and report.json)" in out
+    assert {p.name for p in (files / "more").iterdir()} == {"report.html", "report.json"}
 
 
 def test_a_log_of_three_rows_is_refused(files, capsys):
@@ -256,52 +194,6 @@ def test_a_reader_that_leaves_a_pipe_is_no_error():
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b"" and process.wait(60) == 141
-
-
-# --- check -------------------------------------------------------------------------------
-
-
-def test_l2_gain_and_its_gains(capsys):
-    code, out, _ = run(capsys, "check l2 --json")
-    assert code == 0 and one_document(out)["gain"] == pytest.approx(22 / 260)
-    code, out, _ = run(capsys, "check l2 --K2 0 --json")
-    document = one_document(out)
-    assert code == 0 and document["gain"] == pytest.approx(0.0022 / 0.6)
-    assert document["frequency"] is None
-    code, out, err = run(capsys, "check l2 --kp 3 --json")
-    assert code == 0 and one_document(out) and "--kp" in err
-
-
-def test_l2_of_a_model_without_bristle_damping(files, capsys):
-    write_model(MODEL.with_values({"sigma1": 0.0}), files / "stiff.toml")
-    code, out, _ = run(capsys, "check l2 --model stiff.toml")
-    assert code == 1 and out.startswith("no finite L2 gain") and "sigma1 = 0" in out
-
-
-def test_gains_not_given_are_zero_but_the_paper_has_some(capsys):
-    def gains(options):
-        return one_document(run(capsys, f"check spr --json {options}")[1])["gains"]
-
-    assert gains("") == {"kp": 15.0, "ki": 1.55, "kd": 0.0}
-    assert gains("--velocity") == {"kp": 1.6, "ki": 0.16, "kd": 0.0}
-    assert gains("--kd 2") == {"kp": 0.0, "ki": 0.0, "kd": 2.0}
-    assert gains("--kp 1 --ki 2 --tau 0.5") == {"kp": 1.0, "ki": 2.0, "kd": 0.0, "tau": 0.5}
-
-
-def test_checks_say_what_the_model_must_declare(files, capsys):
-    (files / "c.toml").write_text('[plant]\nJ = 0.0022\n[friction]\nmodel = "coulomb"\n')
-    for name in ("l2", "spr"):
-        sentence = refused(f"check {name} --model c.toml", capsys)
-        assert "coulomb" in sentence and "lugre" in sentence
-    assert run(capsys, "check bandwidth --model c.toml")[0] == 0
-    (files / "m.toml").write_text('[friction]\nmodel = "lugre"\nsigma0 = 260.0\n')
-    assert "J and sigma1" in refused("check l2 --model m.toml", capsys)
-
-
-@pytest.mark.parametrize("name", ["l2", "spr", "bandwidth"])
-def test_check_text_answers_first(name, capsys):
-    _, out, _ = run(capsys, f"check {name}")
-    assert "Table 1" in out.splitlines()[0] and max(map(len, out.splitlines())) <= 80
 
 
 # --- template ------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """What users pass in: every form of a record and a model, and one sentence for what is neither."""
 
-from contextlib import suppress
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -274,26 +273,6 @@ def test_records_are_read_for_the_motion_of_the_model():
     assert Asked.of(COLUMNS, linear).records()[0].motion == "linear"
     with pytest.raises(InputError, match='does not fit motion.*the model needs motion = "rotary"'):
         Asked.of({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear)
-
-
-@pytest.mark.parametrize("work", [lg.diagnose, lg.identify])
-def test_diagnosis_and_identification_work_on_what_was_meant(work, run, tmp_path, monkeypatch):
-    asked = []
-
-    def prepared(records, model, holdout, horizon, length):
-        asked.append((records, model, horizon))
-        raise lg.Refused("far enough")
-
-    monkeypatch.setattr("lugrectl.diagnosis.balanced.prepared", prepared)
-    lg.write_model(MODEL, tmp_path / "m.toml")
-    for model in (tmp_path / "m.toml", str(tmp_path / "m.toml"), P, MODEL):
-        named = replace(lg.Model.of(model), name=MODEL.name)
-        assert named == MODEL
-        given = {"horizon": np.float32(0.5), "seed": np.int64(3)}
-        with suppress(lg.Refused):  # of this record nothing is certain
-            work(str(run), model, **given)
-        (record,), meant, horizon = asked.pop()
-        assert same(record, RECORD) and meant == MODEL and horizon == 0.5
 
 
 def test_a_fleet_takes_tables_and_models_of_every_form(run):

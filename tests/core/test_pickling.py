@@ -217,11 +217,6 @@ def test_a_composed_block_comes_back_equal(made):
     assert copy.deepcopy(made) == made
 
 
-def test_models_come_back_equal():
-    assert pickle.loads(pickle.dumps(model())) == model()
-    assert copy.deepcopy(model()) == model()
-
-
 def drag(w, c=P(0.1, "N m s/rad", neutral=0.0)):
     """d = c w."""
     return c * w

@@ -2,6 +2,7 @@
 
 import io
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -36,25 +37,17 @@ def kernel(monkeypatch):
     monkeypatch.setattr(progress, "in_notebook", lambda: True)
 
 
-@pytest.mark.parametrize("wanted", [None, False])
-def test_a_script_shows_nothing_unless_asked(wanted, monkeypatch):
+@pytest.mark.parametrize("wanted", [None, False, True])
+def test_a_bar_is_shown_on_a_terminal_where_it_is_asked_for_and_taken_away(wanted, monkeypatch):
     screen = terminal(monkeypatch)
-    lg.sweep(PI, T, T, TABLE, progress=wanted)
-    assert type(bar_for(wanted)) is Bar and screen.getvalue() == ""
-
-
-def test_true_shows_a_bar_on_a_terminal_and_takes_it_away(monkeypatch):
-    screen = terminal(monkeypatch)
-    with bar_for(True) as bar:
-        bar(0.5, "half way")
+    parts = list(lg.sweep_chunks(PI, T, T, TABLE, chunk=1, progress=wanted))
     said = screen.getvalue()
-    assert "50 %  half way" in said and said.endswith("\r\x1b[K")
-
-
-def test_true_is_silent_where_stderr_is_a_file(monkeypatch):
-    for stream in (io.StringIO(), None):
+    assert len(parts) == 4 and (" of 4 members" in said and said.endswith("\r\x1b[K")) == bool(
+        wanted
+    )
+    for stream in (io.StringIO(), None):  # a file, or nothing, shows none
         monkeypatch.setattr(sys, "stderr", stream)
-        with bar_for(True) as bar:
+        with bar_for(wanted) as bar:
             bar(0.5, "half way")
         assert stream is None or stream.getvalue() == ""
 
@@ -66,73 +59,44 @@ def test_a_function_gets_every_report():
     assert isinstance(bar_for(print), Called)
 
 
-@pytest.mark.parametrize("wanted", ["yes", 3])
-def test_anything_else_is_refused_in_one_sentence(wanted):
-    with pytest.raises(InputError, match="progress must be a function, True, False or None"):
-        lg.sweep(PI, T, T, TABLE, progress=wanted)
-
-
 def test_long_work_takes_every_kind_of_progress():
     """Each of them is wrapped by the one place that decides."""
-    for work in (
-        *(lg.diagnose, lg.identify, lg.compensate),
-        *(lg.sweep, lg.diagnose_each, reproduce),
-        *(lg.compare_observers, lg.recommend_observer),
-    ):
+    fits = (lg.diagnose, lg.identify, lg.compensate, lg.sweep, lg.diagnose_each)
+    for work in (*fits, lg.compare_observers, lg.recommend_observer):
         with pytest.raises(InputError, match="progress must be"):
-            work("any", "thing", progress="yes") if work is not reproduce else work(progress="yes")
-
-
-def test_chunks_of_a_sweep_report_and_end_with_their_bar(monkeypatch):
-    screen = terminal(monkeypatch)
-    parts = list(lg.sweep_chunks(PI, T, T, TABLE, chunk=1, progress=True))
-    assert len(parts) == 4 and "of 4 members" in screen.getvalue()
-    assert screen.getvalue().endswith("\r\x1b[K")
-
-
-def test_the_studies_of_the_paper_report():
-    said = []
-    reproduce(only=["initial"], progress=lambda part, what: said.append(part))
-    assert said and said[-1] == 1.0
-
-
-def test_the_loops_of_a_compensation_report():
-    said = []
-    model = lg.Model.of(lg.table1())
-    reference = (T, np.sin(4.0 * T))
-    lg.compensate(model, reference=reference, progress=lambda part, what: said.append(what))
-    assert len(said) == 3 and all(what.startswith("simulating the loop ") for what in said)
+            work("any", "thing", progress="yes")
+    with pytest.raises(InputError, match="progress must be"):
+        reproduce(progress="yes")
 
 
 # --- notebooks ---------------------------------------------------------------------------
 
 
+def test_the_paper_and_a_compensation_report():
+    said = []
+    reproduce(only=["initial"], progress=lambda part, what: said.append(part))
+    assert said and said[-1] == 1.0
+    said = []
+    given = {"reference": (T, np.sin(4.0 * T)), "progress": lambda part, what: said.append(what)}
+    lg.compensate(lg.Model.of(lg.table1()), **given)
+    assert len(said) == 3 and all(what.startswith("simulating the loop ") for what in said)
+
+
 def test_a_notebook_gets_a_bar_without_asking(kernel, monkeypatch):
-    for has, kind in ((True, Widget), (False, Cell)):
-        monkeypatch.setattr(progress, "_has_widgets", lambda has=has: has)
+    for has, kind in ((True, Widget), (None, Cell)):
+        monkeypatch.setattr(progress, "find_spec", lambda name, has=has: has)
         assert type(bar_for(None)) is type(bar_for(True)) is kind
         assert type(bar_for(False)) is Bar
 
 
 def test_only_a_kernel_is_a_notebook(monkeypatch):
-    class Shell:
-        kernel = object()
-
-    class IPython:
-        shell = None
-
-        @classmethod
-        def get_ipython(cls):
-            return cls.shell
-
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
     assert not progress.in_notebook()
-    monkeypatch.setitem(sys.modules, "IPython", IPython)
-    assert not progress.in_notebook()  # IPython was imported, but does not run this
-    IPython.shell = object()
-    assert not progress.in_notebook()  # IPython on a terminal
-    IPython.shell = Shell()
-    assert progress.in_notebook()
+    # IPython was imported but does not run this, runs on a terminal, runs in a kernel
+    for shell, is_one in ((None, False), (object(), False), (SimpleNamespace(kernel=1), True)):
+        fake = SimpleNamespace(get_ipython=lambda shell=shell: shell)
+        monkeypatch.setitem(sys.modules, "IPython", fake)
+        assert progress.in_notebook() == is_one
 
 
 def test_short_work_in_a_notebook_gets_no_bar(kernel):
@@ -148,8 +112,8 @@ def test_the_bar_of_a_notebook_moves_and_goes(monkeypatch):
     terminal(monkeypatch)
     with Widget() as bar:
         bar(0.25, "fitting")
-        assert bar._bar.n == 25 and bar._bar.desc == "fitting"
-    assert bar._bar.disable and bar._bar.n == 100
+        assert bar._place.n == 25 and bar._place.desc == "fitting"
+    assert bar._place.disable and bar._place.n == 100
 
 
 def test_the_plain_bar_of_a_notebook_escapes_and_goes(monkeypatch):
@@ -182,7 +146,7 @@ def test_one_bar_for_a_whole_fleet(kernel, monkeypatch, tmp_path):
 
     made = []
     monkeypatch.setattr(progress, "Widget", lambda: made.append(1) or Bar())
-    monkeypatch.setattr(progress, "_has_widgets", lambda: True)
+    monkeypatch.setattr(progress, "find_spec", lambda name: True)
     model = lg.Model.of(lg.table1())
     with ThreadPoolExecutor(2) as pool:
         fleet = lg.diagnose_each([log(tmp_path, name="short.csv")], model, executor=pool)

@@ -3,12 +3,9 @@
 import hashlib
 import json
 import pickle
-import sys
 from dataclasses import replace
 from datetime import datetime, timedelta, timezone
-from types import ModuleType
 
-import numpy as np
 import pytest
 
 import lugrectl as lg
@@ -19,43 +16,16 @@ from lugrectl.core.errors import Refused
 from lugrectl.core.provenance import SourceFile, stamp, stamped
 from lugrectl.diagnosis.result import Diagnosis
 
-from ..cases.made_up import HOSTILE, answered, bare
+from ..cases import quick_work
+from ..cases.made_up import HOSTILE, bare
 
+files, job = quick_work.files, quick_work.job
 NOON = datetime(2026, 3, 4, 12, 0, 5, tzinfo=timezone(timedelta(hours=2)))
 
 
 @pytest.fixture
 def noon(monkeypatch):
     monkeypatch.setattr(provenance, "now", lambda: NOON)
-
-
-@pytest.fixture
-def files(tmp_path, monkeypatch):
-    """A record and a model as the working directory."""
-    t = np.arange(2000) * 1e-3
-    u = 0.1 * np.sin(6.0 * t) + 0.02 * np.sin(41.0 * t)
-    w = np.r_[0.0, np.cumsum(u)[:-1]] * 1e-3 / 0.0022
-    columns, head = np.c_[t, u, w], "t [s],u [N m],w [rad/s]"
-    np.savetxt(tmp_path / "run.csv", columns, "%.9g", ",", header=head, comments="")
-    lg.write_model(lg.Model.of(lg.table1()), tmp_path / "my model.toml")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-@pytest.fixture
-def job(monkeypatch):
-    """Stands for the work: stamped as it is, and quick."""
-    fake = ModuleType("lugrectl.diagnosis.diagnose")
-    fake.answer = bare()
-
-    @stamped("lugrectl.diagnose")
-    def work(record, model, *, holdout=None, horizon=1.0, seed=0, time_limit=1.0, progress=None):
-        return answered(fake.answer, record, model)
-
-    fake.diagnose = fake.identify = work
-    for name in ("diagnose", "identify"):
-        monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
-    return fake
 
 
 def sha(path):
@@ -70,16 +40,16 @@ def known(folder, *names):
 
 
 def test_a_record_and_a_model_carry_the_file_that_was_read(files):
-    record, model = lg.read_record("run.csv"), lg.read_model("my model.toml")
-    assert record.file == SourceFile("run.csv", sha(files / "run.csv"))
-    assert record.file.path == "run.csv" and record.slice(0, 100).file == record.file
-    assert model.file.sha256 == sha(files / "my model.toml")
+    record, model = lg.read_record("one.csv"), lg.read_model("model.toml")
+    assert record.file == SourceFile("one.csv", sha(files / "one.csv"))
+    assert record.file.path == "one.csv" and record.slice(0, 100).file == record.file
+    assert model.file.sha256 == sha(files / "model.toml")
     assert pickle.loads(pickle.dumps(model)).file == model.file
     assert pickle.loads(pickle.dumps(record)).file == record.file
 
 
 def test_a_changed_model_is_no_longer_that_of_the_file(files):
-    model = lg.read_model("my model.toml")
+    model = lg.read_model("model.toml")
     assert model.with_values({"J": 1.0}).file is None
     assert model.with_effect("gravity").file is None
     assert replace(model, name="other").file is None
@@ -100,15 +70,15 @@ def test_from_python_version_date_and_files_are_known(files, noon):
     def work(record, model, *, holdout=None):
         return Diagnosis("adequate")
 
-    record, model = lg.read_record("run.csv"), lg.read_model("my model.toml")
+    record, model = lg.read_record("one.csv"), lg.read_model("model.toml")
     made = work(record, model).summary()["provenance"]
     assert made == {
         "version": provenance.version(),
         "date": "2026-03-04T12:00:05+02:00",
         "command": "lugrectl.diagnose",
-        "files": known(files, "run.csv", "my model.toml"),
+        "files": known(files, "one.csv", "model.toml"),
     }
-    by_path = work("run.csv", model="my model.toml", holdout="last")
+    by_path = work("one.csv", model="model.toml", holdout="last")
     assert by_path.summary()["provenance"] == made
     twice = work([record, record], model, holdout=record)
     assert twice.summary()["provenance"] == made
@@ -116,23 +86,9 @@ def test_from_python_version_date_and_files_are_known(files, noon):
     assert arrays.provenance.files == ()
 
 
-def test_the_public_functions_are_stamped():
-    for work in (lg.diagnose, lg.identify):
-        code, names = work, set()
-        while hasattr(code, "__wrapped__"):
-            names.add(code.__code__.co_name)
-            code = code.__wrapped__
-        assert "stamping" in names
-
-
-def test_a_diagnosis_put_together_by_hand_has_none():
-    assert bare().summary()["provenance"] is None
-    assert "Provenance" not in report.html(bare())
-
-
 def test_a_stamp_keeps_the_files_and_leaves_other_results_alone(files):
-    first = stamp(bare(), "one", [files / "run.csv"])
-    again = stamp(first, "two", [files / "my model.toml"])
+    first = stamp(bare(), "one", [files / "one.csv"])
+    again = stamp(first, "two", [files / "model.toml"])
     assert again.provenance.command == "two" and again.provenance.files == first.provenance.files
     assert stamp({"a": 1}, "one") == {"a": 1}
 
@@ -152,20 +108,20 @@ def run(capsys, *words):
 
 @pytest.mark.parametrize("command", ["diagnose", "identify"])
 def test_the_command_stands_as_it_was_typed(files, job, noon, capsys, command):
-    words = [command, "run.csv", "--model", "my model.toml", "--json", "--out", "made"]
+    words = [command, "one.csv", "--model", "model.toml", "--json", "--out", "made"]
     code, out = run(capsys, *words)
     document = json.loads(out)
     assert code == 0 and document["provenance"] == {
         "version": provenance.version(),
         "date": "2026-03-04T12:00:05+02:00",
-        "command": f"lugrectl {command} run.csv --model 'my model.toml' --json --out made",
-        "files": known(files, "run.csv", "my model.toml"),
+        "command": f"lugrectl {command} one.csv --model model.toml --json --out made",
+        "files": known(files, "one.csv", "model.toml"),
     }
     assert json.loads((files / "made" / "report.json").read_text()) == document
 
 
 def test_the_same_input_gives_the_same_json_but_for_the_date(files, job, capsys, monkeypatch):
-    words = ["diagnose", "run.csv", "--model", "my model.toml", "--json"]
+    words = ["diagnose", "one.csv", "--model", "model.toml", "--json"]
     made = []
     for year in (2026, 2031):
         date = NOON.replace(year=year)
@@ -175,32 +131,32 @@ def test_the_same_input_gives_the_same_json_but_for_the_date(files, job, capsys,
 
 
 def test_a_refusal_names_its_files_too(files, job, noon, capsys):
-    words = ["diagnose", "run.csv", "--model", "my model.toml", "--json"]
+    words = ["diagnose", "one.csv", "--model", "model.toml", "--json"]
     job.answer = Refused("u is constant.")
     code, out = run(capsys, *words)
     assert code == 3
-    assert json.loads(out)["provenance"]["files"] == known(files, "run.csv", "my model.toml")
+    assert json.loads(out)["provenance"]["files"] == known(files, "one.csv", "model.toml")
 
 
 def test_each_log_and_the_table_say_it(files, job, noon, capsys):
-    words = ["diagnose", "run.csv", "--model", "my model.toml", "--each", "--jobs", "1", "--json"]
+    words = ["diagnose", "one.csv", "--model", "model.toml", "--each", "--jobs", "1", "--json"]
     code, out = run(capsys, *words)
     document = json.loads(out)
     whole, (log,) = document["provenance"], document["records"]
-    assert code == 0 and whole["command"].startswith("lugrectl diagnose run.csv")
-    assert log["diagnosis"]["provenance"]["files"] == known(files, "run.csv", "my model.toml")
-    assert whole["files"] == known(files, "my model.toml", "run.csv")
-    fleet = lg.diagnose_each("run.csv", lg.read_model("my model.toml"))
+    assert code == 0 and whole["command"].startswith("lugrectl diagnose one.csv")
+    assert log["diagnosis"]["provenance"]["files"] == known(files, "one.csv", "model.toml")
+    assert whole["files"] == known(files, "model.toml", "one.csv")
+    fleet = lg.diagnose_each("one.csv", lg.read_model("model.toml"))
     assert fleet.provenance.command == "lugrectl.diagnose_each"
-    assert fleet.diagnoses["run.csv"].provenance.command == "lugrectl.diagnose_each"
+    assert fleet.diagnoses["one.csv"].provenance.command == "lugrectl.diagnose_each"
 
 
 def test_the_page_ends_with_it_in_small_print(files, job, noon, capsys):
-    run(capsys, "diagnose", "run.csv", "--model", "my model.toml", "--out", "made")
+    run(capsys, "diagnose", "one.csv", "--model", "model.toml", "--out", "made")
     page = (files / "made" / "report.html").read_text()
     end = page[page.index("<h2>Provenance</h2>") :]
-    assert "<h2>" not in end[4:] and sha(files / "run.csv") in end
-    assert "2026-03-04T12:00:05+02:00" in end and "my model.toml" in end
+    assert "<h2>" not in end[4:] and sha(files / "one.csv") in end
+    assert "2026-03-04T12:00:05+02:00" in end and "model.toml" in end
     hostile = stamp(bare(), HOSTILE)
     assert HOSTILE not in report.html(hostile)
     assert "Provenance" not in report.text(hostile)

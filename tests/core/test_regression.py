@@ -35,13 +35,7 @@ def test_bounded_finds_the_least_squares_within_the_bounds(seed: int) -> None:
     want = lsq_linear(X, y, (low, high), tol=1e-14).x
     np.testing.assert_allclose(b, want, rtol=1e-5, atol=1e-6)
     assert np.all((b == low)[~free] | (b == high)[~free])
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_bounded_does_not_depend_on_the_states_from_which_it_starts(seed: int) -> None:
-    X, y, low, high = problem(seed)
-    b, free = bounded(X.T @ X, X.T @ y, low, high)
-    wrong = np.isfinite(low) | np.isfinite(high)
+    wrong = np.isfinite(low) | np.isfinite(high)  # bounds that hold at the start
     again, there = bounded(X.T @ X, X.T @ y, low, high, wrong)
     np.testing.assert_allclose(again, b, rtol=1e-9, atol=1e-12)
     np.testing.assert_array_equal(there, free)
@@ -84,15 +78,6 @@ def test_one_block_that_gains_all_is_no_proof() -> None:
         gain, se = paired(d, np.zeros(40))
         assert (gain > ndtri(0.99) * se) == proven
         assert paired(-d, np.zeros(40)) == pytest.approx((-gain, se))
-
-
-def test_a_block_without_rows_is_none() -> None:
-    X, y, blocks = rows(2)
-    made = robust(X, y, Prior.free(4), 0.1)
-    assert blocks.most == 15 and blocks.number == len(blocks.parts) < 15
-    assert sum(part.stop - part.start for part in blocks.parts) == len(y)
-    assert blocks.left_out(made, X, Prior.free(4), 0.1, 1.0).shape == (blocks.number,)
-    assert blocks.seen(made.r, 1.0).shape == (blocks.number,)
 
 
 def test_a_covariance_widens_where_it_was_next_to_nothing():

@@ -1,94 +1,28 @@
 """A report is written whole or not at all, whatever happens to the process or the disk."""
 
-import json
 import os
 import platform
 import signal
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.model import read_model
 from lugrectl.cli import output
 from lugrectl.core import writing
 from lugrectl.engine.runtime.disk_cache import keep
 from lugrectl.report import FILES, check_folder
 
 from ..cases.made_up import bare
-from ..fuzz.files import motion
 
-MODEL = '[plant]\nJ = 0.002\n[friction]\nmodel = "coulomb"\nFc = 0.15\nFv = 0.02\n'
 resource = pytest.importorskip("resource", reason="needs limits of processes")
 posix = pytest.mark.skipif(os.name != "posix", reason="needs signals and limits of processes")
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    """A short log and its model."""
-    folder = tmp_path_factory.mktemp("whole")
-    log = motion()
-    t = np.arange(1600) * 2e-3
-    columns = [t, *(np.tile(log[k], 4) for k in ("u", "w"))]
-    np.savetxt(folder / "r.csv", np.c_[tuple(columns)], "%.6g", ",", header="t,u,w", comments="")
-    (folder / "m.toml").write_text(MODEL)
-    return folder
-
-
-def command(files, out):
-    given = [str(files / "r.csv"), "--model", str(files / "m.toml"), "--out", str(out)]
-    return [sys.executable, "-m", "lugrectl", "diagnose", *given]
-
-
-def whole(out):
-    """Whether a folder holds a report that can be read; AssertionError for a part of one."""
-    if not (out / FILES[0]).exists():
-        return False
-    document = json.loads((out / FILES[1]).read_text())
-    assert (out / FILES[0]).read_text().rstrip().endswith("</html>")
-    if document["verdict"] != "refused":
-        read_model(out / FILES[2])
-    return True
-
-
 def hidden(folder):
     return [p.name for p in folder.iterdir() if p.name.startswith(".lugrectl-")]
-
-
-def killed(files, out, after):
-    """Start a run and kill it some seconds later; whether it was still at work."""
-    run = subprocess.Popen(
-        command(files, out), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    time.sleep(after)
-    alive = run.poll() is None
-    run.kill()
-    run.wait()
-    return alive
-
-
-@posix
-@pytest.mark.slow
-def test_a_killed_run_leaves_a_whole_report_or_none_and_the_next_one_works(files, tmp_path):
-    began = time.perf_counter()
-    done = subprocess.run(command(files, tmp_path / "first"), capture_output=True, text=True)
-    took = time.perf_counter() - began
-    assert done.returncode in (0, 3) and whole(tmp_path / "first"), done.stderr
-    alive = []
-    for k, share in enumerate(np.linspace(0.02, 1.05, 50)):
-        fresh = k % 2 == 0
-        out = tmp_path / (f"new{k}" if fresh else "first")
-        alive.append(killed(files, out, share * took))
-        assert whole(out) or fresh
-        assert not fresh or not out.exists() or {p.name for p in out.iterdir()} <= {*FILES}
-    assert sum(alive) > 25
-    done = subprocess.run(command(files, tmp_path / "first"), capture_output=True, text=True)
-    assert done.returncode in (0, 3) and whole(tmp_path / "first")
-    assert hidden(tmp_path) == [] == hidden(tmp_path / "first")
 
 
 WRITER = """

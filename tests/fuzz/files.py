@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -381,7 +380,3 @@ def case(number: int, folder: Path) -> tuple[Path, str, list[str]]:
     path = folder / f"case{number}{SUFFIX[kind]}"
     path.write_bytes(data)
     return path, kind, [way.__name__ for way in chosen]
-
-
-def described(number: int, kind: str, ways: list[str], what: str) -> str:
-    return json.dumps({"case": number, "kind": kind, "ways": ways, "wrong": what})

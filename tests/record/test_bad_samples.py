@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lugrectl.record import read_log, read_record
+from lugrectl.record import read_record
 
 from ..cases.damaged_drive import columns, marked, seen, sound
 from ..cases.logs import rows, write
@@ -259,15 +259,6 @@ def test_a_torque_program_of_few_levels_is_held_on_purpose():
     t = np.arange(6000) * 2e-3
     found, said = seen({"t": t, "u": u, "theta": np.cumsum(w) * 2e-3})
     assert said == [] and len(found[0].t) == 6000
-
-
-def test_a_log_keeps_what_was_recorded():
-    log = columns("u", "theta")
-    log["u"][10], log["theta"][20] = np.nan, 1e30
-    made = read_log(log)
-    np.testing.assert_array_equal(made.channels["u"], log["u"])
-    np.testing.assert_array_equal(made.channels["theta"], log["theta"])
-    assert made.where(10) == "row 10" and made.messages == () and made.motion == "rotary"
 
 
 def test_a_short_torque_that_the_motion_shows_is_no_outlier():

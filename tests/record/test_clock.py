@@ -152,15 +152,6 @@ def test_a_run_without_numbers_in_one_channel_is_not_ok_there(role, missing):
     assert said == [sentence] and record.messages == (sentence,)
 
 
-def test_a_slow_log_is_read_and_its_rate_is_said():
-    log = columns("u", "w")
-    log = {role: x[::128] for role, x in log.items()}
-    found, said = seen(log)
-    assert len(found) == 1 and found[0].dt == pytest.approx(0.256)
-    assert any("3.90625 Hz" in s and 'units="t=ms"' in s for s in said)
-    assert read_record(log).samples == 47
-
-
 def test_many_short_runs_are_stretches_of_their_runs():
     log = columns("u", "theta")
     logs = [read_log({k: x[a : a + 380] for k, x in log.items()}) for a in range(0, 5700, 380)]

@@ -1,6 +1,5 @@
 """What is noticed about a record, and above all what is left alone when nothing is wrong."""
 
-import functools
 import math
 from dataclasses import replace
 
@@ -21,11 +20,6 @@ from ..cases.logs import DATA, measured
 def audit(record):
     """What reading does with the rows of a record."""
     return checked(consistent(record))
-
-
-@functools.cache
-def bench(number):
-    return read_record(DATA / "bench" / f"{number:02d}" / "record.csv")
 
 
 def run(n=8000, dt=1e-3, J=2e-3, Fc=0.2, Fv=0.02, gravity=0.0, spring=0.0, seed=1):
@@ -54,8 +48,6 @@ def said(record):
     return " ".join(record.messages)
 
 
-# ---- nothing wrong ------------------------------------------------------------------
-
 SOUND = [
     PLAIN,
     run(gravity=0.4),
@@ -68,21 +60,11 @@ SOUND = [
 ]
 
 
-@pytest.mark.parametrize("record", SOUND)
-@pytest.mark.parametrize("without", [None, "w", "theta"])
-def test_a_sound_record_stays_as_it_is(record, without):
-    record = replace(record, **{without: None}) if without else record
-    seen = audit(record)
-    assert seen.messages == ()
-    for role, values in record.channels().items():
-        np.testing.assert_array_equal(getattr(seen, role), values)
-
-
 @measured
 @pytest.mark.parametrize("number", range(1, 9))
 @pytest.mark.parametrize("without", [None, "w", "theta"])
 def test_measured_records_keep_their_sign_and_lose_a_wrong_one(number, without):
-    record = bench(number)
+    record = read_record(DATA / "bench" / f"{number:02d}" / "record.csv")
     record = replace(record, **{without: None}) if without else record
     assert audit(record).messages == ()
     turned = audit(replace(record, u=-record.u))
@@ -112,17 +94,17 @@ def test_steady_runs_of_a_screw_drive_keep_their_sign(path):
 
 @pytest.mark.parametrize("record", SOUND)
 @pytest.mark.parametrize("without", [None, "w", "theta"])
-def test_a_turned_torque_is_turned_back_or_at_least_said(record, without):
+def test_a_sound_record_stays_as_it_is_and_a_turned_torque_is_turned_back_or_said(record, without):
     record = replace(record, **{without: None}) if without else record
+    seen = audit(record)
+    assert seen.messages == ()
+    for role, values in record.channels().items():
+        np.testing.assert_array_equal(getattr(seen, role), values)
     seen = audit(replace(record, u=-record.u))
-    assert len(seen.messages) == 1
-    if record.samples >= 8000:
-        assert "sign was changed" in said(seen)
-    if "sign was changed" in said(seen):
-        np.testing.assert_array_equal(seen.u, record.u)
-    else:
-        assert 'scale="u=-1"' in said(seen)
-        np.testing.assert_array_equal(seen.u, -record.u)
+    (sentence,) = seen.messages
+    changed = "sign was changed" in sentence
+    assert changed or record.samples < 8000 and 'scale="u=-1"' in sentence
+    np.testing.assert_array_equal(seen.u, record.u if changed else -record.u)
 
 
 def test_a_sensor_beyond_a_soft_coupling_does_not_turn_the_torque():
@@ -176,6 +158,7 @@ def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
     np.testing.assert_allclose(record.theta, 1 + 6 * np.sin(3 * record.t), atol=1e-4)
 
 
+@settings(max_examples=25)
 @given(st.lists(st.floats(-0.4, 0.4), min_size=20, max_size=200))
 def test_unwrapping_never_invents_a_jump(steps):
     """A smooth angle that never nears half a turn in one step is left alone."""
@@ -183,12 +166,6 @@ def test_unwrapping_never_invents_a_jump(steps):
     found = jumps(np.arange(float(len(theta))), theta)
     seen, told = unwrapped("theta", theta, found, "rotary")
     assert told == [] and seen is theta
-
-
-def test_one_outlier_is_no_wrap():
-    theta = PLAIN.theta.copy()
-    theta[500] += 4.0
-    assert "far off its neighbours" in said(audit(replace(PLAIN, theta=theta)))
 
 
 # ---- w against theta ----------------------------------------------------------------
@@ -224,13 +201,6 @@ def test_units_stated_decide_which_channel_is_wrong(tmp_path):
     seen = read_record(tmp_path / "b.npz")
     np.testing.assert_allclose(seen.w, PLAIN.w, rtol=1e-12)
     assert "w is stated in rpm but in fact in rad/s" in said(seen)
-
-
-def test_millimetres_on_a_linear_drive():
-    linear = replace(PLAIN, motion="linear")
-    seen = audit(replace(linear, w=1e3 * PLAIN.w))
-    np.testing.assert_allclose(seen.w, PLAIN.w, rtol=1e-12)
-    assert "mm/s" in said(seen)
 
 
 @pytest.mark.parametrize("offset", [0.3, -0.2])
@@ -289,7 +259,7 @@ def test_an_unrelated_w_is_ignored():
     assert audit(replace(PLAIN, w=other.copy())).w is None
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(st.floats(0.98, 1.02), st.floats(0, 0.5))
 def test_small_errors_and_noise_of_w_are_left_alone(factor, noise):
     rng = np.random.default_rng(0)
@@ -323,18 +293,6 @@ def test_a_late_velocity_is_said_from_one_and_a_half_samples(late):
 # ---- dead and saturated channels ----------------------------------------------------
 
 
-@pytest.mark.parametrize("value", [0.0, 5.0, -1e-3])
-def test_constant_torque_is_refused(value):
-    with pytest.raises(Refused, match="dead torque channel"):
-        audit(replace(PLAIN, u=np.full(PLAIN.samples, value)))
-
-
-def test_torque_of_noise_is_refused():
-    noise = 1e-3 * np.random.default_rng(0).standard_normal(PLAIN.samples)
-    with pytest.raises(Refused, match="dead torque channel"):
-        audit(replace(PLAIN, u=0.2 + noise))
-
-
 def test_white_torque_that_moves_the_machine_is_not_noise():
     rng = np.random.default_rng(0)
     u = 40 * rng.standard_normal(4000)
@@ -346,27 +304,24 @@ def test_white_torque_that_moves_the_machine_is_not_noise():
     assert audit(Record(t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)).messages == ()
 
 
-@pytest.mark.parametrize("role", ["w", "theta"])
-def test_constant_motion_is_refused(role):
-    with pytest.raises(Refused, match=f"{role} is constant .*nothing moves"):
-        audit(replace(PLAIN, **{role: np.zeros(PLAIN.samples)}))
+NOISE = np.random.default_rng(0).standard_normal(8000)
+STILL = np.zeros(8000)
 
 
-def test_motion_within_the_sensor_is_refused():
-    dither = 1e-4 * (np.arange(PLAIN.samples) // 7 % 2)
-    with pytest.raises(Refused, match="2 values"):
-        audit(replace(PLAIN, w=None, theta=dither))
-    noise = np.random.default_rng(0).standard_normal(PLAIN.samples)
-    with pytest.raises(Refused, match="nothing moves"):
-        audit(replace(PLAIN, w=noise, theta=None))
-
-
-def test_a_torque_at_the_end_of_its_register_is_left_out():
-    """The machine moved with more than the log says."""
-    limit = float(np.quantile(PLAIN.u, 0.9))
-    seen = audit(replace(PLAIN, u=np.minimum(PLAIN.u, limit)))
-    assert "end of its register" in said(seen) and f"{limit:.6g}" in said(seen)
-    assert seen.samples < 0.92 * PLAIN.samples and seen.u.max() < limit
+@pytest.mark.parametrize(
+    ("channels", "words"),
+    [
+        *(({"u": np.full(8000, x)}, "dead torque channel") for x in (0.0, 5.0, -1e-3)),
+        ({"u": 0.2 + 1e-3 * NOISE}, "dead torque channel"),
+        ({"w": STILL}, "w is constant .*nothing moves"),
+        ({"theta": STILL}, "theta is constant .*nothing moves"),
+        ({"w": None, "theta": 1e-4 * (np.arange(8000) // 7 % 2)}, "2 values"),
+        ({"w": NOISE, "theta": None}, "nothing moves"),
+    ],
+)
+def test_a_channel_in_which_nothing_moves_is_refused(channels, words):
+    with pytest.raises(Refused, match=words):
+        audit(replace(PLAIN, **channels))
 
 
 def test_a_drive_at_its_limit_is_said_and_left():

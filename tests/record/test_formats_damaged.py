@@ -152,10 +152,3 @@ def test_a_drive_that_turns_through_a_thousand_rad_is_no_mistake():
     log["theta"] = log["theta"] + 35 * log["t"]
     record = read_record(log)
     assert record.theta is not None and np.ptp(record.theta) > 1000
-
-
-def test_counts_without_unit_ask_for_their_factor(tmp_path):
-    log = swing(8192, 8192)
-    with pytest.raises(InputError, match='scale="theta=FACTOR"'):
-        read_record(log)
-    assert read_record(log, scale={"theta": 2 * np.pi / 8192}).samples == 3000

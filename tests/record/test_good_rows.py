@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.core.numeric import top_speed
 from lugrectl.record import read_log
 from lugrectl.record.samples.needed_torque import needed
 from lugrectl.record.samples.usable import usable
@@ -66,36 +65,16 @@ def test_a_speed_that_keeps_its_last_value_is_left_out_to_the_end_of_the_log():
         assert found.parameters[key].value == pytest.approx(value, rel=0.02)
 
 
-def test_the_top_speed_does_not_depend_on_how_long_the_drive_rests():
-    w = np.sin(np.linspace(0.0, 20.0, 2000))
-    assert top_speed(np.r_[w, np.zeros(98_000)]) == pytest.approx(top_speed(w))
-    assert 0.99 < top_speed(w) < 1.0
-
-
-# ---- the rough balance that shows where a torque was not read -----------------------
-
-
-DT, ROWS, START = 3.3e-3, 200, 49
-
-
-def one_way():
-    """A wheel that starts and goes on in one direction; its speed has noise."""
-    t = DT * np.arange(ROWS)
-    u = np.where(t < DT * START, 0.0, 60.0 + 25.0 * np.sin(9.0 * (t - DT * START)))
-    w = np.zeros(ROWS)
-    for k in range(ROWS - 1):
-        drive = u[k] - 0.95 * w[k] - (32.0 if w[k] > 0 or u[k] > 32.0 else u[k])
-        w[k + 1] = max(w[k] + drive / 0.16 * DT, 0.0)
-    noise = 0.3 * np.random.default_rng(1).standard_normal(ROWS)
-    return {"t": t, "u": u, "w": w + noise * (w > 0)}
-
-
 def test_a_drive_that_never_turns_back_needs_about_the_torque_that_was_recorded():
     """In one direction Coulomb friction and a constant are one: a start does not separate them."""
-    log = one_way()
-    unknown = (np.arange(ROWS) >= START) & (np.arange(ROWS) < START + 14)
-    fit = needed(usable(read_log(log)), unknown)
-    assert fit is not None
-    missing = np.abs(fit.missing(log["u"]))
-    assert np.nanmax(missing) < np.ptp(log["u"])
-    assert np.nanmax(missing[fit.moving]) < 0.1 * np.ptp(log["u"])
+    dt, start, rows = 3.3e-3, 49, np.arange(200)
+    u = np.where(rows < start, 0.0, 60.0 + 25.0 * np.sin(9.0 * dt * (rows - start)))
+    w = np.zeros(200)
+    for k in range(199):
+        drive = u[k] - 0.95 * w[k] - (32.0 if w[k] > 0 or u[k] > 32.0 else u[k])
+        w[k + 1] = max(w[k] + drive / 0.16 * dt, 0.0)
+    w += 0.3 * np.random.default_rng(1).standard_normal(200) * (w > 0)
+    log = read_log({"t": dt * rows, "u": u, "w": w})
+    fit = needed(usable(log), (rows >= start) & (rows < start + 14))
+    missing = np.abs(fit.missing(u))
+    assert np.nanmax(missing) < np.ptp(u) and np.nanmax(missing[fit.moving]) < 0.1 * np.ptp(u)

@@ -12,21 +12,10 @@ from lugrectl.record import (
     consistent,
     long_enough_to_judge,
     read_record,
-    refuse_unlikely_time,
+    refuse_open_time,
 )
 
 from ..cases.logs import cell, csv, machine, refused
-
-
-def test_rate_instead_of_time(tmp_path):
-    path = csv(tmp_path, "n,u,w,theta")
-    record = read_record(path, rate=1000)
-    np.testing.assert_allclose(record.t, machine()["t"], atol=1e-12)
-    assert record.messages == ()
-    both = read_record(csv(tmp_path), rate=900)
-    assert both.rate == pytest.approx(900.0) and any(
-        "in place of the column 't'" in m for m in both.messages
-    )
 
 
 def test_time_starts_where_it_starts(tmp_path):
@@ -98,17 +87,6 @@ def test_a_record_is_cut_where_numbers_are_missing_for_longer(tmp_path, column):
     assert record.gaps == (498,) and record.samples == 2990
     assert any(m.startswith(role) and "10 rows" in m for m in record.messages)
     assert column == 0 or any("from line 500 on" in m for m in record.messages)
-
-
-def test_many_scattered_missing_samples_are_filled_and_said(tmp_path):
-    def holes(lines):
-        for line in range(5, 3000, 50):
-            lines = cell(line, 1, "")(lines)
-        return lines
-
-    record = read_record(csv(tmp_path, change=holes))
-    assert record.samples == 3000 and record.dropped == 60 and record.gaps == ()
-    assert any(m.startswith("u is missing in 60 samples") for m in record.messages)
 
 
 def test_missing_optional_channel_is_left_out(tmp_path):
@@ -252,37 +230,22 @@ def test_interpolated_samples_keep_the_sensors_resolution(tmp_path, lost):
 
 
 @pytest.mark.parametrize("how", ["jittered", "lost", "repeated", "backwards", "even"])
-def test_a_record_of_arrays_is_brought_to_uniform_time_like_a_file(tmp_path, how):
+def test_a_record_of_arrays_is_brought_to_uniform_time_like_a_file(how):
     t = _jittered() if how == "jittered" else np.arange(4000) * 1e-3
     kept = np.insert(np.arange(4000), 77, [77] if how == "repeated" else [])
     kept = np.delete(kept, slice(100, 110) if how == "lost" else slice(0))
     t = t[kept]
-    if how == "backwards":
-        t[300:] -= 0.2
+    t[300:] -= 0.2 * (how == "backwards")
     log = {"t": t, "u": np.sin(9 * t), "theta": np.sin(7 * t)}
-    np.savez(tmp_path / "a.npz", **log)
-    record = Record(**log)
-    if how == "backwards":
-        made, read = consistent(record), read_record(tmp_path / "a.npz")
-        assert made.gaps == read.gaps == (300,) and (np.diff(made.t) > 0).all()
-        assert any("starts again at row 300" in m for m in made.messages)
-        return
-    made, read = consistent(record), read_record(tmp_path / "a.npz")
+    made, read = consistent(Record(**log)), read_record(log)
     for role, values in read.channels().items():
         np.testing.assert_allclose(made.channels()[role], values, atol=1e-12)
     assert made.dt == pytest.approx(read.dt, rel=1e-9)
     assert (made.gaps, made.dropped) == (read.gaps, read.dropped)
     assert consistent(made).channels()["u"] is made.u
-
-
-def test_stamps_rounded_too_coarsely(tmp_path):
-    t = np.arange(3000) * 1.3e-3
-    values = {"u": np.sin(9 * t), "w": 7 * np.cos(7 * t), "theta": np.sin(7 * t)}
-    np.savez(tmp_path / "a.npz", t=np.round(t, 3), **values)
-    record = read_record(tmp_path / "a.npz")
-    assert record.dt == pytest.approx(1.3e-3, rel=1e-4) and record.dropped == 0
-    assert any("rounded" in m for m in record.messages)
-    np.testing.assert_array_equal(record.u, values["u"])
+    if how == "backwards":
+        assert made.gaps == (300,) and (np.diff(made.t) > 0).all()
+        assert any("starts again at row 300" in m for m in made.messages)
 
 
 def test_irregular_stamps_are_read_as_they_are(tmp_path):
@@ -305,24 +268,13 @@ def test_stamps_in_single_precision_are_a_grid(tmp_path):
 
 def test_a_rate_that_no_drive_has_is_not_judged_without_a_unit_of_time():
     """Without w beside theta the rate is all that shows it; a stated unit is believed."""
-    log = {role: x for role, x in machine().items() if role != "w"}
-    slow = log | {"t": 1e3 * log["t"]}
-    with pytest.raises(Refused, match='t has no unit.*1 Hz.*give units="t=ms", or units="t=s"'):
-        refuse_unlikely_time(read_record(slow))
-    refuse_unlikely_time(read_record(slow, units="t=s"))
-    refuse_unlikely_time(read_record(slow, units="t=ms"))
-    refuse_unlikely_time(read_record(slow, rate=1.0))
-    refuse_unlikely_time(Record(**{role: np.asarray(x) for role, x in slow.items()}))
+    slow = {role: x for role, x in machine().items() if role != "w"}
+    slow["t"] = 1e3 * slow["t"]
     refused = lg.diagnose(slow, {"J": 0.002})
-    assert refused.verdict == "refused" and 'give units="t=ms"' in refused.reason
-
-
-def test_a_time_in_another_unit_than_stated_is_named_where_the_log_is_too_short(tmp_path):
-    """t is in s, below a header that says ms: 3 s at 1 kHz read as 3 ms at 1 MHz."""
-    record = read_record(csv(tmp_path, "t [ms],u [N m],w [rad/s],theta [rad]"))
-    with pytest.raises(Refused, match=r"t is stated in ms, .* 1e\+06 Hz and a record of 0.003 s: "):
-        refuse_unlikely_time(record)
-    refuse_unlikely_time(read_record(csv(tmp_path, "t [s],u [N m],w [rad/s],theta [rad]")))
-    log = machine()
-    fast = {"t": 1e-6 * np.arange(len(log["t"])), "u": log["u"], "w": log["w"]}
-    refuse_unlikely_time(read_record(fast, rate=2e6))  # a rate is no column
+    assert refused.verdict == "refused"
+    assert re.search('t has no unit.*1 Hz.*give units="t=ms", or units="t=s"', refused.reason)
+    stated = [
+        read_record(slow, **how) for how in ({"units": "t=s"}, {"units": "t=ms"}, {"rate": 1})
+    ]
+    for record in (*stated, Record(**{role: np.asarray(x) for role, x in slow.items()})):
+        refuse_open_time(record.source, record.log.labels, record.dt)

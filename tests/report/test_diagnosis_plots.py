@@ -5,8 +5,6 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from lugrectl import report
@@ -76,16 +74,6 @@ def test_error_over_time_agrees_with_the_error_itself():
     total = np.sqrt(np.nansum(share * rms**2) / tr.held_out.sum())
     assert total == pytest.approx(np.sqrt(np.nanmean(error**2)), rel=1e-12)
     assert np.isnan(rms[edges[1:] < 1.9]).all()
-
-
-@given(st.lists(st.tuples(st.floats(0, 1), st.floats(-9, 9)), min_size=1), st.integers(1, 9))
-def test_bin_means_add_up_to_the_mean(points, bins):
-    x, y = np.array(points).T
-    edges = np.linspace(0, 1, bins + 1)
-    centres, mean = canvas.binned(x, y, edges, least=1)
-    count, _ = np.histogram(x, edges)
-    assert np.nansum(mean * count) == pytest.approx(y.sum(), abs=1e-9)
-    assert np.array_equal(np.isnan(mean), count == 0) and len(centres) == bins
 
 
 def test_residual_of_a_ripple_is_shown_over_one_turn():
@@ -185,11 +173,10 @@ def test_small_errors_are_drawn_with_a_prefix():
     made = diagnosis()
     small = replace(made.traces, measured=1e-3 * made.traces.measured)
     small = replace(small, simulated={k: 1e-3 * v for k, v in small.simulated.items()})
-    d = replace(made, traces=small)
-    (before, *_), (after, *_) = (
-        diagnosis_plots.error(x).get_ylabel().split("[")[::-1] for x in (made, d)
-    )
-    assert before == "rad/s]" and after in ("mrad/s]", "urad/s]")
+    labels = [
+        diagnosis_plots.error(replace(made, traces=x)).get_ylabel() for x in (made.traces, small)
+    ]
+    assert labels[0].endswith("[rad/s]") and labels[1].endswith(("[mrad/s]", "[urad/s]"))
 
 
 def test_small_residuals_are_drawn_with_the_prefix_of_the_table():

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from lugrectl import report
 from lugrectl.blocks.model import Model, read_model, table1
 from lugrectl.core import writing
-from lugrectl.core.display import between, with_interval
+from lugrectl.core.display import with_interval
 from lugrectl.core.errors import InputError
 from lugrectl.diagnosis.identify import Identification
 from lugrectl.diagnosis.result import VERDICTS
@@ -128,30 +128,6 @@ def test_interval_text_keeps_the_interval(middle, width):
     value, text = with_interval(Estimate(middle, "1", (low, high)))
     shown = [float(x) for x in (value, *text.split(" to "))]
     assert np.allclose(shown, [middle, low, high], rtol=0, atol=0.11 * width)
-
-
-@pytest.mark.parametrize(
-    ("interval", "shown"),
-    [
-        ((75.81, 75.84), "75.810 to 75.840"),
-        ((0.28712, 0.28712), "0.28712 +- <0.00001"),
-        ((1234.5678, 1234.5678), "1234.6 +- <0.1"),
-        ((2e6, 2e6), "2.0000e+06 +- <100"),
-        ((3.0, 3.0 + 1e-12), "3.0000000 +- <1e-7"),
-    ],
-)
-def test_the_ends_of_an_interval_are_never_one_text(interval, shown):
-    assert between(interval) == shown
-
-
-def test_large_values_show_no_digit_that_the_interval_does_not_know():
-    estimate = Estimate(1517863.0, "N/m", (624699.0, 3688028.0))
-    assert with_interval(estimate) == ("1500000", "600000 to 3700000")
-
-
-def test_names_are_listed_as_in_a_sentence():
-    lists = [wording.listed(names) for names in ([], ["a"], ["a", "b"], ["a", "b", "c"])]
-    assert lists == ["", "a", "a and b", "a, b and c"]
 
 
 @given(st.lists(st.floats(0, 1e3), min_size=1), st.sampled_from(["m", "rad/s", "N m", "1"]))

@@ -64,11 +64,8 @@ def usual_names(role: str) -> list[str]:
 
 
 def split_unit(header: str) -> tuple[str, str | None]:
-    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none).
-
-    A number in brackets right behind the name is an index, position[0]; words such as (measured)
-    belong to the name.
-    """
+    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none, as behind an
+    index, position[0], or where words such as (measured) belong to the name)."""
     header = header.strip()
     match = re.fullmatch(r"(.*?)(\s*)(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>)", header)
     if match is None:
@@ -82,10 +79,8 @@ def split_unit(header: str) -> tuple[str, str | None]:
 
 
 def unit_in_name(name: str) -> tuple[str, str | None]:
-    """Split torque_mNm, 'angle, deg', 'n / rpm' or speedRpm into plain name and unit.
-
-    What is behind the name counts as a unit only if a channel of that name can be in it.
-    """
+    """Split torque_mNm, 'angle, deg', 'n / rpm' or speedRpm into plain name and unit, if a channel
+    of that name can be in it."""
     for plain, text in _endings(name):
         roles = [role for role in ROLES if rank(plain, role) is not None]
         for unit in _meant(text):
@@ -175,10 +170,8 @@ def _words(name: str) -> list[str]:
 
 
 def _segments(name: str) -> list[str]:
-    """The parts of a path such as /joint_states/elbow/position or log.x[2], the last that counts.
-
-    Endings that say nothing (data, values) and indices are left out.
-    """
+    """The parts of a path such as /joint_states/elbow/position or log.x[2], the last that counts,
+    without indices and endings that say nothing (data, values)."""
     parts = [part for part in re.split(r"[/.:]+|\[[^\]]*\]", name.strip("%_ ")) if part.strip()]
     parts = [re.sub(r"(?<=[a-z])\d+$", "", part.strip()) for part in parts]
     while len(parts) > 1 and not set(_words(parts[-1])) - _NEUTRAL:

@@ -16,12 +16,9 @@ from .units import ROLES, did_you_mean
 
 
 def parse_pairs(text: str, what: str) -> dict[str, str]:
-    """Read 't=time,u=torque' into a dict of role to value.
-
-    A value may contain a comma, unless a role and '=' follow it; of "columns" it may be empty, for
-    a role that no column is. ``what`` names the option
-    ("columns", "units", "scale") in the InputError that is raised for any other text.
-    """
+    """Read 't=time,u=torque' into a dict of role to value; ``what`` names the option. A value may
+    hold a comma if no role and '=' follow; of "columns" it may be empty, for a role without
+    column."""
     pairs: dict[str, str] = {}
     for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
         role, equals, value = (piece.strip() for piece in part.partition("="))
@@ -33,37 +30,35 @@ def parse_pairs(text: str, what: str) -> dict[str, str]:
         if role in pairs:
             raise InputError(f"{option(what)}: {role} is given twice.")
         pairs[role] = value
-    _known_roles(pairs, what)
-    return pairs
+    return _known_roles(pairs, what)
 
 
-def texts(given: Mapping[str, str] | str | None, what: str) -> dict[str, str]:
+def texts(given: Any, what: str) -> dict[str, str]:
     """An option that gives a text by role, as a dict; InputError names ``what``."""
-    if isinstance(given, str):
-        return parse_pairs(given, what)
-    _is_mapping(given, what)
-    pairs = {str(role): str(value) for role, value in (given or {}).items()}
-    _known_roles(pairs, what)
-    return pairs
+    return {role: str(value) for role, value in _by_role(given, what).items()}
 
 
-def factors(given: Mapping[str, float] | str | None) -> dict[str, float]:
+def factors(given: Any) -> dict[str, float]:
     """The option ``scale``, a number other than 0 by role, as a dict."""
-    _is_mapping(given, "scale")
-    pairs: dict[str, Any] = (
-        parse_pairs(given, "scale")
-        if isinstance(given, str)
-        else {str(role): factor for role, factor in (given or {}).items()}
-    )
-    _known_roles(pairs, "scale")
     found = {}
-    for role, text in pairs.items():
+    for role, text in _by_role(given, "scale").items():
         found[role] = _quotient(text)
         if not np.isfinite(found[role]) or found[role] == 0:
             raise InputError(
                 f"{option('scale')}: '{text}' for {role} is not a number other than 0."
             )
     return found
+
+
+def _by_role(given: Any, what: str) -> dict[str, Any]:
+    if isinstance(given, str):
+        return parse_pairs(given, what)
+    if not (given is None or isinstance(given, Mapping)):
+        raise InputError(
+            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
+            f"not {shown(given)}."
+        )
+    return _known_roles({str(role): value for role, value in (given or {}).items()}, what)
 
 
 def _quotient(text: Any) -> float:
@@ -87,24 +82,13 @@ def check_used(source: str, present: Sequence[str], **options: Mapping[str, obje
                 raise InputError(f"{option(what)} names {role}, but {source} has no column for it.")
 
 
-def _known_roles(given: Mapping[str, object], what: str) -> None:
+def _known_roles(given: dict[str, Any], what: str) -> dict[str, Any]:
+    """The same; InputError for a role that does not exist, with the one that may be meant."""
     for role in given:
         if role not in ROLES:
+            known = next((r for r in ROLES if role.lower() in usual_names(r)), None)
+            meant = f" ({role} is '{known}')" if known else did_you_mean(role, ROLES)
             raise InputError(
-                f"{option(what)}: there is no role '{role}'{_meant(role)}; roles are "
-                f"{', '.join(ROLES)}."
+                f"{option(what)}: there is no role '{role}'{meant}; roles are {', '.join(ROLES)}."
             )
-
-
-def _meant(role: str) -> str:
-    """A hint at the role: of a usual name such as torque, or of a word that is misspelt."""
-    own = next((r for r in ROLES if role.lower() in usual_names(r)), None)
-    return f" ({role} is '{own}')" if own else did_you_mean(role, ROLES)
-
-
-def _is_mapping(given: Any, what: str) -> None:
-    if not (given is None or isinstance(given, (str, Mapping))):
-        raise InputError(
-            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
-            f"not {shown(given)}."
-        )
+    return given

@@ -48,9 +48,22 @@ def choose_columns(
             doubtful[role] = fits
     _complete(table, choices, doubtful, need_time)
     said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
-    if not {"w", "theta"} & set(named):  # no note if the user named one
-        said += _unused_said(table, choices, doubtful)
+    missing = next((r for r in ("w", "theta") if r not in {*choices, *doubtful, *named}), None)
+    unused = _unused(table, choices.values())
+    if not {"w", "theta"} & set(named) and missing and unused:  # its name may be misspelt
+        given = option("columns", f"{missing}=NAME")
+        start = f"No column was found for {missing}; not used: {unused}."
+        said.append(f"{start} If {missing} is among them, give {given}.")
     return [choices[role] for role in ROLES if role in choices], said
+
+
+def _same(table: Table, fits: Sequence[int]) -> bool:
+    """Whether columns that may be one role hold the same values."""
+    try:
+        first, *others = table.load(list(fits))[0]
+    except InputError:
+        return False
+    return all(np.array_equal(first, other, equal_nan=True) for other in others)
 
 
 def _named(table: Table, role: str, name: str) -> Choice:
@@ -68,15 +81,6 @@ def _named(table: Table, role: str, name: str) -> Choice:
     return Choice(role, fits[0], usual_unit(role, table.plain[fits[0]]))
 
 
-def _same(table: Table, fits: Sequence[int]) -> bool:
-    """Whether columns that may be one role hold the same values."""
-    try:
-        first, *others = table.load(list(fits))[0]
-    except InputError:
-        return False
-    return all(np.array_equal(first, other, equal_nan=True) for other in others)
-
-
 def _complete(
     table: Table,
     choices: Mapping[str, Choice],
@@ -85,38 +89,31 @@ def _complete(
 ) -> None:
     """Raise InputError if a required role has no column."""
     needed = [("u",), ("w", "theta"), *([("t",)] if need_time else [])]
-    for roles in needed:
-        if any(role in choices for role in roles):
-            continue
-        role = next((r for r in roles if r in doubtful), roles[-1])
-        if role in doubtful:
-            start, near = _among(table, role, doubtful[role]), None
-        else:
-            words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
-            start = f"{table.source} has no column for {words}"
-            near = _misspelt(table, roles, {choice.index for choice in choices.values()})
-        if not choices and not doubtful:
-            raise InputError(_nothing_known(table, need_time))
-        how = f": name the column with {option('columns', f'{role}=NAME')}"
-        if near is not None:
-            meant, name = near
+    missing = (roles for roles in needed if not any(role in choices for role in roles))
+    roles = next(missing, None)
+    if roles is None:
+        return
+    if not choices and not doubtful:
+        raise InputError(_nothing_known(table, need_time))
+    role = next((r for r in roles if r in doubtful), roles[-1])
+    how = f": name the column with {option('columns', f'{role}=NAME')}"
+    if role in doubtful:
+        start = _among(table, role, doubtful[role])
+    else:
+        words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
+        start = f"{table.source} has no column for {words}"
+        taken = {choice.index for choice in choices.values()}
+        free = [name for i, name in enumerate(table.names) if i not in taken and name]
+        known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
+        near = [(likeness(k, c), r, c) for r, k in known if (c := nearest(k, free)) is not None]
+        if near:
+            _, meant, name = max(near, key=lambda one: one[0])
             given = option("columns", f"{meant}={name}")
             how = f". If '{name}' is {meant}, rename it, or give {given}"
-        how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
-        raise InputError(
-            f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
-        )
-
-
-def _misspelt(table: Table, roles: Sequence[str], taken: Collection[int]) -> tuple[str, str] | None:
-    """The role and the column, not taken yet, with the nearest names; None if none are near."""
-    free = [name for i, name in enumerate(table.names) if i not in taken and name]
-    known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
-    found = [(r, name, near) for r, name in known if (near := nearest(name, free)) is not None]
-    if not found:
-        return None
-    role, _, column = max(found, key=lambda one: likeness(*one[1:]))
-    return role, column
+    how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
+    raise InputError(
+        f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
+    )
 
 
 def _nothing_known(table: Table, need_time: bool) -> str:
@@ -125,14 +122,13 @@ def _nothing_known(table: Table, need_time: bool) -> str:
     clear = all(table.names) and len(set(table.names)) == len(table.names)
     names = table.names if clear else [str(i + 1) for i in range(len(table.names))]
     pairs = ",".join(f"{r}={n}" for r, n in zip(roles, names, strict=False))
-    start = (
-        f"{table.source}: its columns are {table.listed()}, which say nothing of torque and motion"
-        if table.headed
-        else f"{table.source} has no header (its numbers begin in {table.begins})"
-    )
-    how = "name them" if table.headed else "give the numbers of its columns, counted from 1"
-    hint = f" {table.hint}" if table.hint else ""
-    return f"{start}: {how}, for instance {option('columns', pairs)}.{hint}"
+    said = f"{table.source} has no header (its numbers begin in {table.begins}): "
+    said += "give the numbers of its columns, counted from 1"
+    if table.headed:
+        said = f"{table.source}: its columns are {table.listed()}, which say nothing of torque and "
+        said += "motion: name them"
+    said = f"{said}, for instance {option('columns', pairs)}."
+    return f"{said} {table.hint}".rstrip()
 
 
 def _among(table: Table, role: str, fits: list[int]) -> str:
@@ -155,30 +151,14 @@ def usual_said(
     return [f"Columns were identified by usual names: {', '.join(found)}."] if found else []
 
 
-def _unused_said(
-    table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, list[int]]
-) -> list[str]:
-    """A note on unused columns if w or theta has no column: its name may be misspelt."""
-    names = _unused(table, choices.values())
-    missing = next((r for r in ("w", "theta") if r not in choices and r not in doubtful), None)
-    if missing is None or not names:
-        return []
-    return [
-        f"No column was found for {missing}; not used: {names}. If {missing} is among them, give "
-        f"{option('columns', f'{missing}=NAME')}."
-    ]
-
-
 def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[str]:
     """A note where the column that was taken for u is 0 throughout: another may hold it."""
     names = _unused(table, choices)
     if np.any(u[np.isfinite(u)]) or not names:
         return []
     name = next(table.names[choice.index] for choice in choices if choice.role == "u")
-    return [
-        f"'{name}' is 0 in every row; not used: {names}. If u is among them, give "
-        f"{option('columns', 'u=NAME')}."
-    ]
+    start = f"'{name}' is 0 in every row; not used: {names}."
+    return [f"{start} If u is among them, give {option('columns', 'u=NAME')}."]
 
 
 def _unused(table: Table, choices: Collection[Choice]) -> str:

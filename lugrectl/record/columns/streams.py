@@ -14,11 +14,8 @@ _TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they a
 def merged(
     roles: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
-    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged.
-
-    Tools that merge topics leave a cell empty where a topic has no message. ``u`` is held from
-    message to message, so its mean over each step is taken; w and others are interpolated.
-    """
+    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged:
+    tools that merge topics leave a cell empty where a topic has no message."""
     by = dict(zip(roles, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:
@@ -51,9 +48,5 @@ def _on(role: str, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> np.ndarray
     step = 1.5 * max(float(np.median(np.diff(t[at]))), dt)
     near = np.searchsorted(t[at], grid, side="right")
     since = grid - t[at][np.maximum(near - 1, 0)]
-    return np.where((since < step) & (since > -step), _first(made, near, x[at]), np.nan)
-
-
-def _first(made: np.ndarray, near: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Before its first message a channel has the value of that message."""
-    return np.where(near == 0, x[0], made)
+    made = np.where(near == 0, x[at][0], made)  # before its first message, the value of that
+    return np.where((since < step) & (since > -step), made, np.nan)

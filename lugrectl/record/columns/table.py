@@ -17,11 +17,7 @@ from ...core.validation import array, real, shown
 from .column_names import fitting, rank, split_unit, stamp_pair, unit_in_name
 
 Columns = tuple[list[np.ndarray], list[str]]  # the columns, and notes on how they were read
-
-
 _SHOWN = 30  # names that a sentence lists at most
-
-
 # Seconds since 1970 in the years from 2001 to 2096, in s, ms, us and ns.
 _EPOCH = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
 
@@ -33,24 +29,17 @@ def row_number(row: int) -> str:
 
 @dataclass(frozen=True)
 class Table:
-    """Named columns of a file, read only on request.
-
-    ``load(indices)`` returns the float64 columns of these indices and notes on how they were
-    read; ``where(row)`` names the place of a row, "line 2102" of a text (its header counted),
-    "row 2100" (from 0) elsewhere, ``begins`` that of the first. ``plain`` are the names
-    without units, by which roles are found; ``hint`` is a sentence for a table whose columns
-    cannot be identified; ``headed`` is False where the file has no names.
-    """
+    """Named columns of a file, read only on request."""
 
     source: str
     names: tuple[str, ...]
     units: tuple[str | None, ...]
-    load: Callable[[Sequence[int]], Columns]
-    where: Callable[[int], str] = row_number
-    plain: tuple[str, ...] = ()
-    hint: str = ""
-    headed: bool = True
-    begins: str = "sample 1"
+    load: Callable[[Sequence[int]], Columns]  # float64 columns of these indices
+    where: Callable[[int], str] = row_number  # "line 2102" of a text, its header counted
+    plain: tuple[str, ...] = ()  # names without units, by which roles are found
+    hint: str = ""  # a sentence for a table whose columns cannot be identified
+    headed: bool = True  # whether the file has names
+    begins: str = "sample 1"  # the place of the first row
 
     def __post_init__(self) -> None:
         if not self.plain:
@@ -68,11 +57,8 @@ class Table:
 
 
 def heads(headers: Sequence[str]) -> list[tuple[str, str, str | None]]:
-    """Name, plain name and unit of each header.
-
-    The name is the header without a unit in brackets; the plain name is also without one behind
-    it, as in torque_mNm.
-    """
+    """Name (without a unit in brackets), plain name (without one behind it, as in torque_mNm, too)
+    and unit of each header."""
     made = []
     for header in headers:
         name, unit = split_unit(header)
@@ -84,38 +70,31 @@ def heads(headers: Sequence[str]) -> list[tuple[str, str, str | None]]:
 def joined_stamps(table: Table) -> Table:
     """The table with a column of t for whole seconds and nanoseconds in two columns."""
     pairs = stamp_pair(table.names)
-    if not pairs:
+    if not pairs or set(pairs) & set(table.names):
         return table
     many, places = len(table.names), list(pairs.values())
 
     def load(indices: Sequence[int]) -> Columns:
-        wanted = [i for i in indices if i < many]
-        more = [places[i - many] for i in indices if i >= many]
-        every = [*wanted, *(i for seconds, rest, _ in more for i in (seconds, rest))]
-        got, said = table.load(list(dict.fromkeys(every)))
-        by = dict(zip(dict.fromkeys(every), got, strict=True))
-        return [by[i] if i < many else _together(by, *places[i - many]) for i in indices], said
+        more = [places[i - many][:2] for i in indices if i >= many]
+        every = dict.fromkeys(
+            [*(i for i in indices if i < many), *(i for two in more for i in two)]
+        )
+        columns, said = table.load(list(every))
+        by = dict(zip(every, columns, strict=True))
+        return [by[i] if i < many else together(by, *places[i - many]) for i in indices], said
 
-    names = [name for name in pairs if name not in table.names]
-    if len(names) < len(pairs):
-        return table
+    def together(by: dict[int, np.ndarray], seconds: int, rest: int, unit: float) -> np.ndarray:
+        known = by[seconds][np.isfinite(by[seconds])]
+        return (by[seconds] - (known[0] if known.size else 0.0)) + unit * by[rest]
+
+    used = {i for seconds, rest, _ in places for i in (seconds, rest)}
     return replace(
         table,
-        names=(*table.names, *names),
-        plain=(*(_part_of_stamp(i, p, places) for i, p in enumerate(table.plain)), *names),
-        units=(*table.units, *("s" for _ in names)),
+        names=(*table.names, *pairs),
+        plain=(*("" if i in used else p for i, p in enumerate(table.plain)), *pairs),
+        units=(*table.units, *("s" for _ in pairs)),
         load=load,
     )
-
-
-def _part_of_stamp(i: int, plain: str, places: Sequence[tuple[int, int, float]]) -> str:
-    return "" if any(i in (seconds, rest) for seconds, rest, _ in places) else plain
-
-
-def _together(by: dict[int, np.ndarray], seconds: int, rest: int, unit: float) -> np.ndarray:
-    whole = by[seconds]
-    known = whole[np.isfinite(whole)]
-    return (whole - (known[0] if known.size else 0.0)) + unit * by[rest]
 
 
 def epoch_unit(first: float, last: float) -> str | None:
@@ -143,16 +122,20 @@ def array_table(
     of the values of a column, in place of :func:`as_float`."""
     names, plain, units, values = (list(part) for part in zip(*columns, strict=True))
     arrays = [_as_array(one).ravel() for one in values]
-    epoch = epochs(plain, units, arrays)
-    units = [epoch.get(i, unit) for i, unit in enumerate(units)]
-
-    def numbers(i: int) -> np.ndarray:
-        if number_of is None or i in epoch:
-            return as_float(arrays[i])
-        return number_of(i)
+    epoch = {}  # columns of seconds since 1970, and their unit
+    for i in time_columns(plain, units):
+        x = arrays[i]
+        x = x[np.isfinite(x)] if x.dtype.kind == "f" else x
+        known = x.dtype.kind in "iuf" and x.size
+        unit = epoch_unit(float(x[0]), float(x[-1])) if known else None
+        if unit is not None:
+            epoch[i] = units[i] = unit
 
     def load(indices: Sequence[int]) -> Columns:
-        chosen = [numbers(i) for i in indices]
+        chosen = [
+            as_float(arrays[i]) if number_of is None or i in epoch else number_of(i)
+            for i in indices
+        ]
         if len({one.size for one in chosen}) > 1:
             pairs = zip(indices, chosen, strict=True)
             sizes = ", ".join(f"{names[i]} {one.size}" for i, one in pairs)
@@ -163,19 +146,11 @@ def array_table(
     return joined_stamps(replace(made, hint=hint, headed=headed))
 
 
-def epochs(
-    plain: Sequence[str], units: Sequence[str | None], columns: Sequence[np.ndarray]
-) -> dict[int, str]:
-    """Which columns are seconds since 1970, and their unit."""
-    found = {}
-    for i in time_columns(plain, units):
-        values = columns[i]
-        values = values[np.isfinite(values)] if values.dtype.kind == "f" else values
-        numbers = values.dtype.kind in "iuf" and values.size
-        unit = epoch_unit(float(values.flat[0]), float(values.flat[-1])) if numbers else None
-        if unit is not None:
-            found[i] = unit
-    return found
+def _as_array(values: Any) -> np.ndarray:
+    try:
+        return np.asarray(values)
+    except ValueError:  # ragged
+        return np.zeros(0)
 
 
 def epoch_said(names: Sequence[str], epoch: dict[int, str], indices: Sequence[int]) -> list[str]:
@@ -216,11 +191,9 @@ def source_of(given: Any) -> str:
 
 
 def table_of(given: Any, named: Mapping[str, str]) -> Table:
-    """The columns as those of a file; ``named`` are the roles whose columns the user names.
-
-    Names may carry units, ``w [rpm]``. Instants become seconds from the first. The index of a
-    DataFrame is a column where it holds instants or has a usual name of t, and no column is t.
-    """
+    """The columns as those of a file; ``named`` are the roles whose columns the user names. The
+    index of a DataFrame is a column where it holds instants or has a usual name of t, and no column
+    is t."""
     source, columns = source_of(given), _columns(given)
     if _is_frame(given):
         columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)
@@ -237,13 +210,6 @@ def table_of(given: Any, named: Mapping[str, str]) -> Table:
         return _numbers(f"{source}: column '{name}'", values)
 
     return array_table(source, made, number_of=number_of)
-
-
-def _as_array(values: Any) -> np.ndarray:
-    try:
-        return np.asarray(values)
-    except ValueError:  # ragged
-        return np.zeros(0)
 
 
 def _columns(given: Any) -> list[tuple[str, Any]]:
@@ -296,24 +262,18 @@ def _numbers(where: str, values: Any) -> np.ndarray:
     try:  # pandas knows how its own missing values become nan
         made = np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
     except (AttributeError, TypeError, ValueError):
-        made = array(_without_none(where, values), where)
+        cells = _as_array(values)
+        if cells.dtype.kind in "OUS":
+            for k, value in enumerate(cells.ravel()):
+                if value is not None and real(value) is None:
+                    raise InputError(
+                        f"{where} holds {shown(value)} at sample {k + 1}, which is no number."
+                    ) from None
+            values = [np.nan if value is None else value for value in cells.ravel()]
+        made = array(values, where)
     if made.ndim == 0 or made.size != max(made.shape):
         raise InputError(f"{where} must hold one number for each sample, not {shown(values)}.")
     return made.ravel()
-
-
-def _without_none(where: str, values: Any) -> Any:
-    """The same with nan for None."""
-    try:
-        made = np.asarray(values)
-    except ValueError:  # ragged
-        return values
-    if made.dtype.kind != "O" and made.dtype.kind not in "US":
-        return values
-    for k, value in enumerate(made.ravel()):
-        if value is not None and real(value) is None:
-            raise InputError(f"{where} holds {shown(value)} at sample {k + 1}, which is no number.")
-    return [np.nan if value is None else value for value in made.ravel()]
 
 
 def _seconds(values: Any) -> np.ndarray:

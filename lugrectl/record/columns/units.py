@@ -15,16 +15,13 @@ from ...core.option_names import option
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: SI value = ``factor`` times the number in this unit.
-
-    ``motion`` is the kind of drive the unit belongs to, None when it fits both;
-    quantity "raw" has no SI meaning before the user's own scale is applied.
-    """
+    """A unit: SI value = ``factor`` times the number in this unit; quantity "raw" has no SI
+    meaning before the user's own scale is applied."""
 
     name: str
     quantity: str
     factor: float
-    motion: str | None = None
+    motion: str | None = None  # the kind of drive it belongs to; None: it fits both
 
 
 UNITS = {
@@ -81,38 +78,38 @@ UNITS = {
 
 # Other spellings, after spaces, dots and stars are removed; the words in any case.
 _WORDS = {
-    **dict.fromkeys(("sec", "second", "seconds", "secs"), "s"),
-    **dict.fromkeys(("msec", "millisecond", "milliseconds", "millis"), "ms"),
-    **dict.fromkeys(("usec", "microsecond", "microseconds", "micros"), "us"),
-    **dict.fromkeys(("nsec", "nanosecond", "nanoseconds", "nanos"), "ns"),
-    **dict.fromkeys(("minute", "minutes"), "min"),
-    **dict.fromkeys(("radian", "radians"), "rad"),
-    **dict.fromkeys(("degree", "degrees", "degs"), "deg"),
-    **dict.fromkeys(("turn", "turns", "revs", "revolution", "revolutions"), "rev"),
-    **dict.fromkeys(("rad/sec", "radps", "rad/second", "rads-1", "rads^-1", "rad_s"), "rad/s"),
-    **dict.fromkeys(("deg/sec", "degps", "dps", "degs-1", "degs^-1", "deg_s"), "deg/s"),
-    **dict.fromkeys(("degree/s", "degrees/s", "degree/sec", "degrees/sec"), "deg/s"),
-    **dict.fromkeys(("1/min", "r/min", "u/min", "rev/min", "min-1", "min^-1", "turns/min"), "rpm"),
-    **dict.fromkeys(("rps", "rev/sec", "turn/s", "turns/s", "turns/sec", "revs/s"), "rev/s"),
-    **dict.fromkeys(("rev_s", "turns_s"), "rev/s"),
-    **dict.fromkeys(("m_s", "mps", "m/sec"), "m/s"),
-    **dict.fromkeys(("mm_s", "mmps", "mm/sec"), "mm/s"),
-    **dict.fromkeys(("n-m", "newtonmetre", "newtonmeter", "newton-meter", "newton-metre"), "Nm"),
-    "n_m": "Nm",
-    **dict.fromkeys(("oz-in", "ozin", "ozf-in"), "ozfin"),
-    **dict.fromkeys(("lb-in", "lbin", "lbf-in", "inlb", "in-lb"), "lbfin"),
-    **dict.fromkeys(("lb-ft", "lbft", "lbf-ft", "ftlb", "ft-lb", "ft-lbf"), "lbfft"),
-    **dict.fromkeys(("kgcm", "kg-cm", "kgf-cm"), "kgfcm"),
-    **dict.fromkeys(("metre", "meter", "metres", "meters"), "m"),
-    **dict.fromkeys(("millimetre", "millimeter", "millimetres", "millimeters"), "mm"),
-    **dict.fromkeys(("newton", "newtons"), "N"),
-    **dict.fromkeys(("amp", "amps", "ampere", "amperes"), "A"),
-    **dict.fromkeys(("volt", "volts"), "V"),
-    **dict.fromkeys(("percent", "pct"), "%"),
-    **dict.fromkeys(("count", "cnt", "cnts", "cts", "inc", "incs", "increments"), "counts"),
-    **dict.fromkeys(("tick", "ticks", "pulse", "pulses", "lsb", "digits"), "counts"),
-    **dict.fromkeys(("count/s", "ticks/s", "cnt/s", "inc/s", "pulses/s"), "counts/s"),
-    **dict.fromkeys(("celsius", "degc"), "degC"),
+    word: unit
+    for unit, words in {
+        "s": "sec second seconds secs",
+        "ms": "msec millisecond milliseconds millis",
+        "us": "usec microsecond microseconds micros",
+        "ns": "nsec nanosecond nanoseconds nanos",
+        "min": "minute minutes",
+        "rad": "radian radians",
+        "deg": "degree degrees degs",
+        "rev": "turn turns revs revolution revolutions",
+        "rad/s": "rad/sec radps rad/second rads-1 rads^-1 rad_s",
+        "deg/s": "deg/sec degps dps degs-1 degs^-1 deg_s degree/s degrees/s degree/sec degrees/sec",
+        "rpm": "1/min r/min u/min rev/min min-1 min^-1 turns/min",
+        "rev/s": "rps rev/sec turn/s turns/s turns/sec revs/s rev_s turns_s",
+        "m/s": "m_s mps m/sec",
+        "mm/s": "mm_s mmps mm/sec",
+        "Nm": "n-m newtonmetre newtonmeter newton-meter newton-metre n_m",
+        "ozfin": "oz-in ozin ozf-in",
+        "lbfin": "lb-in lbin lbf-in inlb in-lb",
+        "lbfft": "lb-ft lbft lbf-ft ftlb ft-lb ft-lbf",
+        "kgfcm": "kgcm kg-cm kgf-cm",
+        "m": "metre meter metres meters",
+        "mm": "millimetre millimeter millimetres millimeters",
+        "N": "newton newtons",
+        "A": "amp amps ampere amperes",
+        "V": "volt volts",
+        "%": "percent pct",
+        "counts": "count cnt cnts cts inc incs increments tick ticks pulse pulses lsb digits",
+        "counts/s": "count/s ticks/s cnt/s inc/s pulses/s",
+        "degC": "celsius degc",
+    }.items()
+    for word in words.split()
 }
 _SPELLINGS = {"C": "degC", "mN-m": "mNm", "mN_m": "mNm"}
 # Only where upper case cannot mean something else (MN m is not mN m).
@@ -166,29 +163,21 @@ def fits(role: str, unit: Unit) -> bool:
 
 
 def role_unit(role: str, text: str, *, scaled: bool, where: str, named: bool = False) -> Unit:
-    """Return the unit ``text`` of a role, checked to fit the role.
-
-    Raises InputError when the unit is unknown, measures something else, or is raw
-    (A, V, %, counts) without a scale. ``where`` begins the sentence; ``named``: only the
-    column's name says the unit.
-    """
+    """Return the unit ``text`` of a role; InputError, which begins with ``where``, when it is
+    unknown, measures something else, or is raw (A, V, %, counts) without a scale. ``named``: only
+    the column's name says the unit."""
     unit = parse_unit(text)
     if unit is None and re.sub(r"[\W_]", "", text).lower() in ("erpm", "electricalrpm"):
         raise InputError(
             f"{where}: eRPM is the electrical speed, that of the motor times its pole pairs: give "
             f"{option('units', 'w=rpm')} and {option('scale', 'w=1/PAIRS')}, such as w=1/7."
         )
-    if unit is None:
-        names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
-        raise InputError(
-            f"{where}: the unit '{text}' of {role} is not known{did_you_mean(text, names)}; "
-            f"known for {role}: {', '.join(names)}."
-        )
-    if unit.quantity not in _QUANTITIES[role]:
-        names = [u.name for u in UNITS.values() if u.quantity in _QUANTITIES[role]]
-        raise InputError(
-            f"{where}: {role} cannot be in {unit.name}; known for {role}: {', '.join(names)}."
-        )
+    if unit is None or not fits(role, unit):
+        names = [u.name for u in UNITS.values() if fits(role, u)]
+        what = f"{role} cannot be in {unit.name}" if unit else (
+            f"the unit '{text}' of {role} is not known{did_you_mean(text, names)}"
+        )  # fmt: skip
+        raise InputError(f"{where}: {what}; known for {role}: {', '.join(names)}.")
     if unit.quantity == "raw" and not scaled:
         how, si = _HOW.get((role, unit.name), ""), si_unit(role, "rotary")
         start = f"by its name {role} is" if named else f"{role} is"

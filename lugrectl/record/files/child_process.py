@@ -1,7 +1,5 @@
-"""Run as a script: reads an HDF5 or Parquet file and writes its arrays to standard output.
-
-It imports nothing of the package. A library that a damaged file brings down ends this process
-only.
+"""Run as a script, since a damaged file may bring the library down: reads an HDF5 or Parquet file
+and writes its arrays to standard output. It imports nothing of the package.
 """
 
 import pickle

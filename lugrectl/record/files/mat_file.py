@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Iterator
@@ -25,10 +26,8 @@ class Opaque:
 
 
 def read_mat(data: bytes) -> dict[str, Any]:
-    """Variables by name: arrays (transposed as in MATLAB), dicts of structs, lists of cells.
-
-    Raises Damaged.
-    """
+    """Variables by name: arrays (transposed as in MATLAB), dicts of structs, lists of cells;
+    Damaged."""
     try:
         if data[126:128] in (b"IM", b"MI"):
             return _version5(data)
@@ -70,6 +69,7 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
 
 
 def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Any]:
+    """The name and the content of a variable, or of a field or a cell of one."""
     if not data:
         return "", np.empty(0)
     if depth == 0:
@@ -80,15 +80,11 @@ def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Any]:
     if kind == _OPAQUE:
         return _text(parts[1][1]), Opaque()
     dims = [int(n) for n in _numbers(parts[1], order)]
-    name = _text(parts[2][1])
-    many = 1
-    for n in dims:
-        if n < 0:
-            raise Damaged("a dimension below 0")
-        many *= n
-    rest = parts[3:]
+    name, rest, many = _text(parts[2][1]), parts[3:], math.prod(dims)
+    if min(dims, default=0) < 0:
+        raise Damaged("a dimension below 0")
     if kind == _CELL:
-        return name, [_matrix(_payload(p), order, depth - 1)[1] for p in rest[:many]]
+        return name, _inner(rest[:many], order, depth)
     if kind in (_STRUCT, _OBJECT):
         rest = rest[1:] if kind == _OBJECT else rest
         return name, _structs(rest, many, order, depth)
@@ -102,10 +98,11 @@ def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Any]:
     return name, None if flags & 0x800 else values.reshape(dims, order="F")
 
 
-def _payload(part: tuple[int, bytes]) -> bytes:
-    if part[0] != _MATRIX:
-        raise Damaged(f"an element of type {part[0]} where a matrix belongs")
-    return part[1]
+def _inner(parts: list[tuple[int, bytes]], order: str, depth: int) -> list[Any]:
+    for kind, _ in parts:
+        if kind != _MATRIX:
+            raise Damaged(f"an element of type {kind} where a matrix belongs")
+    return [_matrix(payload, order, depth - 1)[1] for _, payload in parts]
 
 
 def _structs(rest: list[tuple[int, bytes]], many: int, order: str, depth: int) -> Any:
@@ -114,13 +111,11 @@ def _structs(rest: list[tuple[int, bytes]], many: int, order: str, depth: int) -
     if length <= 0:
         raise Damaged("a struct without names")
     fields = [_text(names[i : i + length]) for i in range(0, len(names), length)]
-    values = [_matrix(_payload(part), order, depth - 1)[1] for part in rest[2:]]
+    values = _inner(rest[2:], order, depth)
     if len(values) != many * len(fields):
         raise Damaged("a struct that is not complete")
-    made = [
-        dict(zip(fields, values[k * len(fields) : (k + 1) * len(fields)], strict=True))
-        for k in range(many)
-    ]
+    rows = (values[k : k + len(fields)] for k in range(0, len(values), len(fields)))
+    made = [dict(zip(fields, row, strict=True)) for row in rows]
     return made[0] if many == 1 else made
 
 

@@ -17,22 +17,19 @@ Column = tuple[str, str, str | None, np.ndarray]  # name, plain name, unit, valu
 
 
 def columns_of(content: Any) -> list[Column]:
-    """The columns of nested content, each 1-D, named as ``--columns`` takes them.
-
-    ``rec.x[2]`` is the second column of the matrix x (N x 6 or 6 x N) in the struct rec.
-    """
+    """The columns of nested content, each 1-D, named as ``--columns`` takes them: ``rec.x[2]`` is
+    the second column of the matrix x (N x 6 or 6 x N) in the struct rec."""
     found = list(_flat("", content, "", _DEPTH))
     longest = max((len(values) for *_, values in found), default=0)
-    found = [c for c in found if len(c[2]) > max(1, _SHORT * longest)]
-    described = heads([name for name, _, _ in found])
     made = []
-    for (name, unit), (_, label, values) in zip(
-        ((n, u) for n, _, u in described), found, strict=True
-    ):
-        plain = heads([label or name])[0]
-        dated = values.dtype.kind in "US"
-        values = seconds(list(values)) if dated else values
-        made.append((name, plain[1], "s" if dated else unit or plain[2], values))
+    for path, label, values in found:
+        if len(values) <= max(1, _SHORT * longest):
+            continue
+        (name, _, unit), (_, plain, other) = heads([path, label or heads([path])[0][0]])
+        if values.dtype.kind in "US":
+            made.append((name, plain, "s", seconds(list(values))))
+        else:
+            made.append((name, plain, unit or other, values))
     return made
 
 
@@ -40,22 +37,17 @@ def _flat(name: str, value: Any, label: str, depth: int) -> Iterator[tuple[str, 
     """(name, label, values) of each column below a value."""
     if depth == 0 or value is None:
         return
+    if getattr(getattr(value, "dtype", None), "kind", "") == "O":
+        value = list(np.ravel(value))
     if isinstance(value, dict):
         yield from _of_dict(name, value, depth)
-        return
-    if (
-        isinstance(value, (list, tuple))
-        or getattr(getattr(value, "dtype", None), "kind", "") == "O"
-    ):
-        yield from _of_list(name, list(np.ravel(value)) if hasattr(value, "dtype") else value,
-                            label, depth)  # fmt: skip
-        return
-    array = np.asarray(value)
-    if array.dtype.names:
-        for field in array.dtype.names:
+    elif isinstance(value, (list, tuple)):
+        yield from _of_list(name, value, label, depth)
+    elif names := (array := np.asarray(value)).dtype.names:
+        for field in names:
             yield from _flat(_below(name, field), array[field], "", depth - 1)
-        return
-    yield from _of_array(name, array, label)
+    else:
+        yield from _of_array(name, array, label)
 
 
 def _below(name: str, field: Any) -> str:

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -46,10 +46,7 @@ _EXTRA = 'install it with pip install "lugrectl[files]"'
 
 
 def read_table(path: str | Path) -> Table:
-    """Open a file of columns; its first bytes, not its name, decide its format.
-
-    Raises InputError if the file is missing, a directory, empty or of an unknown format.
-    """
+    """Open a file of columns; its first bytes, not its name, decide its format."""
     path = Path(path)
     try:
         if path.is_dir():
@@ -64,28 +61,28 @@ def read_table(path: str | Path) -> Table:
         raise InputError(f"{path.name} is empty.")
     if path.suffix.lower() == MODEL:
         raise InputError(f"{path.name} is a model file, not a log: give it as the model.")
+    for start, what in _OTHERS:
+        if head.startswith(start) and (start != b"BM" or b"\0" in head):
+            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
     return _reader(path, head)(path)
 
 
 def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
-    for start, what in _OTHERS:
-        if head.startswith(start) and (start != b"BM" or b"\0" in head):
-            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
-    if head.startswith(b"\x1f\x8b"):
-        return _read_gzip
-    if head.startswith(b"MATLAB 7.3") or head.startswith(b"\x89HDF"):
-        return _read_hdf
-    if head.startswith(b"MATLAB 5.0") or path.suffix.lower() == ".mat":
+    for start, reader in (
+        (b"\x1f\x8b", _read_gzip),
+        (b"MATLAB 7.3", _read_hdf),
+        (b"\x89HDF", _read_hdf),
+        (b"MATLAB 5.0", _read_mat),
+        (b"\x93NUMPY", _read_npy),
+        (b"PK\x03\x04", _read_zip),
+        (b"PAR1", _read_parquet),
+    ):
+        if head.startswith(start):
+            return reader
+    if path.suffix.lower() == ".mat":
         return _read_mat
-    if head.startswith(b"\x93NUMPY"):
-        return _read_npy
-    if head.startswith(b"PK\x03\x04"):
-        return _read_zip
-    if head.startswith(b"PAR1"):
-        return _read_parquet
-    if head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"["):
-        return _read_json
-    return read_text
+    is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
+    return _read_json if is_json else read_text
 
 
 def read_stdin() -> tuple[Table, bytes]:
@@ -129,12 +126,10 @@ def _read_mat(path: Path) -> Table:
     with _readable(path, "MAT"):
         content = read_mat(path.read_bytes())
     hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
-    hint = ""
-    if hidden:
-        hint = (
-            f"'{hidden[0]}' is an object such as a timeseries or a table, which only MATLAB can "
-            f"read: save its numbers, for instance x = {hidden[0]}.Data; save('x.mat', 'x')."
-        )
+    hint = "" if not hidden else (
+        f"'{hidden[0]}' is an object such as a timeseries or a table, which only MATLAB can "
+        f"read: save its numbers, for instance x = {hidden[0]}.Data; save('x.mat', 'x')."
+    )  # fmt: skip
     return _array_table(path, content, hint)
 
 
@@ -172,8 +167,8 @@ def _read_json(path: Path) -> Table:
 
 
 def _read_hdf(path: Path) -> Table:
-    _needed("h5py", f"{path.name} is a MATLAB v7.3 (HDF5) file", "save it in MATLAB with the "
-            "option '-v7'")  # fmt: skip
+    what = f"{path.name} is a MATLAB v7.3 (HDF5) file"
+    _needed("h5py", what, "save it in MATLAB with the option '-v7'")
     return _array_table(path, _by_child("hdf", path, "HDF5"))
 
 
@@ -187,10 +182,13 @@ def _read_sheet(path: Path) -> Table:
     _needed("openpyxl", f"{path.name} is an Excel file", "save it as CSV")
     import openpyxl  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
 
+    def cell(value: Any) -> str:
+        return "" if value is None else str(value).replace("\t", " ").replace("\n", " ")
+
     with _readable(path, "Excel"):
         book = openpyxl.load_workbook(path, read_only=True, data_only=True)
         sheets = [
-            ["\t".join(map(_sheet_cell, row)) for row in sheet.iter_rows(values_only=True)]
+            ["\t".join(map(cell, row)) for row in sheet.iter_rows(values_only=True)]
             for sheet in book.worksheets
         ]
         book.close()
@@ -201,10 +199,6 @@ def _read_sheet(path: Path) -> Table:
         except InputError as error:
             problem = error
     raise problem
-
-
-def _sheet_cell(value: Any) -> str:
-    return "" if value is None else str(value).replace("\t", " ").replace("\n", " ")
 
 
 def _why(error: Any) -> str:
@@ -226,22 +220,15 @@ def _by_child(how: str, path: Path, kind: str) -> Any:
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     command = [sys.executable, "-P", child_process.__file__, how, str(path.resolve())]
     longest = _LONGEST + path.stat().st_size / _SLOWEST
-    try:
+    good, answer = False, f"the library that reads it did not end within {longest:.0f} s"
+    with suppress(subprocess.TimeoutExpired):
         done = subprocess.run(command, capture_output=True, env=environment, timeout=longest)
-    except subprocess.TimeoutExpired:
-        good, answer = False, f"the library that reads it did not end within {longest:.0f} s"
-    else:
-        good, answer = _answer_of(done)
+        answer = f"the library that reads it ended with code {done.returncode}"
+        with suppress(Exception):  # it ended before it could answer
+            good, answer = pickle.loads(done.stdout)
     if not good:
         raise _damaged(path, kind, answer)
     return answer
-
-
-def _answer_of(done: subprocess.CompletedProcess[bytes]) -> tuple[bool, Any]:
-    try:
-        return pickle.loads(done.stdout)
-    except Exception:  # it ended before it could answer
-        return False, f"the library that reads it ended with code {done.returncode}"
 
 
 def _array_table(path: Path, content: Any, hint: str = "") -> Table:

@@ -1,7 +1,4 @@
-"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place.
-
-Cells hold numbers (missing marks, decimal commas, thousands, Fortran's D), dates or times of day.
-"""
+"""Text tables: finds delimiter, header, units and decimal commas; reports a bad cell by place."""
 
 from __future__ import annotations
 
@@ -10,7 +7,8 @@ import re
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from datetime import date
 from functools import cached_property
 from pathlib import Path
@@ -47,60 +45,39 @@ def is_stamp(cell: str) -> bool:
 
 
 def seconds(cells: Sequence[str]) -> np.ndarray:
-    """Seconds (N,) from the first stamp; nan where a cell is empty.
-
-    A time of day without date that falls by more than half a day has passed midnight. Raises
-    ValueError with the index of the first cell that is no stamp.
-    """
+    """Seconds (N,) from the first stamp, nan for an empty cell; ValueError with the index of
+    the first cell that is no stamp. A time of day that falls by half a day passed midnight."""
     days: dict[str, float] = {}
     made = np.full(len(cells), np.nan)
-    dated = False
     for k, cell in enumerate(cells):
         match = _STAMP.fullmatch(cell.strip())
         if match is None:
             if cell.strip().lower() in ("", "nan", "nat"):
                 continue
             raise ValueError(k)
-        made[k] = _of_day(match["clock"], match["half"])
+        hour, minute, rest = match["clock"].split(":", 2)
+        if match["half"]:
+            hour = int(hour) % 12 + 12 * (match["half"].lower() == "pm")
+        made[k] = 3600 * int(hour) + 60 * int(minute) + float(re.sub("[,:]", ".", rest))
         if match["date"]:
-            dated = True
             if match["date"] not in days:
                 days[match["date"]] = _day(match["date"], list(days))
             made[k] += _DAY * days[match["date"]]
     known = np.flatnonzero(np.isfinite(made))
-    if not dated and known.size:
+    if not days and known.size:
         made[known] += _DAY * np.r_[0, np.cumsum(np.diff(made[known]) < -_DAY / 2)]
     return made - (made[known[0]] if known.size else 0.0)
 
 
-def _of_day(clock: str, half: str | None) -> float:
-    hour, minute, rest = clock.split(":", 2)
-    h = int(hour) % 12 + 12 * (half.lower() == "pm") if half else int(hour)
-    return 3600 * h + 60 * int(minute) + float(re.sub("[,:]", ".", rest))
-
-
 def _day(text: str, before: Sequence[str]) -> float:
     """The number of a day from the first date on; a date of unclear order is the next day."""
-    if not before:
-        return 0.0
-    parts = [_parts(text), _parts(before[0])]
-    for order in ("ymd", "dmy", "mdy"):
-        try:
-            then, first = (_date(part, order) for part in parts)
-        except ValueError:
-            continue
-        if 0 <= (then - first).days <= 31:
-            return float((then - first).days)
+    dates = [[int(part) for part in re.split("[-/.]", day)] for day in (text, *before[:1])]
+    for y, m, d in ((0, 1, 2), (2, 1, 0), (2, 0, 1)):
+        with suppress(ValueError):
+            days = [date(parts[y], parts[m], parts[d]) for parts in dates]
+            if 0 <= (days[0] - days[-1]).days <= 31:
+                return float((days[0] - days[-1]).days)
     return float(len(before))
-
-
-def _parts(text: str) -> list[int]:
-    return [int(part) for part in re.split("[-/.]", text)]
-
-
-def _date(parts: Sequence[int], order: str) -> date:
-    by = dict(zip(order, parts, strict=True))
-    return date(by["y"], by["m"], by["d"])
 
 
 # ---- numbers ---------------------------------------------------------------------
@@ -134,19 +111,16 @@ def number(cell: str) -> float:
     if "_" in cell:
         raise ValueError(cell)
     if "," in cell:
-        cell = _with_point(cell)
+        if "." not in cell and cell.count(",") == 1:
+            cell = cell.replace(",", ".")
+        elif _ENGLISH.fullmatch(cell):
+            cell = cell.replace(",", "")
+        elif _GERMAN.fullmatch(cell):
+            cell = cell.replace(".", "").replace(",", ".")
     try:
         return float(cell)
     except ValueError:
         return float(FORTRAN.sub("e", cell))
-
-
-def _with_point(cell: str) -> str:
-    if "." not in cell and cell.count(",") == 1:
-        return cell.replace(",", ".")
-    if _ENGLISH.fullmatch(cell):
-        return cell.replace(",", "")
-    return cell.replace(".", "").replace(",", ".") if _GERMAN.fullmatch(cell) else cell
 
 
 def with_remark(cell: str) -> bool:
@@ -165,38 +139,27 @@ def is_number(cell: str) -> bool:
 def without_commas(
     source: str, rows: Sequence[tuple[int, list[str]]]
 ) -> tuple[list[list[str]], list[str]]:
-    """The cells of (line, cells) with decimal points only, and what commas were taken for.
-
-    Raises InputError where the cells mix decimal points and decimal commas.
-    """
+    """The cells of (line, cells) with decimal points only, and what commas were taken for."""
     cells = [row for _, row in rows]
     marked = [c for row in cells for c in row if "," in c or "." in c]
     marked = [c for c in marked if not (is_missing(c) or is_stamp(c))]
     if not any("," in c for c in marked):
         return cells, []
-    english = all(map(_ENGLISH.fullmatch, marked))
-    german = all(map(_GERMAN.fullmatch, marked))
-    if german and (not english or not any("." in c for c in marked)):
-        said = _POINTS if any("." in c for c in marked) else DECIMAL_COMMAS
-        return [[_german(c) for c in row] for row in cells], [said]
-    if english and not german:
-        return [[c if is_stamp(c) else c.replace(",", "") for c in row] for row in cells], [
-            THOUSANDS
-        ]
-    return cells, _mixed(source, rows)
-
-
-def _german(cell: str) -> str:
-    if is_stamp(cell) or "," not in cell and cell.count(".") == 0:
-        return cell
-    return cell.replace(".", "").replace(",", ".")
+    points = any("." in c for c in marked)
+    english, german = (all(map(kind.fullmatch, marked)) for kind in (_ENGLISH, _GERMAN))
+    if german and not (english and points):
+        said, marks = _POINTS if points else DECIMAL_COMMAS, {".": "", ",": "."}
+    elif english and not german:
+        said, marks = THOUSANDS, {",": ""}
+    else:
+        return cells, _mixed(source, rows)
+    table = str.maketrans(marks)
+    return [[c if is_stamp(c) else c.translate(table) for c in row] for row in cells], [said]
 
 
 def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
-    """Raise InputError at the line where both points and commas have occurred.
-
-    What is text in its own right is left for the reader of the cells to name.
-    """
+    """Raise InputError at the line where both points and commas have occurred; text is left for
+    the reader of the cells to name."""
     points = commas = False
     for line, row in rows:
         plain = [c for c in row if not is_stamp(c) and re.fullmatch(r"[\d+.,eEdD-]*", c.strip())]
@@ -219,37 +182,141 @@ _BLANKS = " "  # the delimiter that stands for any number of blanks
 
 
 @dataclass(frozen=True)
-class _Layout:
+class _Text:
+    """The lines of a text and the table in them; the numbers begin at the line ``first``, from 0.
+    ``stamped`` are columns of dates and times of day, ``epoch`` those of seconds since 1970."""
+
+    source: str
+    lines: list[str]
     delimiter: str
-    width: int
-    first: int  # index of the first row of numbers
+    first: int
     names: tuple[str, ...]
     plain: tuple[str, ...]
     units: tuple[str | None, ...]
-    stamped: frozenset[int]  # columns of dates and times of day
-    epoch: dict[int, str]  # columns of seconds since 1970 and their unit
     headed: bool
+    stamped: frozenset[int] = frozenset()
+    epoch: dict[int, str] = field(default_factory=dict)
 
+    def table(self) -> Table:
+        where, begins = Lines(self.lines, self.first), f"line {self.first + 1}"
+        made = Table(self.source, self.names, self.units, self.load, where, self.plain)
+        return joined_stamps(
+            replace(made, headed=self.headed, hint=self.one_in_a_row(), begins=begins)
+        )
 
-def read_text(path: Path) -> Table:
-    return lines_table(path.name, _decode(path))
+    def one_in_a_row(self) -> str:
+        """What to do with a table of channel and value; empty for any other."""
+        rows = [_cells(line, self.delimiter) for line in self.lines[self.first :][:_SNIFF]]
+        for c, name in enumerate(self.names):
+            cells = [row[c] for row in rows if len(row) == len(self.names)]
+            channels = list(dict.fromkeys(cells))
+            if c in self.stamped or any(map(is_number, channels)):
+                continue
+            if 2 <= len(channels) <= len(cells) / 4:
+                return (
+                    f"It holds one value in a row, and '{name}' says of which channel: "
+                    f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas "
+                    f"by pivot_table(columns='{name}', ...)."
+                )
+        return ""
 
+    def load(self, indices: Sequence[int]) -> Columns:
+        """The columns of these indices: at once where that is possible, else cell by cell."""
+        exact = (self.stamped | set(self.epoch)) & set(indices)
+        made, said = (None if exact else self.at_once(indices)) or self.by_cells(indices)
+        return made, said + epoch_said(self.names, self.epoch, indices)
 
-def lines_table(source: str, lines: list[str]) -> Table:
-    """The table in the lines of a text."""
-    layout = _layout(source, lines)
+    def at_once(self, indices: Sequence[int]) -> Columns | None:
+        """The columns at C speed; None if cells must be read one by one."""
+        text, said = "\n".join(self.lines[self.first :]), []
+        if any(mark in text for mark in _COMMENTS):
+            text = "\n".join(line for line in self.lines[self.first :] if not _is_comment(line))
+        text = text.replace('"', "")  # a delimiter between quotes shows in the count below
+        if self.delimiter != "," and "," in text:
+            if "." in text:
+                return None
+            text, said = text.replace(",", "."), [DECIMAL_COMMAS]
+        data, width = self.parsed(text, indices), len(self.names)
+        if data is None and self.delimiter != _BLANKS:  # perhaps only because of empty cells
+            gap = re.escape(self.delimiter)
+            text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
+            data = self.parsed(text, indices)
+        if data is None:
+            return None
+        if self.delimiter == _BLANKS:
+            whole = len(text.split()) == len(data) * width
+        else:
+            whole = text.count(self.delimiter) == len(data) * (width - 1)
+        return (list(np.ascontiguousarray(data.T)), said) if whole else None
 
-    def load(indices: Sequence[int]) -> Columns:
-        exact = layout.stamped | set(layout.epoch)
-        fast = None if exact & set(indices) else _load_fast(lines, layout, indices)
-        made, said = fast or _load_slow(source, lines, layout, indices)
-        return made, said + epoch_said(layout.names, layout.epoch, indices)
+    def parsed(self, text: str, indices: Sequence[int]) -> np.ndarray | None:
+        between = None if self.delimiter == _BLANKS else self.delimiter
+        try:
+            return np.loadtxt(
+                text.split("\n"), delimiter=between, usecols=indices, comments=None, ndmin=2
+            )
+        except ValueError:
+            return None
 
-    table = Table(source, layout.names, layout.units, load, Lines(lines, layout.first))
-    begins, hint = f"line {layout.first + 1}", _one_in_a_row(lines, layout)
-    return joined_stamps(
-        replace(table, plain=layout.plain, headed=layout.headed, hint=hint, begins=begins)
-    )
+    def by_cells(self, indices: Sequence[int]) -> Columns:
+        """The columns cell by cell: an empty cell is a missing sample, and so is one that was
+        typed over; other text raises InputError."""
+        said: list[str] = []
+        rows: list[tuple[int, list[str]]] = []
+        width = len(self.names)
+        last = max(k for k, line in enumerate(self.lines, 1) if line.strip())
+        for k, line in enumerate(self.lines[self.first :], self.first + 1):
+            if _is_comment(line):
+                continue
+            cells = _cells(line, self.delimiter)
+            if len(cells) < width and k == last and rows:
+                said.append(f"The last line ({k}) is cut off and was left out.")
+                continue
+            if len(cells) != width:
+                raise InputError(
+                    f"{self.source}: line {k} has {len(cells)} cells, "
+                    f"the header names {width} columns."
+                )
+            rows.append((k, [cells[i] for i in indices]))
+        cleaned, commas = without_commas(self.source, rows)
+        numbers = [k for k, _ in rows]
+        columns = [
+            self.column(i, numbers, cells, said)
+            for i, cells in zip(indices, zip(*cleaned, strict=True), strict=True)
+        ]
+        return columns, [*commas, *said]
+
+    def column(
+        self, i: int, numbers: Sequence[int], cells: Sequence[str], said: list[str]
+    ) -> np.ndarray:
+        """The values of a column, whose cells stand in the lines of these ``numbers``."""
+        if i in self.stamped:
+            try:
+                return seconds(cells)
+            except ValueError as error:
+                k = int(error.args[0])
+                raise self.no_number(i, numbers[k], cells[k], "date or time of day") from None
+        with suppress(ValueError):
+            if self.epoch.get(i) == "ns":  # no float64 holds them to the nanosecond
+                whole = np.array(cells, dtype=np.int64)
+                return (whole - whole[0]).astype(np.float64)
+        with suppress(ValueError):
+            if not any("_" in cell for cell in cells):
+                return np.array(list(map(float, cells)))
+        values = np.full(len(cells), np.nan)
+        for k, cell in enumerate(cells):
+            try:
+                values[k] = number(cell)
+            except ValueError:
+                if not with_remark(cell):
+                    raise self.no_number(i, numbers[k], cell, "number") from None
+                place = f"line {numbers[k]}, column '{self.names[i]}'"
+                said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
+        return values
+
+    def no_number(self, i: int, line: int, cell: str, what: str) -> InputError:
+        place = f"{self.source}: line {line}, column '{self.names[i]}'"
+        return InputError(f"{place}: '{cell}' is not a {what}.")
 
 
 class Lines:
@@ -271,66 +338,51 @@ class Lines:
         return {"first": self.first, "_shifts": self._shifts}
 
 
-def _one_in_a_row(lines: list[str], layout: _Layout) -> str:
-    """What to do with a table of channel and value; empty for any other."""
-    rows = [_cells(line, layout.delimiter) for line in lines[layout.first :][:_SNIFF]]
-    for c, name in enumerate(layout.names):
-        cells = [row[c] for row in rows if len(row) == layout.width]
-        channels = list(dict.fromkeys(cells))
-        if c in layout.stamped or any(map(is_number, channels)):
-            continue
-        if 2 <= len(channels) <= len(cells) / 4:
-            return (
-                f"It holds one value in a row, and '{name}' says of which channel: "
-                f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas by "
-                f"pivot_table(columns='{name}', ...)."
-            )
-    return ""
+def read_text(path: Path) -> Table:
+    return lines_table(path.name, _decode(path))
 
 
 def _decode(path: Path) -> list[str]:
     data = path.read_bytes()
+    encoding = "utf-8-sig"
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        text = data.decode("utf-16", errors="replace")
+        encoding = "utf-16"
     elif b"\0" in data[:2000] and not any(data[1:2000:2]):
-        text = data.decode("utf-16-le", errors="replace")
+        encoding = "utf-16-le"
     elif b"\0" in data[:2000] and not any(data[0:2000:2]):
-        text = data.decode("utf-16-be", errors="replace")
+        encoding = "utf-16-be"
     elif b"\0" in data:
         raise InputError(f"{path.name} is neither text nor a MAT, NPZ or Parquet file.")
-    else:
-        try:
-            text = data.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = data.decode("latin-1")
+    try:
+        text = data.decode(encoding, errors="strict" if encoding == "utf-8-sig" else "replace")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
     return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _cells(line: str, delimiter: str) -> list[str]:
-    cells = _split(line, delimiter)
-    if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
-        cells[-1] = cells[-1].rstrip(",; ")
-    return cells
-
-
-def _split(line: str, delimiter: str) -> list[str]:
     if delimiter == _BLANKS:
         return line.split()
     if delimiter == "|":
         line = line.strip().strip("|")
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)] if line else []
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter), [])]
+        found = next(csv.reader([line], delimiter=delimiter), []) if '"' in line else None
     except csv.Error:
         return []
+    if found is None:
+        found = line.split(delimiter) if line else []
+    cells = [cell.strip() for cell in found]
+    if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
+        cells[-1] = cells[-1].rstrip(",; ")
+    return cells
 
 
 def _is_comment(line: str) -> bool:
     return not line.strip() or line.lstrip().startswith(_COMMENTS)
 
 
-def _layout(source: str, lines: list[str]) -> _Layout:
+def lines_table(source: str, lines: list[str]) -> Table:
+    """The table in the lines of a text."""
     sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
     if not sniffed:
         raise InputError(f"{source} is empty: it has no line of data.")
@@ -339,37 +391,51 @@ def _layout(source: str, lines: list[str]) -> _Layout:
     rows = [(i, _cells(line, delimiter)) for i, line in sniffed]
     likes = [_like_data(cells, numeric) for _, cells in rows]
     runs = ((0.89, _STEADY), (0.6, 6))  # some preambles hold rows of numbers, too
-    start = next(
-        (
-            k
-            for share, length in runs
-            for k in range(len(rows))
-            if likes[k] and np.mean(likes[k : k + length]) > share
-        ),
-        -1,
+    starts = (
+        k
+        for share, length in runs
+        for k in range(len(rows))
+        if likes[k] and np.mean(likes[k : k + length]) > share
     )
+    start = next(starts, -1)
     if start < 0:
         raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
-    found = _headers(lines, rows, start, delimiter, width)
-    headed = found is not None
-    if not headed and delimiter == "," and (above := _names_above(rows[:start])) < width and above:
-        raise _mismatch(source, rows[start][0], width, above, delimiter)
-    names, plain, units = _name_columns(*(found or (list(map(str, range(1, width + 1))), None)))
-    if not headed:
-        plain = ("",) * width
+    found, first = _headers(lines, rows, start, delimiter, width), rows[start][0]
+    if found is None:
+        above = _names_above(rows[:start]) if delimiter == "," else 0
+        if 0 < above < width:
+            raise _mismatch(source, first, width, above, delimiter)
+        names, plain, units = tuple(map(str, range(1, width + 1))), ("",) * width, (None,) * width
+    else:
+        names, plain, units = _name_columns(*found)
     if len(names) == width - 1 and not any(row[-1] for row in tail):
         names, plain, units = (*names, ""), (*plain, ""), (*units, None)
     if len(names) != width:
-        raise _mismatch(source, rows[start][0], width, len(names), delimiter)
-    return _described(_Layout(delimiter, width, rows[start][0], names, plain, units,
-                              frozenset(), {}, headed), tail)  # fmt: skip
+        raise _mismatch(source, first, width, len(names), delimiter)
+    plainly = _Text(source, lines, delimiter, first, names, plain, units, found is not None)
+    return _with_times(plainly, tail).table()
+
+
+def _with_times(text: _Text, tail: list[list[str]]) -> _Text:
+    """The same with its columns of stamps and of seconds since 1970."""
+    columns = list(zip(*tail, strict=True))
+    stamped = {c for c, cells in enumerate(columns) if sum(map(is_stamp, cells)) > len(cells) / 2}
+    units = ["s" if c in stamped else unit for c, unit in enumerate(text.units)]
+    plain = [p or "time" * (c in stamped) for c, p in enumerate(text.plain)]
+    names = tuple(n or plain[c] for c, n in enumerate(text.names))
+    epoch = {}
+    for c in time_columns(plain, units):
+        present = [number(x) for x in columns[c] if is_number(x) and not is_stamp(x)]
+        unit = epoch_unit(present[0], present[-1]) if present else None
+        if unit is not None:
+            epoch[c] = units[c] = unit
+    return replace(text, names=names, plain=tuple(plain), units=tuple(units),
+                   stamped=frozenset(stamped), epoch=epoch)  # fmt: skip
 
 
 def _names_above(rows: Sequence[tuple[int, list[str]]]) -> int:
     """The number of names in a header that only rows of numbers separate from the data; 0 if none.
-
-    Decimal commas between commas make rows of many lengths: 0,5 but 0.
-    """
+    Decimal commas between commas make rows of many lengths: 0,5 but 0."""
     words = [k for k, (_, cells) in enumerate(rows) if not any(map(is_number, cells))]
     last = words[-1] if words else len(rows)
     names = rows[last][1] if last + 1 < len(rows) else []
@@ -390,25 +456,6 @@ def _mismatch(source: str, line: int, width: int, names: int, delimiter: str) ->
 def _is_numeric(cells: Sequence[str]) -> bool:
     present = [cell for cell in cells if not is_missing(cell)]
     return 2 * sum(map(is_number, present)) > len(present)
-
-
-def _described(layout: _Layout, tail: list[list[str]]) -> _Layout:
-    """The layout with its columns of stamps and of seconds since 1970."""
-    columns = list(zip(*tail, strict=True))
-    stamped = {c for c, cells in enumerate(columns) if sum(map(is_stamp, cells)) > len(cells) / 2}
-    units = tuple("s" if c in stamped else unit for c, unit in enumerate(layout.units))
-    plain = tuple(p or "time" * (c in stamped) for c, p in enumerate(layout.plain))
-    names = tuple(n or plain[c] for c, n in enumerate(layout.names))
-    epoch = {}
-    for c in time_columns(plain, units):
-        present = [number(x) for x in columns[c] if is_number(x) and not is_stamp(x)]
-        unit = epoch_unit(present[0], present[-1]) if present else None
-        if unit is not None:
-            epoch[c] = unit
-    units = tuple(epoch.get(c, unit) for c, unit in enumerate(units))
-    return replace(
-        layout, names=names, plain=plain, units=units, stamped=frozenset(stamped), epoch=epoch
-    )
 
 
 def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, list[list[str]]]:
@@ -451,10 +498,7 @@ def _headers(
     delimiter: str,
     width: int,
 ) -> tuple[list[str], list[str] | None] | None:
-    """Return the cells of the header and of the line of units, if there is one.
-
-    None if the file has no header.
-    """
+    """The cells of the header and of the line of units, if there is one; None without a header."""
     first = rows[start][0]
     if start == 0:
         remarks = [line.lstrip(" \t#%/") for line in lines[:first] if line.strip()]
@@ -513,112 +557,6 @@ def _name_columns(
         found[0] = ("time", "time", unit)  # some recorders leave the first name empty
     names, plain, units = zip(*found, strict=True)
     return names, plain, units
-
-
-def _load_fast(
-    lines: list[str], layout: _Layout, indices: Sequence[int]
-) -> tuple[list[np.ndarray], list[str]] | None:
-    """Read the columns at C speed; None if cells must be read one by one."""
-    text, said = "\n".join(lines[layout.first :]), []
-    if any(mark in text for mark in _COMMENTS):
-        text = "\n".join(line for line in lines[layout.first :] if not _is_comment(line))
-    text = text.replace('"', "")  # a delimiter between quotes shows in the count below
-    if layout.delimiter != "," and "," in text:
-        if "." in text:
-            return None
-        text, said = text.replace(",", "."), [DECIMAL_COMMAS]
-    data = _parsed(text.split("\n"), layout, indices)
-    if layout.delimiter == _BLANKS:
-        whole = data is not None and len(text.split()) == len(data) * layout.width
-        return (list(np.ascontiguousarray(data.T)), said) if data is not None and whole else None
-    if data is None:  # perhaps only because of empty cells
-        gap = re.escape(layout.delimiter)
-        text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
-        data = _parsed(text.split("\n"), layout, indices)
-    if data is None or text.count(layout.delimiter) != len(data) * (layout.width - 1):
-        return None
-    return list(np.ascontiguousarray(data.T)), said
-
-
-def _parsed(body: list[str], layout: _Layout, indices: Sequence[int]) -> np.ndarray | None:
-    try:
-        between = None if layout.delimiter == _BLANKS else layout.delimiter
-        return np.loadtxt(body, delimiter=between, usecols=indices, comments=None, ndmin=2)
-    except ValueError:
-        return None
-
-
-def _load_slow(source: str, lines: list[str], layout: _Layout, indices: Sequence[int]) -> Columns:
-    """Read cell by cell: an empty cell is a missing sample, and so is one that was typed over.
-
-    Other text raises InputError.
-    """
-    said: list[str] = []
-    rows: list[tuple[int, list[str]]] = []
-    last = max(k for k, line in enumerate(lines) if line.strip()) - layout.first
-    for k, line in enumerate(lines[layout.first :]):
-        if _is_comment(line):
-            continue
-        line_number = layout.first + k + 1
-        cells = _cells(line, layout.delimiter)
-        if len(cells) < layout.width and k == last and rows:
-            said.append(f"The last line ({line_number}) is cut off and was left out.")
-            continue
-        if len(cells) != layout.width:
-            raise InputError(
-                f"{source}: line {line_number} has {len(cells)} cells, "
-                f"the header names {layout.width} columns."
-            )
-        rows.append((line_number, [cells[i] for i in indices]))
-    lines_of = [row[0] for row in rows]
-    cleaned, commas = without_commas(source, rows)
-    columns = []
-    for i, cells in zip(indices, zip(*cleaned, strict=True), strict=True):
-        columns.append(_column(source, layout, i, lines_of, cells, said))
-    return columns, [*commas, *said]
-
-
-def _column(
-    source: str,
-    layout: _Layout,
-    i: int,
-    lines_of: list[int],
-    cells: Sequence[str],
-    said: list[str],
-) -> np.ndarray:
-    try:
-        if i in layout.stamped:
-            return seconds(cells)
-        if layout.epoch.get(i) == "ns":  # no float64 holds them to the nanosecond
-            whole = np.array(cells, dtype=np.int64)
-            return (whole - whole[0]).astype(np.float64)
-    except ValueError as error:
-        if i in layout.stamped:
-            _not_a_number(source, layout, i, lines_of, cells, int(error.args[0]))
-    try:
-        if not any("_" in cell for cell in cells):
-            return np.array(list(map(float, cells)))
-    except ValueError:
-        pass
-    values = np.full(len(cells), np.nan)
-    for k, cell in enumerate(cells):
-        try:
-            values[k] = number(cell)
-        except ValueError:
-            if not with_remark(cell):
-                _not_a_number(source, layout, i, lines_of, cells, k)
-            place = f"line {lines_of[k]}, column '{layout.names[i]}'"
-            said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
-    return values
-
-
-def _not_a_number(
-    source: str, layout: _Layout, i: int, lines_of: list[int], cells: Sequence[str], k: int
-) -> None:
-    raise InputError(
-        f"{source}: line {lines_of[k]}, column '{layout.names[i]}': '{cells[k]}' is not a "
-        f"{'date or time of day' if i in layout.stamped else 'number'}."
-    ) from None
 
 
 def keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:

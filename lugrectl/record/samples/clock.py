@@ -19,7 +19,6 @@ _JITTER = 0.2  # steps that vary by more hide missing rows
 _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
 _RATES = (5.0, 5e5)  # Hz; outside, the unit of time may be wrong
-UNIT_OF_T = "if t is not in the stated or assumed unit, give its unit, e.g. {} (or s, us)."
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
 _WIDTH = 51  # rows over which the true clock is even
 _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
@@ -27,19 +26,30 @@ _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
 
 def put_in_time(log: Stamped) -> None:
     """Leave out rows without a true stamp, unwrap timers, and cut where time starts again."""
-    _without_time(log)
-    _newest_first(log)
-    _empty_rows(log)
+    with np.errstate(invalid="ignore"):
+        none = ~np.isfinite(log.t) | (np.abs(log.t) >= HUGE)
+    if none.any():
+        log.say(f"t is missing in {count(int(none.sum()), 'row')}: left out.")
+        log.keep(~none)
+    steps = np.diff(log.t)
+    if 2 * np.count_nonzero(steps < 0) > len(steps):
+        log.say("t falls from row to row: the rows were read from the last to the first.")
+        log.t, log.rows = log.t[::-1], log.rows[::-1]
+        log.new = np.r_[True, log.new[:0:-1]]
+        log.channels = {role: values[::-1] for role, values in log.channels.items()}
+    columns = (log.t, *(log.channels[role] for role in log.required))
+    empty = np.all([x == 0 for x in columns], axis=0)  # a buffer that was not filled
+    if len(empty):
+        empty[0] &= len(empty) > 1 and bool(empty[1])  # a log may begin at rest
+    if empty.any() and not empty.all():
+        log.say(f"All columns are 0 {log.places(empty)}: left out.")
+        log.keep(~empty)
     _wild(log)
     _back(log)
     _even_out(log)
     _merge_doubles(log)
     _gaps(log)
     _jitter(log)
-    _say_rate(log)
-
-
-def _say_rate(log: Stamped) -> None:
     steps = np.diff(log.t)[~log.new[1:]]
     if len(steps) and steps.max() > 0 and not plausible(typical_step(steps)):
         log.say(slow(1 / typical_step(steps), log.labels))
@@ -52,39 +62,11 @@ def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
         given = option("rate", f"{1e3 / rate:.6g}")
         step = f"; if {rate:.6g} is the step in ms, give {given}" if rate < _RATES[0] else ""
         return f"{option('rate')} gives {rate:.6g} samples per second{why}{step}."
-    unit = UNIT_OF_T.format(option("units", "t=ms"))
+    unit = (
+        "if t is not in the stated or assumed unit, give its unit, e.g. "
+        f"{option('units', 't=ms')} (or s, us)."
+    )
     return f"t gives a sampling rate of {rate:.6g} Hz{why}{';' if why else ':'} {unit}"
-
-
-def _without_time(log: Stamped) -> None:
-    with np.errstate(invalid="ignore"):
-        none = ~np.isfinite(log.t) | (np.abs(log.t) >= HUGE)
-    if none.any():
-        log.say(f"t is missing in {count(int(none.sum()), 'row')}: left out.")
-        log.keep(~none)
-
-
-def _empty_rows(log: Stamped) -> None:
-    """Rows of zeros in all columns, t included: a buffer that was not filled."""
-    empty = np.ones(len(log.t), bool)
-    for x in (log.t, *(log.channels[role] for role in log.required)):
-        empty &= x == 0
-    if len(empty):
-        empty[0] &= len(empty) > 1 and bool(empty[1])  # a log may begin at rest
-    if empty.any() and not empty.all():
-        log.say(f"All columns are 0 {log.places(empty)}: left out.")
-        log.keep(~empty)
-
-
-def _newest_first(log: Stamped) -> None:
-    """The rows in the order of time, where most steps go back."""
-    steps = np.diff(log.t)
-    if 2 * np.count_nonzero(steps < 0) <= len(steps):
-        return
-    log.say("t falls from row to row: the rows were read from the last to the first.")
-    log.t, log.rows = log.t[::-1], log.rows[::-1]
-    log.new = np.r_[True, log.new[:0:-1]]
-    log.channels = {role: values[::-1] for role, values in log.channels.items()}
 
 
 def usual_step(t: np.ndarray) -> float:
@@ -98,8 +80,7 @@ def _wild(log: Stamped) -> None:
     """Leave out rows with stamps off the line of those around them."""
     dt, wild = usual_step(log.t), np.zeros(len(log.t), bool)
     for k in np.flatnonzero(np.diff(log.t) < 0):
-        bad = _off_line(log.t, int(k), dt)
-        wild[bad] = True
+        wild[_off_line(log.t, int(k), dt)] = True
     if not wild.any():
         return
     first, around = int(wild.argmax()), "go on from the rows around it"
@@ -125,36 +106,32 @@ def _off_line(t: np.ndarray, k: int, dt: float) -> slice:
 def _back(log: Stamped) -> None:
     """Where time goes back for good, a timer wrapped or another run begins."""
     dt = usual_step(log.t)
-    t, shift = log.t.copy(), np.zeros(len(log.t))
+    shift = np.zeros(len(log.t))
     wraps: list[tuple[int, float]] = []
-    for k in np.flatnonzero(np.diff(log.t) < 0):
-        period = log.t[k] + dt - log.t[k + 1]
-        known = _timer(float(period), dt)
-        if known or _goes_on(log, int(k)):
-            wraps.append((int(k) + 1, known or float(period)))
-            shift[k + 1 :] += known or period
-        else:
-            log.new[k + 1] = True
-            log.say(
-                f"Time starts again at {log.place(int(k) + 1)} (from {log.t[k]:.9g} s to "
-                f"{log.t[k + 1]:.9g} s): the parts are treated separately."
-            )
-    log.t = t + shift
+    for k in map(int, np.flatnonzero(np.diff(log.t) < 0)):
+        period = float(log.t[k] + dt - log.t[k + 1])
+        # a timer counts up to a power of two of its ticks
+        timers = (
+            tick * 2.0 ** max(np.rint(np.log2(max(period / tick, 1.0))), 8) for tick in _TICKS
+        )
+        near = (p for p in timers if p > 20 * dt and abs(p - period) <= 2 * dt)
+        period = float(next(near, period * _goes_on(log, k)))
+        shift[k + 1 :] += period
+        if period:
+            wraps.append((k + 1, period))
+            continue
+        log.new[k + 1] = True
+        log.say(
+            f"Time starts again at {log.place(k + 1)} (from {log.t[k]:.9g} s to "
+            f"{log.t[k + 1]:.9g} s): the parts are treated separately."
+        )
+    log.t = log.t + shift
     if wraps:
         row, period = wraps[0]
         log.say(
             f"t wraps by {period:.10g} s at {log.place(row)}"
             f"{f' and {len(wraps) - 1} times more' if len(wraps) > 1 else ''}: unwrapped."
         )
-
-
-def _timer(period: float, dt: float) -> float:
-    """The period of the timer that wraps: a power of two of its ticks; 0 if it is none."""
-    for tick in _TICKS:
-        power = tick * 2.0 ** np.rint(np.log2(max(period / tick, 1.0)))
-        if power >= 2.0**8 * tick and power > 20 * dt and abs(power - period) <= 2 * dt:
-            return float(power)
-    return 0.0
 
 
 def _goes_on(log: Stamped, k: int) -> bool:
@@ -167,10 +144,9 @@ def _goes_on(log: Stamped, k: int) -> bool:
     if not len(before) or not len(after):
         return False
     own, sides = x[k + 1] - x[k], (np.median(before), np.median(after))
-    usual = float(np.mean(sides))
-    if not np.isfinite(usual) or usual == 0:
-        return False  # at rest nothing shows
-    return bool(max(abs(own - usual), abs(sides[0] - sides[1])) <= 0.3 * abs(usual))
+    usual = float(np.mean(sides))  # at rest nothing shows
+    far = max(abs(own - usual), abs(sides[0] - sides[1]))
+    return bool(np.isfinite(usual) and usual != 0 and far <= 0.3 * abs(usual))
 
 
 # ---- the step -----------------------------------------------------------------------
@@ -204,33 +180,26 @@ def nice(dt: float) -> float:
 
 
 def _even_out(log: Stamped) -> None:
-    """Stamps rounded to few digits: the even grid that they were rounded from.
-
-    Rows that are lost one by one leave the same steps; then the motion is smoother over the stamps.
-    """
+    """Stamps rounded to few digits: the even grid that they were rounded from. Rows that are lost
+    one by one leave the same steps; then the motion is smoother over the stamps."""
     t, x = log.t.copy(), log.motion_signal
     for part in log.parts():
-        if part.stop - part.start > FEWEST and _rounded(t[part]):
-            grid = np.arange(part.stop - part.start)
-            dt = nice(float(np.polyfit(grid, t[part] - t[part.start], 1)[0]))
-            even = t[part.start] + dt * grid
-            if x is not None and _smoother(t[part], even, x[part]):
+        since, rows = t[part] - t[part.start], np.arange(part.stop - part.start)
+        if len(rows) <= FEWEST or not _rounded(since, rows):
+            continue
+        dt = nice(float(np.polyfit(rows, since, 1)[0]))
+        even = t[part.start] + dt * rows
+        if x is not None and np.all(np.diff(t[part]) > 0):
+            if _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
                 continue
-            t[part] = even
-            log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
+        t[part] = even
+        log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
     log.t = t
 
 
-def _smoother(t: np.ndarray, even: np.ndarray, x: np.ndarray) -> bool:
-    """Whether a motion is much smoother over its stamps than over an even grid."""
-    if np.any(np.diff(t) <= 0):
-        return False
-    return _SMOOTHER * _roughness(t, x) < _roughness(even, x)
-
-
-def _rounded(t: np.ndarray) -> bool:
+def _rounded(since: np.ndarray, rows: np.ndarray) -> bool:
     """Whether the stamps are an even grid rounded to few digits, without jitter or loss."""
-    steps = np.diff(t)
+    steps = np.diff(since)
     typical, spread = float(np.mean(steps)), np.ptp(steps)
     has_loss = steps.min() > 0 and steps.max() > 4 * typical
     if typical <= 0.0 or spread < 2 * _EXACT * typical or has_loss:
@@ -238,8 +207,7 @@ def _rounded(t: np.ndarray) -> bool:
     _, shares = np.unique(np.rint(steps / (_EXACT * typical)), return_counts=True)
     if len(shares) != 2 or shares.min() < 0.02 * len(steps):
         return False
-    grid, since = np.arange(len(t)), t - t[0]
-    error = since - np.polyval(np.polyfit(grid, since, 1), grid)
+    error = since - np.polyval(np.polyfit(rows, since, 1), rows)
     return bool(np.abs(error).max() < 0.7 * spread)
 
 
@@ -267,7 +235,7 @@ def _merge_doubles(log: Stamped) -> None:
 
 
 def _gaps(log: Stamped) -> None:
-    """Begin a new part after a longer loss of rows; leave out parts of a few rows."""
+    """Begin a new part after a longer loss of rows, say it, and leave out parts of a few rows."""
     for part in log.parts():
         t = log.t[part]
         if len(t) < 2:
@@ -277,7 +245,15 @@ def _gaps(log: Stamped) -> None:
             if _missing(t, int(k), dt) > FILL + 0.5:
                 log.new[part.start + k + 1] = True
     leave_out_scraps(log)
-    _say_gaps(log)
+    parts, dt = log.parts(), usual_step(log.t)
+    ends = [(log.t[a.stop - 1], log.t[b.start]) for a, b in zip(parts, parts[1:], strict=False)]
+    gaps = [(a, b) for a, b in ends if b - a > 1.5 * dt]
+    if gaps:
+        lost = round(sum(float(b - a) - dt for a, b in gaps) / dt)
+        log.say(
+            f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
+            f"t = {gaps[0][0]:.6g} s; the parts are treated separately."
+        )
 
 
 def leave_out_scraps(log: Stamped) -> None:
@@ -300,21 +276,6 @@ def _missing(t: np.ndarray, k: int, dt: float) -> float:
     start = np.median(before - dt * np.arange(1 - len(before), 1))
     end = np.median(after - dt * np.arange(1, len(after) + 1))
     return float(end - start) / dt
-
-
-def _say_gaps(log: Stamped) -> None:
-    parts = log.parts()
-    jumps = [
-        (log.t[b.start] - log.t[a.stop - 1], a) for a, b in zip(parts, parts[1:], strict=False)
-    ]
-    dt = usual_step(log.t)
-    gaps = [(jump, a) for jump, a in jumps if jump > 1.5 * dt]
-    if gaps:
-        lost = round(sum(float(jump) - dt for jump, _ in gaps) / dt)
-        log.say(
-            f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
-            f"t = {log.t[gaps[0][1].stop - 1]:.6g} s; the parts are treated separately."
-        )
 
 
 def _jitter(log: Stamped) -> None:

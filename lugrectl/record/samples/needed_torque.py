@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...core.numeric import top_speed
+from ...core.numeric import column_sizes, top_speed
+from ...core.regression import spread
 from .clock import FEWEST, typical_step
 from .rows import Stamped, bridged
 
@@ -23,34 +24,21 @@ _STRETCH = 16 * _WIDTHS[-1]  # rows
 
 @dataclass(frozen=True, eq=False)
 class Needed:
-    """The balance ``u = J a + Fc sign(w) + Fv w + T0 + load(theta)``, averaged over windows.
+    """The balance ``u = J a + Fc sign(w) + Fv w + T0 + load(theta)``, averaged over windows."""
 
-    ``torque`` (N,) is what the motion needs about each row, NaN where it is not known; ``scale``
-    is the usual difference to the recorded one; ``moving`` marks the rows where the drive moves.
-    ``width`` is the half-width of the windows in rows. ``error`` (N,) is the usual difference about
-    each row: where the drive rests, friction may be anything up to its level. ``judged`` marks the
-    rows that the fit may judge: it has seen such motion, and not at low speed, where friction may
-    be another. ``a`` (N,) is the acceleration. ``share`` is the part of the torque that is left.
-    """
-
-    torque: np.ndarray
-    scale: float
-    moving: np.ndarray
-    width: int
+    torque: np.ndarray  # (N,) what the motion needs about each row, NaN where it is not known
+    scale: float  # usual difference to the recorded torque
+    moving: np.ndarray  # (N,) where the drive moves
+    width: int  # half-width of the windows, rows
     parts: tuple[slice, ...]
-    error: np.ndarray
-    judged: np.ndarray
-    a: np.ndarray
-    share: float
-
-    @property
-    def kernel(self) -> np.ndarray:
-        """The weights of the average, on rows about each row."""
-        return _kernel(self.width, 0)
+    error: np.ndarray  # (N,) usual difference: at rest, friction may be anything up to its level
+    judged: np.ndarray  # (N,) such motion was seen, and not at low speed with another friction
+    a: np.ndarray  # (N,) acceleration
+    share: float  # of the torque that is left
 
     def averaged(self, u: np.ndarray) -> np.ndarray:
         """Return a torque (N,) averaged as the balance is; NaN at the ends of the parts."""
-        return _over(self.parts, u, self.kernel)
+        return _over(self.parts, u, _kernel(self.width, 0))
 
     def missing(self, u: np.ndarray) -> np.ndarray:
         """Return what the motion needs beyond a torque (N,), averaged."""
@@ -69,19 +57,24 @@ class _Rows:
     is_position: bool
     is_rotary: bool
 
-    def load(self) -> list[np.ndarray]:
-        """The terms of a load that depends on the position."""
-        if not self.is_position:
-            return []
-        x = self.motion
-        return [np.sin(x), np.cos(x)] if self.is_rotary else [x - x.mean()]
+    def thinned(self) -> _Rows:
+        """Return stretches of about as many rows as are enough, all along a long log."""
+        every = sum(p.stop - p.start for p in self.parts) / _ENOUGH
+        if every <= 1.0:
+            return self
+        step = round(every * _STRETCH)
+        starts = [(a, p.stop) for p in self.parts for a in range(p.start, p.stop, step)]
+        cut = [np.arange(a, min(a + _STRETCH, stop)) for a, stop in starts]
+        cut = [rows for rows in cut if len(rows) >= 4 * FEWEST]
+        ends = np.cumsum([0, *map(len, cut)]).tolist()
+        at = np.concatenate([np.zeros(0, dtype=int), *cut])
+        some = {k: getattr(self, k)[at] for k in ("u", "motion", "skip")}
+        return replace(self, parts=tuple(map(slice, ends, ends[1:])), **some)
 
 
 def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
-    """Fit the balance to the rows of a log, but for those where u is ``unknown``.
-
-    None if the motion explains less than half of the torque.
-    """
+    """Fit the balance to the rows of a log but those where u is ``unknown``; None if the motion
+    explains less than half of the torque."""
     u, motion = log.channels.get("u"), log.motion_signal
     parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
     if u is None or motion is None or not parts or not np.isfinite(u).any():
@@ -95,29 +88,9 @@ def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
     rows = _Rows(parts, bridged(u, skip), motion, skip, dt, is_position, is_rotary)
     longest = max(p.stop - p.start for p in parts)
     widths = [w for w in _WIDTHS if w * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * w < longest]
-    some = _thinned(rows)
-    if some is not rows:
-        found = _best(some, widths)
-        widths = widths if found is None else [found.width]
-    return _best(rows, widths)
-
-
-def _thinned(rows: _Rows) -> _Rows:
-    """Return stretches of about as many rows as are enough, all along a long log."""
-    every = sum(p.stop - p.start for p in rows.parts) / _ENOUGH
-    if every <= 1.0:
-        return rows
-    step = round(every * _STRETCH)
-    cut = [
-        range(a, min(a + _STRETCH, p.stop))
-        for p in rows.parts
-        for a in range(p.start, p.stop, step)
-    ]
-    cut = [c for c in cut if len(c) >= 4 * FEWEST]
-    ends = np.cumsum([0, *map(len, cut)]).tolist()
-    at = np.concatenate([np.zeros(0, dtype=int), *cut])
-    some = {k: getattr(rows, k)[at] for k in ("u", "motion", "skip")}
-    return replace(rows, parts=tuple(map(slice, ends, ends[1:])), **some)
+    some = rows.thinned()
+    best = None if some is rows else _best(some, widths)
+    return _best(rows, widths if best is None else [best.width])
 
 
 def _best(rows: _Rows, widths: Sequence[int]) -> Needed | None:
@@ -144,7 +117,10 @@ def _fit(rows: _Rows, width: int) -> Needed | None:
     speed = np.abs(np.nan_to_num(w))
     rest = (speed <= _REST * top).astype(float)
     sign = over(np.where(rest, 0.0, np.sign(np.nan_to_num(w))), k0)
-    x = np.column_stack([a, w, np.ones(len(w)), sign, *rows.load()])
+    x, load = rows.motion, []
+    if rows.is_position:
+        load = [np.sin(x), np.cos(x)] if rows.is_rotary else [x - x.mean()]
+    x = np.column_stack([a, w, np.ones(len(w)), sign, *load])
     known &= np.isfinite(sign)
     moving = known & (np.nan_to_num(over(rest, k0)) < 0.02) & (np.abs(np.nan_to_num(sign)) > 0.98)
     used = np.flatnonzero(moving & (unknown < 0.02))[:: max(1, width // 3)]
@@ -154,7 +130,7 @@ def _fit(rows: _Rows, width: int) -> Needed | None:
     if len(used) < 3 * x.shape[1]:
         return None
     p, scale = _robust(x[used], mean[used])
-    usual = 1.4826 * float(np.median(np.abs(mean[used] - np.median(mean[used]))))
+    usual = spread(mean[used] - np.median(mean[used]))
     level = 0.0 if one_way else abs(p[3])
     # at most so much of the mean is of rows at rest
     error = scale + level * np.nan_to_num(over(rest, np.abs(k0)), nan=1.0)
@@ -166,23 +142,20 @@ def _fit(rows: _Rows, width: int) -> Needed | None:
 
 def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """Return how far rows (n, k) are from those that were seen: 1 for the usual one of them."""
-    size = np.linalg.norm(seen, axis=0)
-    size[size == 0] = 1.0
+    size = column_sizes(seen)
     inverse = np.linalg.pinv((seen / size).T @ (seen / size), hermitian=True)
-    own = x / size
-    return np.sum(own @ inverse * own, axis=1) * len(seen) / x.shape[1]
+    return np.sum(x / size @ inverse * (x / size), axis=1) * len(seen) / x.shape[1]
 
 
 def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
     """Fit with weights of a Student density (nu = 2): coefficients and usual error."""
-    size = np.linalg.norm(x, axis=0)
-    size[size == 0] = 1.0
+    size = column_sizes(x)
     weight, p, scale = np.ones(len(y)), np.zeros(x.shape[1]), 0.0
     for _ in range(_ROUNDS):
         root = np.sqrt(weight)
         p = np.linalg.lstsq(x / size * root[:, None], y * root, rcond=1e-9)[0] / size
         r = y - x @ p
-        scale = 1.4826 * float(np.median(np.abs(r))) + 1e-12 * float(np.abs(y).max())
+        scale = spread(r) + 1e-12 * float(np.abs(y).max())
         if not scale > 0:
             break
         weight = 3.0 / (2.0 + (r / scale) ** 2)
@@ -190,14 +163,12 @@ def _robust(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _kernel(width: int, order: int) -> np.ndarray:
-    """Return weights on samples -width..width for the average, the slope or the curvature of a
-    signal, exact for parabolas."""
+    """Weights on samples -width..width for the average, the slope or the curvature of a signal."""
     s = np.arange(-width, width + 1) / (width + 1)
-    bump = (1 - s**2) ** 4
-    powers = np.vander(s, 4, increasing=True)
+    powers = np.vander(s, 4, increasing=True)  # exact for parabolas
     want = np.zeros(4)
     want[order] = (1.0, 1.0, 2.0)[order] / (width + 1) ** order
-    basis = powers * bump[:, None]
+    basis = powers * ((1 - s**2) ** 4)[:, None]
     return basis @ np.linalg.solve(powers.T @ basis, want)
 
 

@@ -1,7 +1,4 @@
-"""Bad samples of a log: found first, on the rows as recorded, said and left out.
-
-Marks of a missing value, codes in place of values, and single samples far off their neighbours.
-"""
+"""Bad samples, found on the rows as recorded: marks of a missing value, codes, outliers."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from scipy import ndimage
 from ..signal_noise import resolution, spread
 from .clock import FILL, HUGE, off_cubic_in_time, usual_step
 from .needed_torque import needed
-from .resampling import HELD
+from .resampling import how
 from .rows import Stamped, bridged, count, in_runs, runs
 
 NO_SENSOR = "which no sensor gives"
@@ -46,12 +43,11 @@ def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = ""
 def say_missing(log: Stamped) -> None:
     """Say where the log itself holds no number."""
     for role in log.required:
-        missing = runs(~np.isfinite(log.channels[role]))
-        short = sum(n for _, n in missing if n <= FILL)
-        long = [(a, n) for a, n in missing if n > FILL]
-        how = "held" if role in HELD else "interpolated"
+        lengths = runs(~np.isfinite(log.channels[role]))
+        short = sum(n for _, n in lengths if n <= FILL)
         if short:
-            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how}).")
+            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how(role)}).")
+        long = [(a, n) for a, n in lengths if n > FILL]
         if long:
             (start, length), total = long[0], sum(n for _, n in long)
             many = f", {total} in all" if total > length else ""
@@ -73,29 +69,29 @@ def leave_out_bad_samples(log: Stamped, *roles: str) -> None:
     """Leave out the codes and the single outliers in these channels."""
     for role in roles:
         good = np.isfinite(log.channels.get(role, np.empty(0)))
-        if good.sum() >= 16:
-            _leave_out_codes(log, role, good)
-            _leave_out_outliers(log, role)
+        if good.sum() < 16:
+            continue
+        bad = good.copy()
+        bad[good] = code(log.channels[role][good])
+        if bad.any():
+            value = log.value(role, int(bad.argmax()))
+            sentence = f"{role} is exactly {value} {log.places(bad)}, {OFF}: left out."
+            log.leave_out(role, bad, sentence)
+        x = log.channels[role]
+        good = np.isfinite(x)
+        bad = outliers(role, log.t, bridged(x, ~good)) & good
+        bad &= ~over_loss(log, role) & ~confirmed(log, role)
+        if role == "u" and bad.any():
+            bad &= ~_felt(log, bad)
+        leave_out(log, role, bad, OFF)
 
 
 # ---- codes --------------------------------------------------------------------------
 
 
-def _leave_out_codes(log: Stamped, role: str, good: np.ndarray) -> None:
-    bad = good.copy()
-    bad[good] = code(log.channels[role][good])
-    if bad.any():
-        value = log.value(role, int(bad.argmax()))
-        sentence = f"{role} is exactly {value} {log.places(bad)}, {OFF}: left out."
-        log.leave_out(role, bad, sentence)
-
-
 def code(x: np.ndarray) -> np.ndarray:
-    """Return where a channel (N,), all finite, holds a code instead of a value.
-
-    A code is one value that comes again and again, each time for a few rows, far off the curve
-    through the other rows, while these go on smoothly.
-    """
+    """Return where a channel (N,), all finite, holds a code instead of a value: one value that
+    comes again and again for a few rows, far off the curve through the other rows."""
     values, counts = np.unique(x, return_counts=True)
     if len(values) < 20:
         return np.zeros(len(x), bool)
@@ -127,24 +123,10 @@ def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
 # ---- single outliers ----------------------------------------------------------------
 
 
-def _leave_out_outliers(log: Stamped, role: str) -> None:
-    x = log.channels[role]
-    good = np.isfinite(x)
-    bad = outliers(role, log.t, bridged(x, ~good)) & good
-    bad &= ~over_loss(log, role) & ~confirmed(log, role)
-    if role == "u" and bad.any():
-        bad &= ~_felt(log, bad)
-    leave_out(log, role, bad, OFF)
-
-
 def outliers(role: str, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return where single samples of a channel (N,), all finite, are far off their neighbours.
-
-    Such a sample lies outside the middle of its neighbours and off the cubic through four of
-    them, in rows and in stamps ``t`` (s), by far more than other samples near it or anywhere in
-    the channel; it does not go on from the rows on either side. In the motion, up to four in a
-    row may be so.
-    """
+    """Return where samples of a channel (N,), all finite, are far off their neighbours: outside
+    their middle and off the cubic through four of them, in rows and in stamps ``t`` (s), by far
+    more than others near it or anywhere. In the motion, up to four in a row may be so."""
     if len(x) < 16 or np.ptp(x) == 0:
         return np.zeros(len(x), bool)
     far = distances(t, x)
@@ -177,10 +159,8 @@ def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
 
 
 def distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return how far each sample is from what its neighbours say, the nearest of five statements.
-
-    Beside a jump that stays, a sample goes on from the rows on one side.
-    """
+    """Return how far each sample is from what its neighbours say, the nearest of five statements;
+    beside a jump that stays, a sample goes on from the rows on one side."""
     beside = np.array([1, 1, 1, 0, 1, 1, 1], bool)
     low, high = (ndimage.rank_filter(x, k, footprint=beside, mode="mirror") for k in (2, 3))
     far, steps = np.fmin(outside(x, low, high), _off_cubic(x)), np.diff(t)
@@ -221,11 +201,8 @@ def limits(role: str, x: np.ndarray) -> np.ndarray:
 
 
 def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
-    """Return where the motion shows the torque of these rows: a short one that did act.
-
-    A reversal may be all that a log shows of the inertia: then the speed changes there, in the
-    direction of the torque, as it hardly ever does.
-    """
+    """Return where the motion shows the torque of these rows: a short one that did act. Of a
+    reversal that shows the inertia, the speed changes in its direction as it hardly ever does."""
     fit, felt = needed(log, bad), np.zeros(len(bad), bool)
     if fit is None:
         return felt

@@ -23,11 +23,9 @@ _LONG = 20  # the same of a speed, whose noise never stops
 
 @dataclass(frozen=True, eq=False)
 class Jumps:
-    """Steps of a position that are no motion: between good row ``a`` and good row ``b``.
-
-    ``size`` is what the step has beyond the motion around it; ``steady`` is whether the speed is
-    the same on both sides, and not 0; ``pace`` is that speed, per row.
-    """
+    """Steps of a position that are no motion: between good row ``a`` and good row ``b``, ``size``
+    beyond the motion around; ``steady``: one speed on both sides, not 0; ``pace`` is that, per
+    row."""
 
     a: np.ndarray
     b: np.ndarray
@@ -83,12 +81,6 @@ def _jumps(log: Stamped, role: str) -> Jumps:
     return known[2]
 
 
-def _unconfirmed(log: Stamped, role: str) -> Jumps:
-    """Return the jumps that no other signal shows."""
-    found = _jumps(log, role)
-    return found.only(~confirmed(log, role)[found.b])
-
-
 def _medians(x: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
     """Return the medians of up to four values before and after each place; nan without any."""
     sides = []
@@ -109,23 +101,23 @@ def unwrap_positions(log: Stamped) -> None:
     """Unwrap the positions of a log."""
     for role in ("theta", "theta_load"):
         if role in log.channels:
-            found, label = _jumps(log, role), log.labels.get(role)
             log.channels[role], said = unwrapped(
-                role, log.channels[role], found, log.motion, label
-            )  # fmt: skip
+                role, log.channels[role], _jumps(log, role), log.motion, log.labels.get(role)
+            )
             log.say(*said)
 
 
 def unwrapped(
     role: str, theta: np.ndarray, found: Jumps, motion: str, label: str | None = None
 ) -> tuple[np.ndarray, list[str]]:
-    """Return a position without wraps, and a sentence if there were any.
-
-    A position wraps by whole turns, by a power of two of its own steps, or by any period where
-    all its jumps are of one size and span its whole range while the motion goes on. Jumps by 360
-    mean that degrees were read as radians: the angle is then converted, too. NaN is skipped.
-    """
-    lasting = _lasting(found)
+    """Return a position without wraps, and a sentence if there were any: wraps by whole turns, by a
+    power of two of its own steps, or by any period where all its jumps are of one size and span its
+    range while the motion goes on. Jumps by 360 mean that degrees were read as radians."""
+    lasting = np.ones(len(found), bool)  # not taken back within a few rows
+    for i in range(len(found) - 1):
+        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
+        if near and found.size[i] * found.size[i + 1] < 0:
+            lasting[i : i + 2] = False
     period, is_wrap = _period(theta, found, lasting, motion)
     if period:
         turns = np.zeros(len(theta))
@@ -141,16 +133,6 @@ def unwrapped(
         stated = f"stated in {label}" if label else "without a unit"
         said += f", and converted from deg ({stated}, but a turn is 360)"
     return theta, [said + "."]
-
-
-def _lasting(found: Jumps) -> np.ndarray:
-    """Return which jumps are not taken back within a few rows."""
-    lasting = np.ones(len(found), bool)
-    for i in range(len(found) - 1):
-        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
-        if near and found.size[i] * found.size[i + 1] < 0:
-            lasting[i : i + 2] = False
-    return lasting
 
 
 def _period(
@@ -191,26 +173,17 @@ def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray, int]
     tries = [period for period in _counters(values) if travel < period < 1.1 * travel]
     if motion == "rotary":
         tries = [_TURN * min(max(1, round(travel / _TURN)), _TURNS), 360.0, *tries]
+    steps = np.abs(np.diff(values))
     for period in tries:
-        times = _whole_turns(values, period)
-        if times:
+        is_wrap = steps > period / 2
+        usual = steps[~is_wrap].max(initial=0.0)
+        # beside larger steps a wrap looks like a fast motion
+        clear = is_wrap.any() and travel <= 1.02 * period and usual <= _SMALL * period
+        if clear and np.all(np.abs(steps[is_wrap] - period) <= 2 * usual + 0.01 * period):
             theta = theta.copy()
             theta[good] = np.unwrap(values, period=period)
-            return period, theta, times
+            return period, theta, int(is_wrap.sum())
     return 0.0, theta, 0
-
-
-def _whole_turns(values: np.ndarray, period: float) -> int:
-    """Return how often values wrap by the period; 0 if that does not explain the jumps."""
-    steps = np.abs(np.diff(values))
-    is_wrap = steps > period / 2
-    usual = steps[~is_wrap].max(initial=0.0)
-    if not is_wrap.any() or np.ptp(values) > 1.02 * period:
-        return 0
-    if usual > _SMALL * period:  # a wrap looks like a fast motion
-        return 0
-    whole = np.all(np.abs(steps[is_wrap] - period) <= 2 * usual + 0.01 * period)
-    return int(is_wrap.sum()) if whole else 0
 
 
 # ---- jumps that are no wraps --------------------------------------------------------
@@ -219,12 +192,25 @@ def _whole_turns(values: np.ndarray, period: float) -> int:
 def make_continuous(log: Stamped) -> None:
     """Leave out what jumps away and back or stands still by mistake, and begin a new part where a
     position jumps for another reason."""
+
+    def unconfirmed(role: str) -> Jumps:
+        found = _jumps(log, role)
+        return found.only(~confirmed(log, role)[found.b])  # that no other signal shows
+
     for role in ("theta", "w"):
         if role in log.channels:
             _leave_out_excursions(log, role)
-            _leave_out_stuck(log, role, _unconfirmed(log, role))
-    if "theta" in log.channels:
-        _cut(log, _unconfirmed(log, "theta"))
+            _leave_out_stuck(log, role, unconfirmed(role))
+    if "theta" not in log.channels:
+        return
+    found = unconfirmed("theta")
+    at = [k for k in range(len(found)) if not log.new[found.a[k] + 1 : found.b[k] + 1].any()]
+    if at:
+        log.new[found.b[at]] = True
+        unit = "rad" if log.motion == "rotary" else "m"
+        where = f"by {found.size[at[0]]:.4g} {unit} at {log.place(found.b[at[0]])}"
+        more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
+        log.say(f"theta jumps {where}{more}, which is no motion: the parts are treated separately.")
 
 
 def _leave_out_excursions(log: Stamped, role: str) -> None:
@@ -242,37 +228,32 @@ def _leave_out_excursions(log: Stamped, role: str) -> None:
     leave_out(log, role, bad & ~over_loss(log, role) & ~confirmed(log, role), OFF)
 
 
-def _cut(log: Stamped, found: Jumps) -> None:
-    """Begin a new part after each jump."""
-    at = [k for k in range(len(found)) if not log.new[found.a[k] + 1 : found.b[k] + 1].any()]
-    if not at:
-        return
-    log.new[found.b[at]] = True
-    unit = "rad" if log.motion == "rotary" else "m"
-    where = f"by {found.size[at[0]]:.4g} {unit} at {log.place(found.b[at[0]])}"
-    more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
-    log.say(f"theta jumps {where}{more}, which is no motion: the parts are treated separately.")
-
-
 # ---- motion that stands still by mistake --------------------------------------------
 
 
 def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
-    """Leave out runs of one value that end or begin at a jump.
-
-    A drive comes to rest gradually: a position that stops at once, a speed that loses its noise,
-    or a channel that stands still together with all others, was not read.
-    """
+    """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
+    speed that loses its noise, or a channel that stands still with all others, was not read."""
     x = log.channels[role]
-    bad = np.zeros(len(x), bool)
+    bad, edges = np.zeros(len(x), bool), np.flatnonzero(np.diff(x) != 0) + 1
     for before, after in zip(found.a, found.b, strict=True):
-        for start, stop in (_same(x, int(before), -1), _same(x, int(after), 1)):
-            starts = role == "w" and x[start] == 0  # a drive at rest may start within a row
-            if not starts and stop - start >= _FEWEST:
-                bad[start:stop] |= _is_stuck(log, role, slice(start, stop), before >= start)
+        k = np.searchsorted(edges, before, side="right")
+        start = int(edges[k - 1]) if k else 0
+        k = np.searchsorted(edges, after, side="right")
+        stop = int(edges[k]) if k < len(edges) else len(x)
+        for run, backward in (
+            (slice(start, int(before) + 1), True),
+            (slice(int(after), stop), False),
+        ):
+            starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
+            if not starts and run.stop - run.start >= _FEWEST:
+                bad[run] |= _is_stuck(log, role, run, backward)
     if not bad.any():
         return
-    bad = bad | _kept(x) if role == "w" else bad
+    if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
+        flat = [(a - 1, n + 1) for a, n in runs(np.r_[False, np.diff(x) == 0]) if x[a] != 0]
+        kept = in_runs(len(x), [(a, n) for a, n in flat if n > _LONG])
+        bad |= kept & _differ(x[~kept])
     first = int(bad.argmax())
     log.leave_out(
         role,
@@ -282,43 +263,25 @@ def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
     )
 
 
-def _same(x: np.ndarray, row: int, way: int) -> tuple[int, int]:
-    """Return start and stop of the run of equal values from a row on, forward or backward."""
-    part = x[row::way] if way > 0 else x[row::-1]
-    other = np.flatnonzero(part != x[row])
-    length = int(other[0]) if len(other) else len(part)
-    return (row, row + length) if way > 0 else (row - length + 1, row + 1)
-
-
 def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
     """Return whether the rows of one value before (``backward``) or after a jump were not read."""
     x = log.channels[role]
-    beside = (
-        x[max(run.start - 4, 0) : run.start + 1] if backward else x[run.stop - 1 : run.stop + 4]
+    near = (
+        slice(max(run.start - 4, 0), run.start + 1)
+        if backward
+        else slice(run.stop - 1, run.stop + 4)
     )
-    if _at_once(np.diff(beside[np.isfinite(beside)]), backward):
-        return True
+    beside = x[near]
+    steps = np.diff(beside[np.isfinite(beside)])
+    if len(steps) > 1:  # the motion stops or sets in at once
+        last, usual = steps[-1] if backward else steps[0], abs(np.median(steps))
+        if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(last) > 0.5 * usual:
+            return True
     others = (log.channels[other][run] for other in log.required)
     if all(bool((part == part[0]).all()) for part in others):
         return True
     noisy = _differ(np.r_[x[: run.start], x[run.stop :]])
     return role == "w" and run.stop - run.start >= _LONG and noisy
-
-
-def _at_once(steps: np.ndarray, backward: bool) -> bool:
-    """Return whether a motion stops or sets in at once, by its steps beside the run."""
-    if len(steps) < 2:
-        return False
-    last, usual = steps[-1] if backward else steps[0], np.median(steps)
-    changes = np.abs(np.diff(steps)).max()
-    return bool(abs(usual) > 3 * changes + 1e-12 and abs(last) > 0.5 * abs(usual))
-
-
-def _kept(x: np.ndarray) -> np.ndarray:
-    """Return where a speed that keeps its last value now and then stands, whatever ends that."""
-    flat = [(a - 1, n + 1) for a, n in runs(np.r_[False, np.diff(x) == 0]) if x[a] != 0]
-    kept = in_runs(len(x), [(a, n) for a, n in flat if n > _LONG])
-    return kept & _differ(x[~kept])
 
 
 def _differ(x: np.ndarray) -> bool:

@@ -12,6 +12,11 @@ _CALMER = 0.5  # of the roughness that grows with speed; below, w was the differ
 _BESIDE = 4  # samples on either side of a loss with which it is compared
 
 
+def how(role: str) -> str:
+    """How the missing samples of a channel are filled in."""
+    return "held" if role in HELD else "interpolated"
+
+
 def between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Interpolate; before the first and after the last point the value is constant."""
     if role not in MOTION or len(at) < 2:
@@ -33,34 +38,25 @@ def on_grid(
 def speed(
     at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
 ) -> np.ndarray:
-    """Resample a speed, recorded at the times ``at`` (in steps, rounded: ``counts``).
+    """Resample a speed, recorded at the times ``at`` (in steps, rounded: ``counts``). One that was
+    a position difference with a constant step is summed, resampled and differenced again."""
 
-    If w was computed as a position difference with a constant step, time-stamp jitter and lost
-    samples distort it. It is then summed to a position, resampled and differenced again.
-    """
+    def as_position(travels: np.ndarray) -> np.ndarray:
+        theta = np.cumsum(travels)
+        return np.diff(between("theta", at, theta, grid), prepend=theta[0] - travels[0])
+
     steps = np.diff(counts, prepend=counts[0] - 1)
-    if _over_losses(w, steps):
-        return _as_position(at, w, grid)
-    plain = between("w", at, w, grid)
-    if not resampled:
-        return plain
-    moved = _as_position(at, w * steps, grid)
-    return moved if _roughened(moved, plain) < _CALMER * _roughened(plain, plain) else plain
-
-
-def _over_losses(w: np.ndarray, steps: np.ndarray) -> bool:
-    """Whether the speed after a loss is too large by the same factor as the step is too long."""
     lost = np.flatnonzero(steps > 1)
     around = lost[:, None] + np.r_[-_BESIDE:0, 1 : _BESIDE + 1]
     usual = w[np.clip(around, 0, len(w) - 1)].mean(1)
     more = usual * (steps[lost] - 1)
-    return bool((w[lost] - usual) @ more > 0.5 * (more @ more))
-
-
-def _as_position(at: np.ndarray, travels: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """The differences, on the grid, of the position that is the sum of ``travels``."""
-    theta = np.cumsum(travels)
-    return np.diff(between("theta", at, theta, grid), prepend=theta[0] - travels[0])
+    if (w[lost] - usual) @ more > 0.5 * (more @ more):  # too large after each loss
+        return as_position(w)
+    plain = between("w", at, w, grid)
+    if not resampled:
+        return plain
+    moved = as_position(w * steps)
+    return moved if _roughened(moved, plain) < _CALMER * _roughened(plain, plain) else plain
 
 
 def _roughened(x: np.ndarray, w: np.ndarray) -> float:

@@ -45,25 +45,21 @@ def bridged(x: np.ndarray, bad: np.ndarray) -> np.ndarray:
 
 @dataclass
 class Stamped:
-    """Rows with their stamps ``t`` (s); a bad or missing sample of a channel is NaN.
-
-    ``rows`` are their places in the log; ``new`` marks the first row of each part that does not
-    continue the one before. ``said`` are sentences, ``steps`` the smallest recorded steps of the
-    motion by role. ``known`` holds what was found in a channel, with the arrays it was found in:
-    a step replaces an array that it changes, and never writes into it.
-    """
+    """Rows with their stamps ``t`` (s); a bad or missing sample of a channel is NaN."""
 
     source: str
     motion: str
     t: np.ndarray
     channels: dict[str, np.ndarray]
     where: Callable[[int], str]
-    labels: dict[str, str | None] = field(default_factory=dict)
-    rows: np.ndarray = field(default_factory=lambda: np.empty(0, int))
-    new: np.ndarray = field(default_factory=lambda: np.empty(0, bool))
+    labels: dict[str, str | None]
+    rows: np.ndarray  # their places in the log
+    new: np.ndarray  # the first row of each part that does not continue the one before
     dropped: int = 0
     said: list[str] = field(default_factory=list)
-    steps: dict[str, float] = field(default_factory=dict)
+    steps: dict[str, float] = field(default_factory=dict)  # smallest recorded ones, by role
+    # what was found in a channel, with the arrays it was found in: a step replaces an array that
+    # it changes, and never writes into it
     known: dict[str, tuple[np.ndarray, np.ndarray, Any]] = field(default_factory=dict)
 
     @classmethod
@@ -88,11 +84,6 @@ class Stamped:
     def required(self) -> list[str]:
         """The roles of torque and motion that the log has."""
         return [role for role in REQUIRED if role in self.channels]
-
-    @property
-    def used(self) -> list[str]:
-        """The same, and a measured load torque."""
-        return [*self.required, *(["d"] if "d" in self.channels else [])]
 
     @property
     def motion_signal(self) -> np.ndarray | None:
@@ -121,13 +112,12 @@ class Stamped:
 
     def places(self, mask: np.ndarray) -> str:
         """Return 'in 3 rows, first at line 2102' of the rows in a mask."""
-        many = int(np.count_nonzero(mask))
-        return f"in {count(many, 'row')}, first at {self.place(int(mask.argmax()))}"
+        rows = count(int(np.count_nonzero(mask)), "row")
+        return f"in {rows}, first at {self.place(int(mask.argmax()))}"
 
     def value(self, role: str, row: int) -> str:
         """Return the value of a channel in one of these rows with its unit."""
-        unit = si_unit(role, self.motion)
-        return f"{self.channels[role][row]:.6g}{' ' if unit else ''}{unit}"
+        return f"{self.channels[role][row]:.6g} {si_unit(role, self.motion)}".rstrip()
 
     def say(self, *sentences: str) -> None:
         self.said += sentences

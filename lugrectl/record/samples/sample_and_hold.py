@@ -15,17 +15,13 @@ _ROUNDED = 1e-6  # rows, for rounding
 
 def renewed_every(x: np.ndarray) -> tuple[float, float]:
     """Every how many rows a channel (N,) changes, and the place (below that) where; (1, 0) if it
-    may change in any row. NaN counts as no change.
-
-    A clock of its own may renew it every 2.5 rows: it then changes in the first row after each
-    beat.
-    """
+    may change in any row. A clock of its own may renew it every 2.5 rows: it then changes in the
+    first row after each beat. NaN counts as no change."""
     good = np.flatnonzero(np.isfinite(x))
-    at = good[1:][np.diff(x[good]) != 0]
-    if len(at) < _FEWEST:
-        return 1, 0
+    changes = np.diff(x[good])
+    at = good[1:][changes != 0]
     # each change off the beat spoils two distances at most
-    if np.count_nonzero(np.diff(at) == 1) > 2 * (1 - _SURE) * len(at) + 1:
+    if len(at) < _FEWEST or np.sum(np.diff(at) == 1) > 2 * (1 - _SURE) * len(at) + 1:
         return 1, 0
     for every in range(_MOST, 1, -1):
         shares = np.bincount(at % every, minlength=every) / len(at)
@@ -34,7 +30,9 @@ def renewed_every(x: np.ndarray) -> tuple[float, float]:
     every, first = _beat(at, len(x))
     on_beat = np.mean((at - first) % every < 1.0)
     held = on_beat >= _SURE and len(at) >= max(_FEWEST, 0.1 * len(x) / every)
-    return (every, first) if held and every <= _MOST and not _counts(np.diff(x[good])) else (1, 0)
+    size = np.abs(changes[changes != 0])  # nearly all of one: an encoder at one speed, no beat
+    counts = np.mean(np.abs(size - np.median(size)) < 1e-6 * np.median(size)) >= _SURE
+    return (every, first) if held and every <= _MOST and not counts else (1, 0)
 
 
 def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
@@ -54,18 +52,14 @@ def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
     return float(every), float(np.quantile(after, 0.5 * (1 - _SURE)) - _ROUNDED) % float(every)
 
 
-def _counts(changes: np.ndarray) -> bool:
-    """Whether nearly all changes have one size: those of an encoder at one speed are no beat."""
-    size = np.abs(changes[changes != 0])
-    return bool(np.mean(np.abs(size - np.median(size)) < 1e-6 * np.median(size)) >= _SURE)
-
-
 def keep_renewed(log: Stamped) -> None:
-    """Keep the rows that were sampled; leave out a second motion signal that is slower.
+    """Keep the rows that were sampled; leave out a second motion signal that is slower. A torque
+    that is stepped between a few levels stays; one that is renewed more often is averaged."""
 
-    A torque that is stepped between a few levels is held on purpose: its rows stay. One that is
-    renewed more often than the motion is averaged from row to row.
-    """
+    def say(names: str, every: float, then: str) -> None:
+        verb = "are" if " and " in names else "is"
+        log.say(f"{names} {verb} renewed only every {1e3 * every * dt:.4g} ms{then}.")
+
     found = {role: renewed_every(log.channels[role]) for role in log.required}
     found = {role: (every, row) for role, (every, row) in found.items() if every > 1}
     if not found:
@@ -76,45 +70,34 @@ def keep_renewed(log: Stamped) -> None:
     if len(motion) == 2 and len(slow) == 1:
         (role,) = slow
         other = "theta" if role == "w" else "w"
-        _say(log, role, found.pop(role)[0] * dt, f": left out, as {other} is renewed in every row")
+        say(role, found.pop(role)[0], f": left out, as {other} is renewed in every row")
         del log.channels[role]
         slow = []
-    if "u" in found and not slow and _has_levels(log.channels["u"], *found["u"]):
-        del found["u"]
+    if "u" in found and not slow:
+        values = log.channels["u"][_rows(*found["u"], len(log.t))]
+        values = values[np.isfinite(values)]
+        if len(np.unique(values)) < 0.3 * len(values):  # the same again and again: a program
+            del found["u"]
     if found:
         every, first = max(found.values())
-        _say(log, " and ".join(found), every * dt, ": only these rows are used")
-        sampled = np.isin(np.arange(len(log.t)), _rows(every, first, len(log.t)))
+        say(" and ".join(found), every, ": only these rows are used")
+        rows = _rows(every, first, len(log.t))
         if "u" not in found:
-            log.channels["u"] = _means(log.channels["u"], sampled)
-        log.keep(sampled)
+            log.channels["u"] = _means(log.channels["u"], rows)
+        log.keep(np.isin(np.arange(len(log.t)), rows))
         if slow and every % 1:  # its clock is even, the rows in which it was seen first are not
             use_true_times(log)
 
 
-def _rows(every: float, first: float, rows: int) -> np.ndarray:
-    """The rows at a beat, or the first ones after it."""
-    return np.ceil(np.arange(first, rows - 1 + _ROUNDED, every)).astype(int)
-
-
-def _means(u: np.ndarray, sampled: np.ndarray) -> np.ndarray:
+def _means(u: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """The torque in the sampled rows as its mean up to the next of them: its integral is kept."""
-    rows = np.flatnonzero(sampled)
-    good = np.isfinite(u)
+    good, made = np.isfinite(u), np.full(len(u), np.nan)
     total = np.add.reduceat(np.where(good, u, 0.0), rows)
-    made = np.full(len(u), np.nan)
     with np.errstate(invalid="ignore", divide="ignore"):
         made[rows] = total / np.add.reduceat(good.astype(float), rows)
     return made
 
 
-def _say(log: Stamped, names: str, step: float, then: str) -> None:
-    verb = "are" if " and " in names else "is"
-    log.say(f"{names} {verb} renewed only every {1e3 * step:.4g} ms{then}.")
-
-
-def _has_levels(u: np.ndarray, every: float, first: float) -> bool:
-    """Whether a torque takes the same values again and again, as a program of steps does."""
-    samples = u[_rows(every, first, len(u))]
-    samples = samples[np.isfinite(samples)]
-    return len(np.unique(samples)) < 0.3 * len(samples)
+def _rows(every: float, first: float, rows: int) -> np.ndarray:
+    """The rows at a beat, or the first ones after it."""
+    return np.ceil(np.arange(first, rows - 1 + _ROUNDED, every)).astype(int)

@@ -1,7 +1,5 @@
-"""Torques that were not read: registers at their end or that wrap, readings that stand still.
-
-Their values alone do not show it, since a drive may hold its torque or jump with it. The motion
-does: it needs another torque than the log says.
+"""Torques that were not read: registers at their end or that wrap, readings that stand still. Their
+values alone do not show it; the motion does: it needs another torque than the log says.
 """
 
 from __future__ import annotations
@@ -27,24 +25,43 @@ _SEGMENTS = 4000  # between jumps of a register; with more, its jumps are noise
 
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
-    u = log.channels["u"]
+    u, unit = log.channels["u"], log.unit_of_u
     if not np.isfinite(u).any() or len(log.required) < 2:
         return
     limit, stuck = _suspects(u)
     unknown = in_runs(len(u), [*limit, *stuck])
     if unknown.mean() > _MOST:
         stuck, unknown = [], in_runs(len(u), limit)
-    fit = _judging(log, unknown) if 0 < unknown.mean() <= _MOST else None
+    if not 0 < unknown.mean() <= _MOST:
+        return
+    # fitted with the rows in doubt where that leaves little of the torque, else without: rests and
+    # coasts are in doubt, too, and without them it may rest on little
+    fit = needed(log)
+    if fit is None or fit.scale >= _SHARE * float(np.nanquantile(np.abs(u), 0.9)):
+        fit = needed(log, unknown)
     if fit is None:
         return
     least, missing = _least(fit, u, unknown), fit.missing(np.nan_to_num(u))
     for value, beyond in ((np.nanmin(u), -missing), (np.nanmax(u), missing)):
         at = in_runs(len(u), [run for run in limit if u[run[0]] == value])
-        _leave_out_end(log, value, beyond[at & fit.judged], least)
+        beyond = beyond[at & fit.judged]
+        if len(beyond) >= 5 and np.quantile(beyond, 0.7) > least:
+            ends = log.channels["u"] == value
+            log.leave_out(
+                "u",
+                ends,
+                f"u stays at the end of its register, {value:.6g} {unit}, {log.places(ends)}, "
+                f"while the motion needs up to {np.max(beyond):.3g} {unit} more: left out.",
+            )
     for a, n in stuck:
         judged = missing[a : a + n][fit.judged[a : a + n]]
         if n >= fit.width and len(judged) >= 5 and abs(np.median(judged)) > least:
-            _leave_out_run(log, a, n, float(np.median(judged)))
+            log.leave_out(
+                "u",
+                in_runs(len(log.t), [(a, n)]),
+                f"u stands at {log.value('u', a)} for {count(n, 'row')} from {log.place(a)} on "
+                f"while the motion needs {np.median(judged):+.3g} {unit} beyond it: left out.",
+            )
 
 
 def _suspects(u: np.ndarray) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
@@ -63,15 +80,6 @@ def _suspects(u: np.ndarray) -> tuple[list[tuple[int, int]], list[tuple[int, int
     return limit, [(a, n) for a, n in flat if n >= long and u[a] not in (low, high)]
 
 
-def _judging(log: Stamped, unknown: np.ndarray) -> Needed | None:
-    """Return the balance that judges rows in doubt: fitted with them where it then leaves little
-    of the torque, however far off single rows are, else without. Rests and coasts are in doubt,
-    too, and without them it may rest on little."""
-    every = needed(log)
-    little = _SHARE * float(np.nanquantile(np.abs(log.channels["u"]), 0.9))
-    return every if every is not None and every.scale < little else needed(log, unknown)
-
-
 def _least(fit: Needed, u: np.ndarray, unknown: np.ndarray) -> float:
     """Return the least missing torque that is no error of the rough balance."""
     missing = np.abs(fit.missing(u))
@@ -83,29 +91,6 @@ def _least(fit: Needed, u: np.ndarray, unknown: np.ndarray) -> float:
     return max(_FAR * fit.scale, usual, _SHARE * float(np.nanquantile(np.abs(u), 0.9)))
 
 
-def _leave_out_end(log: Stamped, value: float, beyond: np.ndarray, least: float) -> None:
-    """Leave out the end of a register, where the motion needs a torque ``beyond`` it."""
-    if len(beyond) < 5 or not np.quantile(beyond, 0.7) > least:
-        return
-    every, unit = log.channels["u"] == value, log.unit_of_u
-    log.leave_out(
-        "u",
-        every,
-        f"u stays at the end of its register, {value:.6g} {unit}, {log.places(every)}, while the "
-        f"motion needs up to {np.max(beyond):.3g} {unit} more: left out.",
-    )
-
-
-def _leave_out_run(log: Stamped, a: int, n: int, missing: float) -> None:
-    """Leave out a run of one value that the motion contradicts."""
-    log.leave_out(
-        "u",
-        in_runs(len(log.t), [(a, n)]),
-        f"u stands at {log.value('u', a)} for {count(n, 'row')} from {log.place(a)} on while "
-        f"the motion needs {missing:+.3g} {log.unit_of_u} beyond it: left out.",
-    )
-
-
 # ---- registers that wrap ------------------------------------------------------------
 
 
@@ -114,14 +99,18 @@ def unwrap_torque(log: Stamped) -> None:
     u = log.channels["u"]
     span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() and len(log.required) > 1 else 0.0
     values = np.nan_to_num(u)
-    segments = _segments(values, span) if span else []
-    if not 1 < len(segments) <= _SEGMENTS:
+    steps = np.abs(np.diff(values))
+    if not span or not (steps > span / 2).any():
         return
-    fit = needed(log)
+    # a jump of the torque that wraps may come out as a smaller one
+    edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
+    ends = [0, *edges.tolist(), len(u)]
+    segments = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
+    fit = needed(log) if 1 < len(segments) <= _SEGMENTS else None
     if fit is None:
         return
     turns = _turns(fit.torque - values, segments, values, span)
-    moved = values + span * np.repeat(turns, [part.stop - part.start for part in segments])
+    moved = values + span * np.repeat(turns, np.diff(ends))
     changed = moved != values
     left, before = (np.nansum(np.abs(fit.missing(x)) / fit.error) for x in (moved, values))
     if not 0 < changed.mean() <= 0.5 or left > before:
@@ -143,29 +132,18 @@ def _span(values: np.ndarray) -> float:
     return float(power) if -1e-6 * span < power - span < 0.02 * span else 0.0
 
 
-def _segments(u: np.ndarray, span: float) -> list[slice]:
-    """Return the rows between jumps; none where no jump is half a span."""
-    steps = np.abs(np.diff(u))
-    if not (steps > span / 2).any():
-        return []
-    # a jump of the torque that wraps may come out as a smaller one
-    edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
-    return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, len(u)], strict=True)]
-
-
 def _turns(
     missing: np.ndarray, segments: Sequence[slice], u: np.ndarray, span: float
 ) -> np.ndarray:
     """Return for each segment the multiple of the span that is missing there; the longest segment
     is as it was read."""
     turns = np.zeros(len(segments), int)
+    jumps = [np.rint((u[s.start - 1] - u[s.start]) / span) for s in segments[1:]]
     known = [i for i, part in enumerate(segments) if np.isfinite(missing[part]).any()]
     for i in known:
         turns[i] = np.rint(np.nanmedian(missing[segments[i]]) / span)
     for i in range(known[0] - 1, -1, -1):  # beyond the windows: the smallest jump
-        edge = segments[i].stop
-        turns[i] = turns[i + 1] + np.rint((u[edge] - u[edge - 1]) / span)
+        turns[i] = turns[i + 1] - jumps[i]
     for i in range(known[-1] + 1, len(segments)):
-        edge = segments[i].start
-        turns[i] = turns[i - 1] + np.rint((u[edge - 1] - u[edge]) / span)
+        turns[i] = turns[i - 1] + jumps[i - 1]
     return turns - turns[int(np.argmax([part.stop - part.start for part in segments]))]

@@ -14,13 +14,9 @@ from .torque_faults import leave_out_untrue_torque, unwrap_torque
 
 
 def usable(log: Log) -> Stamped:
-    """The rows of a log that can be used, each finding as a sentence.
-
-    Stamps are put in order, bad samples become nan, wrapped positions are unwrapped, and a part
-    begins where time or position do not go on. Nothing is filled in or resampled. The result is
-    kept with the log, since the plain answer and the finer fit both need it; the caller gets its
-    own copy.
-    """
+    """The rows of a log that can be used, each finding as a sentence; nothing is filled in or
+    resampled. They are kept with the log, since the plain answer and the finer fit both need them;
+    the caller gets its own copy."""
     checksum = log.checksum()
     if log.kept.checksum != checksum:
         log.kept.value = _found(log)
