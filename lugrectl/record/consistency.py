@@ -38,6 +38,7 @@ def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -
     ``labels`` are the units by role as stated. Raises Refused when ``u`` or the motion is constant
     or only noise; a constant torque at a steady speed is a point of a friction curve, and beside
     other runs (not ``alone``) it may be one of several torques (:func:`refuse_dead`)."""
+    record = _without_dead_speed(record)
     _alive(record, alone)
     return _saturation(_torque_sign(fitting_speed(record, labels)))
 
@@ -112,6 +113,15 @@ def _dead(source: str, role: str, value: float, how: str) -> Refused:
         f"{source}: {role} is constant ({value:.6g}): {meaning}.",
         f"Record a motion that starts, stops and {how}, with its torque.",
     )
+
+
+def _without_dead_speed(record: Record) -> Record:
+    """Return the record without a w that is constant while theta changes its speed."""
+    moves = record.theta is not None and not (_is_constant(record.theta) or _is_steady(record))
+    if record.w is None or not moves or not _is_constant(record.w):
+        return record
+    said = f"w is not d theta/dt but constant ({record.w[0]:.6g}): {_IGNORED}"
+    return replace(record, w=None).with_messages(said)
 
 
 def _is_constant(values: np.ndarray) -> bool:
