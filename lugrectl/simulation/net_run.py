@@ -25,8 +25,8 @@ from ..engine.runtime.endings import (
 )
 from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
-from ..engine.tracing.locate_fault import culprit
 from ..engine.tracing.network import Net
+from ..engine.tracing.pointwise import culprit
 
 # a discrete system is traced from this many samples on: python-control takes 12 us each
 LONG = 1000
@@ -200,8 +200,7 @@ def _all_finite(net: Net, t: np.ndarray, u: np.ndarray, track: Track) -> None:
     if net.alone and net.looped:
         where = culprit(net.parts[0].block, float(t[k]), track.x[:, k], u[:, k])
     elif not net.alone:
-        names = ", ".join(net.parts[j].block.name for j, _ in net.sources[label])
-        where = f"output {label} of block {names} is {track.y[i, k]}"
+        where = f"output {label} of block {net.makers(label)} is {track.y[i, k]}"
     where = where or f"output {label} is {track.y[i, k]}"
     raise Diverged(f"{net.name}: {where} at t = {t[k]:.6g} s.")
 

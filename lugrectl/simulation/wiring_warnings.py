@@ -31,13 +31,8 @@ def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> No
         for label in net.outside:
             if label not in given and label not in OPTIONAL and (said := _unfed(net, label)):
                 warnings.warn(said, RuntimeWarning, stacklevel=4)
-    ends = [(i, j) for i, part in enumerate(net.parts) for j in range(len(part.outputs))]
-    column = {end: k for k, end in enumerate(ends)}
-    rows = []
-    for label in (k for part in net.parts for k in part.inputs):
-        rows.append(np.zeros(len(ends)))
-        rows[-1][[column[end] for end in net.sources.get(label, [])]] = 1.0
-    _warn_of_sign(net.name, [part.block for part in net.parts], np.array(rows), params)
+    wires = net.wires
+    _warn_of_sign(net.name, wires.blocks, wires.connect, params)
 
 
 def _unfed(net: Net, label: str) -> str:
@@ -51,8 +46,7 @@ def _unfed(net: Net, label: str) -> str:
     ]
     near = difflib.get_close_matches(label, [k for k in net.signals if k not in read], n=1)
     if near:
-        makers = dict.fromkeys(net.parts[i].block.name for i, _ in net.sources[near[0]])
-        hint = f"Did you mean {near[0]} of {', '.join(makers)}?"
+        hint = f"Did you mean {near[0]} of {net.makers(near[0])}?"
     elif idle:
         unread = "; ".join(f"{', '.join(p.outputs)} of {p.block.name}" for p in idle)
         hint = f"Nothing reads {unread}: is it meant?"

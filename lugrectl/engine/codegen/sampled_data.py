@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..tracing.network_equations import Hybrid, Tick
+from ..tracing.tracer import Hybrid, Tick
 from .adaptive_step import adaptive_code
 from .outputs import unpacked
 from .python_source import Emitter, Section, indent, summed

@@ -19,7 +19,7 @@ import numpy as np
 from ..expression.graph import Node, evaluate, rename
 from ..tracing.equations import Program
 from ..tracing.network import Net
-from ..tracing.network_equations import Tick, traced_net
+from ..tracing.tracer import Tick, traced_net
 from .course import Accuracy, Course, Now, Track
 from .memo import ALONE, Engine, made_of
 

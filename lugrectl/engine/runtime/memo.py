@@ -10,8 +10,7 @@ from ...core.errors import InputError
 from ..expression.graph import symbols_in
 from ..tracing.ingredients import described, is_number, numbers_alone
 from ..tracing.network import Net
-from ..tracing.network_equations import Hybrid, traced_net
-from ..tracing.tracer import smooth_keys
+from ..tracing.tracer import Hybrid, smooth_keys, traced_net
 from ..tracing.verify import AGAIN
 from .adaptive_run import Adaptive, chosen_backend
 from .sampled_run import Held

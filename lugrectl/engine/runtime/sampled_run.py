@@ -14,7 +14,7 @@ from ...core.errors import Diverged
 from ..codegen.sampled_data import held_code, signal_code
 from ..tracing.equations import Program
 from ..tracing.network import Net
-from ..tracing.network_equations import Hybrid
+from ..tracing.tracer import Hybrid
 from .backend import compiler, kind_of, load, load_steps
 from .course import Accuracy, Course, Now, Track
 from .endings import no_bound
