@@ -128,7 +128,7 @@ def _by_equations(run: Run) -> Track:
     """By the traced equations, with exact dead times. TraceError where there are none."""
     engine = compiled(run.net, run.params)
     late = run_late(engine, run.net, run.course, run.starts, run.params, run.accuracy)
-    p = engine.flow.arguments(run.params)
+    p = engine.program.arguments(run.params)
     return late or engine.follow(run.course, *run.starts, p, run.accuracy)
 
 

@@ -17,7 +17,7 @@ from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Adaptive, Portable
 from ..engine.runtime.delays import lates
-from ..engine.runtime.memo import compiled_system
+from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net
 from ..engine.tracing.tracer import widths
 from ..simulation import arguments
@@ -204,7 +204,7 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
     first = {k: float(v[0]) for k, v in columns.items()} | wide
     for given in (wide, first):
         try:
-            engine = compiled_system(system, given)
+            engine = compiled(Net.of(system), given)
         except (TraceError, KeyError):  # a block reads a key that has no default
             if given == first:
                 raise

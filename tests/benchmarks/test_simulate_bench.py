@@ -16,7 +16,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.engine.runtime.memo import compiled_system
+from lugrectl.engine.runtime.memo import compiled
+from lugrectl.engine.tracing.network import Net
 
 from ..conftest import there
 from . import c_loop, item
@@ -102,7 +103,7 @@ def test_free_simulation_of_1e5_samples(benchmark: Any) -> None:
     """Torque in, held; theta, w, z and F out: the engine alone, and the whole of ``simulate``."""
     pytest.importorskip("numba")
     plant, (t, u) = lg.plant(lg.table1()), torque(100_000)
-    engine, x0 = compiled_system(plant), np.zeros(3)
+    engine, x0 = compiled(Net.of(plant)), np.zeros(3)
     p = engine.program.defaults
 
     def run() -> np.ndarray:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.memo import compiled_system
+from lugrectl.engine.runtime.memo import compiled
+from lugrectl.engine.tracing.network import Net
 
 from ..benchmarks import item
 from ..cases.own import user_block
@@ -58,7 +59,7 @@ def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
 def test_a_zero_crossing_does_not_shorten_the_steps():
     """The velocity loop of Table 1: one step for each sample and few more."""
     loop = item.loop()
-    engine = compiled_system(loop)
+    engine = compiled(Net.of(loop))
     p = engine.program.arguments(None)
     u = item.r[None, :]
     run = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-6)

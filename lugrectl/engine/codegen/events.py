@@ -101,11 +101,6 @@ def start_sides(parts: Parts) -> list[str]:
     return lines
 
 
-def start_sizes(parts: Parts) -> list[str]:
-    """The largest values of the switching functions, once the sides are correct."""
-    return [f"r{i} = widest(r{i}, a{i})" for i in range(len(parts.leads))]
-
-
 def nesting(leads: Sequence[Node]) -> int:
     """The longest chain of switching functions, each of which depends on the side of the next."""
     depths: dict[str, int] = {}

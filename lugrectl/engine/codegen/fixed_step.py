@@ -87,11 +87,12 @@ def lane_code(program: Program, kind: str) -> str:
     fixed = [node.value for node in program.p]
     at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
     outputs = at_sample.write(program.y)
-    inner = step_code(program, kind, at_step)
-    states = [node.value for node in program.x]
+    states, scalar = [node.value for node in program.x], kind == "scalar"
+    taken = "{1} = n{0}" if scalar else "{1} = np.where(good, n{0}, {1})"
+    advance = [taken.format(i, x) for i, x in enumerate(states)]
+    inner = trial(program, kind, at_step, _SCALAR_STEP if scalar else _ARRAY_STEP, advance)
     read = [f"u{i} = u[own, row, {i}]" for i in range(len(program.u))]
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
-    scalar = kind == "scalar"
     return _LOOP.format(
         lanes="range(first, last)" if scalar else "(slice(first, last),)",
         whole="whole" if scalar else "np.full(last - first, whole)",
@@ -120,22 +121,6 @@ def unpack(program: Program, kind: str) -> list[str]:
 
 def _most(kind: str, a: str, b: str) -> str:
     return f"{'np.maximum' if kind == 'array' else 'max'}({a}, abs({b}))"
-
-
-def step_code(
-    program: Program, kind: str, emitter: Emitter, counted: Sequence[str] = ()
-) -> list[str]:
-    """One trial step, its error relative to the states' scales, and whether it is accepted.
-
-    ``counted``: code of a scalar step that is executed first when the step is accepted, while
-    the states and n0, n1, ... (the new states) are both available.
-    """
-    states = [node.value for node in program.x]
-    if kind == "scalar":
-        advance = [*counted, *(f"{x} = n{i}" for i, x in enumerate(states))]
-        return trial(program, kind, emitter, _SCALAR_STEP, advance)
-    advance = [f"{x} = np.where(good, n{i}, {x})" for i, x in enumerate(states)]
-    return trial(program, kind, emitter, _ARRAY_STEP, advance)
 
 
 def trial(
@@ -177,13 +162,9 @@ def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list
 
     What e has within ``half`` is reduced by the part ``dull``.
     """
-    scalar = kind == "scalar"
-    drop = "0.0 if c{0} != c{0} else c{0}" if scalar else "np.where(np.isnan(c{0}), 0.0, c{0})"
-    clip = (
-        "max(-half[{0}], min(half[{0}], c{0}))"
-        if scalar
-        else "np.clip(c{0}, -half[{0}], half[{0}])"
-    )
+    drop, clip = "0.0 if c{0} != c{0} else c{0}", "max(-half[{0}], min(half[{0}], c{0}))"
+    if kind == "array":
+        drop, clip = "np.where(np.isnan(c{0}), 0.0, c{0})", "np.clip(c{0}, -half[{0}], half[{0}])"
     lines = []
     for o, code in enumerate(outputs):
         lines += [f"c{o} = y[view, k, {o}] - {code}", f"c{o} = " + drop.format(o)]

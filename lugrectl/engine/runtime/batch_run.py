@@ -17,7 +17,7 @@ from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
 from .backend import compiler, load, threads
 from .c_compiler import has_wide
-from .threads import beside
+from .threads import each_beside
 
 if TYPE_CHECKING:
     import control as ct
@@ -31,27 +31,11 @@ LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after 
 class Lanes:
     """Many fixed-step runs (lanes) of one traced system along one record.
 
-    Parameters
-    ----------
-    system : control.NonlinearIOSystem
-        Block or interconnection in continuous time, traced once, as it is now. tanh(x/p) of a
-        state x is sign(x) where the default of p only smooths it.
-    backend : str or None
-        "c", "numba", "numpy", or None: the first one available. "c" computes several lanes at
-        once if compiler, processor and library support it.
-    outputs : sequence of str or None
-        The requested outputs, in order; None for all.
-
-    Attributes
-    ----------
-    states, inputs, outputs, parameters : tuple of str
-    defaults : ndarray
-        Parameter values of the system, in the order of ``parameters``.
-
-    Raises
-    ------
-    TraceError
-        When the system's functions cannot be traced.
+    The system, a block or an interconnection in continuous time, is traced once, as it is now;
+    TraceError where that cannot be. tanh(x/p) of a state x is sign(x) where the default of p only
+    smooths it. ``backend`` is "c", "numba", "numpy", or None: the first one available; "c"
+    computes several lanes at once if compiler, processor and library support it. ``outputs`` are
+    the requested ones in order, None for all; ``defaults`` the values of ``parameters``.
     """
 
     def __init__(
@@ -76,11 +60,6 @@ class Lanes:
         if self.backend != "c" or not has_wide() or not is_wide(self.program):
             return None
         return load(wide_code(self.program), "wide").run
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the loop is machine code."""
-        return self.backend != "numpy"
 
     def run(
         self,
@@ -110,51 +89,20 @@ class Lanes:
         equal steps (or more, see ``rtol``) with the input held. A lane that diverges ends in
         inf or nan.
 
-        Parameters
-        ----------
-        x0 : (L, n)
-            States at the start.
-        start : (L,) int
-            Sample at which each lane begins.
-        length : int
-            Samples per lane.
-        u : (N, m) or (S, N, m)
-            Inputs, held over each sample interval; with ``per_substep`` N substeps rows, held
-            over each substep.
-        p : (L, q)
-            Parameters.
-        series : (L,) int
-            The input set that each lane uses (default 0).
-        y : (N, ny) or (M, N, ny)
-            Measured outputs; nan: no correction by that output at that sample.
-        seen : (L,) int
-            The measured set that each lane uses (default 0).
-        gain : (n, ny) or (L, n, ny)
-            Correction gain.
-        rounding : tuple of (N, ny) and (ny,) arrays
-            Part of a correction to leave out, and the size of ``y - output`` up to which it is
-            left out: samples that repeat one rounded value count as one.
-        rtol : float
-            A substep whose estimated error exceeds this part of the largest value that the
-            state has had in the lane is divided (a crossing of zero speed under static
-            friction); inf: never.
-        floor : float or (n,)
-            Lower limit of that largest value, for lanes at rest.
+        ``x0`` (L, n) are the states at the start, ``start`` (L,) the samples at which the lanes
+        begin, ``p`` (L, q) their parameters. ``u`` (N, m) or (S, N, m) are inputs, held over each
+        sample interval; with ``per_substep`` N substeps rows, held over each substep; ``series``
+        (L,) says which of S inputs a lane uses. ``y`` (N, ny) or (M, N, ny) are measured outputs
+        (nan: no correction by that output at that sample), ``seen`` (L,) which of M a lane uses,
+        ``gain`` (n, ny) or (L, n, ny). ``rounding`` (N, ny) and (ny,) are the part of a
+        correction to leave out, and the size of ``y - output`` up to which it is left out:
+        samples that repeat one rounded value count as one. A substep whose estimated error
+        exceeds ``rtol`` of the largest value that the state has had in the lane, at least
+        ``floor``, is divided (a crossing of zero speed under static friction); inf: never.
 
-        Returns
-        -------
-        y_hat : (L, length, ny)
-            Outputs before the correction.
-        x : (L, n)
-            States after the last interval.
+        Returns outputs before the correction (L, length, ny) and states after the last interval
+        (L, n). InputError when the shapes do not fit together or a lane leaves the record.
 
-        Raises
-        ------
-        InputError
-            When the shapes do not fit together or a lane leaves the record.
-
-        Notes
-        -----
         L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own
         rate contains its sign (see :mod:`.codegen.relay`); other kinks are not located. A
         condition on time is weighted by its share of the step. At the default rtol a result, as a
@@ -177,7 +125,10 @@ class Lanes:
         given = (x0, start, int(length), u, stride, series, p, *correction)
         given = (*given, _repeated(t0, count), *steps, y_hat, x_end)
         wide = self._wide if count >= LEAST_WIDE and length else None
-        block, spread = WIDTH if wide else 1, self.compiled and count * length * substeps > MANY
+        block, spread = (
+            WIDTH if wide else 1,
+            self.backend != "numpy" and count * length * substeps > MANY,
+        )
         with np.errstate(all="ignore"):
             _spread(wide or self._run, given, count, block, threads() if spread else 1)
         return y_hat, x_end
@@ -233,7 +184,8 @@ def _spread(
         return
     edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
     edges = np.minimum(edges, count).tolist()
-    beside(lambda part: loop(*given, *part), zip(edges, edges[1:], strict=False))
+    for _ in each_beside(lambda part: loop(*given, *part), zip(edges, edges[1:], strict=False)):
+        pass
 
 
 def _indices(values: Any, count: int, highest: int, label: str) -> np.ndarray:

@@ -34,14 +34,10 @@ def bounded(
 ) -> None:
     """Raise Diverged, with signal and time, where a row grows without bound or is not a number.
 
-    Parameters
-    ----------
-    rows, labels : list of arrays (n, N), and a function that returns lists of their names
-        States first: the earliest one of the first array in which a row grows is named.
-    driven : arrays
-        Inputs and initial states: their largest value, at least 1, is the size of the run.
-    looped : bool
-        Several blocks: the message then mentions the sign of the feedback.
+    ``rows`` are arrays (n, N), ``labels`` a function that returns lists of their names. States
+    first: the earliest one of the first array in which a row grows is named. The largest value of
+    inputs and initial states (``driven``), at least 1, is the size of the run. ``looped``: several
+    blocks; the message then mentions the sign of the feedback.
     """
     size = max([1.0, *(float(np.max(np.abs(part))) for part in driven if np.size(part))])
     large = [np.size(group) and not np.abs(group).max() <= BOUND * size for group in rows]
@@ -117,11 +113,8 @@ def quiet() -> Iterator[None]:
 class Chatter:
     """An event function for ``solve_ivp`` that never occurs: it sees every step.
 
-    Raises
-    ------
-    Diverged
-        Where a comparison in a block holds the solver at one time: a state turns back again and
-        again while the time hardly moves.
+    Raises Diverged where a comparison in a block holds the solver at one time: a state turns back
+    again and again while the time hardly moves.
     """
 
     terminal = False
@@ -150,7 +143,13 @@ class Chatter:
 @contextlib.contextmanager
 def said_if_slow(why: str, how: str = "") -> Iterator[None]:
     """Warn once, after a few seconds, why what runs inside is slow; nothing without a ``why``."""
-    timer = Timer(AFTER, _say, (LONG.format(why, f", {how}" if how else ""),))
+
+    def say() -> None:
+        sentence = LONG.format(why, f", {how}" if how else "")
+        with contextlib.suppress(RuntimeWarning):  # of a user who made errors of warnings
+            warnings.warn(sentence, RuntimeWarning, stacklevel=1)
+
+    timer = Timer(AFTER, say)
     timer.daemon = True
     if why:
         timer.start()
@@ -158,10 +157,3 @@ def said_if_slow(why: str, how: str = "") -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-
-
-def _say(sentence: str) -> None:
-    try:
-        warnings.warn(sentence, RuntimeWarning, stacklevel=1)
-    except RuntimeWarning:  # the user made errors of warnings, which stop no other thread
-        pass

@@ -12,17 +12,12 @@ Item = TypeVar("Item")
 Made = TypeVar("Made")
 
 
-def beside(work: Callable[[Item], Made], items: Iterable[Item]) -> list[Made]:
-    """The results of ``work`` on each item, in the items' order.
+def each_beside(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """The results of ``work`` on each item, in the items' order, each as soon as it is there.
 
     Each call uses one thread. Without compiled code, which lets other threads run, the items are
     processed one after another.
     """
-    return list(each_beside(work, items))
-
-
-def each_beside(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
-    """As :func:`beside`, each result as soon as it and those before it are there."""
     given = list(items)
     workers = min(threads() if compiler() else 1, len(given))
     if workers < 2:
