@@ -17,8 +17,7 @@ from ..core.validation import array, positive
 from ..engine.codegen.python_source import Emitter, indent
 from ..engine.expression.derivative import derivatives
 from ..engine.expression.graph import Graph, Node, substitute
-from ..engine.runtime.backend import compiler, load
-from ..engine.runtime.threads import each_beside
+from ..engine.runtime.backend import compiler, each_beside, load
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters

@@ -15,7 +15,7 @@ from lugrectl.engine import AlgebraicLoop
 from lugrectl.engine.runtime import memo, sampled_run
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import row, user_block
+from ..cases.own import row, static, user_block
 from ..conftest import there
 
 pytestmark = pytest.mark.usefixtures("interpreted")
@@ -30,7 +30,7 @@ def swing():
 
 def law(function, inputs, output, dt, name):
     """A block that answers at once, at its ticks where dt > 0."""
-    return user_block(None, lambda t, x, u, p: function(*u), inputs, output, None, name, dt=dt)
+    return static(lambda t, x, u, p: function(*u), inputs, output, name, dt=dt)
 
 
 def summed(dt, source, target, name):
@@ -157,15 +157,8 @@ def test_the_unit_true_takes_the_others_sample_time():
 
 
 def test_parameters_stay_arguments(monkeypatch):
-    gain = user_block(
-        None,
-        lambda t, x, u, p: p["gain.k"] * u[0],
-        ["y"],
-        ["u"],
-        None,
-        "gain",
-        dt=0.1,
-        **{"gain.k": -1.0},
+    gain = static(
+        lambda t, x, u, p: p["gain.k"] * u[0], ["y"], ["u"], "gain", dt=0.1, **{"gain.k": -1.0}
     )
     blocks, t = [swing(), gain], np.linspace(0, 1, 11)
     simulate(blocks, t, x0=[1.0, 0.0])

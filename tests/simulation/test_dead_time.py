@@ -10,7 +10,7 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.own import row, user_block
+from ..cases.own import row, static
 
 LATE = 0.15  # s
 
@@ -20,9 +20,7 @@ def integrator(inputs="v", outputs="x"):
 
 
 def static(function, inputs, outputs, name="static"):
-    return user_block(
-        None, lambda t, x, u, p: np.array([function(u)]), inputs, outputs, None, name, dt=None
-    )
+    return static(lambda t, x, u, p: np.array([function(u)]), inputs, outputs, name)
 
 
 def steps(t, gain):
@@ -95,9 +93,7 @@ def test_beside_a_sampled_controller_it_is_exact():
     """P control of 1/(s + 1): the torque changes in the middle of a sample."""
     dt, late, gain = 0.01, 0.0137, 4.0
     plant = ct.ss([[-1]], [[1]], [[1]], [[0]], inputs="ud", outputs="y", name="P")
-    controller = user_block(
-        None, lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", None, "C", dt=dt
-    )
+    controller = static(lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", "C", dt=dt)
     blocks = [plant, controller, lg.dead_time(late, inputs=["u"], outputs=["ud"])]
     t = dt * np.arange(101)
     y, u = [0.0], [0.0, 0.0]

@@ -16,7 +16,7 @@ import lugrectl as lg
 from lugrectl.core.errors import Diverged, InputError
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import user_block
+from ..cases.own import moving, static, user_block
 from ..cases.systems import velocity_loop
 
 pytestmark = pytest.mark.usefixtures("interpreted")
@@ -91,7 +91,7 @@ def _many(loop, t, r) -> np.ndarray:
 
 def test_a_static_block() -> None:
     t = np.linspace(0, 1, 5)
-    static = user_block(None, lambda t, x, u, p: np.tanh(u) + t, 1, 1, dt=None)
+    static = static(lambda t, x, u, p: np.tanh(u) + t, 1, 1)
     ours, theirs = simulate(static, t, t**2), ct.input_output_response(static, t, t**2)
     np.testing.assert_allclose(ours.outputs, theirs.outputs)
     assert ours.output_labels == theirs.output_labels
@@ -232,8 +232,8 @@ def test_wrong_use_is_said_in_one_sentence() -> None:
 
 def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
     """python-control calls a NaN inside an interconnection an algebraic loop."""
-    root = user_block(None, lambda t, x, u, p: np.sqrt(u[0]), "x", "v", None, "root", dt=None)
-    drain = user_block(lambda t, x, u, p: -u[0], None, "v", "x", "x", "drain")
+    root = static(lambda t, x, u, p: np.sqrt(u[0]), "x", "v", "root")
+    drain = moving(lambda t, x, u, p: -u[0], "x", "drain", "v")
     tank = ct.interconnect([root, drain], outputs="x")
     x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
     np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)

@@ -19,7 +19,7 @@ from lugrectl.engine.runtime import adaptive_run
 from lugrectl.sweeps import parameter_table
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
-from ..cases.own import user_block
+from ..cases.own import static, user_block
 from ..cases.systems import velocity_loop
 from ..conftest import there
 
@@ -206,7 +206,7 @@ def test_progress_and_reduce() -> None:
 
 def static() -> ct.NonlinearIOSystem:
     """y = a u: nothing to step."""
-    return user_block(None, lambda t, x, u, p: p["a"] * u[0], 1, ["y"], None, "s", a=1.0)
+    return static(lambda t, x, u, p: p["a"] * u[0], 1, ["y"], "s", a=1.0)
 
 
 def test_a_stream_holds_a_chunk_only() -> None:

@@ -11,10 +11,11 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 from ...core.errors import InputError
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
@@ -36,6 +37,8 @@ HEADERS: Mapping[str, str] = {
 }
 FLAGS = {"c": PLAIN, "fused": FUSED, "wide": WIDE}
 
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 _LOADING, _THREAD = threading.RLock(), threading.local()
 
 DEEP = 20_000  # numba follows the branches of a function by recursion, two calls for each
@@ -178,3 +181,18 @@ def threads() -> int:
 def alone() -> None:
     """Mark the calling thread: it must not start other threads."""
     _THREAD.alone = True
+
+
+def each_beside(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """The results of ``work`` on each item, in the items' order, each as soon as it is there.
+
+    Each call uses one thread. Without compiled code, which lets other threads run, the items are
+    processed one after another.
+    """
+    given = list(items)
+    workers = min(threads() if compiler() else 1, len(given))
+    if workers < 2:
+        yield from map(work, given)
+        return
+    with ThreadPoolExecutor(workers, initializer=alone) as pool:
+        yield from pool.map(work, given)

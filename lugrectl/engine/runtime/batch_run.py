@@ -15,9 +15,8 @@ from ..codegen.simd import is_wide, wide_code
 from ..expression.operations import WIDTH
 from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
-from .backend import compiler, load, threads
+from .backend import compiler, each_beside, load, threads
 from .c_compiler import has_wide
-from .threads import each_beside
 
 if TYPE_CHECKING:
     import control as ct
@@ -74,10 +73,8 @@ class Lanes:
         t0: float | np.ndarray = 0.0,
         series: np.ndarray | None = None,
         y: np.ndarray | None = None,
-        seen: np.ndarray | None = None,
         gain: np.ndarray | None = None,
         rounding: Rounding | None = None,
-        per_substep: bool = False,
         rtol: float = 1e-4,
         floor: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -91,14 +88,13 @@ class Lanes:
 
         ``x0`` (L, n) are the states at the start, ``start`` (L,) the samples at which the lanes
         begin, ``p`` (L, q) their parameters. ``u`` (N, m) or (S, N, m) are inputs, held over each
-        sample interval; with ``per_substep`` N substeps rows, held over each substep; ``series``
-        (L,) says which of S inputs a lane uses. ``y`` (N, ny) or (M, N, ny) are measured outputs
-        (nan: no correction by that output at that sample), ``seen`` (L,) which of M a lane uses,
-        ``gain`` (n, ny) or (L, n, ny). ``rounding`` (N, ny) and (ny,) are the part of a
-        correction to leave out, and the size of ``y - output`` up to which it is left out:
-        samples that repeat one rounded value count as one. A substep whose estimated error
-        exceeds ``rtol`` of the largest value that the state has had in the lane, at least
-        ``floor``, is divided (a crossing of zero speed under static friction); inf: never.
+        sample interval; ``series`` (L,) says which of S a lane uses. ``y`` (N, ny) are measured
+        outputs (nan: no correction by that output at that sample), ``gain`` is (n, ny) or
+        (L, n, ny). ``rounding`` (N, ny) and (ny,) are the part of a correction to leave out, and
+        the size of ``y - output`` up to which it is left out: samples that repeat one rounded
+        value count as one. A substep whose estimated error exceeds ``rtol`` of the largest value
+        that the state has had in the lane, at least ``floor``, is divided (a crossing of zero
+        speed under static friction); inf: never.
 
         Returns outputs before the correction (L, length, ny) and states after the last interval
         (L, n). InputError when the shapes do not fit together or a lane leaves the record.
@@ -110,27 +106,26 @@ class Lanes:
         much larger steps.
         """
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
-        u, stride = self._inputs(u, substeps if per_substep else 1)
-        count, samples, ny = len(x0), u.shape[1] // stride, len(self.outputs)
+        u, n, ny = np.asarray(u, dtype=float), len(self.states), len(self.outputs)
+        u = _plain(u if u.ndim == 3 else u[None])
+        if u.ndim != 3 or u.shape[2] != len(self.inputs):
+            raise InputError(f"u needs the columns {', '.join(self.inputs)}, not {u.shape}.")
+        count, samples = len(x0), u.shape[1]
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
         start = _indices(start, count, samples - length, "start")
         series = _indices(series, count, len(u) - 1, "series")
         y, gain = self._correction(y, gain, count, samples)
-        seen = _indices(seen, count, max(len(y) - 1, 0), "seen")
         dull, half = (np.empty((0, ny)), np.zeros(ny)) if rounding is None else rounding
-        y_hat, x_end = np.empty((count, length, ny)), np.empty((count, len(self.states)))
-        correction = (y, seen, gain, gain.size > 0, _plain(dull), _plain(half))
-        steps = (float(dt), int(substeps), float(rtol), _repeated(floor, len(self.states)))
-        given = (x0, start, int(length), u, stride, series, p, *correction)
-        given = (*given, _repeated(t0, count), *steps, y_hat, x_end)
+        y_hat, x_end = np.empty((count, length, ny)), np.empty((count, n))
+        given = (x0, start, int(length), u, series, p, y, gain, gain.size > 0)
+        steps = (float(dt), int(substeps), float(rtol), _repeated(floor, n))
+        given = (*given, _plain(dull), _plain(half), _repeated(t0, count), *steps, y_hat, x_end)
         wide = self._wide if count >= LEAST_WIDE and length else None
-        block, spread = (
-            WIDTH if wide else 1,
-            self.backend != "numpy" and count * length * substeps > MANY,
-        )
+        large = self.backend != "numpy" and count * length * substeps > MANY
         with np.errstate(all="ignore"):
-            _spread(wide or self._run, given, count, block, threads() if spread else 1)
+            workers = threads() if large else 1
+            _spread(wide or self._run, given, count, WIDTH if wide else 1, workers)
         return y_hat, x_end
 
     def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
@@ -139,27 +134,17 @@ class Lanes:
             raise InputError(f"{label} needs the columns {', '.join(names)}, not {rows.shape}.")
         return rows
 
-    def _inputs(self, u: np.ndarray, stride: int) -> tuple[np.ndarray, int]:
-        u = np.asarray(u, dtype=float)
-        u = _plain(u if u.ndim == 3 else u[None])
-        if u.ndim != 3 or u.shape[2] != len(self.inputs) or u.shape[1] % stride:
-            raise InputError(
-                f"u needs the columns {', '.join(self.inputs)} and whole samples, not {u.shape}."
-            )
-        return u, stride
-
     def _correction(
         self, y: np.ndarray | None, gain: np.ndarray | None, count: int, samples: int
     ) -> tuple[np.ndarray, np.ndarray]:
         n, ny = len(self.states), len(self.outputs)
         if y is None or gain is None:
-            return np.empty((0, 0, ny)), np.empty((0, n, ny))
-        y, gain = np.asarray(y, dtype=float), np.asarray(gain, dtype=float)
-        y = _plain(y if y.ndim == 3 else y[None])
-        if y.shape[1:] != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
+            return np.empty((0, ny)), np.empty((0, n, ny))
+        y, gain = _plain(y), np.asarray(gain, dtype=float)
+        if y.shape != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
             raise InputError(
                 f"y must be ({samples}, {ny}) and gain ({n}, {ny}) or ({count}, {n}, {ny}); "
-                f"they are {y.shape[1:]} and {gain.shape}."
+                f"they are {y.shape} and {gain.shape}."
             )
         return y, _plain(np.broadcast_to(gain, (count, n, ny)))
 
