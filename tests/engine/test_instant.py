@@ -64,14 +64,9 @@ def closed_lags():
 # Wirings without a loop, and loops with one answer.
 
 
-def test_two_channels_of_one_block_are_no_loop():
-    response = simulate(two_channels(), T, {"r": 1.0})
-    assert last(response, "y") == pytest.approx(0.299, abs=1e-9)
-
-
-def test_the_order_of_blocks_does_not_matter():
+def test_two_channels_of_one_block_are_no_loop_in_whatever_order():
     inner, pass_on, add = two_channels()
-    for blocks in ([add, pass_on, inner], [pass_on, inner, add]):
+    for blocks in ([inner, pass_on, add], [add, pass_on, inner], [pass_on, inner, add]):
         assert last(simulate(blocks, T, {"r": 1.0}), "y") == pytest.approx(0.299, abs=1e-9)
 
 
@@ -108,8 +103,8 @@ def test_a_linear_loop_with_feedthrough_is_that_of_its_closed_form():
 @pytest.mark.parametrize("method", ["LSODA", "rosenbrock"])
 @pytest.mark.parametrize("hold", [False, True])
 def test_every_solver_takes_a_loop_that_has_an_answer(method, hold):
-    t = T[:60]
-    r = np.sin(20 * t)
+    t = T[:30]
+    r = np.sin(40 * t)
     found = simulate(lags(), t, r, method=method, hold=hold)
     closed = ct.ss(closed_lags())
     theirs = ct.forced_response(ct.sample_system(closed, 1e-3) if hold else closed, t, r).outputs
@@ -122,7 +117,7 @@ def test_a_loop_beside_a_block_that_cannot_be_traced():
     slow = moving(
         lambda t, x, u, params: [u[0] - x[0] if u[0] > -1e3 else 0.0], ["late"], "slow", ["y"]
     )
-    t = T[:40]
+    t = T[:20]
     found = last(simulate([*lags(), slow], t, {"r": 1.0}), "y")
     theirs = ct.forced_response(closed_lags(), t, np.ones_like(t)).outputs[-1]
     assert found == pytest.approx(theirs, rel=1e-5)

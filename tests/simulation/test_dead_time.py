@@ -19,10 +19,6 @@ def integrator(inputs="v", outputs="x"):
     return ct.ss([[0]], [[1]], [[1]], [[0]], inputs=inputs, outputs=outputs, name="integrator")
 
 
-def static(function, inputs, outputs, name="static"):
-    return static(lambda t, x, u, p: np.array([function(u)]), inputs, outputs, name)
-
-
 def steps(t, gain):
     """dx/dt = -gain x(t - LATE), x = 1 until 0: one power more in each interval."""
     n = int(t / LATE) + 2
@@ -36,7 +32,7 @@ def steps(t, gain):
 def test_a_delayed_feedback_is_that_of_the_method_of_steps(points, nested):
     blocks = [
         integrator(),
-        static(lambda u: -2.0 * u[0], "late", "v"),
+        static(lambda t, x, u, p: -2.0 * u[0], "late", "v", "static"),
         lg.dead_time(LATE, inputs=["x"], outputs=["late"]),
     ]
     if nested:
@@ -53,7 +49,7 @@ def test_a_relay_behind_a_dead_time_swings_by_it():
     """dx/dt = -sign x(t - T): a triangle of amplitude T and period 4 T, late jumps located."""
     blocks = [
         integrator(),
-        static(lambda u: -np.sign(u[0]), "x", "jumps"),
+        static(lambda t, x, u, p: -np.sign(u[0]), "x", "jumps", "static"),
         lg.dead_time(LATE, inputs=["jumps"], outputs=["v"]),
     ]
     t = np.linspace(0.0, 2.0, 41)
