@@ -280,47 +280,40 @@ class Gathered:
 
     def __init__(self, made: Prepared, index: range | None = None) -> None:
         self.made, self.index = made, range(made.count) if index is None else index
-        self.y: np.ndarray | None = None
-        self.x: np.ndarray | None = None
+        plan = made.plan
+        self.shapes = {} if plan.reduce is not None else {"y": plan.shape}
+        self.shapes |= {} if plan.keep is None else {"x": (len(plan.keep), plan.shape[1])}
+        self.arrays: dict[str, np.ndarray] = {}
         self.reduced: np.ndarray | None = None
         self.done = np.zeros(len(self.index), dtype=bool)
         self.failed: dict[int, str] = {}
         self.coarse: dict[int, float] = {}
         self.interrupted = False
 
+    def places(self) -> dict[str, np.ndarray]:
+        """Arrays for workers in this process to write to."""
+        count = len(self.index)
+        self.arrays = {name: np.empty((count, *shape)) for name, shape in self.shapes.items()}
+        return self.arrays
+
     def take(self, index: range, block: Block | JobError) -> None:
         here = slice(index.start - self.index.start, index.stop - self.index.start)
+        self.done[here] = True
         if isinstance(block, JobError):
             self.failed |= dict.fromkeys(index, block.sentence)
-        else:
-            self.failed |= block.failed
-            self.coarse |= block.coarse
-            for name in ("y", "x"):
-                setattr(self, name, self._placed(getattr(self, name), here, getattr(block, name)))
-            if block.reduced is not None:
-                self._reduced(block.reduced, index)
-        self.done[here] = True
-
-    def places(self) -> dict[str, Any]:
-        """Arrays for workers in this process to write to."""
-        plan, count = self.made.plan, len(self.index)
-        if plan.reduce is None:
-            self.y = np.empty((count, *plan.shape))
-        if plan.keep is not None:
-            self.x = np.empty((count, len(plan.keep), plan.shape[1]))
-        return {"y": self.y, "x": self.x}
-
-    def _placed(self, whole: np.ndarray | None, here: slice, part: np.ndarray | None) -> Any:
-        if part is None or len(part) == len(self.index):
-            return part
-        if whole is None:
-            whole = np.empty((len(self.index), *part.shape[1:]))
-        if not np.may_share_memory(whole, part):
-            whole[here] = part
-        return whole
-
-    def _reduced(self, values: list[Any], index: range) -> None:
-        for member, value in zip(index, values, strict=True):
+            return
+        self.failed |= block.failed
+        self.coarse |= block.coarse
+        for name, shape in self.shapes.items():
+            part = getattr(block, name)
+            if len(part) == len(self.index):
+                self.arrays[name] = part
+                continue
+            if name not in self.arrays:
+                self.arrays[name] = np.empty((len(self.index), *shape))
+            if not np.may_share_memory(self.arrays[name], part):
+                self.arrays[name][here] = part
+        for member, value in zip(index, block.reduced or (), strict=False):
             if value is None:
                 continue
             if self.reduced is None:
@@ -328,28 +321,26 @@ class Gathered:
             if value.shape == self.reduced.shape[1:]:
                 self.reduced[member - self.index.start] = value
             else:
-                self.failed[member] = (
-                    f"reduce: gave the shape {value.shape}, for another member "
-                    f"{self.reduced.shape[1:]}."
-                )
+                wanted = self.reduced.shape[1:]
+                said = f"reduce: gave the shape {value.shape}, for another member {wanted}."
+                self.failed[member] = said
 
     def result(self) -> Sweep:
-        made, plan = self.made, self.made.plan
-        count = len(self.index)
-        if plan.reduce is None:
-            self.y = self._filled(self.y, (count, *plan.shape))
-        elif self.reduced is None:
+        made, count = self.made, len(self.index)
+        lost = ~self.done  # members not run, tasks that failed entirely
+        lost[[member - self.index.start for member in self.failed]] = True
+        for name, shape in self.shapes.items():
+            self.arrays.setdefault(name, np.empty((count, *shape)))[lost] = np.nan
+        if made.plan.reduce is not None and self.reduced is None:
             self.reduced = np.full(count, np.nan)
-        if plan.keep is not None:
-            self.x = self._filled(self.x, (count, len(plan.keep), plan.shape[1]))
         here = slice(self.index.start, self.index.stop)
         return Sweep(
-            plan.name,
+            made.plan.name,
             made.t,
             made.outputs,
             made.states,
-            self.y,
-            self.x,
+            self.arrays.get("y"),
+            self.arrays.get("x"),
             self.reduced,
             {k: v[here] for k, v in made.params.items()},
             np.arange(self.index.start, self.index.stop),
@@ -358,14 +349,6 @@ class Gathered:
             dict(sorted(self.coarse.items())),
             self._message(),
         )
-
-    def _filled(self, values: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
-        """Fill with nan where nothing was written: members not run, tasks that failed entirely."""
-        values = np.empty(shape) if values is None else values
-        lost = ~self.done
-        lost[[member - self.index.start for member in self.failed]] = True
-        values[lost] = np.nan
-        return values
 
     def _message(self) -> str | None:
         name, count, said = self.made.plan.name, len(self.index), []

@@ -56,7 +56,7 @@ class _Instant:
     def __init__(self, wires: Wires, u: np.ndarray, answers: Sequence[Answer], y: Any) -> None:
         self.wires, self.outside = wires, _times(wires.entry, u)
         self.answers, self.outputs = answers, np.array(y, dtype=float)
-        self.seen: list[bytes | None] = [None] * len(answers)
+        self.seen: list[Any] = [None] * len(answers)
 
     def passed(self, loop: Any = (), own: Any = ()) -> np.ndarray | None:
         """The inputs when nothing changes any more, those in ``loop`` being given; None: never.
