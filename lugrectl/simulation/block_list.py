@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import control as ct
 import numpy as np
 
 from ..core.errors import InputError
@@ -46,39 +45,6 @@ def net_of(system: Any) -> tuple[Net, list[float]]:
         for block, rate in zip(blocks, rates, strict=True)
     ]
     return Net("blocks", tuple(parts), outside(parts), len(periods)), periods
-
-
-def together(net: Net) -> Net:
-    """The net of one system in place of continuous blocks: outputs are all signals, inputs those
-    that no block outputs."""
-    if net.alone or net.groups:
-        return net
-    blocks = net.wires.blocks
-    both = {block.name for block in blocks} & {*net.signals, *net.outside}
-    if both:  # python-control would look for the signal in the block
-        label = min(both)
-        raise InputError(f"block {label} has the name of the signal {label}: give it another name=")
-    names: Any = {"inputs": list(net.outside), "outputs": list(net.signals), "name": net.name}
-    options: Any = {"params": {}, "check_unused": False, **names}
-    try:
-        return Net.of(ct.interconnect(blocks, **options))
-    except RuntimeError:  # python-control linearises what is linear, and passes no loop
-        return Net.of(ct.interconnect([_general(block) for block in blocks], **options))
-
-
-def _general(block: Any) -> Any:
-    """A linear block as a general one with the same functions; any other as it is."""
-    if not isinstance(block, ct.StateSpace) or isinstance(block, ct.InterconnectedSystem):
-        return block
-    return ct.nlsys(
-        block.updfcn if block.nstates else None,
-        block.outfcn,
-        inputs=block.input_labels,
-        outputs=block.output_labels,
-        states=block.state_labels or None,
-        name=block.name,
-        dt=block.dt,
-    )
 
 
 def _rate(block: Any, blocks: Sequence[Any]) -> float | None:

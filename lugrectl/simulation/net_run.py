@@ -16,17 +16,10 @@ from ..core.errors import Diverged
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.course import Accuracy, Course, Track
 from ..engine.runtime.delays import run_late
-from ..engine.runtime.endings import (
-    Chatter,
-    bounded,
-    first_bad,
-    quiet,
-    said_if_slow,
-    warn_unsettled,
-)
+from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
 from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
-from ..engine.tracing.network import Net
+from ..engine.tracing.network import Net, Wires
 from ..engine.tracing.pointwise import culprit
 
 # a discrete system is traced from this many samples on: python-control takes 12 us each
@@ -80,8 +73,9 @@ def followed(run: Run) -> Track:
     if bad is not None:
         i, k, _ = bad
         label, where = net.signals[i], ""
-        if net.alone and net.looped:
-            where = culprit(net.parts[0].block, float(t[k]), track.x[:, k], u[:, k])
+        if net.looped and not net.groups:
+            wires = Wires.inside(net.parts[0].block) if net.alone else net.wires
+            where = culprit(wires, float(t[k]), track.x[:, k], u[:, k])
         elif not net.alone:
             where = f"output {label} of block {net.makers(label)} is {track.y[i, k]}"
         where = where or f"output {label} is {track.y[i, k]}"
@@ -108,21 +102,22 @@ def _track(run: Run) -> Track:
             return late or engine.follow(run.course, *run.starts, p, run.accuracy)
         except TraceError as error:
             method, why = "LSODA", str(error)
-    if run.discrete:
-        return _by_python_control(run, None)
-    if why and not run.net.alone:
-        try:  # a sampled block that cannot be traced is called at its updates
-            called = Called(run.net, run.params, why=why)
-        except TraceError as error:
-            why = str(error)
-    if why and called is None:
-        warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
-    _warn_if_approximate(run)
-    if run.net.alone:
-        with said_if_slow(why), quiet():
-            return _by_python_control(run, method)
-    called = called or Called(run.net, run.params, method, why)
-    return called.follow(run.course, *run.starts, run.accuracy)
+    try:
+        if run.discrete:
+            return _by_python_control(run)
+        if why and run.net.groups:
+            try:  # a sampled block that cannot be traced is called at its updates
+                called = Called(run.net, run.params, why=why)
+            except TraceError as error:
+                why = str(error)
+        if why and called is None:
+            warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
+        _warn_if_approximate(run)
+        called = called or Called(run.net, run.params, method, why)
+        return called.follow(run.course, *run.starts, run.accuracy)
+    except RuntimeError as error:  # of a user's function
+        said = f"{run.net.name}: python-control's simulation failed: {error}."
+        raise Diverged(said) from error
 
 
 def _warn_if_approximate(run: Run) -> None:
@@ -138,38 +133,20 @@ def _warn_if_approximate(run: Run) -> None:
         )
 
 
-def _by_python_control(run: Run, method: Any) -> Track:
-    """A system as python-control simulates it; sample by sample if its input is held, or if a
-    loop has to be solved or a block that is not a number to be named."""
-    net, course = run.net, run.course
-
-    def stepped() -> Track:
-        called = Called(net, run.params, method or "LSODA")
-        return called.follow(course, *run.starts, run.accuracy)
-
+def _by_python_control(run: Run) -> Track:
+    """A discrete system as python-control simulates it; sample by sample if a loop has to be solved
+    or a block that is not a number to be named."""
+    system, course = run.net.parts[0].block, run.course
     options: dict[str, Any] = {"params": run.params, "squeeze": False}
-    if method:
-        events = Chatter(net.name, course.grid[-1] - course.grid[0])
-        given = {**run.accuracy.scipy, "events": events}
-        options |= {"solve_ivp_method": method, "solve_ivp_kwargs": given}
     try:
-        if method and course.hold and net.count(False):
-            return stepped()
         with np.errstate(all="ignore"):  # what is not finite is reported by name
-            system = net.parts[0].block
             found = _respond(system, course.grid, course.given, run.start, **options)
-    except Diverged:
-        raise
-    except RuntimeError as error:
-        try:
-            return stepped()
-        except RuntimeError:
-            said = f"{net.name}: python-control's simulation failed: {error}."
-            raise Diverged(said) from error
+    except RuntimeError:
+        called = Called(run.net, run.params, "LSODA")
+        return called.follow(course, *run.starts, run.accuracy)
     none = np.empty((0, len(course.grid)))  # python-control gives no states where there are none
     states = np.asarray(found.states) if system.nstates else none
-    x, q = (none, states) if run.discrete else (states, none)
-    return Track(x, q, np.asarray(found.outputs), np.nan)
+    return Track(none, states, np.asarray(found.outputs), np.nan)
 
 
 def response(

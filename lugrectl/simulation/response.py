@@ -12,7 +12,7 @@ from ..core.errors import InputError
 from ..core.validation import positive
 from ..engine.runtime.course import Accuracy, Course
 from . import arguments
-from .block_list import course_of, net_of, together
+from .block_list import course_of, net_of
 from .net_run import Run, followed, response
 from .wiring_warnings import warn_of_wiring
 
@@ -56,8 +56,8 @@ def simulate(
     params : dict, optional
         Parameters in place of the defaults; other values need no new compilation.
     method : str, optional
-        "rosenbrock" (default), or a method of ``scipy.integrate.solve_ivp``, which
-        python-control then runs.
+        "rosenbrock" (default), or a method of ``scipy.integrate.solve_ivp``, which then calls the
+        blocks' own functions.
     hold : bool
         True to hold inputs between samples, as a drive holds its torque; else they are linear.
     rtol : float
@@ -146,7 +146,6 @@ def simulate(
     net, periods = net_of(system)
     arguments.parameters([part.block for part in net.parts], params)
     warn_of_wiring(net, inputs, params)
-    net = together(net)
     u = arguments.inputs(net.name, net.outside, times, inputs)
     states = net.count(False) + net.count(True)
     start = arguments.start(net.name, states, initial_state if x0 is None else x0)

@@ -21,7 +21,7 @@ from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net
 from ..engine.tracing.tracer import widths
 from ..simulation import arguments
-from ..simulation.block_list import net_of, together
+from ..simulation.block_list import net_of
 from . import parameter_table
 from .worker import OneByOne, Plan, Task, Traced
 
@@ -97,7 +97,7 @@ def prepare(asked: Asked) -> Prepared:
     """Check the arguments and trace the system. Raises InputError."""
     rtol, reduce, inputs = arguments.settings(asked.rtol, asked.hold), asked.reduce, asked.inputs
     times, columns = arguments.times(asked.t), parameter_table.columns(asked.params)
-    net = together(net_of(asked.system)[0])
+    net, _ = net_of(asked.system)
     blocks = [part.block for part in net.parts]
     if reduce is not None and not callable(reduce):
         raise InputError(f"reduce must be a function of t and y, not {shown(reduce)}.")
@@ -175,7 +175,7 @@ def _solver(
     """By generated code where a continuous system has some, else member by member."""
     if not net.groups:
         try:
-            engine, fixed = _engine(alone.system, columns)
+            engine, fixed = _engine(net, columns)
             keys, defaults = engine.program.keys, engine.program.arguments(fixed)
             places = {i: columns[k] for i, k in enumerate(keys) if k in columns}
             p = defaults.copy()
@@ -196,18 +196,19 @@ def _solver(
     return alone, _Rows(alone.names, np.zeros(len(columns)), dict(enumerate(columns.values())))
 
 
-def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
+def _engine(net: Net, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
     """The compiled system, and the values that replaced defaults when it was traced.
 
     It is traced with the system's own defaults first; then with the first member's values, for
     keys without a default and for those needed as numbers. Of the width of a sign the largest
     value decides whether the sign is smooth.
     """
-    wide = {k: float(np.nanmax(columns[k])) for k in widths(system) if k in columns}
+    keys = [k for part in net.parts for k in widths(part.block) if k in columns]
+    wide = {k: float(np.nanmax(columns[k])) for k in keys}
     first = {k: float(v[0]) for k, v in columns.items()} | wide
     for given in (wide, first):
         try:
-            engine = compiled(Net.of(system), given)
+            engine = compiled(net, given)
         except (TraceError, KeyError):  # a block reads a key that has no default
             if given == first:
                 raise
@@ -220,9 +221,9 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
                 return engine, given
             if given == first:
                 raise TraceError(
-                    f"{system.name}: parameter {changing[0]} changes the equations themselves"
+                    f"{net.name}: parameter {changing[0]} changes the equations themselves"
                 )
-    raise TraceError(f"{system.name}: cannot be traced with the parameters {', '.join(first)}")
+    raise TraceError(f"{net.name}: cannot be traced with the parameters {', '.join(first)}")
 
 
 def _starts(net: Net, x0: Any) -> np.ndarray:

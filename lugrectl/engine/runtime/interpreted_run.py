@@ -49,12 +49,12 @@ class Called:
         """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
         how = "at each of its updates" if self.engine is not None else ""
         with said_if_slow(self.why, how), quiet(), np.errstate(all="ignore"):
-            return self._followed(course, x, q, self._advance(course, accuracy))
+            for part in self.net.parts:
+                part.block._update_params(self.params)
+            return self._followed(course, x, q, self._advance(course, x, accuracy))
 
     def _followed(self, course: Course, x: np.ndarray, q: np.ndarray, advance: Advance) -> Track:
         net, ticks, columns = self.net, course.ticks, course.columns
-        for part in net.parts:
-            part.block._update_params(self.params)
         states, signals, unsettled = [], [], [np.nan]
         h, x, q = np.zeros(len(net.held)), x.copy(), q.copy()
         for k, t in enumerate(course.grid):
@@ -113,7 +113,9 @@ class Called:
             raise Diverged(not_finite(net, fresh, h, t))
         return h, fresh, y
 
-    def _advance(self, course: Course, accuracy: Accuracy) -> Advance:
+    def _advance(self, course: Course, x: np.ndarray, accuracy: Accuracy) -> Advance:
+        """The states at the end of a step of the grid: by the traced flow, or by SciPy, without
+        updates and held inputs in one run over all steps."""
         if self.engine is not None:
             engine, p = self.engine, self.engine.program.arguments(self.params)
             options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
@@ -127,31 +129,38 @@ class Called:
         given: Any = {"method": self.method or "LSODA", **accuracy.scipy, "events": chatter}
 
         def called(t: np.ndarray, rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, float]:
-            slope = 0.0 * rows[:, 0] if course.hold else (rows[:, 1] - rows[:, 0]) / (t[1] - t[0])
-            done = solve_ivp(self._rates(t[0], rows[:, 0], slope), t, x, **given)
-            last = done.y[:, -1]
-            if not done.success or not np.isfinite(last).all():
-                labels, looped = self.net.states(sampled=False), self.net.looped
-                raise stopped(self.net.name, labels, done.t[-1], last, done.message, looped=looped)
-            return last, np.nan
+            return self._solved(t, rows, x, course.hold, given)[:, -1], np.nan
 
-        return called
+        if self.net.groups or course.hold or len(course.grid) < 2 or not len(x):
+            return called
+        columns = iter(self._solved(course.grid, course.given, x, False, given).T[1:])
+        return lambda *_: (next(columns), np.nan)
 
-    def _rates(self, begin: float, start: np.ndarray, slope: np.ndarray) -> Any:
-        """The rates of the flow in time and states, with inputs and held values on a line."""
-        m = len(self.net.outside)
+    def _solved(
+        self, t: np.ndarray, rows: np.ndarray, x: np.ndarray, hold: bool, given: Any
+    ) -> np.ndarray:
+        """States (n, N) at the times, with inputs and held values (m, N) that are linear between
+        them, or held."""
+        m, last = len(self.net.outside), len(t) - 2
 
-        def rates(t: float, x: np.ndarray) -> np.ndarray:
-            u = start + (t - begin) * slope
+        def rates(now: float, state: np.ndarray) -> np.ndarray:
+            k = min(int(np.searchsorted(t[1:], now, side="right")), last)
+            share = 0.0 if hold else (now - t[k]) / (t[k + 1] - t[k])
+            u = rows[:, k] + share * (rows[:, k + 1] - rows[:, k])
             if self.net.alone:
-                return self._at[0].rates(t, x, u)
-            inputs, _ = self._outputs(t, x, u[m:], u[:m])
+                return self._at[0].rates(now, state, u)
+            inputs, _ = self._outputs(now, state, u[m:], u[:m])
             parts = zip(self.net.parts, self._at, self.net.places, inputs, strict=True)
-            rows = [
-                np.reshape(at.rates(t, x[place], own), -1)
+            flows = [
+                np.reshape(at.rates(now, state[place], own), -1)
                 for part, at, place, own in parts
                 if not part.sampled and part.nstates
             ]
-            return np.concatenate(rows)
+            return np.concatenate(flows)
 
-        return rates
+        done = solve_ivp(rates, (t[0], t[-1]), x, t_eval=t, **given)
+        end = done.y[:, -1] if done.y.size else x
+        if not done.success or not np.isfinite(end).all():
+            labels, looped = self.net.states(sampled=False), self.net.looped
+            raise stopped(self.net.name, labels, done.t[-1], end, done.message, looped=looped)
+        return done.y

@@ -186,7 +186,7 @@ class Instant:
     def inside_outputs(self, system: Any, t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Outputs of a system on any level by those of its blocks."""
         if is_wired(system):
-            inputs, y = self._settled(system, t, x, u)
+            inputs, y = self.settled(Wires.inside(system), t, x, u)
             return _times(np.atleast_2d(system.output_map), np.concatenate([y, *inputs]))
         with np.errstate(all="ignore"):
             y = np.reshape(np.asarray(system._out(t, x, u), dtype=float), -1)
@@ -202,12 +202,14 @@ class Instant:
         if not is_wired(system):
             with np.errstate(all="ignore"):
                 return np.reshape(np.asarray(system._rhs(t, x, u), dtype=float), -1)
-        wires, (inputs, _) = Wires.inside(system), self._settled(system, t, x, u)
+        wires = Wires.inside(system)
+        inputs, _ = self.settled(wires, t, x, u)
         parts = zip(wires.blocks, wires.split("states", x), inputs, strict=True)
         return np.concatenate([self.inside_rates(block, t, *own) for block, *own in parts])
 
-    def _settled(self, system: Any, t: float, x: np.ndarray, u: np.ndarray) -> Any:
-        wires, before = Wires.inside(system), self.culprit
+    def settled(self, wires: Wires, t: float, x: np.ndarray, u: np.ndarray) -> Any:
+        """Inputs of each block and all outputs."""
+        before = self.culprit
         answers = [
             lambda v, block=block, own=own: self.inside_outputs(block, t, own, v)
             for block, own in zip(wires.blocks, wires.split("states", x), strict=True)
@@ -219,8 +221,8 @@ class Instant:
         return inputs, y
 
 
-def culprit(system: Any, t: float, x: np.ndarray, u: np.ndarray) -> str:
+def culprit(wires: Wires, t: float, x: np.ndarray, u: np.ndarray) -> str:
     """``output y of block b is nan``, or empty; AlgebraicLoop if the outputs never settle."""
-    at = Instant(system)
-    at.inside_outputs(system, t, np.asarray(x, dtype=float), np.asarray(u, dtype=float))
+    at = Instant(None)
+    at.settled(wires, t, np.asarray(x, dtype=float), u)
     return at.culprit

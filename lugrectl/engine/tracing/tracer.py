@@ -122,7 +122,7 @@ def traced_net(
         return Hybrid(net, program, None, ((program, system),))
     own = [part.block for part in net.parts if ticks or not part.sampled]
     blocks = tuple((single(block), block) for block in own)
-    return _Tracer(net, exact).hybrid(ticks, blocks)
+    return _Tracer(net, exact).hybrid(ticks and net.groups > 0, blocks)
 
 
 @dataclass
