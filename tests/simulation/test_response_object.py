@@ -22,7 +22,7 @@ def test_the_response_is_used_as_python_controls(name: str, squeeze: bool | None
     """Values, unpacking, indexing, keywords of a call, pandas and plot."""
     lag = ct.ss([[-1.0]], [[1.0]], [[2.0]], [[0.0]], name="lag", inputs="u", outputs="y")
     system = lag if name == "siso" else velocity_loop(lg.plant(lg.table1()))
-    t = np.arange(0, 0.02, 1e-3)
+    t = np.arange(0, 0.008, 1e-3)
     given = np.sin(90 * t)
     ours = simulate(system, t, given, squeeze=squeeze)
     theirs = ct.input_output_response(
