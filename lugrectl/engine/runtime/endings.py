@@ -120,7 +120,7 @@ class Chatter:
     terminal = False
 
     def __init__(self, name: str, seconds: float) -> None:
-        self.name, self.seconds = name, seconds
+        self.name, self.seconds, self.found = name, seconds, False
         self.steps, self.begun = 0, -np.inf
         self.last = self.move = self.turns = np.zeros(0)
 
@@ -132,7 +132,9 @@ class Chatter:
         self.steps, self.last, self.move = self.steps + 1, x.copy(), move
         if self.steps > STEPS:
             self.steps = 0
-            if t - self.begun < LITTLE * self.seconds and self.turns.max() > TURNS * STEPS:
+            self.found = t - self.begun < LITTLE * self.seconds
+            self.found &= bool(self.turns.max() > TURNS * STEPS)
+            if self.found:
                 raise Diverged(
                     f"{self.name}: a comparison (an if) in a block switches without end near "
                     f"t = {t:.6g} s: write np.where for it, or np.tanh(x/eps) for a sign."

@@ -37,7 +37,8 @@ class Called:
     ) -> None:
         self.net, self.params, self.method, self.why = net, params, method, why
         self._loops: dict[Any, np.ndarray] = {}
-        self._at = [Instant(part.block) for part in net.parts]
+        self._at = [Instant(part.block, part.block.name) for part in net.parts]
+        self._whole = Instant(None, net.name)
         self._held = np.repeat([p.sampled for p in net.parts], [len(p.outputs) for p in net.parts])
         self.engine: Adaptive | None = None
         if method is None and net.count(False) > 0:
@@ -80,6 +81,8 @@ class Called:
         """Inputs and outputs of all parts between updates."""
         if self.net.alone and not self.net.groups:
             return [u], np.reshape(np.asarray(self._at[0].outputs(t, x, u), dtype=float), -1)
+        if not self.net.groups:
+            return self._whole.through(self.net.wires, t, x, u)
         y = np.zeros(len(self._held))
         y[self._held] = h
         answers = [None if p.sampled else self._of(i, t, x) for i, p in enumerate(self.net.parts)]
@@ -133,7 +136,14 @@ class Called:
 
         if self.net.groups or course.hold or len(course.grid) < 2 or not len(x):
             return called
-        columns = iter(self._solved(course.grid, course.given, x, False, given).T[1:])
+        try:
+            columns = iter(self._solved(course.grid, course.given, x, False, given).T[1:])
+        except Diverged:
+            if chatter.found:
+                raise
+            for at in (*self._at, self._whole):
+                at.culprit = ""
+            return called  # step by step, which finds the time
         return lambda *_: (next(columns), np.nan)
 
     def _solved(

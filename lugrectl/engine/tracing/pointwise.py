@@ -162,8 +162,8 @@ class Instant:
     AlgebraicLoop for a loop that cannot be solved. ``culprit`` is the first such output.
     """
 
-    def __init__(self, system: Any) -> None:
-        self.system, self.culprit = system, ""
+    def __init__(self, system: Any, name: str = "") -> None:
+        self.system, self.name, self.culprit = system, name, ""
         self.loops: dict[Any, np.ndarray] = {}
 
     def rates(self, t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
@@ -178,9 +178,13 @@ class Instant:
         except RuntimeError:
             return self._named(t, self.inside_outputs(self.system, t, x, u))
 
-    def _named(self, t: float, values: np.ndarray) -> np.ndarray:
+    def through(self, wires: Wires, t: float, x: np.ndarray, u: np.ndarray) -> Any:
+        """Inputs of each block and all outputs, of blocks that act at every instant."""
+        return self._named(t, self.settled(wires, t, x, u))
+
+    def _named(self, t: float, values: Any) -> Any:
         if self.culprit:
-            raise Diverged(f"{self.system.name}: {self.culprit} at t = {t:.6g} s.")
+            raise Diverged(f"{self.name}: {self.culprit} at t = {t:.6g} s.")
         return values
 
     def inside_outputs(self, system: Any, t: float, x: np.ndarray, u: np.ndarray) -> np.ndarray:
