@@ -73,29 +73,19 @@ def parameters(systems: Sequence[Any], params: Any) -> None:
             "params must be a dict of values by name, such as {'plant.Fc': 0.3}, "
             f"not {shown(params)}."
         )
-    declared, defaults = _declared(systems)
+    declared, defaults, inside = {}, {}, [*systems]
+    for block in inside:  # the declarations of the package's blocks, and the values of all
+        declared = getattr(getattr(block, "outfcn", None), "declared", {}) | declared
+        defaults = dict(block.params) | defaults
+        inside += getattr(block, "syslist", ())
     for key, value in params.items():
+        default, number = real(defaults.get(key)), real(value)
         if key in declared:
             within(value, f"params: {key}", declared[key])
-        elif real(defaults.get(key)) is not None and not _is_value(value, defaults[key]):
-            raise InputError(f"params: {key} must be a finite number, not {shown(value)}.")
-
-
-def _is_value(value: Any, default: Any) -> bool:
-    """Whether it is a finite number, or an infinite one where the default is infinite too."""
-    made = real(value)
-    return made is not None and made == made and (abs(made) < np.inf or abs(default) == np.inf)
-
-
-def _declared(systems: Sequence[Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """By key: the declarations of the package's blocks, and the default values of all."""
-    declared, defaults = {}, {}
-    for block in systems:
-        inner = _declared(getattr(block, "syslist", ()))
-        own = getattr(getattr(block, "outfcn", None), "declared", {})
-        declared |= inner[0] | own
-        defaults |= inner[1] | dict(block.params)
-    return declared, defaults
+        elif default is not None:
+            infinite = number is not None and abs(number) == np.inf
+            if number is None or number != number or (infinite and abs(default) < np.inf):
+                raise InputError(f"params: {key} must be a finite number, not {shown(value)}.")
 
 
 def times(t: ArrayLike | None, timepts: ArrayLike | None = None) -> np.ndarray:
@@ -163,20 +153,17 @@ def _finite(labels: Sequence[str], t: np.ndarray, u: np.ndarray) -> None:
 
 def _stacked(parts: Sequence[Any], samples: int) -> np.ndarray:
     """The parts of a list as rows: numbers, (N,) or (m, N)."""
-    rows = [_row(part, samples, f"inputs[{i}]") for i, part in enumerate(parts)]
+    rows = []
+    for i, part in enumerate(parts):
+        row = array(part, f"inputs[{i}]")
+        if row.ndim > 2:
+            raise InputError(f"inputs[{i}] must be a number, (N,) or (m, N), not {row.shape}.")
+        whole = row.ndim == 2 or (row.ndim == 1 and len(row) == samples)
+        rows.append(np.atleast_2d(row) if whole else np.outer(row, np.ones(samples)))
     widths = {row.shape[1] for row in rows}
     if widths != {samples}:
         raise InputError(f"the parts of inputs must have {samples} samples, not {sorted(widths)}.")
     return np.vstack(rows)
-
-
-def _row(part: Any, samples: int, name: str) -> np.ndarray:
-    row = array(part, name)
-    if row.ndim > 2:
-        raise InputError(f"{name} must be a number, (N,) or (m, N), not {row.shape}.")
-    if row.ndim == 2 or (row.ndim == 1 and len(row) == samples):
-        return np.atleast_2d(row)
-    return np.outer(row, np.ones(samples))
 
 
 def start(name: str, states: int, x0: Any, what: str = "x0") -> np.ndarray:

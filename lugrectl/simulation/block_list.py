@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import control as ct
 import numpy as np
 
 from ..core.errors import InputError
@@ -18,82 +17,34 @@ NEAR = 1e-6  # of the shortest sample time: updates and times closer than that a
 
 
 def net_of(system: Any) -> tuple[Net, list[float]]:
-    """The net of a system or of a list of blocks, and the sample times of a list.
+    """The net of a system, or of a list of blocks with its sample times.
 
-    A list of continuous blocks becomes one system, their interconnection.
+    InputError for an item that is not a block, two blocks of one name, or dt = True without a
+    sample time.
     """
     if not isinstance(system, (list, tuple)):
         return Net.of(arguments.system(system)), []
-    net, periods = wired(system)
-    return (net, periods) if periods else (Net.of(together(system)), [])
-
-
-def wired(blocks: Sequence[Any], name: str = "blocks") -> tuple[Net, list[float]]:
-    """The net of a list of blocks and its sample times.
-
-    Raises
-    ------
-    InputError
-        For an item that is not a block, two blocks of one name, or dt = True without a sample
-        time.
-    """
-    systems = [arguments.system(b, "a block") for b in blocks]
-    names = [b.name for b in systems]
+    blocks = [arguments.system(b, "a block") for b in system]
+    names = [b.name for b in blocks]
     twice = [k for k in names if names.count(k) > 1]
-    if twice or not systems:
+    if twice or not blocks:
         raise InputError(
             f"two blocks are called {twice[0]}: give one of them another name="
             if twice
             else "the list of blocks is empty."
         )
-    rates = [_rate(b, systems) for b in systems]
+    rates = [_rate(b, blocks) for b in blocks]
     periods = sorted({rate for rate in rates if rate is not None})
-    groups = [None if rate is None else periods.index(rate) for rate in rates]
     parts = [
-        Part(b, tuple(b.input_labels), tuple(b.output_labels), group)
-        for b, group in zip(systems, groups, strict=True)
+        Part(
+            block,
+            tuple(block.input_labels),
+            tuple(block.output_labels),
+            None if rate is None else periods.index(rate),
+        )
+        for block, rate in zip(blocks, rates, strict=True)
     ]
-    return Net(name, tuple(parts), _outside(parts), len(periods)), periods
-
-
-def together(blocks: Sequence[Any], name: str = "blocks") -> Any:
-    """The interconnection of continuous blocks: outputs are all signals, inputs those that no
-    block outputs."""
-    net, _ = wired(blocks, name)
-    both = {part.block.name for part in net.parts} & {*net.signals, *net.outside}
-    if both:  # python-control would look for the signal in the block
-        label = min(both)
-        raise InputError(f"block {label} has the name of the signal {label}: give it another name=")
-    try:
-        return _interconnected(net, [part.block for part in net.parts], name)
-    except RuntimeError:  # python-control linearises what is linear, and passes no loop
-        return _interconnected(net, [_general(part.block) for part in net.parts], name)
-
-
-def _interconnected(net: Net, parts: Sequence[Any], name: str) -> Any:
-    return ct.interconnect(
-        parts,
-        inputs=list(net.outside),
-        outputs=list(net.signals),
-        params={},
-        check_unused=False,
-        name=name,
-    )
-
-
-def _general(block: Any) -> Any:
-    """A linear block as a general one with the same functions; any other as it is."""
-    if not isinstance(block, ct.StateSpace) or isinstance(block, ct.InterconnectedSystem):
-        return block
-    return ct.nlsys(
-        block.updfcn if block.nstates else None,
-        block.outfcn,
-        inputs=block.input_labels,
-        outputs=block.output_labels,
-        states=block.state_labels or None,
-        name=block.name,
-        dt=block.dt,
-    )
+    return Net("blocks", tuple(parts), outside(parts), len(periods)), periods
 
 
 def _rate(block: Any, blocks: Sequence[Any]) -> float | None:
@@ -108,7 +59,7 @@ def _rate(block: Any, blocks: Sequence[Any]) -> float | None:
     return known.pop()
 
 
-def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
+def outside(parts: Sequence[Part]) -> tuple[str, ...]:
     """Signals that a block reads and no block outputs, in the order in which they are read."""
     made = {k for part in parts for k in part.outputs}
     return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))

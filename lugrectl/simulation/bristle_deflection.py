@@ -16,9 +16,8 @@ from ..core.errors import InputError
 from ..core.validation import array, positive
 from ..engine.codegen.python_source import Emitter, indent
 from ..engine.expression.derivative import derivatives
-from ..engine.expression.graph import Graph, Node, substitute
-from ..engine.runtime.backend import compiler, load
-from ..engine.runtime.threads import each_beside
+from ..engine.expression.graph import Graph, Node, rename, substitute
+from ..engine.runtime.backend import compiler, each_beside, load
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters
@@ -91,16 +90,6 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     array([ 1.1, -1.1])
     """
     dt = positive(dt, "dt, the sample time,", "seconds")
-    speed, start = _checked(w, z0)
-    values = _values(p)
-    z = np.empty((len(speed), speed.shape[1] + 1))
-    z[:, 0] = start
-    for row, out in zip(speed, z, strict=True):
-        _along(row, dt, values, out)
-    return z[:, :-1].reshape(np.shape(w))
-
-
-def _checked(w: ArrayLike, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     speed = array(w, "w")
     if speed.ndim not in (1, 2) or not speed.shape[-1]:
         raise InputError(f"w must be (N,) or (L, N), not {speed.shape}.")
@@ -111,7 +100,17 @@ def _checked(w: ArrayLike, z0: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
     start = array(z0, "z0")
     if start.shape not in ((), (len(speed),)) or not np.all(np.isfinite(start)):
         raise InputError(f"z0 must be a finite number or {len(speed)} of them.")
-    return speed, np.broadcast_to(start, (len(speed),))
+    values, compiled_by = _values(p), compiler()
+    advance = load(_FOLLOW, compiled_by).run if compiled_by else _by_lapack
+    z = np.empty((len(speed), speed.shape[1] + 1))
+    z[:, 0] = start
+    for row, out in zip(speed, z, strict=True):
+        begin = 0
+        for less, a, b in _coefficients_along(row, dt, values):
+            end = begin + len(less)
+            advance(less, a, b, dt, out[begin : end + 1])
+            begin = end
+    return z[:, :-1].reshape(np.shape(w))
 
 
 def _values(p: Parameters | Model) -> tuple[float, ...]:
@@ -129,16 +128,6 @@ def _values(p: Parameters | Model) -> tuple[float, ...]:
     values = {k: float(have[k]) for k in keys}  # pyright: ignore[reportArgumentType]
     law.check(values)
     return tuple(values.values())
-
-
-def _along(w: np.ndarray, dt: float, values: tuple[float, ...], z: np.ndarray) -> None:
-    made_by = compiler()
-    advance = _compiled(made_by) if made_by else _by_lapack
-    begin = 0
-    for less, a, b in _coefficients_along(w, dt, values):
-        end = begin + len(less)
-        advance(less, a, b, dt, z[begin : end + 1])
-        begin = end
 
 
 def _coefficients_along(
@@ -170,24 +159,19 @@ def _by_lapack(less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: np.
 
 
 @cache
-def _compiled(backend: str) -> Callable[..., None]:
-    return load(_FOLLOW, backend).run
-
-
-@cache
 def _coefficients(free: bool) -> Callable[..., tuple[np.ndarray, ...]]:
     """e^(-a dt) - 1, a and b from the friction law's own function, which is affine in z."""
     graph, keys = Graph(), (*KEYS, "delta") if free else KEYS
     w, z, *p = (graph.symbol(name) for name in ("w", "z", *keys))
     rate: Any = free_bristle(w, z, *p) if free else bristle(w, z, *p)
     slope = derivatives([rate], z)[0]
-    still = substitute([rate], lambda node, args: graph.constant(0.0) if node is z else None)[0]
+    still = rename([rate], {z.index: graph.constant(0.0)})[0]
+
+    def no_underflow(node: Node, args: tuple[Node, ...]) -> Node | None:
+        """Limit e^x to 1e-304: smaller values are several times slower and contribute nothing."""
+        return np.exp(np.maximum(args[0], -700.0)) if node.op == "exp" else None  # pyright: ignore
+
     emitter = Emitter("array")
-    a, b = emitter.write(substitute([-slope, still], _no_underflow))
+    a, b = emitter.write(substitute([-slope, still], no_underflow))
     text = _COEFFICIENTS.format(names=", ".join(keys), body=indent(emitter.body, 1), a=a, b=b)
     return load(text, "numpy").coefficients
-
-
-def _no_underflow(node: Node, args: tuple[Node, ...]) -> Node | None:
-    """Limit e^x to 1e-304: smaller values are several times slower and contribute nothing."""
-    return np.exp(np.maximum(args[0], -700.0)) if node.op == "exp" else None  # pyright: ignore

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import control as ct
@@ -15,18 +16,11 @@ from ..core.errors import Diverged
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.course import Accuracy, Course, Track
 from ..engine.runtime.delays import run_late
-from ..engine.runtime.endings import (
-    Chatter,
-    bounded,
-    first_bad,
-    quiet,
-    said_if_slow,
-    warn_unsettled,
-)
+from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
 from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
-from ..engine.tracing.locate_fault import culprit
-from ..engine.tracing.network import Net
+from ..engine.tracing.network import Net, Wires
+from ..engine.tracing.pointwise import culprit
 
 # a discrete system is traced from this many samples on: python-control takes 12 us each
 LONG = 1000
@@ -47,20 +41,13 @@ class Run:
     @property
     def starts(self) -> tuple[np.ndarray, np.ndarray]:
         """The continuous states and the sampled ones."""
-        if self.net.alone:
-            none = np.zeros(0)
-            return (none, self.start) if self.discrete else (self.start, none)
-        sampled = is_sampled(self.net)
-        return self.start[~sampled], self.start[sampled]
+        return self.start[~self.sampled], self.start[self.sampled]
 
-    def states(self, track: Track) -> np.ndarray:
-        """The states of one block after the other."""
-        if self.net.alone:
-            return track.q if self.discrete else track.x
-        sampled = is_sampled(self.net)
-        rows = np.empty((len(sampled), track.x.shape[1]))
-        rows[~sampled], rows[sampled] = track.x, track.q
-        return rows
+    @cached_property
+    def sampled(self) -> np.ndarray:
+        """For each state in the blocks' order, whether it belongs to a sampled block."""
+        parts = self.net.parts
+        return np.repeat([part.sampled for part in parts], [part.nstates for part in parts])
 
     @property
     def discrete(self) -> bool:
@@ -77,18 +64,22 @@ class Run:
         return len(t) > LONG and bool(steady)
 
 
-def is_sampled(net: Net) -> np.ndarray:
-    """For each state in the blocks' order, whether it belongs to a sampled block."""
-    return np.array([part.sampled for part in net.parts for _ in range(part.nstates)], dtype=bool)
-
-
 def followed(run: Run) -> Track:
     """The track of a run, checked: Diverged where a signal grows without bound or is no number."""
     net, course, track = run.net, run.course, _track(run)
     warn_unsettled(net.name, track.unsettled, 4)
     t, u = course.grid[course.kept], course.given[:, course.kept]
-    if not run.discrete:  # of which the first state that grows is named
-        _all_finite(net, t, u, track)
+    bad = None if run.discrete else first_bad(t, track.y)  # of it the first state is named
+    if bad is not None:
+        i, k, _ = bad
+        label, where = net.signals[i], ""
+        if net.looped and not net.groups:
+            wires = Wires.inside(net.parts[0].block) if net.alone else net.wires
+            where = culprit(wires, float(t[k]), track.x[:, k], u[:, k])
+        elif not net.alone:
+            where = f"output {label} of block {net.makers(label)} is {track.y[i, k]}"
+        where = where or f"output {label} is {track.y[i, k]}"
+        raise Diverged(f"{net.name}: {where} at t = {t[k]:.6g} s.")
 
     def labels() -> list[list[str]]:
         states = [net.states(sampled=kind) for kind in (False, True)]
@@ -104,32 +95,29 @@ def _track(run: Run) -> Track:
     method, why, called = run.method, "", None
     if run.traced:
         try:
-            return _by_equations(run)
+            engine = compiled(run.net, run.params)
+            task = run.starts, run.params, run.accuracy
+            late = run_late(engine, run.net, run.course, *task)
+            p = engine.program.arguments(run.params)
+            return late or engine.follow(run.course, *run.starts, p, run.accuracy)
         except TraceError as error:
             method, why = "LSODA", str(error)
-    if run.discrete:
-        return _by_python_control(run, None)
-    if why and not run.net.alone:
-        try:  # a sampled block that cannot be traced is called at its updates
-            called = Called(run.net, run.params, why=why)
-        except TraceError as error:
-            why = str(error)
-    if why and called is None:
-        warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
-    _warn_if_approximate(run)
-    if run.net.alone:
-        with said_if_slow(why), quiet():
-            return _by_python_control(run, method)
-    called = called or Called(run.net, run.params, method, why)
-    return called.follow(run.course, *run.starts, run.accuracy)
-
-
-def _by_equations(run: Run) -> Track:
-    """By the traced equations, with exact dead times. TraceError where there are none."""
-    engine = compiled(run.net, run.params)
-    late = run_late(engine, run.net, run.course, run.starts, run.params, run.accuracy)
-    p = engine.flow.arguments(run.params)
-    return late or engine.follow(run.course, *run.starts, p, run.accuracy)
+    try:
+        if run.discrete:
+            return _by_python_control(run)
+        if why and run.net.groups:
+            try:  # a sampled block that cannot be traced is called at its updates
+                called = Called(run.net, run.params, why=why)
+            except TraceError as error:
+                why = str(error)
+        if why and called is None:
+            warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
+        _warn_if_approximate(run)
+        called = called or Called(run.net, run.params, method, why)
+        return called.follow(run.course, *run.starts, run.accuracy)
+    except RuntimeError as error:  # of a user's function
+        said = f"{run.net.name}: python-control's simulation failed: {error}."
+        raise Diverged(said) from error
 
 
 def _warn_if_approximate(run: Run) -> None:
@@ -145,65 +133,20 @@ def _warn_if_approximate(run: Run) -> None:
         )
 
 
-def _by_python_control(run: Run, method: Any) -> Track:
-    """A system as python-control simulates it; sample by sample if its input is held, or if a
-    loop has to be solved or a block that is not a number to be named."""
-    net, course = run.net, run.course
-
-    def stepped() -> Track:
-        called = Called(net, run.params, method or "LSODA")
-        return called.follow(course, *run.starts, run.accuracy)
-
-    options: dict[str, Any] = {}
-    if method:
-        events = Chatter(net.name, course.grid[-1] - course.grid[0])
-        given = {**run.accuracy.scipy, "events": events}
-        options = {"solve_ivp_method": method, "solve_ivp_kwargs": given}
-    try:
-        if method and course.hold and net.count(False):
-            return stepped()
-        return _responded(run, options)
-    except Diverged:
-        raise
-    except RuntimeError as error:
-        try:
-            return stepped()
-        except RuntimeError:
-            said = f"{net.name}: python-control's simulation failed: {error}."
-            raise Diverged(said) from error
-
-
-def _responded(run: Run, options: Mapping[str, Any]) -> Track:
+def _by_python_control(run: Run) -> Track:
+    """A discrete system as python-control simulates it; sample by sample if a loop has to be solved
+    or a block that is not a number to be named."""
     system, course = run.net.parts[0].block, run.course
-    with np.errstate(all="ignore"):  # what is not finite is reported by name
-        found = _respond(
-            system,
-            course.grid,
-            course.given,
-            run.start,
-            params=run.params,
-            squeeze=False,
-            **options,
-        )
+    options: dict[str, Any] = {"params": run.params, "squeeze": False}
+    try:
+        with np.errstate(all="ignore"):  # what is not finite is reported by name
+            found = _respond(system, course.grid, course.given, run.start, **options)
+    except RuntimeError:
+        called = Called(run.net, run.params, "LSODA")
+        return called.follow(course, *run.starts, run.accuracy)
     none = np.empty((0, len(course.grid)))  # python-control gives no states where there are none
     states = np.asarray(found.states) if system.nstates else none
-    x, q = (none, states) if run.discrete else (states, none)
-    return Track(x, q, np.asarray(found.outputs), np.nan)
-
-
-def _all_finite(net: Net, t: np.ndarray, u: np.ndarray, track: Track) -> None:
-    bad = first_bad(t, track.y)
-    if bad is None:
-        return
-    i, k, value = bad
-    label, where = net.signals[i], ""
-    if net.alone and net.looped:
-        where = culprit(net.parts[0].block, float(t[k]), track.x[:, k], u[:, k])
-    elif not net.alone:
-        names = ", ".join(net.parts[j].block.name for j, _ in net.sources[label])
-        where = f"output {label} of block {names} is {track.y[i, k]}"
-    where = where or f"output {label} is {track.y[i, k]}"
-    raise Diverged(f"{net.name}: {where} at t = {t[k]:.6g} s.")
+    return Track(none, states, np.asarray(found.outputs), np.nan)
 
 
 def response(
@@ -211,7 +154,8 @@ def response(
 ) -> ct.TimeResponseData:
     """The response, built from its first sample and given the arrays: python-control copies."""
     net, t = run.net, run.course.grid[run.course.kept]
-    states = run.states(track)
+    states = np.empty((len(run.sampled), track.x.shape[1]))
+    states[~run.sampled], states[run.sampled] = track.x, track.q
     x = None if net.alone and not len(states) else states
     found = ct.TimeResponseData(
         t[:1],

@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike
 from ..core.errors import InputError
 from ..core.validation import positive
 from ..engine.runtime.course import Accuracy, Course
-from ..engine.tracing.network import Net
 from . import arguments
-from .block_list import course_of, net_of, wired
+from .block_list import course_of, net_of
 from .net_run import Run, followed, response
 from .wiring_warnings import warn_of_wiring
 
@@ -57,8 +56,8 @@ def simulate(
     params : dict, optional
         Parameters in place of the defaults; other values need no new compilation.
     method : str, optional
-        "rosenbrock" (default), or a method of ``scipy.integrate.solve_ivp``, which
-        python-control then runs.
+        "rosenbrock" (default), or a method of ``scipy.integrate.solve_ivp``, which then calls the
+        blocks' own functions.
     hold : bool
         True to hold inputs between samples, as a drive holds its torque; else they are linear.
     rtol : float
@@ -144,14 +143,9 @@ def simulate(
     times = arguments.times(t, timepts)
     if x0 is not None and initial_state is not None:
         raise InputError("the initial states are given twice: give x0 or initial_state.")
-    listed = isinstance(system, (list, tuple))
-    what = "a block" if listed else "system"
-    blocks = [arguments.system(one, what) for one in (system if listed else [system])]
-    arguments.parameters(blocks, params)
-    net, periods = wired(blocks) if listed else (Net.of(blocks[0]), [])
+    net, periods = net_of(system)
+    arguments.parameters([part.block for part in net.parts], params)
     warn_of_wiring(net, inputs, params)
-    if listed and not periods:
-        net, _ = net_of(blocks)
     u = arguments.inputs(net.name, net.outside, times, inputs)
     states = net.count(False) + net.count(True)
     start = arguments.start(net.name, states, initial_state if x0 is None else x0)

@@ -126,7 +126,10 @@ def sampled(
     """
     system = arguments.system(system)
     dt = positive(dt, "dt, the sample time,", "seconds")
-    _fits(system)
+    if system.isdtime(strict=True):
+        raise InputError(f"{system.name} is discrete already (dt = {system.dt}).")
+    if not system.nstates:
+        raise InputError(f"{system.name} has no states: use it as it is, with sampled blocks.")
     labels = list(system.input_labels)
     keep = usually_held(system) if held is None else names(held, "held")
     strange = [s for s in keep if s not in labels]
@@ -141,11 +144,8 @@ def sampled(
 
 
 def in_steps(step: Any, name: str | None = None) -> ct.NonlinearIOSystem:
-    """The discrete block of a step of a continuous one.
-
-    ``step`` has the ``system``, ``dt`` in s, and ``state(t, s, v, params)``, the system's states
-    at the sample that is being taken.
-    """
+    """The discrete block of a step of a continuous ``system`` over ``dt`` s, which has
+    ``state(t, s, v, params)``, the system's states at the sample that is being taken."""
     system = step.system
     return BlockSystem(
         _Moved(step),
@@ -167,8 +167,8 @@ def usually_held(system: Any) -> list[str]:
 
 def own_inputs(system: Any) -> list[str]:
     """The names with which the block declares its inputs."""
-    made = getattr(system.outfcn, "block", None)
-    return list(system.input_labels if made is None else made.inputs)
+    declared = getattr(system.outfcn, "block", None)
+    return list(system.input_labels if declared is None else declared.inputs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,12 +181,6 @@ class _Step:
     longest: float
 
     @property
-    def turns(self) -> int | None:
-        """Place of the speed among time and inputs: friction turns over where it is 0."""
-        own = own_inputs(self.system)
-        return 1 + own.index("w") if "w" in own else None
-
-    @property
     def substeps(self) -> Substeps:
         """Kept beside the step, which pickles without it."""
         if self not in _SUBSTEPS:
@@ -195,8 +189,9 @@ class _Step:
 
     def state(self, t: Any, s: Any, v: Any, params: Any) -> np.ndarray:
         """The states of the system at the sample that is being taken."""
-        n = int(self.system.nstates)
+        n, own = int(self.system.nstates), own_inputs(self.system)
         s, v = np.asanyarray(s), np.asanyarray(v)
+        turns = 1 + own.index("w") if "w" in own else None  # friction turns over where it is 0
 
         def rates(x: Any, inputs: Any) -> Any:
             return signals(self.system.updfcn(inputs[0], x, inputs[1:], params))
@@ -207,14 +202,14 @@ class _Step:
             self.substeps.again()
             if not self.substeps.affine(params):
                 raise TraceError("runs in substeps: it is called at each sample")
-            moved = advance(rates, s[:n], before, now, self.dt, self.turns)
+            moved = advance(rates, s[:n], before, now, self.dt, turns)
             return np.where(s[-1] < 0.5, s[:n], moved)
         if s[-1] < 0.5:
             self.substeps.again()
             return s[:n]
         if not self.substeps.affine(params):
             return self.substeps.step(s[:n], before, now, params)
-        return advance(rates, s[:n], before, now, self.dt, self.turns, _remembered)
+        return advance(rates, s[:n], before, now, self.dt, turns)
 
 
 _SUBSTEPS: WeakKeyDictionary[_Step, Substeps] = WeakKeyDictionary()
@@ -264,42 +259,24 @@ def advance(
     now: np.ndarray,
     dt: float,
     turns: int | None = None,
-    respond: Callable[[Any, Any, Any], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """One step of dx/dt = rates(x, v), affine in x, as :func:`sampled` describes it.
+    """One step of dx/dt = rates(x, v) over dt s, affine in x, as :func:`sampled` describes it.
 
-    Parameters
-    ----------
-    rates : callable
-        ``rates(x, v)`` of shape (n, ...), elementwise in the trailing axes.
-    x : (n, ...) ndarray
-        States; a batch of any shape in the trailing axes.
-    before, now : (m, ...) ndarray
-        Inputs at the start and the end of the step.
-    dt : float
-        Length of the step in s.
-    turns : int, optional
-        Place of an input at whose zero the step is divided; otherwise in its middle.
-    respond : callable, optional
-        In place of :func:`ramp_response`.
-
-    Returns
-    -------
-    (n, ...) ndarray
+    ``before`` and ``now`` (m, ...) are the inputs at its start and end, ``turns`` the place of one
+    at whose zero the step is divided; otherwise in its middle. States, rates and inputs may be
+    batches of any shape in the trailing axes.
     """
-    share = 0.5 if turns is None else _share_before_zero(before[turns], now[turns])
+    share: Any = 0.5
+    if turns is not None:
+        first, last = before[turns], now[turns]
+        crosses = first * last < 0.0
+        share = np.where(crosses, first / np.where(crosses, first - last, 1.0), 0.5)
     between = before + share * (now - before)
-    respond = respond or ramp_response
-    x = _part(rates, x, before, between, dt * share, respond)
-    return _part(rates, x, between, now, dt * (1.0 - share), respond)
+    x = _part(rates, x, before, between, dt * share)
+    return _part(rates, x, between, now, dt * (1.0 - share))
 
 
-def _share_before_zero(first: Any, last: Any) -> Any:
-    crosses = first * last < 0.0
-    return np.where(crosses, first / np.where(crosses, first - last, 1.0), 0.5)
-
-
-def _part(rates: Any, x: Any, before: Any, now: Any, dt: Any, respond: Any) -> np.ndarray:
+def _part(rates: Any, x: Any, before: Any, now: Any, dt: Any) -> np.ndarray:
     """Mean rates, then their change at the end of that.
 
     The weights of the mean are positive: at a speed of one sign the bristles end between where
@@ -312,9 +289,9 @@ def _part(rates: Any, x: Any, before: Any, now: Any, dt: Any, respond: Any) -> n
     def last(state: Any) -> Any:
         return rates(state, now)
 
-    end = x + dt * respond(dt * _slopes(mean, x), mean(x), 0.0 * x)
+    end = x + dt * ramp_response(dt * _slopes(mean, x), mean(x), 0.0 * x)
     change = last(end) - rates(end, before)
-    return end + dt * respond(dt * _slopes(last, x), -0.5 * change, change)
+    return end + dt * ramp_response(dt * _slopes(last, x), -0.5 * change, change)
 
 
 def _slopes(rate: Any, x: Any) -> np.ndarray:
@@ -323,37 +300,35 @@ def _slopes(rate: Any, x: Any) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _remembered(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
-    """ramp_response of numbers: output and update of a block ask for the same step."""
-    return _ramp(len(B), np.concatenate([B.ravel(), start, change]).tobytes())
-
-
-@lru_cache(maxsize=32)  # of numbers alone, so that nothing else can have changed
-def _ramp(n: int, numbers: bytes) -> np.ndarray:
-    values = np.frombuffer(numbers)
-    return ramp_response(values[: n * n].reshape(n, n), values[n * n : -n], values[-n:])
-
-
 def ramp_response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
     """phi1(B) start + phi2(B) change: x(1) for dx/ds = B x + start + change s, x(0) = 0.
 
-    Parameters
-    ----------
-    B : (n, n, ...) ndarray
-        Closed form for n = 1 and 2; otherwise ``scipy.linalg.expm``.
-    start, change : (n, ...) ndarray
-
-    Returns
-    -------
-    (n, ...) ndarray
+    B is (n, n, ...), the others (n, ...). A closed form for n = 1 and 2; otherwise
+    ``scipy.linalg.expm``.
     """
     B, start, change = signals(B), signals(start), signals(change)
-    if len(B) == 1:
+    if B.ndim == 2 and B.dtype == start.dtype == change.dtype == float:
+        return _of_numbers(len(B), np.concatenate([B.ravel(), start, change]).tobytes())
+    return _response(B, start, change)
+
+
+@lru_cache(maxsize=32)  # output and update of a block ask for the same step
+def _of_numbers(n: int, numbers: bytes) -> np.ndarray:
+    values = np.frombuffer(numbers)
+    return _response(values[: n * n].reshape(n, n), values[n * n : -n], values[-n:])
+
+
+def _response(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
+    n = len(B)
+    if n == 1:
         one, two = _phi(B[0])
         return one * start + two * change
-    if len(B) == 2:
+    if n == 2:
         return _by_polynomials(B, start, change)
-    return _by_expm(B, start, change)
+    W = np.zeros((n + 2, n + 2, *B.shape[2:]))
+    W[:n, :n], W[:n, n], W[:n, n + 1], W[n, n + 1] = B, change, start, 1.0
+    whole = expm(np.moveaxis(W, (0, 1), (-2, -1)))
+    return np.moveaxis(whole[..., :n, -1], -1, 0)
 
 
 def _by_polynomials(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
@@ -417,14 +392,6 @@ def _by_recursion(middle: Any, reach: Any, det: Any, here: Any) -> tuple[Any, An
     return one - b1 * small, b1, two - b2 * small, b2
 
 
-def _by_expm(B: np.ndarray, start: np.ndarray, change: np.ndarray) -> np.ndarray:
-    n = len(B)
-    W = np.zeros((n + 2, n + 2, *B.shape[2:]))
-    W[:n, :n], W[:n, n], W[:n, n + 1], W[n, n + 1] = B, change, start, 1.0
-    whole = expm(np.moveaxis(W, (0, 1), (-2, -1)))
-    return np.moveaxis(whole[..., :n, -1], -1, 0)
-
-
 def _phi(x: Any) -> tuple[Any, Any]:
     """phi1, phi2, where phi0 = e^x and phi(k+1) = (phi(k) - 1/k!)/x."""
     small = np.abs(x) < 0.5
@@ -441,10 +408,3 @@ def signals(values: Any) -> np.ndarray:
     """An array of numbers, or of what the engine traces."""
     array = np.asarray(values)
     return signal_array(array) if array.dtype == object else array
-
-
-def _fits(system: Any) -> None:
-    if system.isdtime(strict=True):
-        raise InputError(f"{system.name} is discrete already (dt = {system.dt}).")
-    if not system.nstates:
-        raise InputError(f"{system.name} has no states: use it as it is, with sampled blocks.")

@@ -15,6 +15,7 @@ from ..core.validation import array, whole
 from ..engine.runtime.course import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
+from .block_list import outside
 from .net_run import Run, followed
 from .wiring_warnings import warn_of_wiring
 
@@ -95,23 +96,20 @@ def simulate_sampled(
     blocks = [arguments.system(block, what) for block in given]  # pyright: ignore
     parts = _parts(plant, blocks, whole(delay, "delay"))
     arguments.parameters([part.block for part in parts], params)
-    net = Net(plant.name, parts, _outside(parts), 1, earlier=True)
+    net = Net(plant.name, parts, outside((*parts[1:], parts[0])), 1, earlier=True)
     times = _grid(t, parts)
     warn_of_wiring(net, {} if inputs is None else inputs, None)
     u = _inputs(net, times, inputs)
-    own = [_states(part) for part in parts[1 : 1 + len(blocks)]]
-    labels = [
-        f"drive_{block.name}_{k}" if listed else f"drive_{k}"
-        for block, names in zip(blocks, own, strict=True)
-        for k in names
-    ]
+    names = [f"drive_{block.name}_" if listed else "drive_" for block in blocks]
+    pairs = zip(names, parts[1:], strict=False)
+    labels = [name + k for name, p in pairs if p.nstates for k in p.block.state_labels]
     start = arguments.start(plant.name, parts[0].nstates, x0)
     name = "drive" if listed else blocks[0].name
     driven = arguments.start(name, len(labels), drive_x0, "drive_x0")
     delayed = np.zeros(net.count(True) - len(labels))  # of the delay, 0 at the start
-    course = Course.along(times, u, 1, True)
     states = np.concatenate([start, driven, delayed])
-    track = followed(Run(net, course, states, params, None, Accuracy(rtol)))
+    run = Run(net, Course.along(times, u, 1, True), states, params, None, Accuracy(rtol))
+    track = followed(run)
     shown = [i for i, label in enumerate(net.signals) if not label.endswith(LATE)]
     return ct.TimeResponseData(
         times,
@@ -121,19 +119,22 @@ def simulate_sampled(
         issiso=False,
         output_labels=[net.signals[i] for i in shown],
         input_labels=list(net.outside),
-        state_labels=[*_states(parts[0]), *labels],
+        state_labels=[*(plant.state_labels if plant.nstates else ()), *labels],
         sysname=plant.name,
         title=f"Sampled response of {plant.name}",
     )
 
 
-def _states(part: Part) -> list[str]:
-    return list(part.block.state_labels) if part.nstates else []
-
-
 def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
     """The plant, the drive's blocks, and the delay between them."""
-    _fit(blocks)
+    free = [b.name for b in blocks if b.nstates and not b.isdtime(strict=True)]
+    if free:
+        raise InputError(
+            f"{free[0]} is a continuous-time block: use sampled({free[0]}, dt) in the drive."
+        )
+    rates = {float(b.dt) for b in blocks if b.nstates and b.dt is not True}
+    if len(rates) > 1:
+        raise InputError(f"the drive's blocks have different sample times: {sorted(rates)} s.")
     logic = [Part(b, tuple(b.input_labels), tuple(b.output_labels), 0) for b in blocks]
     made = {k for part in logic for k in part.outputs}
     read = {k for part in logic for k in part.inputs}
@@ -147,30 +148,24 @@ def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
             f"the inputs {', '.join(plant.output_labels)}: {plant.name} and the drive are "
             "connected by signal names."
         )
-    late = LATE if delay else ""
-    entries = tuple(k + late if k in acting else k for k in plant.input_labels)
+    if not delay:
+        return (Part(plant, tuple(plant.input_labels), tuple(plant.output_labels)), *logic)
+    late = [k + LATE for k in acting]
+    entries = tuple(k + LATE if k in acting else k for k in plant.input_labels)
+    line = _line(len(acting), delay)
     first = Part(plant, entries, tuple(plant.output_labels))
-    last = [_delay_part(acting, delay)] if delay else []
-    return (first, *logic, *last)
+    return (first, *logic, Part(line, tuple(acting), tuple(late), 0))
 
 
-def _delay_part(acting: Sequence[str], samples: int) -> Part:
-    n = len(acting)
-    line = ct.nlsys(
-        _Delay(n, moves=True),
-        _Delay(n, moves=False),
-        inputs=list(acting),
-        outputs=n,
-        states=n * samples,
-        dt=True,
-        name="delay",
-    )
-    return Part(line, tuple(acting), tuple(k + LATE for k in acting), 0)
+def _line(n: int, samples: int) -> Any:
+    """n signals in a row of samples."""
+    functions = _Delay(n, moves=True), _Delay(n, moves=False)
+    return ct.nlsys(*functions, inputs=n, outputs=n, states=n * samples, dt=True, name="delay")
 
 
 @dataclass(frozen=True)
 class _Delay:
-    """n signals in a row of samples: how the row moves on, or what leaves it."""
+    """How the row moves on, or what leaves it."""
 
     n: int
     moves: bool
@@ -180,24 +175,6 @@ class _Delay:
 
     def rests_on(self) -> tuple[Any, ...]:
         return ()
-
-
-def _fit(blocks: Sequence[Any]) -> None:
-    free = [b.name for b in blocks if b.nstates and not b.isdtime(strict=True)]
-    if free:
-        raise InputError(
-            f"{free[0]} is a continuous-time block: use sampled({free[0]}, dt) in the drive."
-        )
-    rates = {float(b.dt) for b in blocks if b.nstates and b.dt is not True}
-    if len(rates) > 1:
-        raise InputError(f"the drive's blocks have different sample times: {sorted(rates)} s.")
-
-
-def _outside(parts: Sequence[Part]) -> tuple[str, ...]:
-    """Signals that no block outputs: first those the drive reads, then those of the plant only."""
-    made = {k for part in parts for k in part.outputs}
-    ordered = [k for part in (*parts[1:], parts[0]) for k in part.inputs]
-    return tuple(dict.fromkeys(k for k in ordered if k not in made))
 
 
 def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:

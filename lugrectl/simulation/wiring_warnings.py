@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from ..engine.tracing.network import Net, Part
+from ..engine.tracing.network import Net
 
 OPTIONAL = ("d",)  # a load: 0 is what is usually meant
 AT = (1e-2, 1.0, 1e2, 1e4)  # 1/s: points of the positive real axis
@@ -31,43 +32,32 @@ def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> No
         for label in net.outside:
             if label not in given and label not in OPTIONAL and (said := _unfed(net, label)):
                 warnings.warn(said, RuntimeWarning, stacklevel=4)
-    ends = [(i, j) for i, part in enumerate(net.parts) for j in range(len(part.outputs))]
-    column = {end: k for k, end in enumerate(ends)}
-    rows = []
-    for label in (k for part in net.parts for k in part.inputs):
-        rows.append(np.zeros(len(ends)))
-        rows[-1][[column[end] for end in net.sources.get(label, [])]] = 1.0
-    _warn_of_sign(net.name, [part.block for part in net.parts], np.array(rows), params)
+    wires = net.wires
+    _warn_of_sign(net.name, wires.blocks, wires.connect, params)
 
 
 def _unfed(net: Net, label: str) -> str:
     """The warning on an input that nothing feeds; empty where no output is left over for it."""
     readers = ", ".join(part.block.name for part in net.parts if label in part.inputs)
     read = {k for part in net.parts for k in part.inputs}
-    idle = [
-        p
-        for p in net.parts
-        if p.outputs and not read & {*p.outputs} and label not in p.inputs and _may_feed(p, label)
-    ]
+    idle = []
+    for part in net.parts:
+        declared = _declared(part.block)
+        # an observer is often only watched
+        watched = declared is not None and declared.kind == "observer" and label[:1] != "F"
+        if part.outputs and not read & {*part.outputs} and label not in part.inputs and not watched:
+            idle.append(f"{', '.join(part.outputs)} of {part.block.name}")
     near = difflib.get_close_matches(label, [k for k in net.signals if k not in read], n=1)
     if near:
-        makers = dict.fromkeys(net.parts[i].block.name for i, _ in net.sources[near[0]])
-        hint = f"Did you mean {near[0]} of {', '.join(makers)}?"
+        hint = f"Did you mean {near[0]} of {net.makers(near[0])}?"
     elif idle:
-        unread = "; ".join(f"{', '.join(p.outputs)} of {p.block.name}" for p in idle)
-        hint = f"Nothing reads {unread}: is it meant?"
+        hint = f"Nothing reads {'; '.join(idle)}: is it meant?"
     else:
         return ""
     return (
         f"{net.name}: nothing feeds the input {label} of {readers}; it is 0. {hint} Give "
         f"inputs={{'{label}': 0}} if 0 is meant."
     )
-
-
-def _may_feed(part: Part, label: str) -> bool:
-    """Whether an idle block looks like a forgotten source: an observer is often only watched."""
-    made = _declared(part.block)
-    return made is None or made.kind != "observer" or label.startswith("F")
 
 
 def _declared(block: Any) -> Any:
@@ -133,13 +123,7 @@ def _plainly_right(
 
 def _loop_gain(blocks: Sequence[Any], matrix: np.ndarray, row: int, s: float, params: Any) -> float:
     """What arrives at an input for 1 put in there, at the point s of the real axis."""
-    parts = [_gain(block, s, params) for block in blocks]
-    whole = np.zeros((matrix.shape[1], matrix.shape[0]))
-    r = c = 0
-    for part in parts:
-        whole[r : r + part.shape[0], c : c + part.shape[1]] = part
-        r, c = r + part.shape[0], c + part.shape[1]
-    H = matrix @ whole
+    H = matrix @ block_diag(*(_gain(block, s, params) for block in blocks))
     others = [k for k in range(len(H)) if k != row]
     rest = np.eye(len(others)) - H[np.ix_(others, others)]
     reached = np.linalg.solve(rest, H[others, row])

@@ -15,18 +15,13 @@ _FORMS = "a dict of columns, a list of dicts, a structured array or a DataFrame"
 def columns(table: Any) -> dict[str, np.ndarray]:
     """Name -> (L,) array, or a 0-d array for a value that all members share.
 
-    Raises
-    ------
-    InputError
-        For another form, text in a column, lengths that differ, a member without one of the
-        parameters.
+    InputError for another form, text in a column, lengths that differ, a member without one of the
+    parameters.
     """
-    raw = _raw(table)
-    found = {str(name): _numbers(str(name), values) for name, values in raw.items()}
+    found = {str(name): _numbers(str(name), values) for name, values in _raw(table).items()}
     lengths = {name: len(values) for name, values in found.items() if values.ndim}
     if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{name} {length}" for name, length in lengths.items())
-        raise InputError(f"the columns of params differ in length: {said}.")
+        raise InputError(f"the columns of params differ in length: {_listed(lengths)}.")
     return found
 
 
@@ -43,22 +38,18 @@ def _raw(table: Any) -> Mapping[Any, Any]:
         return table.columns_of("plant")
     if hasattr(table, "columns") and hasattr(table, "to_numpy"):
         return {name: table[name].to_numpy() for name in table.columns}
-    if isinstance(table, Sequence) and all(isinstance(row, Mapping) for row in table):
-        return _by_column(table)
-    raise InputError(f"params is a {type(table).__name__}; give {_FORMS}.")
-
-
-def _by_column(rows: Sequence[Mapping[Any, Any]]) -> dict[Any, list[Any]]:
-    if not rows:
+    if not isinstance(table, Sequence) or not all(isinstance(row, Mapping) for row in table):
+        raise InputError(f"params is a {type(table).__name__}; give {_FORMS}.")
+    if not table:
         raise InputError("params is an empty list: there is nothing to simulate.")
-    for i, row in enumerate(rows):
-        odd = set(row) ^ set(rows[0])
+    for i, row in enumerate(table):
+        odd = set(row) ^ set(table[0])
         if odd:
             raise InputError(
                 f"params: members 0 and {i} do not have the same parameters; "
                 f"one does not have '{sorted(map(str, odd))[0]}'."
             )
-    return {name: [row[name] for row in rows] for name in rows[0]}
+    return {name: [row[name] for row in table] for name in table[0]}
 
 
 def _numbers(name: str, values: Any) -> np.ndarray:
@@ -80,9 +71,12 @@ def _numbers(name: str, values: Any) -> np.ndarray:
 def members(lengths: Mapping[str, int]) -> int:
     """The number of members, which all ``lengths`` must agree on; 1 if there are none."""
     if len(set(lengths.values())) > 1:
-        said = ", ".join(f"{what} {length}" for what, length in lengths.items())
-        raise InputError(f"the number of members is not clear: {said}.")
+        raise InputError(f"the number of members is not clear: {_listed(lengths)}.")
     count = next(iter(lengths.values()), 1)
     if not count:
         raise InputError("the sweep has no members: there is nothing to simulate.")
     return count
+
+
+def _listed(lengths: Mapping[str, int]) -> str:
+    return ", ".join(f"{what} {length}" for what, length in lengths.items())

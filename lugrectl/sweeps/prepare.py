@@ -17,13 +17,13 @@ from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
 from ..engine.runtime.adaptive_run import Adaptive, Portable
 from ..engine.runtime.delays import lates
-from ..engine.runtime.memo import compiled_system
+from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net
 from ..engine.tracing.tracer import widths
 from ..simulation import arguments
 from ..simulation.block_list import net_of
 from . import parameter_table
-from .worker import OneByOne, Plan, Solver, Task, Traced
+from .worker import OneByOne, Plan, Task, Traced
 
 _BLOCK = 32e6  # bytes of results in one task, about
 _MOST = 256  # members in one task
@@ -47,14 +47,12 @@ class Prepared:
     def tasks(self, size: int, places: Mapping[str, Any]) -> Iterator[Task]:
         """All members in tasks; ``places``: arrays for ``y`` and ``x`` of all members, if any."""
         for first in range(0, self.count, size):
-            yield self._task(range(first, min(first + size, self.count)), places)
-
-    def _task(self, index: range, places: Mapping[str, Any]) -> Task:
-        here = slice(index.start, index.stop)
-        starts = self.x0[here] if len(self.x0) > 1 else np.repeat(self.x0, len(index), axis=0)
-        seeds = None if self.seeds is None else [_sequence(s) for s in self.seeds[here]]
-        views = {k: v[here] for k, v in places.items() if v is not None}
-        return Task(index, self.p(index), starts, seeds, **views)
+            index = range(first, min(first + size, self.count))
+            here = slice(index.start, index.stop)
+            starts = self.x0[here] if len(self.x0) > 1 else np.repeat(self.x0, len(index), axis=0)
+            seeds = None if self.seeds is None else self.seeds[here]
+            views = {k: v[here] for k, v in places.items() if v is not None}
+            yield Task(index, self.p(index), starts, seeds, **views)
 
     def chunk(self, workers: int) -> int:
         """Members in a task: at least four tasks for each worker, and bounded memory."""
@@ -78,45 +76,52 @@ class _Spawned(Sequence[Any]):
         return np.random.SeedSequence(0, spawn_key=(at,))
 
 
-def prepare(
-    system: Any,
-    t: ArrayLike,
-    inputs: Any,
-    params: Any,
-    x0: Any,
-    seeds: Any,
-    outputs: Sequence[str] | None,
-    states: bool | Sequence[str],
-    hold: bool,
-    rtol: float,
-    reduce: Callable[..., Any] | None,
-) -> Prepared:
+@dataclass(frozen=True)
+class Asked:
+    """What :func:`lugrectl.sweep` is asked to simulate, as it was given."""
+
+    system: Any
+    t: ArrayLike
+    inputs: Any
+    params: Any
+    x0: Any
+    seeds: Any
+    outputs: Sequence[str] | None
+    states: bool | Sequence[str]
+    hold: bool
+    rtol: float
+    reduce: Callable[..., Any] | None
+
+
+def prepare(asked: Asked) -> Prepared:
     """Check the arguments and trace the system. Raises InputError."""
-    rtol = arguments.settings(rtol, hold)
-    times, columns = arguments.times(t), parameter_table.columns(params)
-    net, _ = net_of(system)
+    rtol, reduce, inputs = arguments.settings(asked.rtol, asked.hold), asked.reduce, asked.inputs
+    times, columns = arguments.times(asked.t), parameter_table.columns(asked.params)
+    net, _ = net_of(asked.system)
     blocks = [part.block for part in net.parts]
     if reduce is not None and not callable(reduce):
         raise InputError(f"reduce must be a function of t and y, not {shown(reduce)}.")
-    given = inputs
     if not callable(inputs):
-        given = arguments.inputs(net.name, net.outside, times, inputs)
-    starts, drawn = _starts(net, x0), _seeds(seeds, inputs)
-    count = parameter_table.members(_lengths(columns, starts, drawn))
-    wanted = _chosen(net, "output", outputs)
-    kept = _chosen(net, "state", None if states is True else [] if states is False else states)
+        inputs = arguments.inputs(net.name, net.outside, times, inputs)
+    starts, drawn = _starts(net, asked.x0), _seeds(asked.seeds, inputs)
+    lengths = dict([("params", len(v)) for v in columns.values() if v.ndim][:1])
+    lengths |= {"x0": len(starts)} if len(starts) != 1 else {}
+    lengths |= {} if drawn is None else {"seeds": len(drawn)}
+    count = parameter_table.members(lengths)
+    wanted, chosen = _chosen(net, "output", asked.outputs), asked.states
+    kept = _chosen(net, "state", None if chosen is True else [] if chosen is False else chosen)
     full = {k: np.ascontiguousarray(np.broadcast_to(v, (count,))) for k, v in columns.items()}
     for key, values in full.items():
         numbers = values[~np.isnan(values)]  # a member that is NaN fails alone
         for value in {numbers.min(), numbers.max()} if len(numbers) else ():
             arguments.parameters(blocks, {key: value})
-    alone = OneByOne(
-        blocks[0] if net.alone else list(system), tuple(full), wanted, times, hold, rtol
+    system = blocks[0] if net.alone else list(asked.system)
+    solver, rows = _solver(
+        net, OneByOne(system, tuple(full), wanted, times, asked.hold, rtol), full
     )
-    solver, rows = _solver(net, alone, full)
     keep = tuple(net.states().index(k) for k in kept) if kept else None
     shape = (len(wanted), len(times))
-    plan = Plan(solver, net.name, net.outside, given, keep, reduce, shape, rows.names, times)
+    plan = Plan(solver, net.name, net.outside, inputs, keep, reduce, shape, rows.names, times)
     carried = isinstance(solver, Traced)
     return Prepared(plan, times, wanted, kept, full, starts, rows, drawn, count, carried)
 
@@ -164,14 +169,20 @@ class _Rows:
         return rows
 
 
-def _solver(net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]) -> tuple[Solver, _Rows]:
+def _solver(
+    net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]
+) -> tuple[Traced | OneByOne, _Rows]:
     """By generated code where a continuous system has some, else member by member."""
     if not net.groups:
         try:
-            engine, fixed = _engine(alone.system, columns)
+            engine, fixed = _engine(net, columns)
             keys, defaults = engine.program.keys, engine.program.arguments(fixed)
             places = {i: columns[k] for i, k in enumerate(keys) if k in columns}
-            if not _late(engine, defaults, places):
+            p = defaults.copy()
+            for at, values in places.items():
+                p[at] = np.nanmax(values, initial=-np.inf)
+            # generated code alone cannot keep the past of a dead time
+            if not any(delay > 0.0 for delay in lates(engine.program, p).values()):
                 portable = Portable.of(engine, alone.outputs)
                 made = Traced(portable, alone.t, alone.hold, alone.rtol)
                 return made, _Rows(tuple(keys), defaults, places)
@@ -185,26 +196,19 @@ def _solver(net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]) -> tup
     return alone, _Rows(alone.names, np.zeros(len(columns)), dict(enumerate(columns.values())))
 
 
-def _late(engine: Adaptive, defaults: np.ndarray, columns: Mapping[int, np.ndarray]) -> bool:
-    """Whether some member has a dead time: its past is kept, which generated code cannot."""
-    p = defaults.copy()
-    for at, values in columns.items():
-        p[at] = np.nanmax(values, initial=-np.inf)
-    return any(delay > 0.0 for delay in lates(engine.program, p).values())
-
-
-def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
+def _engine(net: Net, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
     """The compiled system, and the values that replaced defaults when it was traced.
 
     It is traced with the system's own defaults first; then with the first member's values, for
     keys without a default and for those needed as numbers. Of the width of a sign the largest
     value decides whether the sign is smooth.
     """
-    wide = {k: float(np.nanmax(columns[k])) for k in widths(system) if k in columns}
+    keys = [k for part in net.parts for k in widths(part.block) if k in columns]
+    wide = {k: float(np.nanmax(columns[k])) for k in keys}
     first = {k: float(v[0]) for k, v in columns.items()} | wide
     for given in (wide, first):
         try:
-            engine = compiled_system(system, given)
+            engine = compiled(net, given)
         except (TraceError, KeyError):  # a block reads a key that has no default
             if given == first:
                 raise
@@ -217,9 +221,9 @@ def _engine(system: Any, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, d
                 return engine, given
             if given == first:
                 raise TraceError(
-                    f"{system.name}: parameter {changing[0]} changes the equations themselves"
+                    f"{net.name}: parameter {changing[0]} changes the equations themselves"
                 )
-    raise TraceError(f"{system.name}: cannot be traced with the parameters {', '.join(first)}")
+    raise TraceError(f"{net.name}: cannot be traced with the parameters {', '.join(first)}")
 
 
 def _starts(net: Net, x0: Any) -> np.ndarray:
@@ -246,14 +250,3 @@ def _seeds(seeds: Any, inputs: Any) -> Sequence[Any] | None:
         return [s if isinstance(s, np.random.SeedSequence) else int(s) for s in seeds]
     except (TypeError, ValueError):
         raise InputError("seeds must be a number of members or a list of whole numbers.") from None
-
-
-def _sequence(seed: Any) -> Any:
-    return seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
-
-
-def _lengths(columns: Mapping[str, np.ndarray], x0: np.ndarray, seeds: Any) -> dict[str, int]:
-    whole = {"params": [len(v) for v in columns.values() if v.ndim]}
-    whole["x0"] = [len(x0)] if len(x0) != 1 else []
-    whole["seeds"] = [] if seeds is None else [len(seeds)]
-    return {what: found[0] for what, found in whole.items() if found}

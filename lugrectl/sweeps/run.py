@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -18,8 +18,7 @@ from ..core.errors import InputError
 from ..core.jobs import JobError, Progress, run_jobs
 from ..core.progress import Bar, Wanted, bar_for, reporter, shows_progress
 from ..engine.runtime.backend import threads
-from .gather import Gathered
-from .prepare import Prepared, prepare, sendable
+from .prepare import Asked, Prepared, prepare, sendable
 from .sweep_result import Sweep
 from .worker import Block, Traced, work
 
@@ -128,9 +127,10 @@ def sweep(
 
     >>> s = lg.sweep(loop, t, r, table, executor=client.get_executor())  # doctest: +SKIP
     """
-    made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
+    asked = Asked(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
+    made = prepare(asked)
     gathered = Gathered(made)
-    blocks = _blocks(made, executor, jobs, chunk, reporter(progress), gathered)
+    blocks = _blocks(made, _How(executor, jobs, chunk, reporter(progress)), gathered)
     try:
         for index, block in blocks:
             gathered.take(index, block)
@@ -199,9 +199,10 @@ def sweep_chunks(
     >>> bool(peak[0] > peak[-1])
     True
     """
-    made = prepare(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
+    asked = Asked(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
+    made = prepare(asked)
     bar = bar_for(progress)
-    return _parts(made, _blocks(made, executor, jobs, chunk, bar), bar)
+    return _parts(made, _blocks(made, _How(executor, jobs, chunk, bar)), bar)
 
 
 def _parts(made: Prepared, blocks: Generator[tuple[range, Any]], bar: Bar) -> Iterator[Sweep]:
@@ -215,16 +216,22 @@ def _parts(made: Prepared, blocks: Generator[tuple[range, Any]], bar: Bar) -> It
         bar.close()
 
 
+@dataclass(frozen=True)
+class _How:
+    """How the work is shared out."""
+
+    executor: Executor | None
+    jobs: int | None
+    chunk: int | None
+    progress: Progress | None
+
+
 def _blocks(
-    made: Prepared,
-    executor: Executor | None,
-    jobs: int | None,
-    chunk: int | None,
-    progress: Progress | None,
-    whole: Gathered | None = None,
+    made: Prepared, how: _How, whole: Gathered | None = None
 ) -> Generator[tuple[range, Block | JobError]]:
     """Check the arguments at once; then yield each task's members with their answers."""
-    for name, number in (("jobs", jobs), ("chunk", chunk)):
+    executor, jobs = how.executor, how.jobs
+    for name, number in (("jobs", jobs), ("chunk", how.chunk)):
         if number is not None:
             validation.whole(number, name, 1)
     if executor is not None and not hasattr(executor, "submit"):
@@ -241,22 +248,16 @@ def _blocks(
     places: dict[str, Any] = {}
     if whole is not None and executor is None and (compiled or jobs == 1):
         places = whole.places()
-    return _run(made, executor, jobs, chunk, progress, compiled, places)
+    return _run(made, replace(how, executor=executor, jobs=jobs), compiled, places)
 
 
 def _run(
-    made: Prepared,
-    executor: Executor | None,
-    jobs: int | None,
-    chunk: int | None,
-    progress: Progress | None,
-    by_threads: bool,
-    places: dict[str, Any],
+    made: Prepared, how: _How, by_threads: bool, places: dict[str, Any]
 ) -> Generator[tuple[range, Block | JobError]]:
-    workers = jobs or getattr(executor, "_max_workers", None) or _ASKED_AHEAD
+    executor, own = how.executor, None
+    workers = how.jobs or getattr(executor, "_max_workers", None) or _ASKED_AHEAD
     alone = executor is None and workers == 1
-    size = chunk or (1 if alone and not by_threads else made.chunk(workers))
-    own = None
+    size = how.chunk or (1 if alone and not by_threads else made.chunk(workers))
     if by_threads and executor is None and workers > 1:
         own = executor = ThreadPoolExecutor(workers)
     function, done = partial(work, made.plan), 0
@@ -266,9 +267,103 @@ def _run(
             index = range(number * size, min((number + 1) * size, made.count))
             yield index, block
             done += len(index)
-            if progress is not None:
-                progress(done / made.count, f"{done} of {made.count} members")
+            if how.progress is not None:
+                how.progress(done / made.count, f"{done} of {made.count} members")
     finally:
         getattr(found, "close", lambda: None)()
         if own is not None:
             own.shutdown(cancel_futures=True)
+
+
+class Gathered:
+    """Arrays for the members of a range, filled as answers arrive."""
+
+    def __init__(self, made: Prepared, index: range | None = None) -> None:
+        self.made, self.index = made, range(made.count) if index is None else index
+        plan = made.plan
+        self.shapes = {} if plan.reduce is not None else {"y": plan.shape}
+        self.shapes |= {} if plan.keep is None else {"x": (len(plan.keep), plan.shape[1])}
+        self.arrays: dict[str, np.ndarray] = {}
+        self.reduced: np.ndarray | None = None
+        self.done = np.zeros(len(self.index), dtype=bool)
+        self.failed: dict[int, str] = {}
+        self.coarse: dict[int, float] = {}
+        self.interrupted = False
+
+    def places(self) -> dict[str, np.ndarray]:
+        """Arrays for workers in this process to write to."""
+        count = len(self.index)
+        self.arrays = {name: np.empty((count, *shape)) for name, shape in self.shapes.items()}
+        return self.arrays
+
+    def take(self, index: range, block: Block | JobError) -> None:
+        here = slice(index.start - self.index.start, index.stop - self.index.start)
+        self.done[here] = True
+        if isinstance(block, JobError):
+            self.failed |= dict.fromkeys(index, block.sentence)
+            return
+        self.failed |= block.failed
+        self.coarse |= block.coarse
+        for name, shape in self.shapes.items():
+            part = getattr(block, name)
+            if len(part) == len(self.index):
+                self.arrays[name] = part
+                continue
+            if name not in self.arrays:
+                self.arrays[name] = np.empty((len(self.index), *shape))
+            if not np.may_share_memory(self.arrays[name], part):
+                self.arrays[name][here] = part
+        for member, value in zip(index, block.reduced or (), strict=False):
+            if value is None:
+                continue
+            if self.reduced is None:
+                self.reduced = np.full((len(self.index), *value.shape), np.nan)
+            if value.shape == self.reduced.shape[1:]:
+                self.reduced[member - self.index.start] = value
+            else:
+                wanted = self.reduced.shape[1:]
+                said = f"reduce: gave the shape {value.shape}, for another member {wanted}."
+                self.failed[member] = said
+
+    def result(self) -> Sweep:
+        made, count = self.made, len(self.index)
+        lost = ~self.done  # members not run, tasks that failed entirely
+        lost[[member - self.index.start for member in self.failed]] = True
+        for name, shape in self.shapes.items():
+            self.arrays.setdefault(name, np.empty((count, *shape)))[lost] = np.nan
+        if made.plan.reduce is not None and self.reduced is None:
+            self.reduced = np.full(count, np.nan)
+        here = slice(self.index.start, self.index.stop)
+        return Sweep(
+            made.plan.name,
+            made.t,
+            made.outputs,
+            made.states,
+            self.arrays.get("y"),
+            self.arrays.get("x"),
+            self.reduced,
+            {k: v[here] for k, v in made.params.items()},
+            np.arange(self.index.start, self.index.stop),
+            self.done,
+            dict(sorted(self.failed.items())),
+            dict(sorted(self.coarse.items())),
+            self._message(),
+        )
+
+    def _message(self) -> str | None:
+        name, count, said = self.made.plan.name, len(self.index), []
+        if self.interrupted:
+            done = int(self.done.sum())
+            said.append(f"interrupted: {done} of {count} members are done, the others are nan")
+        if self.failed:
+            member, sentence = min(self.failed.items())
+            said.append(
+                f"{len(self.failed)} of {count} members failed; member {member}: {sentence}"
+            )
+        if self.coarse:
+            member, time = min(self.coarse.items())
+            said.append(
+                f"in {len(self.coarse)} members a sign or comparison switches without end (member "
+                f"{member} near t = {time:.6g} s) and the result there is coarse"
+            )
+        return f"{name}: {'; '.join(said).rstrip('.')}." if said else None

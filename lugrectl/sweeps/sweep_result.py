@@ -87,7 +87,6 @@ class Sweep(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python: sizes, ranges of parameters, what failed (the first ten)."""
-        ranges = {k: [np.nanmin(v), np.nanmax(v)] for k, v in self.params.items() if _some(v)}
         return plain(
             {
                 "system": self.name,
@@ -101,7 +100,7 @@ class Sweep(Result):
                 "duration": float(self.t[-1] - self.t[0]),
                 "outputs": self.outputs,
                 "states": self.states,
-                "parameters": ranges,
+                "parameters": self._ranges(),
                 "message": self.message,
             }
         )
@@ -156,6 +155,10 @@ class Sweep(Result):
         outputs = self.outputs if self.y is not None else ()
         return list(dict.fromkeys([*outputs, *self.states]))
 
+    def _ranges(self) -> dict[str, list[Any]]:
+        known = {k: v for k, v in self.params.items() if not np.all(np.isnan(v))}
+        return {k: [np.nanmin(v), np.nanmax(v)] for k, v in known.items()}
+
     def __str__(self) -> str:
         said = f"{self.name}: {int(self.ok.sum())} of {len(self)} members simulated"
         said += f", {len(self.failed)} failed" if self.failed else ""
@@ -165,16 +168,9 @@ class Sweep(Result):
         return f"Sweep {self}"
 
     def _rows(self) -> Iterable[Row]:
-        held = ", ".join(self._signals()) or "none"
+        ranges = [*self._ranges().items()][:6]
         return [
-            Row("signals", held),
-            *(Row(k, f"{np.nanmin(v):.6g} to {np.nanmax(v):.6g}") for k, v in self._ranges()),
+            Row("signals", ", ".join(self._signals()) or "none"),
+            *(Row(k, f"{low:.6g} to {high:.6g}") for k, (low, high) in ranges),
             *(Row(f"member {i}", said) for i, said in sorted(self.failed.items())[:3]),
         ]
-
-    def _ranges(self) -> list[tuple[str, np.ndarray]]:
-        return [(k, v) for k, v in self.params.items() if _some(v)][:6]
-
-
-def _some(values: np.ndarray) -> bool:
-    return not bool(np.all(np.isnan(values)))

@@ -6,7 +6,7 @@ import contextlib
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,12 +22,6 @@ Answer = tuple[np.ndarray, np.ndarray, float]  # states, outputs, unsettled time
 Solve = Callable[[np.ndarray, np.ndarray, np.ndarray], Answer]  # of inputs (m, N), x0, p
 
 
-class Solver(Protocol):
-    """Anything that can simulate one member."""
-
-    def ready(self) -> Solve: ...
-
-
 @dataclass(frozen=True)
 class Traced:
     """Simulates by generated code; plain data."""
@@ -38,8 +32,8 @@ class Traced:
     rtol: float
 
     def ready(self) -> Solve:
-        loaded, name, outputs = self.portable.loaded(), self.portable.name, self.portable.outputs
-        labels, accuracy, none = [f"output {k}" for k in outputs], Accuracy(self.rtol), np.zeros(0)
+        loaded, name, none = self.portable.loaded(), self.portable.name, np.zeros(0)
+        labels, accuracy = [f"output {k}" for k in self.portable.outputs], Accuracy(self.rtol)
 
         def solve(u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
             course = Course.along(self.t, u, 0, self.hold)
@@ -65,9 +59,9 @@ class OneByOne:
     rtol: float
 
     def ready(self) -> Solve:
-        return self._solve
+        return self.solve
 
-    def _solve(self, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
+    def solve(self, u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
         params = dict(zip(self.names, p.tolist(), strict=True)) or None
         options: dict[str, Any] = {"hold": self.hold, "rtol": self.rtol, "squeeze": False}
         with warnings.catch_warnings():  # the warning was given once for all members
@@ -84,7 +78,7 @@ class OneByOne:
 class Plan:
     """The data common to all members."""
 
-    solver: Solver
+    solver: Traced | OneByOne
     name: str
     labels: tuple[str, ...]  # of the inputs
     inputs: Any  # (m, N), or a function
@@ -151,7 +145,9 @@ def _member(plan: Plan, task: Task, block: Block, row: int, solve: Any) -> None:
     u = plan.inputs
     if callable(u):
         with _named("inputs"):
-            u = arguments.inputs(plan.name, plan.labels, plan.t, _drawn(u, task, row))
+            own = task.index[row]  # with seeds random numbers depend on the member's seed only
+            given = u(own if task.seeds is None else np.random.default_rng(task.seeds[row]))
+            u = arguments.inputs(plan.name, plan.labels, plan.t, given)
     states, y, unsettled = solve(u, task.x0[row], task.p[row])
     if block.reduced is not None and plan.reduce is not None:
         with _named("reduce"):
@@ -171,10 +167,3 @@ def _named(what: str) -> Iterator[None]:
         yield
     except Exception as error:
         raise InputError(f"{what}: {JobError.of(0, error).sentence}") from error
-
-
-def _drawn(inputs: Callable[[Any], Any], task: Task, row: int) -> Any:
-    """The inputs by the user's function; random numbers depend on the member's seed only."""
-    if task.seeds is None:
-        return inputs(task.index[row])
-    return inputs(np.random.default_rng(task.seeds[row]))

@@ -28,3 +28,15 @@ def user_block(
 def row(response: Any, label: str) -> np.ndarray:
     """One output of a response."""
     return np.atleast_2d(response.outputs)[list(response.output_labels).index(label)]
+
+
+def moving(
+    update: Any, /, states: Any, name: str | None = None, inputs: Any = "u", **more: Any
+) -> Any:
+    """A block whose outputs are its states."""
+    return user_block(update, None, inputs, states, states, name, **more)
+
+
+def static(output: Any, /, inputs: Any, outputs: Any, name: str | None = None, **more: Any) -> Any:
+    """A block without states."""
+    return user_block(None, output, inputs, outputs, None, name, **more)

@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import gc
-import json
 import math
-import os
-import subprocess
-import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
 from lugrectl.engine.codegen.python_source import summed
@@ -98,38 +92,6 @@ def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
     assert Native(TEXT)(*compiled) == often > 7
     np.testing.assert_allclose(compiled[5], plain[5], rtol=1e-14)
     assert np.all(plain[5][[5]] == 0.0) and np.all(plain[5][[0, 1, 2, 3, 4], 0] != 0.0)
-
-
-ALONE = """
-import sys
-folder, without = sys.argv[1:]
-sys.modules |= {name: None for name in without.split()}
-import lugrectl as lg
-record, model = lg.read_record(folder + "/record.csv"), lg.read_model(folder + "/model.toml")
-print(lg.diagnose(record, model).to_json())
-"""
-
-
-def demo(without: str = "", **environment: str) -> dict:
-    folder = Path(lg.__file__).parent / "demo"
-    command = [sys.executable, "-c", ALONE, str(folder), without]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=300, env=os.environ | environment
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
-
-
-@needs_compiler
-@pytest.mark.slow
-def test_the_demo_is_found_by_either_compiler() -> None:
-    pytest.importorskip("numba")
-    by_c, by_numba = demo(without="numba"), demo(CC="")
-    assert by_c["verdict"] == by_numba["verdict"] == "found"
-    assert [e["name"] for e in by_c["effects"]] == [e["name"] for e in by_numba["effects"]]
-    for key, value in by_c["effects"][0]["parameters"].items():
-        other = by_numba["effects"][0]["parameters"][key]
-        assert value["value"] == pytest.approx(other["value"], rel=1e-3, abs=1e-6)
 
 
 @needs_compiler

@@ -7,14 +7,10 @@ import lugrectl as lg
 from lugrectl.core.errors import Diverged
 from lugrectl.engine import AlgebraicLoop
 
-from ..cases.own import user_block
+from ..cases.own import static, user_block
 
 T = np.linspace(0, 1, 41)
 R = 3 * np.sin(6 * T)
-
-
-def static(name, inputs, outputs, function):
-    return user_block(None, function, inputs, outputs, None, name, dt=None)
 
 
 def clip(t, x, u, params):
@@ -28,8 +24,8 @@ def branch(t, x, u, params):
 def loop(law, gain):
     """b = law(r - gain b), through a lag."""
     return [
-        static("law", ["a"], ["b"], law),
-        static("sum", ["r", "b"], ["a"], lambda t, x, u, p: u[0] - gain * u[1]),
+        static(law, ["a"], ["b"], "law"),
+        static(lambda t, x, u, p: u[0] - gain * u[1], ["r", "b"], ["a"], "sum"),
         user_block(lambda t, x, u, p: u - x, None, ["b"], ["y"], 1, "lag"),
     ]
 
@@ -54,12 +50,12 @@ def test_more_than_one_solution_is_refused(law):
 def test_absolute_values_and_two_unknowns_at_once():
     """a = r - |b|/2, b = max(a, 0)/3 + min(a, r): the same at each instant as by iteration."""
     blocks = [
-        static("one", ["r", "b"], ["a"], lambda t, x, u, p: u[0] - 0.5 * np.abs(u[1])),
+        static(lambda t, x, u, p: u[0] - 0.5 * np.abs(u[1]), ["r", "b"], ["a"], "one"),
         static(
-            "two",
+            lambda t, x, u, p: np.maximum(u[1], 0) / 3 + np.minimum(u[1], u[0]),
             ["r", "a"],
             ["b"],
-            lambda t, x, u, p: np.maximum(u[1], 0) / 3 + np.minimum(u[1], u[0]),
+            "two",
         ),
         loop(clip, 1)[2],
     ]

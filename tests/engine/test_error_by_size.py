@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.memo import compiled_system
+from lugrectl.engine.runtime.memo import compiled
+from lugrectl.engine.tracing.network import Net
 
 from ..benchmarks import item
-from ..cases.own import user_block
+from ..cases.own import moving, static
 
 T = np.linspace(0, 5, 11)
 
@@ -31,7 +32,7 @@ def exact(start, t):
 @pytest.mark.parametrize("start", [1.0, 1e3, 1e6, -3e6])
 @pytest.mark.parametrize("points", [3, 11, 501])
 def test_a_small_motion_after_a_large_start_is_right(start, points):
-    system = user_block(lag, None, "u", "y", "y", "lag")
+    system = moving(lag, "y", "lag")
     t = np.linspace(0, 5, points)
     late = t >= 1.0
     error = lg.simulate(system, t, 0.0, [start]).outputs - exact(start, t)
@@ -41,13 +42,8 @@ def test_a_small_motion_after_a_large_start_is_right(start, points):
 @pytest.mark.parametrize("plateau", [1e3, 1e6])
 def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
     """The stay may be long: what counts is how fast the state fell."""
-    pulled = user_block(
-        lambda t, x, u, p: np.array([-50 * (x[0] - u[0] - np.sin(20 * t))]),
-        None,
-        "u",
-        "y",
-        "y",
-        "pulled",
+    pulled = moving(
+        lambda t, x, u, p: np.array([-50 * (x[0] - u[0] - np.sin(20 * t))]), "y", "pulled"
     )
     t = np.linspace(0, 8, 801)
     y = lg.simulate(pulled, t, np.where(t < 3, plateau, 0.0), hold=True).outputs
@@ -58,7 +54,7 @@ def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
 def test_a_zero_crossing_does_not_shorten_the_steps():
     """The velocity loop of Table 1: one step for each sample and few more."""
     loop = item.loop()
-    engine = compiled_system(loop)
+    engine = compiled(Net.of(loop))
     p = engine.program.arguments(None)
     u = item.r[None, :]
     run = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-6)
@@ -70,11 +66,8 @@ def test_a_zero_crossing_does_not_shorten_the_steps():
 def test_beside_a_large_state_a_small_one_is_right():
     """Two lags with states of 1e6 and 1e-3: both to about rtol."""
     size = np.array([1e6, 1e-3])
-    both = user_block(
+    both = moving(
         lambda t, x, u, p: np.array([size[k] * np.cos(3 * t) - x[k] for k in (0, 1)]),
-        None,
-        "u",
-        ["a", "b"],
         ["a", "b"],
         "both",
     )
@@ -93,13 +86,13 @@ def test_atol_is_the_error_near_zero():
         return np.array([-math.atan(x[0]) - 400 * x[1], x[0]])  # math: LSODA runs it
 
     names = ["y", "z"]
-    system = user_block(counted, None, "u", names, names, "swing")
+    system = moving(counted, names, "swing")
     for atol in (None, 1e-3):
         calls.append(0)
         with pytest.warns(RuntimeWarning, match="LSODA"):
             lg.simulate(system, T, 0.0, [1e-2, 0.0], atol=atol)
     assert calls[1] < 0.5 * calls[0]
-    traced = user_block(lag, None, "u", "y", "y", "lag")
+    traced = moving(lag, "y", "lag")
     loose = lg.simulate(traced, T, 0.0, [1.0], atol=0.1).outputs - exact(1.0, T)
     fine = lg.simulate(traced, T, 0.0, [1.0]).outputs - exact(1.0, T)
     assert np.abs(fine).max() < 1e-6 < np.abs(loose).max()
@@ -107,14 +100,14 @@ def test_atol_is_the_error_near_zero():
 
 @pytest.mark.parametrize("atol", [-1.0, 0.0, math.nan, "x"])
 def test_a_wrong_atol_is_one_sentence(atol):
-    system = user_block(lag, None, "u", "y", "y", "lag")
+    system = moving(lag, "y", "lag")
     with pytest.raises(lg.InputError, match="atol"):
         lg.simulate(system, T, 0.0, atol=atol)
 
 
 @pytest.mark.parametrize("blocks", [lambda b: b, lambda b: [b]])
 def test_a_block_without_states_that_cannot_be_traced_answers(blocks):
-    soft = user_block(None, lambda t, x, u, p: np.array([math.tanh(u[0])]), "v", "y", None, "soft")
+    soft = static(lambda t, x, u, p: np.array([math.tanh(u[0])]), "v", "y", "soft")
     t = np.linspace(0, 1, 11)
     with pytest.warns(RuntimeWarning, match="turned into a number"):
         found = lg.simulate(blocks(soft), t, {"v": t})
@@ -130,10 +123,8 @@ def test_a_memory_is_noticed_beside_a_stiff_block_as_alone(rate):
         memory["n"] += not hasattr(u[0], "op")
         return 0.1 * u[0] + 1e-3 * (memory["n"] % 2)
 
-    stiff = user_block(
-        lambda t, x, u, p: np.array([-rate * (x[0] - u[0])]), None, "u", "v", "v", "stiff"
-    )
-    toggles = user_block(None, flips, "v", "y", None, "flips")
+    stiff = moving(lambda t, x, u, p: np.array([-rate * (x[0] - u[0])]), "v", "stiff")
+    toggles = static(flips, "v", "y", "flips")
     loop = ct.interconnect([stiff, toggles], inputs="u", outputs="y")
     with pytest.warns(RuntimeWarning, match="flips: the traced equation of y differs"):
         try:
@@ -144,12 +135,7 @@ def test_a_memory_is_noticed_beside_a_stiff_block_as_alone(rate):
 
 def test_terms_that_cancel_are_no_memory():
     """Two large terms of different order of addition: rounding, no difference."""
-    gain = user_block(
-        lambda t, x, u, p: np.array([1e9 * (x[0] + 0.3) - 1e9 * x[0] - 3e8 + u[0]]),
-        None,
-        "u",
-        "y",
-        "y",
-        "cancels",
+    gain = moving(
+        lambda t, x, u, p: np.array([1e9 * (x[0] + 0.3) - 1e9 * x[0] - 3e8 + u[0]]), "y", "cancels"
     )
     lg.simulate(gain, np.linspace(0, 1, 5), 1.0)

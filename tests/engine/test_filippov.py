@@ -14,7 +14,7 @@ import lugrectl as lg
 from lugrectl.engine.runtime.adaptive_run import Adaptive
 from lugrectl.engine.tracing.tracer import trace
 
-from ..cases.own import user_block
+from ..cases.own import moving, user_block
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -73,9 +73,7 @@ def test_a_held_torque_frees_it_at_once() -> None:
 def test_a_sine_above_Fc_rests_twice_a_period() -> None:
     """Moves from a = arcsin(Fc/A) to where A (cos a - cos t) = Fc (t - a), rests to pi + a."""
     A, t = 0.75, np.linspace(0.0, 2 * np.pi, 201)
-    swing = user_block(
-        lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, None, 0, 1, 1, "swing"
-    )
+    swing = moving(lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, 1, "swing", 0)
     w = lg.simulate(swing, t, rtol=1e-9).states[0]
     a = np.arcsin(FC / A)
 
@@ -103,7 +101,7 @@ def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:
         level = np.where(np.abs(slip) < narrow, Fs, Fk)
         return np.array([x[1], (-k * x[0] - level * np.sign(slip)) / m])
 
-    belt = user_block(update, None, 0, 2, 2, "belt")
+    belt = moving(update, 2, "belt", 0)
     tau = np.sqrt(2 * m * narrow / k / v)
     x1 = Fs / k + v * tau
     phi = np.arctan2(v * np.sqrt(m * k), k * x1 - Fk)
@@ -123,7 +121,7 @@ def test_bodies_that_grip_each_other_move_as_one() -> None:
         F = FC * np.sign(x[0] - x[1])
         return np.array([(u[0] - F) / J1, F / J2])
 
-    grip = user_block(update, None, 1, 2, 2, "grip")
+    grip = moving(update, 2, "grip", 1)
     t = np.linspace(0.0, 2.0, 21)
     w = lg.simulate(grip, t, 0.2, [1.0, 0.0]).states
     together = 1.0 / (FC / J1 + FC / J2 - 0.2 / J1)
@@ -134,7 +132,7 @@ def test_bodies_that_grip_each_other_move_as_one() -> None:
 
 def test_a_relay_follows_a_moving_input() -> None:
     """dx/dt = 3 sign(u - x), |du/dt| < 3: x = u once it is there."""
-    relay = user_block(lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), None, 1, 1, 1, "r")
+    relay = moving(lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), 1, "r", 1)
     t = np.linspace(0.0, 4.0, 81)
     u = np.sin(t)
     x = lg.simulate(relay, t, u, 0.5).states[0]
@@ -151,8 +149,7 @@ def test_two_relays_that_act_on_each_other() -> None:
     t = np.linspace(0.0, 6.0, 61)
     u = 1.1 * np.exp(-0.3 * t) * np.sin(2.0 * t)
     sharp, smooth = (
-        user_block(rates(side), None, 1, 2, 2, "shafts")
-        for side in (np.sign, lambda w: np.tanh(w / 1e-5))
+        moving(rates(side), 2, "shafts", 1) for side in (np.sign, lambda w: np.tanh(w / 1e-5))
     )
     ours = lg.simulate(sharp, t, u, [0.3, -0.2], rtol=1e-8).states
     near = lg.simulate(smooth, t, u, [0.3, -0.2], rtol=1e-8).states
@@ -173,7 +170,7 @@ def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) 
         def update(t: Any, x: Any, u: Any, p: Any) -> Any:
             return A @ x + b @ np.array([side(c[0] @ x), side(c[1] @ x)]) + g * u[0]
 
-        return user_block(update, None, 1, 3, 3, "relays")
+        return moving(update, 3, "relays", 1)
 
     t = np.linspace(0.0, 4.0, 41)
     u = 1.5 * np.sin(2.3 * t) + 0.3

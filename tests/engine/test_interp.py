@@ -15,7 +15,7 @@ from lugrectl.engine.expression.graph import Graph, evaluate
 from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.adaptive_run import Adaptive
 
-from ..cases.own import user_block
+from ..cases.own import moving
 from ..conftest import there
 
 XP, FP = [-1.5, -0.25, 0.0, 0.5, 2.0], [0.3, -0.4, 0.1, 0.7, -0.2]
@@ -23,7 +23,7 @@ A = np.r_[np.random.default_rng(4).uniform(-3, 3, 200), XP]
 
 
 def _table(function: Any, **options: Any) -> ct.NonlinearIOSystem:
-    return user_block(function, None, 0, ["x"], ["x"], "table", **options)
+    return moving(function, ["x"], "table", 0, **options)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from lugrectl.core.errors import Diverged
 from lugrectl.engine import AlgebraicLoop
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import user_block
+from ..cases.own import static, user_block
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -18,16 +18,10 @@ pytestmark = pytest.mark.usefixtures("interpreted")
 def _log_of_a_fall(branch: bool) -> ct.NonlinearIOSystem:
     """x falls from 1 to 0 in one second; its logarithm is scaled by a block behind."""
     first = user_block(lambda t, x, u, p: -1.0 + 0 * x, None, 0, ["x"], 1, "fall")
-    curve = user_block(
-        None,
-        lambda t, x, u, p: np.sqrt(u[0]) if not branch or u[0] < 9 else 0.0,
-        ["x"],
-        ["y"],
-        None,
-        "curve",
-        dt=None,
+    curve = static(
+        lambda t, x, u, p: np.sqrt(u[0]) if not branch or u[0] < 9 else 0.0, ["x"], ["y"], "curve"
     )
-    gain = user_block(None, lambda t, x, u, p: 2 * u[0], ["y"], ["v"], None, "gain", dt=None)
+    gain = static(lambda t, x, u, p: 2 * u[0], ["y"], ["v"], "gain")
     return ct.interconnect([first, curve, gain], outputs=["v"], inputs=False, name="chain")
 
 
@@ -43,13 +37,10 @@ def test_the_block_that_makes_a_nan_is_named(branch: bool) -> None:
 def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list: bool) -> None:
     """python-control's first pass gives zeros to blocks that the system never gives them."""
 
-    def static(name, inputs, outputs, function):
-        return user_block(None, function, inputs, outputs, None, name, dt=None)
-
     blocks = [
-        static("inverter", ["duty", "V"], ["v"], lambda t, x, u, p: u[0] * u[1]),
-        static("share", ["u", "V"], ["duty"], lambda t, x, u, p: u[0] / u[1]),
-        static("supply", 0, ["V"], lambda t, x, u, p: 24.0 - 2.0 * np.sin(t)),
+        static(lambda t, x, u, p: u[0] * u[1], ["duty", "V"], ["v"], "inverter"),
+        static(lambda t, x, u, p: u[0] / u[1], ["u", "V"], ["duty"], "share"),
+        static(lambda t, x, u, p: 24.0 - 2.0 * np.sin(t), 0, ["V"], "supply"),
         user_block(lambda t, x, u, p: u, None, ["v"], ["y"], 1, "sum", dt=0),
     ]
     system = blocks if as_list else ct.interconnect(blocks, inputs=["u"], outputs=["y"])
@@ -62,7 +53,7 @@ def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list: bool)
 @pytest.mark.filterwarnings("ignore:block one:RuntimeWarning")
 def test_an_algebraic_loop_is_named_without_a_trace() -> None:
     def gain(name, source, target, function):
-        return user_block(None, function, source, target, None, name, dt=None)
+        return static(function, source, target, name)
 
     loop = ct.interconnect(
         [

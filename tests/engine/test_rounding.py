@@ -12,7 +12,7 @@ import lugrectl as lg
 from lugrectl.engine import Adaptive, trace
 from lugrectl.engine.expression.graph import Graph, evaluate
 
-from ..cases.own import user_block
+from ..cases.own import moving, user_block
 from ..conftest import there
 
 T = np.linspace(0, 3, 31)
@@ -54,9 +54,7 @@ def test_the_value_is_that_of_numpy(function):
 @pytest.mark.parametrize("function", FUNCTIONS.values(), ids=FUNCTIONS)
 def test_its_integral_is_right_and_no_warning_is_given(function):
     """x' = f(t - 1): the same sum by fine steps."""
-    block = user_block(
-        lambda t, x, u, p: np.array([function(t - 1.0) + 0.0 * x[0]]), None, "u", "y", "y", "rounds"
-    )
+    block = moving(lambda t, x, u, p: np.array([function(t - 1.0) + 0.0 * x[0]]), "y", "rounds")
     fine = (np.arange(300_000) + 0.5) * 1e-5
     right = 1e-5 * sum(float(function(np.float64(v))) for v in fine[::10] - 1.0) * 10
     assert lg.simulate(block, T, 0.0).outputs[-1] == pytest.approx(right, abs=2e-4)
@@ -64,11 +62,8 @@ def test_its_integral_is_right_and_no_warning_is_given(function):
 
 def quantised():
     """Speed control on a coarse encoder: u = -4 round(x / q) q, q = 0.1, and a push."""
-    return user_block(
+    return moving(
         lambda t, x, u, p: np.array([x[1], -0.5 * np.round(x[0] / 0.1) * 0.1 - 0.4 * x[1] + u[0]]),
-        None,
-        "u",
-        ["x", "v"],
         ["x", "v"],
         "coarse",
     )

@@ -11,7 +11,7 @@ from lugrectl.engine.codegen.simd import is_wide
 from lugrectl.engine.runtime import batch_run, c_compiler
 from lugrectl.engine.runtime.c_compiler import has_wide
 
-from ..cases.own import user_block
+from ..cases.own import moving
 from ..cases.systems import DT, torque
 from ..cases.wide import FRICTION, WIDE, plant
 
@@ -60,7 +60,7 @@ def test_a_lane_that_blows_up_leaves_the_others_alone(monkeypatch) -> None:
 
 
 def test_what_no_library_has_for_several_is_run_one_by_one() -> None:
-    slow = user_block(lambda t, x, u, params: -np.arctan(x) + u, None, 1, 1, 1)
+    slow = moving(lambda t, x, u, params: -np.arctan(x) + u, 1, inputs=1)
     made = Lanes(slow, backend="c")
     assert not is_wide(made.program) and made._wide is None
 

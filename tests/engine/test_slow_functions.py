@@ -10,7 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.engine.runtime import endings
 
-from ..cases.own import user_block
+from ..cases.own import static
 
 PLANT = lg.plant(lg.table1())
 T = np.arange(0.0, 0.02, 1e-3)
@@ -21,7 +21,7 @@ def odd(**options):
         time.sleep(0.02)
         return [u[0] + np.spacing(u[0])]
 
-    return user_block(None, out, ["v"], ["u"], None, "odd", **options)
+    return static(out, ["v"], ["u"], "odd", **options)
 
 
 def loop():
@@ -63,6 +63,6 @@ def test_of_another_function_it_says_what_compiles():
     def out(t, x, u, params):
         return [np.spacing(u[0])]
 
-    block = user_block(None, out, ["v"], ["u"], None, "odd")
+    block = static(out, ["v"], ["u"], "odd")
     with pytest.warns(RuntimeWarning, match=r"np.spacing of a signal .* write it with arithmetic"):
         lg.simulate([block, PLANT], T, {"v": 0.1})

@@ -6,18 +6,17 @@ import threading
 
 import pytest
 
-from lugrectl.engine.runtime.backend import compiler, threads
-from lugrectl.engine.runtime.threads import beside
+from lugrectl.engine.runtime.backend import compiler, each_beside, threads
 
 
 def test_results_come_in_the_order_of_the_items():
-    assert beside(lambda x: x * x, iter(range(9))) == [x * x for x in range(9)]
-    assert beside(str, []) == []
+    assert [*each_beside(lambda x: x * x, iter(range(9)))] == [x * x for x in range(9)]
+    assert [*each_beside(str, [])] == []
 
 
 def test_what_goes_wrong_is_raised():
     with pytest.raises(ZeroDivisionError):
-        beside(lambda x: 1 / x, [1, 0, 2])
+        list(each_beside(lambda x: 1 / x, [1, 0, 2]))
 
 
 @pytest.mark.skipif(compiler() is None, reason="all is done in turn without compiled code")
@@ -29,5 +28,5 @@ def test_work_runs_at_once_and_starts_no_more_threads(monkeypatch):
         meeting.wait()
         return threads()
 
-    assert beside(work, [0, 1]) == [1, 1]
+    assert [*each_beside(work, [0, 1])] == [1, 1]
     assert threads() == 2

@@ -16,7 +16,7 @@ from lugrectl.engine.expression.derivative import derivatives
 from lugrectl.engine.expression.graph import Graph, evaluate
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import user_block
+from ..cases.own import moving, static
 from ..cases.systems import full_model, pi, velocity_loop
 
 
@@ -57,9 +57,7 @@ def test_parameters_stay_arguments() -> None:
 
 def test_one_key_with_two_defaults_gives_two_parameters() -> None:
     def block(name: str, gain: float) -> ct.NonlinearIOSystem:
-        return user_block(
-            None, lambda t, x, u, p: p["k"] * u[0], "u", f"y{name}", None, name, k=gain, dt=None
-        )
+        return static(lambda t, x, u, p: p["k"] * u[0], "u", f"y{name}", name, k=gain)
 
     blocks = [block("A", 1.0), block("B", 2.0)]
     both = ct.interconnect(blocks, inputs="u", outputs=["yA", "yB"], params={})
@@ -140,7 +138,7 @@ def _in_place(t, x, u, p):
     ],
 )
 def test_array_code_in_blocks(update) -> None:
-    _assert_same_equations(user_block(update, None, 1, 3, 3, "arrays"))
+    _assert_same_equations(moving(update, 3, "arrays", 1))
 
 
 OPERATIONS = {
@@ -185,9 +183,7 @@ def test_derivative_is_the_limit_of_differences(recipe, a: float, b: float) -> N
 
 def test_algebraic_loop_names_its_blocks_only() -> None:
     def gain(name: str, source: str, target: str) -> ct.NonlinearIOSystem:
-        return user_block(
-            None, lambda t, x, u, p: 0.5 * np.tanh(u[0]), source, target, None, name, dt=None
-        )
+        return static(lambda t, x, u, p: 0.5 * np.tanh(u[0]), source, target, name)
 
     blocks = [gain("one", "a", "b"), gain("two", "b", "a"), gain("after", "b", "c")]
     with pytest.raises(AlgebraicLoop, match="through one, two;"):
@@ -204,7 +200,7 @@ def test_algebraic_loop_names_its_blocks_only() -> None:
     ],
 )
 def test_what_cannot_be_followed_is_named_with_its_line(function, why: str) -> None:
-    block = user_block(function, None, 1, 1, 1, "odd")
+    block = moving(function, 1, "odd", 1)
     with pytest.raises(TraceError, match=f"block odd, .*test_tracer.py line .*{why}"):
         trace(block)
 
@@ -213,7 +209,7 @@ def test_a_parameter_needed_as_a_number_is_taken_as_one() -> None:
     def update(t, x, u, p):
         return -x[0] * p["rate"] if p["decays"] > 0 else x[0] * p["rate"]
 
-    block = user_block(update, None, 0, 1, 1, "b", rate=2.0, decays=1)
+    block = moving(update, 1, "b", 0, rate=2.0, decays=1)
     program = trace(block)
     assert dict(program.fixed) == {"decays": 1}
     assert program.keys == ("rate",)
@@ -230,7 +226,7 @@ def counting(t, x, u, p):
 
 def test_a_parameter_that_counts_fixes_itself_alone() -> None:
     params = {"a": 1.0, "n": 3, "c": 0.5, "b": 1.0}
-    block = user_block(counting, None, 1, 1, 1, "counts", **params)
+    block = moving(counting, 1, "counts", 1, **params)
     program = trace(block)
     assert dict(program.fixed) == {"n": 3, "b": 1.0} and set(program.keys) == {"a", "c"}
     t, found = np.linspace(0, 1, 5), []
@@ -245,7 +241,7 @@ def test_a_parameter_that_counts_fixes_itself_alone() -> None:
 
 def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
     params = {"a": 1.0, "n": 2, "c": 0.5, "b": 1.0}
-    block = user_block(counting, None, 1, 1, 1, "again", **params)
+    block = moving(counting, 1, "again", 1, **params)
     t = np.linspace(0, 1, 5)
     simulate(block, t, 1.0, params={"a": 1.5})
     monkeypatch.setattr("lugrectl.engine.runtime.memo.made_of", None)  # compiling would fail
@@ -260,7 +256,7 @@ def test_a_block_with_a_memory_of_its_own_is_not_trusted() -> None:
         return -len(calls) * x[0]
 
     with pytest.raises(TraceError, match="differs"):
-        trace(user_block(update, None, 0, 1, 1, "counter"))
+        trace(moving(update, 1, "counter", 0))
 
 
 def test_discrete_time_is_refused() -> None:

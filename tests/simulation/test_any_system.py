@@ -127,14 +127,6 @@ def test_every_law_has_a_describing_function_or_says_in_one_sentence_why_not(nam
             assert found == pytest.approx(np.array(wanted), rel=1e-9)
 
 
-def test_three_laws_are_without_states():
-    assert [name for name in LAWS if not lg.friction(name).nstates] == [
-        "viscous",
-        "coulomb",
-        "stribeck",
-    ]
-
-
 def test_a_block_of_two_inputs_has_no_describing_function_and_says_so():
     with pytest.raises(lg.InputError, match="error has 2 inputs: a describing function is for"):
         ct.describing_function(lg.error(), 1.0)

@@ -11,7 +11,7 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.own import user_block
+from ..cases.own import moving
 
 T = np.linspace(0.0, 0.2, 21)
 OWN = ["theta2", "w2", "F2"]
@@ -97,6 +97,6 @@ def test_copies_inside_a_loop_are_checked_as_the_block_is():
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
 def test_a_parameter_of_one_s_own_block_is_finite(value):
-    own = user_block(lambda t, x, u, p: -p["rate"] * x + u, None, "u", "y", "y", "own", rate=1.0)
+    own = moving(lambda t, x, u, p: -p["rate"] * x + u, "y", "own", rate=1.0)
     with pytest.raises(lg.InputError, match="rate"):
         lg.simulate(own, T, 1.0, params={"rate": value})

@@ -10,19 +10,13 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.own import row, user_block
+from ..cases.own import row, static
 
 LATE = 0.15  # s
 
 
 def integrator(inputs="v", outputs="x"):
     return ct.ss([[0]], [[1]], [[1]], [[0]], inputs=inputs, outputs=outputs, name="integrator")
-
-
-def static(function, inputs, outputs, name="static"):
-    return user_block(
-        None, lambda t, x, u, p: np.array([function(u)]), inputs, outputs, None, name, dt=None
-    )
 
 
 def steps(t, gain):
@@ -38,7 +32,7 @@ def steps(t, gain):
 def test_a_delayed_feedback_is_that_of_the_method_of_steps(points, nested):
     blocks = [
         integrator(),
-        static(lambda u: -2.0 * u[0], "late", "v"),
+        static(lambda t, x, u, p: -2.0 * u[0], "late", "v", "static"),
         lg.dead_time(LATE, inputs=["x"], outputs=["late"]),
     ]
     if nested:
@@ -55,7 +49,7 @@ def test_a_relay_behind_a_dead_time_swings_by_it():
     """dx/dt = -sign x(t - T): a triangle of amplitude T and period 4 T, late jumps located."""
     blocks = [
         integrator(),
-        static(lambda u: -np.sign(u[0]), "x", "jumps"),
+        static(lambda t, x, u, p: -np.sign(u[0]), "x", "jumps", "static"),
         lg.dead_time(LATE, inputs=["jumps"], outputs=["v"]),
     ]
     t = np.linspace(0.0, 2.0, 41)
@@ -95,9 +89,7 @@ def test_beside_a_sampled_controller_it_is_exact():
     """P control of 1/(s + 1): the torque changes in the middle of a sample."""
     dt, late, gain = 0.01, 0.0137, 4.0
     plant = ct.ss([[-1]], [[1]], [[1]], [[0]], inputs="ud", outputs="y", name="P")
-    controller = user_block(
-        None, lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", None, "C", dt=dt
-    )
+    controller = static(lambda t, x, u, p: gain * (u[0] - u[1]), ["r", "y"], "u", "C", dt=dt)
     blocks = [plant, controller, lg.dead_time(late, inputs=["u"], outputs=["ud"])]
     t = dt * np.arange(101)
     y, u = [0.0], [0.0, 0.0]

@@ -10,34 +10,7 @@ from lugrectl.blocks.effects.loads import gravity
 from lugrectl.blocks.observers import existing_observer, natural_observer, proposed_observer
 from lugrectl.loops.friction_loops import velocity_loop
 
-from ..cases.wired import LOW, OUTPUTS, H, P, T, at, s, signal, simulate, state, transfer
-
-
-def test_cascade_of_position_and_velocity_loop():
-    """Outer P on position, inner PI on velocity, friction compensated exactly."""
-    loop = ct.interconnect(
-        [
-            lg.plant(P),
-            proposed_observer(P),
-            compensation(),
-            error("position", name="outer_error", outputs="e_theta"),
-            pi(20.0, 0.0, name="outer", inputs="e_theta", outputs="w_ref"),
-            error("velocity", name="inner_error", inputs=["w_ref", "w"], outputs="e_w"),
-            pi(1.6, 0.16, name="inner", inputs="e_w"),
-        ],
-        inputs=["r"],
-        outputs=["theta", "w", "w_ref", "u"],
-        check_unused=False,
-    )
-    inner = T / s
-    closed = 20 * inner / (1 + 20 * inner)
-    assert transfer(loop, "theta") == pytest.approx(at(closed), rel=1e-4)
-    assert transfer(loop, "w_ref") == pytest.approx(at(20 * (1 - closed)), rel=1e-3)
-    t = np.arange(0, 0.1001, 1e-3)
-    r = 0.05 * (1 - np.cos(20 * t))
-    resp = simulate(loop, t, r, rtol=1e-7, atol=1e-10)
-    expected = ct.forced_response(ct.minreal(closed, verbose=False), t, r).outputs
-    assert signal(resp, "theta") == pytest.approx(expected, abs=2e-6)
+from ..cases.wired import LOW, OUTPUTS, P, T, signal, simulate, state
 
 
 def test_two_observers_side_by_side_on_one_plant():
@@ -109,13 +82,3 @@ def test_own_loop_with_prefilter_and_feedforward_equals_the_ready_one():
         x = x * [1, 0.1, 1e-3, 1e-3, 0.1, 1, 1]
         assert own.dynamics(0, x, u) == pytest.approx(ready.dynamics(0, x, u), rel=1e-12)
         assert own.output(0, x, u) == pytest.approx(ready.output(0, x, u), rel=1e-12)
-
-
-def test_plain_prefilter_feeds_an_own_loop():
-    own = ct.interconnect(
-        [lg.plant(P), natural_observer(P), pi(), prefilter(), error(), compensation()],
-        inputs=["r_cmd"],
-        outputs=["w"],
-        check_unused=False,
-    )
-    assert transfer(own, "w", "r_cmd") == pytest.approx(at(H * T), rel=1e-4)

@@ -16,7 +16,7 @@ import lugrectl as lg
 from lugrectl.core.errors import Diverged, InputError
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import user_block
+from ..cases.own import moving, static, user_block
 from ..cases.systems import velocity_loop
 
 pytestmark = pytest.mark.usefixtures("interpreted")
@@ -91,8 +91,8 @@ def _many(loop, t, r) -> np.ndarray:
 
 def test_a_static_block() -> None:
     t = np.linspace(0, 1, 5)
-    static = user_block(None, lambda t, x, u, p: np.tanh(u) + t, 1, 1, dt=None)
-    ours, theirs = simulate(static, t, t**2), ct.input_output_response(static, t, t**2)
+    system = static(lambda t, x, u, p: np.tanh(u) + t, 1, 1)
+    ours, theirs = simulate(system, t, t**2), ct.input_output_response(system, t, t**2)
     np.testing.assert_allclose(ours.outputs, theirs.outputs)
     assert ours.output_labels == theirs.output_labels
 
@@ -141,12 +141,6 @@ def test_bouncing_between_limits() -> None:
     t = np.linspace(0, 8 * math.sqrt(2), 9)  # from x = 1 at rest: period 4 sqrt(2)
     swing = simulate(relay, t, x0=[1.0, 0.0]).states[0]
     np.testing.assert_allclose(swing[[0, 2, 4, 6, 8]], [1, -1, 1, -1, 1], atol=1e-7)
-
-
-def test_a_relay_that_sticks_stays() -> None:
-    stuck = block(lambda t, x, u, p: u[0] - np.sign(x[0]), inputs=1)
-    x = simulate(stuck, np.linspace(0, 2, 21), 0.5, 0.3).states[0]
-    np.testing.assert_allclose(x[[3, -1]], [0.15, 0.0], atol=1e-12)
 
 
 def test_a_relay_that_never_settles_is_said(way: str) -> None:
@@ -232,26 +226,20 @@ def test_wrong_use_is_said_in_one_sentence() -> None:
 
 def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
     """python-control calls a NaN inside an interconnection an algebraic loop."""
-    root = user_block(None, lambda t, x, u, p: np.sqrt(u[0]), "x", "v", None, "root", dt=None)
-    drain = user_block(lambda t, x, u, p: -u[0], None, "v", "x", "x", "drain")
+    root = static(lambda t, x, u, p: np.sqrt(u[0]), "x", "v", "root")
+    drain = moving(lambda t, x, u, p: -u[0], "x", "drain", "v")
     tank = ct.interconnect([root, drain], outputs="x")
     x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
     np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)
 
 
-def test_inputs_in_every_form_of_python_control() -> None:
+def test_inputs_in_every_form_of_python_control_and_by_name() -> None:
     plant, t = lg.plant(lg.table1()), np.arange(0, 0.02, 1e-3)
     wave = 0.5 * np.sin(50 * t)
     expected = simulate(plant, t, np.vstack([wave, np.full(20, 0.1)])).states
-    for form in ([wave, 0.1], [wave, np.full(20, 0.1)], [np.vstack([wave, wave * 0 + 0.1])]):
+    both = np.vstack([wave, wave * 0 + 0.1])
+    for form in ([wave, 0.1], [wave, np.full(20, 0.1)], [both], {"d": 0.1, "u": wave}):
         np.testing.assert_array_equal(simulate(plant, t, form).states, expected)
     np.testing.assert_array_equal(simulate(plant, t).states, simulate(plant, t, 0.0).states)
-
-
-def test_inputs_by_name() -> None:
-    plant, t = lg.plant(lg.table1()), np.arange(0, 0.02, 1e-3)
-    wave = 0.5 * np.sin(50 * t)
-    expected = simulate(plant, t, np.vstack([wave, np.full(20, 0.1)])).states
-    np.testing.assert_array_equal(simulate(plant, t, {"d": 0.1, "u": wave}).states, expected)
     with pytest.raises(InputError, match="there is no external input 'x'; known: u, d"):
         simulate(plant, t, {"x": 1.0})

@@ -7,7 +7,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 
-from ..cases.own import user_block
+from ..cases.own import moving
 
 HOUR = np.linspace(0.0, 3600.0, 721)
 LAWS = {
@@ -104,14 +104,8 @@ def test_both_solvers_agree_where_a_drive_sticks_and_slides(law):
 @pytest.mark.parametrize("a", [-2.0, -1e-9, 0.5])
 def test_a_tanh_of_ones_own_is_no_sign(a):
     """Only a declared width smooths a sign, whatever the value of another parameter."""
-    own = user_block(
-        lambda t, x, u, p: -np.tanh(x / p["a"]) / (1.0 + np.abs(1.0 / p["a"])),
-        None,
-        "u",
-        "y",
-        "y",
-        "own",
-        a=a,
+    own = moving(
+        lambda t, x, u, p: -np.tanh(x / p["a"]) / (1.0 + np.abs(1.0 / p["a"])), "y", "own", a=a
     )
     t = np.linspace(0.0, 1.0, 51)
     ours = lg.simulate(own, t, 0.0, 1e-3).outputs

@@ -3,6 +3,8 @@
 Table 1 at 1 kHz unless told otherwise.
 """
 
+from functools import cache
+
 import control as ct
 import mpmath
 import numpy as np
@@ -149,15 +151,20 @@ def test_existing_observer_takes_a_linear_error_exactly():
 # A speed that changes.
 
 
+@cache
+def off_a_sine(observer, *x0):
+    return sine_error(observer, [*x0], DT)
+
+
 @pytest.mark.cases
 @pytest.mark.parametrize(("observer", "x0"), OBSERVERS)
 def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
-    assert sine_error(observer, x0, DT) < 1e-3
+    assert off_a_sine(observer, *x0) < 1e-3
 
 
 @pytest.mark.parametrize(("observer", "x0"), LUGRE)
 def test_the_error_is_of_second_order(observer, x0):
-    ratio = sine_error(observer, x0, 4 * DT) / sine_error(observer, x0, DT)
+    ratio = sine_error(observer, x0, 4 * DT) / off_a_sine(observer, *x0)
     assert 10 < ratio < 24
 
 
@@ -199,7 +206,7 @@ def backward_euler(observer, w, dt):
     return np.array(track)
 
 
-REVERSALS = [(1e-3, 1.0, 5.0), (1e-3, 100.0, 5.0), (1e-3, 300.0, 5.0), (5e-3, 100.0, 1.0)]
+REVERSALS = [(1e-3, 1.0, 5.0), (1e-3, 300.0, 5.0), (5e-3, 100.0, 1.0)]
 
 
 @pytest.mark.parametrize("make", [lg.natural_observer, lg.existing_observer, lg.proposed_observer])

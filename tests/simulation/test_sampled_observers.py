@@ -9,7 +9,7 @@ from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 
 from ..cases.observed import P, believing, longer, sampled_velocity_error
-from ..cases.own import user_block
+from ..cases.own import static
 from ..cases.sampled import step_response
 
 DT, LOW = 1e-3, believing(0.8)
@@ -29,7 +29,7 @@ def along(block, seconds=0.2):
     known = dict(zip(MOTION, motion(t), strict=True))
     F = simulate(lg.friction("lugre"), t, known["w"]).outputs
     known["u"] = F + P.J * known["ddr"]
-    source = user_block(None, lambda t, x, u, p: motion(t), [], list(MOTION), None, "motion")
+    source = static(lambda t, x, u, p: motion(t), [], list(MOTION), "motion")
     held, rows = [k for k in ("u",) if k in block.input_labels], list(block.output_labels)
     wired = ct.interconnect(
         [source, block], inputs=held, outputs=rows, params={}, check_unused=False

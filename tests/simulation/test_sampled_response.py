@@ -11,7 +11,7 @@ from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 from lugrectl.simulation.sampled_response import simulate_sampled
 
-from ..cases.own import row, user_block
+from ..cases.own import row, static, user_block
 
 P, DT = lg.table1(), 1e-3
 
@@ -30,9 +30,7 @@ def integrator():
 
 def gain(k):
     """u = k (r - w)."""
-    return user_block(
-        None, lambda t, x, u, p: np.array([k * (u[0] - u[1])]), ["r", "w"], ["u"], None, "gain"
-    )
+    return static(lambda t, x, u, p: np.array([k * (u[0] - u[1])]), ["r", "w"], ["u"], "gain")
 
 
 def drive(dt, *observers):
@@ -157,13 +155,8 @@ def test_parts_that_do_not_fit_are_said(call, said):
 
 
 def test_an_algebraic_loop_is_refused():
-    again = user_block(
-        None,
-        lambda t, x, u, p: np.array([u[1] - 2.0 * np.tanh(u[0])]),
-        ["u", "w"],
-        ["u"],
-        None,
-        "again",
+    again = static(
+        lambda t, x, u, p: np.array([u[1] - 2.0 * np.tanh(u[0])]), ["u", "w"], ["u"], "again"
     )
     with pytest.raises(lg.InputError, match="depends on itself"):
         simulate_sampled(integrator(), [again], DT * np.arange(5), x0=[1.0])
@@ -171,8 +164,6 @@ def test_an_algebraic_loop_is_refused():
 
 def test_an_untraceable_drive_block_is_fine():
     """A quantiser with a Python branch: discrete blocks are called, not traced."""
-    bang = user_block(
-        None, lambda t, x, u, p: np.array([-1.0 if u[0] > 0 else 1.0]), ["w"], ["u"], None, "bang"
-    )
+    bang = static(lambda t, x, u, p: np.array([-1.0 if u[0] > 0 else 1.0]), ["w"], ["u"], "bang")
     w = row(simulate_sampled(integrator(), [bang], 0.1 * np.arange(9), x0=[0.25]), "w")
     assert w == pytest.approx([0.25, 0.15, 0.05, -0.05, 0.05, -0.05, 0.05, -0.05, 0.05])

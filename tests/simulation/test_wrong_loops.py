@@ -9,7 +9,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.engine import Diverged
 
-from ..cases.own import user_block
+from ..cases.own import moving, static
 
 P, DT = lg.table1(), 1e-3
 T = np.arange(0, 0.3, DT)
@@ -18,7 +18,7 @@ WRONG = pytest.mark.filterwarnings("ignore:.*has the wrong sign:RuntimeWarning")
 
 def textbook():
     """e = reference - measured, the sign of every textbook and not of this package."""
-    return user_block(None, lambda t, x, u, p: u[0] - u[1], ["r", "w"], ["e"], None, "compare")
+    return static(lambda t, x, u, p: u[0] - u[1], ["r", "w"], ["e"], "compare")
 
 
 def parts(pi=None, error=None):
@@ -68,7 +68,7 @@ def test_a_member_of_a_sweep_that_diverges_is_a_failure():
 
 def test_large_numbers_alone_are_no_divergence():
     """A constant of 1e24 in the equations, and a lag that is driven by 1e20."""
-    rate = user_block(lambda t, x, u, p: 1e24 + 0 * x, None, 1, 1, 1)
+    rate = moving(lambda t, x, u, p: 1e24 + 0 * x, 1, inputs=1)
     assert lg.simulate(rate, [0.0, 0.5, 1.0]).outputs[-1] == pytest.approx(1e24)
     lag = ct.tf([1], [1, 1])
     assert lg.simulate(lag, np.linspace(0, 9, 99), 1e20).outputs[-1] == pytest.approx(

@@ -3,24 +3,84 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from ..expression.graph import Node, rename
+from ..expression.graph import Node, rename, symbols_in
 from ..tracing.equations import Program
-from .events import (
-    HELPERS,
-    REST,
-    Parts,
-    nearest_before,
-    nearest_zero,
-    nesting,
-    start_sides,
-    start_sizes,
-    turns,
-)
-from .filippov import exactly_at_zero, names, settle, sliding
+from .filippov import Sliding, exactly_at_zero, names, settle, sliding
 from .python_source import Section, early_first, indent, reciprocals, summed
 from .rosenbrock import Equations, step
 from .switching import freeze_modes
+
+HELPERS = """
+@small
+def side(a):
+    return 1.0 if a > 0.0 else (-1.0 if a < 0.0 else a)
+
+
+@small
+def started(m, a, r):
+    return m if abs(a) <= DEAD * r and a != 0.0 else side(a)
+
+
+@small
+def widest(r, a):  # not max, which Python and numba leave differently from nan
+    return abs(a) if abs(a) > r else r
+
+
+@small
+def nearest(worst, far):
+    return far if far < worst else worst
+
+
+@small
+def within(m, l):  # negative where a step ends on a side that it has not taken
+    return m * l if m != 0.0 else -abs(l)
+
+
+@small
+def lands(m, l, a):
+    return l == 0.0 and m != 0.0 and a != 0.0
+
+
+@small
+def distance(m, l, a, r):  # in widths of the dead band
+    far = -2.0 if lands(m, l, a) else within(m, l) / (DEAD * r + 1e-300)
+    return far if abs(far) > 1.0 or abs(a) > DEAD * r else 1e300
+
+
+@small
+def first_distance(m, a, r):  # of a function that has left the zero of an earlier event
+    far = m * a / (DEAD * r + 1e-300)
+    return far if far > 1.0 else 1e300
+
+
+@small
+def misled(m, l, a, r):
+    return abs(a) <= DEAD * r and (within(m, l) < -DEAD * r or lands(m, l, a))
+
+
+@small
+def passed(m, l, r):
+    return within(m, l) < -DEAD * r
+
+
+@small
+def turned(m, l, r):
+    return side(l) if passed(m, l, r) or l == 0.0 or m * l != m * l else m
+"""
+
+REST = """
+
+@small
+def outside(part, step):  # how far the weight of a rest is from (0, 1)
+    return DEAD + max(-part, part - 1.0) if step < 0.0 else inf
+
+
+@small
+def margin(part):
+    return (0.5 - abs(part - 0.5)) / DEAD
+"""
 
 # l0, l1, ... are the switching functions after the trial step, a0, a1, ... before it, m0, m1,
 # ... their sides during it: +1, -1, 0 for exactly 0, nan for NaN. A step must not pass a zero:
@@ -136,33 +196,34 @@ def adaptive_code(program: Program, kind: str) -> str:
     """The function ``run``; ``kind`` "compiled" or "python" (errors of ``math`` are caught)."""
     parts = _parts(program)
     fixed = [node.value for node in program.p] if kind == "compiled" else []
-    nodes = parts.step
+    nodes, states, switches = parts.step, range(len(parts.states)), range(len(parts.leads))
     if kind == "compiled":
         nodes = early_first(reciprocals(nodes), parts.states)
-    step_code = Section(_names("ne", len(parts.states)), nodes, "b", fixed)
-    start = Section(_names("a", len(parts.leads)), parts.leads, "c", fixed)
-    end = Section(_names("l", len(parts.leads)), _at_end(program, parts.leads), "d", fixed)
+    step_code = Section([f"{letter}{i}" for letter in "ne" for i in states], nodes, "b", fixed)
+    start = Section([f"a{i}" for i in switches], parts.leads, "c", fixed)
+    end = Section([f"l{i}" for i in switches], _at_end(program, parts.leads), "d", fixed)
     rest, after = _rests(program, parts, fixed)
     sections = (step_code, start, end, rest, after)
     guarded = kind != "compiled"
     near = nearest_zero(parts, after.lines(guarded))
+    ends = [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
     return _RUN.format(
         helpers=HELPERS + (REST if parts.slides.parts else ""),
         robust="".join(part.robust() for part in sections) if guarded else "",
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
-        sizes_before=indent(_sizes(len(parts.states), after=False), 1),
-        sizes_after=indent(_sizes(len(parts.states), after=True), 1),
+        sizes_before=indent(_sizes(len(states), after=False), 1),
+        sizes_after=indent(_sizes(len(states), after=True), 1),
         interval=indent(_interval(parts), 2),
         nesting=nesting(parts.leads),
         sides=indent(start.lines(guarded) + start_sides(parts), 3),
-        sizes=indent(start_sizes(parts), 2),
+        sizes=indent([f"r{i} = widest(r{i}, a{i})" for i in switches], 2),
         settle=indent(settle(parts.slides, parts.states, rest.lines(guarded)), 3),
         step=indent(step_code.lines(guarded), 3),
-        weights=indent(_weights(len(parts.states)), 3),
-        error=summed([f"g{i} * g{i}" for i in range(len(parts.states))]),
-        blame=indent(_blame(len(parts.states)), 5),
-        leads=indent(_end_inputs(parts) + end.lines(guarded) + near, 3),
+        weights=indent([line.format(i) for i in states for line in _WEIGHT], 3),
+        error=summed([f"g{i} * g{i}" for i in states]),
+        blame=indent(["largest = -1.0", *(k.format(i) for i in states for k in _BLAME)], 5),
+        leads=indent(ends + end.lines(guarded) + near, 3),
         before=indent(nearest_before(parts), 4),
         flip_at_start=indent(turns(parts, at_start=True), 4),
         accept=indent(_accept(parts), 3),
@@ -170,8 +231,25 @@ def adaptive_code(program: Program, kind: str) -> str:
     )
 
 
-def _names(letters: str, count: int) -> list[str]:
-    return [f"{letter}{i}" for letter in letters for i in range(count)]
+# the error relative to the size; divides only if a state grows
+_WEIGHT = "o{0} = q{0} if abs(n{0}) <= s{0} else 1.0 / abs(n{0})", "g{0} = e{0} * o{0}"
+# the state with the largest error, or the first that is NaN
+_BLAME = (
+    "part = abs(g{0})",
+    "if largest == largest and not part <= largest:",
+    "    status[2], largest = {0}, part",
+)
+# the size s after a step of length h to the absolute value z; divides only if it changes
+_SIZE = (
+    "if z{0} > s{0}:",
+    "    s{0}, b{0}, w{0} = z{0}, max(b{0}, z{0}), 0.0",
+    "    q{0} = 1.0 / s{0}",
+    "elif z{0} >= 0.5 * s{0}:",
+    "    w{0} = w{0} + h if z{0} < 0.9 * s{0} else 0.0",
+    "else:",
+    "    s{0} = max(z{0}, s{0} * (w{0} / (w{0} + 0.5 * h)), SMALL * b{0}, floor)",
+    "    q{0} = 1.0 / s{0}",
+)
 
 
 def _parts(program: Program) -> Parts:
@@ -181,25 +259,18 @@ def _parts(program: Program) -> Parts:
     slides = sliding(program, smooth, leads, jumps)
     equations = Equations(graph, program.t, program.x, program.u, slides.rates, slopes)
     after, error = step(equations, divided=True)
-    return Parts(
-        [node.value for node in program.x],
-        [node.value for node in program.u],
-        after + error,
-        leads,
-        jumps,
-        slides,
-    )
+    states, inputs = ([node.value for node in nodes] for nodes in (program.x, program.u))
+    return Parts(states, inputs, after + error, leads, jumps, slides)
 
 
 def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[Section, Section]:
     """The code that decides whether jumps rest, before a step and after it."""
     slides = parts.slides
     weights = [*slides.parts.values(), *slides.steps.values()]
-    moves = [(f"move{j}_{i}", n) for i, m in slides.moves.items() for j, n in m.items()]
-    begin = [*names(slides), *(name for name, _ in moves)]
+    moves = {f"move{j}_{i}": n for i, m in slides.moves.items() for j, n in m.items()}
     late = _at_end(program, weights[: len(slides.parts)])
     return (
-        Section(begin, [*weights, *(node for _, node in moves)], "rest", fixed),
+        Section([*names(slides), *moves], [*weights, *moves.values()], "rest", fixed),
         Section(names(slides, "end_")[: len(late)], late, "late", fixed),
     )
 
@@ -228,8 +299,8 @@ def _sizes(states: int, *, after: bool) -> list[str]:
     """The sizes of the states in an earlier part of the run, where status has room for them."""
     lines = ["if len(status) > 5:"]
     for i in range(states):
-        places = [f"status[{5 + 3 * i + k}]" for k in range(3)]
-        for name, place in zip((f"s{i}", f"b{i}", f"w{i}"), places, strict=True):
+        for k, name in enumerate((f"s{i}", f"b{i}", f"w{i}")):
+            place = f"status[{5 + 3 * i + k}]"
             taken = f"float({place})" if name[0] == "w" else f"max({name}, float({place}))"
             lines += [f"    {place} = {name}" if after else f"    {name} = {taken}"]
         lines += [] if after else [f"    q{i} = 1.0 / s{i}"]
@@ -244,47 +315,90 @@ def _interval(parts: Parts) -> list[str]:
     return lines
 
 
-def _end_inputs(parts: Parts) -> list[str]:
-    return [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
-
-
-def _weights(states: int) -> list[str]:
-    """The errors relative to the sizes; divides only if a state grows."""
-    lines = []
-    for i in range(states):
-        lines += [f"o{i} = q{i} if abs(n{i}) <= s{i} else 1.0 / abs(n{i})", f"g{i} = e{i} * o{i}"]
-    return lines
-
-
-def _blame(states: int) -> list[str]:
-    """The state with the largest error, or the first that is NaN."""
-    lines = ["largest = -1.0"]
-    for i in range(states):
-        lines += [f"part = abs(g{i})", "if largest == largest and not part <= largest:"]
-        lines += [f"    status[2], largest = {i}, part"]
-    return lines
-
-
 def _accept(parts: Parts) -> list[str]:
     lines = turns(parts, at_start=False)
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     lines += [f"{x} = n{i}" for i, x in enumerate(parts.states)]
     lines += exactly_at_zero(parts.slides, parts.states)
     for i, x in enumerate(parts.states):
-        lines += [f"z{i} = abs({x})", *_size(i)]
+        lines += [f"z{i} = abs({x})", *(line.format(i) for line in _SIZE)]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
 
 
-def _size(i: int) -> list[str]:
-    """The size s of a state after a step of length h to the absolute value z; divides only if it
-    changes."""
-    return [
-        f"if z{i} > s{i}:",
-        f"    s{i}, b{i}, w{i} = z{i}, max(b{i}, z{i}), 0.0",
-        f"    q{i} = 1.0 / s{i}",
-        f"elif z{i} >= 0.5 * s{i}:",
-        f"    w{i} = w{i} + h if z{i} < 0.9 * s{i} else 0.0",
-        "else:",
-        f"    s{i} = max(z{i}, s{i} * (w{i} / (w{i} + 0.5 * h)), SMALL * b{i}, floor)",
-        f"    q{i} = 1.0 / s{i}",
-    ]
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The parts of the code."""
+
+    states: list[str]
+    inputs: list[str]
+    step: list[Node]
+    leads: list[Node]
+    jumps: list[bool]
+    slides: Sliding
+
+
+def start_sides(parts: Parts) -> list[str]:
+    """The sides at the start of an interval, where inputs may have jumped."""
+    lines = []
+    for i, lead in enumerate(parts.leads):
+        if i in parts.slides.parts and symbols_in([lead]) & {*parts.inputs}:
+            lines += [f"on{i} = on{i} if abs(a{i}) <= DEAD * r{i} else 0.0"]
+        lines += _unless_resting(parts, i, [f"m{i} = started(m{i}, a{i}, r{i})"])
+    return lines
+
+
+def nesting(leads: Sequence[Node]) -> int:
+    """The longest chain of switching functions, each of which depends on the side of the next."""
+    depths: dict[str, int] = {}
+    for i, lead in enumerate(leads):
+        inner = [depths[name] for name in symbols_in([lead]) if name in depths]
+        depths[f"m{i}"] = 1 + max(inner, default=0)
+    return max(depths.values(), default=1)
+
+
+def _unless_resting(parts: Parts, i: int, lines: Sequence[str]) -> list[str]:
+    """The lines, executed only if a switching function does not rest."""
+    if i not in parts.slides.parts:
+        return [*lines]
+    return [f"if on{i} == 0.0:", *("    " + line for line in lines)]
+
+
+def nearest_zero(parts: Parts, weights: Sequence[str]) -> list[str]:
+    """The distance of the nearest switching function from zero, in widths of its dead band."""
+    lines = ["worst = 1e300"]
+    for i in range(len(parts.leads)):
+        far = f"distance(m{i}, l{i}, a{i}, r{i})"
+        lines += [f"r{i} = widest(r{i}, l{i})"]
+        lines += _unless_resting(parts, i, [f"worst = nearest(worst, {far})"])
+    if not parts.slides.parts:
+        return lines
+    lines += [f"if {' + '.join(f'on{i}' for i in parts.slides.parts)} > 0.0:"]
+    lines += ["    " + line for line in weights]
+    for i in parts.slides.parts:
+        lines += [f"    if on{i} > 0.0:", f"        worst = nearest(worst, margin(end_part{i}))"]
+    return lines
+
+
+def nearest_before(parts: Parts) -> list[str]:
+    """The same at the start of a step."""
+    lines = []
+    for i in range(len(parts.leads)):
+        far = f"first_distance(m{i}, a{i}, r{i})"
+        lines += _unless_resting(parts, i, [f"first = nearest(first, {far})"])
+        if i in parts.slides.parts:
+            lines += ["else:", f"    first = nearest(first, margin(part{i}))"]
+    return lines
+
+
+def turns(parts: Parts, *, at_start: bool) -> list[str]:
+    """Changes sides that a trial step from zero has shown to be wrong, or that a step has left."""
+    lines = []
+    for i, jump in enumerate(parts.jumps):
+        count = ["    events += 1"] + ["    relays += 1"] * jump
+        if at_start:
+            turn = [f"if misled(m{i}, l{i}, a{i}, r{i}):", f"    m{i} = side(l{i})", *count]
+            lines += _unless_resting(parts, i, [*turn, "    flipped = True"])
+        else:
+            turn = [f"if passed(m{i}, l{i}, r{i}):", *count, f"m{i} = turned(m{i}, l{i}, r{i})"]
+            lines += _unless_resting(parts, i, turn)
+    return lines

@@ -43,12 +43,7 @@ def c_code(source: str, kinds: Sequence[Kind], before: str = "") -> str:
 
     ``kinds`` are those of its arguments; ``before`` is C code to put before it. Names get an
     underscore, so that none is a C keyword. An array is passed as its address, followed by the
-    lengths of its axes.
-
-    Raises
-    ------
-    ValueError
-        For a statement or an expression that cannot be translated.
+    lengths of its axes. ValueError for what cannot be translated.
     """
     with _PARSING:
         tree = ast.parse(source)
@@ -78,8 +73,19 @@ class _Unit:
         while writer.promoted:  # an integer variable later holds a double: again with it
             writer = _Writer(given, self, writer.kinds)
             body = writer.block(function.body, 1)
-        own = [f"    {_declared(k, v)};" for k, v in writer.kinds.items() if k not in given]
-        taken = ", ".join(part for k, v in given.items() for part in _parameter(k, v))
+        own = [
+            f"    {_TYPES[v.of]} {'*' if v.shape else ''}{k}_;"
+            for k, v in writer.kinds.items()
+            if k not in given
+        ]
+        taken = ", ".join(
+            part
+            for k, v in given.items()
+            for part in (
+                f"{_TYPES[v.of]} {'*restrict ' if v.shape else ''}{k}_",
+                *(f"int64_t {length}" for length in v.shape),
+            )
+        )
         head = head or f"static inline {_TYPES[writer.returned.of]} {name}_"
         self.texts += [f"{head}({taken})", "{", *own, *body, "    return 0;", "}"]
         self.returns[name] = writer.returned
@@ -99,16 +105,6 @@ def _depend(pairs: Sequence[tuple[ast.expr, ast.expr]]) -> bool:
             return True
         done |= {to.id} if isinstance(to, ast.Name) else set()
     return False
-
-
-def _parameter(name: str, kind: Kind) -> list[str]:
-    lengths = [f"int64_t {length}" for length in kind.shape]
-    star = "*restrict " if kind.shape else ""
-    return [f"{_TYPES[kind.of]} {star}{name}_", *lengths]
-
-
-def _declared(name: str, kind: Kind) -> str:
-    return f"{_TYPES[kind.of]} {'*' if kind.shape else ''}{name}_"
 
 
 class _Writer:

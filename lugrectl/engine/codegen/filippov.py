@@ -46,7 +46,9 @@ def sliding(
     make, one = program.graph.make, program.graph.constant(1.0)
     apart: dict[int, list[Node]] = {}
     for i in (i for i, jump in enumerate(jumps) if jump):
-        steps = _step(smooth, i)
+        mode = program.graph.symbol(f"m{i}").index
+        above, below = (rename(smooth, {mode: program.graph.constant(v)}) for v in (1.0, -1.0))
+        steps = [a - b for a, b in zip(above, below, strict=True)]
         if len(apart) < MOST and not _at_zero(_along(program, leads[i], steps), leads[i]):
             apart[i] = steps
     on = {i: program.graph.symbol(f"on{i}") > 0.0 for i in apart}
@@ -68,14 +70,6 @@ def sliding(
         for i, steps in apart.items()
     }
     return Sliding(rates, parts, {i: gains[i, i] for i in apart}, moves)
-
-
-def _step(roots: Sequence[Node], i: int) -> list[Node]:
-    """The roots above a jump minus those below."""
-    graph = roots[0].graph
-    mode = graph.symbol(f"m{i}").index
-    above, below = (rename(roots, {mode: graph.constant(v)}) for v in (1.0, -1.0))
-    return [a - b for a, b in zip(above, below, strict=True)]
 
 
 def _along(program: Program, lead: Node, motion: Sequence[Node]) -> Node:

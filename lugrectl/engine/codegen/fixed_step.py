@@ -12,26 +12,22 @@ from .rosenbrock import Equations, step
 
 _LOOP = """
 @fast
-def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, dull, half, t0, dt,
-        substeps, rtol, floor, y_hat, x_end, first, last):
+def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
+        floor, y_hat, x_end, first, last):
     for lane in {lanes}:
 {unpack}
-        own, begins, view, zero = series[lane], start[lane], seen[lane], t0[lane]
+        own, begins, zero = series[lane], start[lane], t0[lane]
         whole = dt / substeps
 {fixed}
         for j in range(length):
             k = begins + j
             t = zero + k * dt
-            row = k * stride
 {read}
 {output}
             if correct:
 {correct}
 {scale}
             for i in range(substeps):
-                if stride > 1:
-                    row = k * stride + i
-{read_again}
                 t = zero + (k + i / substeps) * dt
                 left = {whole}
                 h = left
@@ -87,22 +83,21 @@ def lane_code(program: Program, kind: str) -> str:
     fixed = [node.value for node in program.p]
     at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
     outputs = at_sample.write(program.y)
-    inner = step_code(program, kind, at_step)
-    states = [node.value for node in program.x]
-    read = [f"u{i} = u[own, row, {i}]" for i in range(len(program.u))]
+    states, scalar = [node.value for node in program.x], kind == "scalar"
+    taken = "{1} = n{0}" if scalar else "{1} = np.where(good, n{0}, {1})"
+    advance = [taken.format(i, x) for i, x in enumerate(states)]
+    inner = trial(program, kind, at_step, _SCALAR_STEP if scalar else _ARRAY_STEP, advance)
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
-    scalar = kind == "scalar"
     return _LOOP.format(
         lanes="range(first, last)" if scalar else "(slice(first, last),)",
         whole="whole" if scalar else "np.full(last - first, whole)",
         unfinished="left > 0.0" if scalar else "np.any(left > 0.0)",
         unpack=indent(unpack(program, kind), 2),
         fixed=indent(at_sample.head + at_step.head, 2),
-        read=indent(read, 3),
+        read=indent([f"u{i} = u[own, k, {i}]" for i in range(len(program.u))], 3),
         output=indent(at_sample.body + store, 3),
         correct=indent(correction(outputs, states, kind), 4),
         scale=indent([f"s{i} = {_most(kind, f's{i}', x)}" for i, x in enumerate(states)], 3),
-        read_again=indent(read, 5),
         step=indent(inner, 5),
         finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
     )
@@ -120,22 +115,6 @@ def unpack(program: Program, kind: str) -> list[str]:
 
 def _most(kind: str, a: str, b: str) -> str:
     return f"{'np.maximum' if kind == 'array' else 'max'}({a}, abs({b}))"
-
-
-def step_code(
-    program: Program, kind: str, emitter: Emitter, counted: Sequence[str] = ()
-) -> list[str]:
-    """One trial step, its error relative to the states' scales, and whether it is accepted.
-
-    ``counted``: code of a scalar step that is executed first when the step is accepted, while
-    the states and n0, n1, ... (the new states) are both available.
-    """
-    states = [node.value for node in program.x]
-    if kind == "scalar":
-        advance = [*counted, *(f"{x} = n{i}" for i, x in enumerate(states))]
-        return trial(program, kind, emitter, _SCALAR_STEP, advance)
-    advance = [f"{x} = np.where(good, n{i}, {x})" for i, x in enumerate(states)]
-    return trial(program, kind, emitter, _ARRAY_STEP, advance)
 
 
 def trial(
@@ -177,16 +156,12 @@ def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list
 
     What e has within ``half`` is reduced by the part ``dull``.
     """
-    scalar = kind == "scalar"
-    drop = "0.0 if c{0} != c{0} else c{0}" if scalar else "np.where(np.isnan(c{0}), 0.0, c{0})"
-    clip = (
-        "max(-half[{0}], min(half[{0}], c{0}))"
-        if scalar
-        else "np.clip(c{0}, -half[{0}], half[{0}])"
-    )
+    drop, clip = "0.0 if c{0} != c{0} else c{0}", "max(-half[{0}], min(half[{0}], c{0}))"
+    if kind == "array":
+        drop, clip = "np.where(np.isnan(c{0}), 0.0, c{0})", "np.clip(c{0}, -half[{0}], half[{0}])"
     lines = []
     for o, code in enumerate(outputs):
-        lines += [f"c{o} = y[view, k, {o}] - {code}", f"c{o} = " + drop.format(o)]
+        lines += [f"c{o} = y[k, {o}] - {code}", f"c{o} = " + drop.format(o)]
         less = f"c{o} = c{o} - dull[k, {o}] * {clip.format(o)}"
         lines += ["if len(dull) > 0:", f"    {less}"]
     for i, name in enumerate(states):

@@ -43,46 +43,31 @@ def output_code(program: Program) -> str:
     wanted = [
         jump and not symbols_in([lead]) & inputs for lead, jump in zip(leads, jumps, strict=True)
     ]
-    made = sliding(program, smooth, leads, wanted)
-    seen = symbols_in(smooth[len(program.x) :])
-    if not any(f"m{i}" in seen for i in made.parts):
-        code = [*unpacked(program), *_write(program.y, "v", _targets(program))]
+    slides = sliding(program, smooth, leads, wanted)
+    seen, n = symbols_in(smooth[len(program.x) :]), len(program.x)
+    code, targets = unpacked(program), [f"y[{i}]" for i in range(len(program.y))]
+    if not any(f"m{i}" in seen for i in slides.parts):
+        code += _write(program.y, "v", targets)
         return _BLOCKS.format(scales="scales = ()", code=indent(code, 1))
-    code = [*unpacked(program), *_sides(leads)]
-    values = "".join(f"a{i}, " for i in made.parts)
+    for i, lead in enumerate(leads):  # all sides by NumPy's rules
+        code += _write([lead], f"lead{i}_", [f"a{i}"]) + [f"m{i} = np.sign(a{i})"]
+    values = "".join(f"a{i}, " for i in slides.parts)
+    own = [*code, *_resting(program, slides), *_write(slides.rates[n:], "v", targets)]
     return _BLOCKS.format(
-        scales="scales = [np.nanmax(abs(a)) for a in leads(t, x, u, p)]",
-        code=indent(code + _resting(program, made) + _write_held(program, made), 1),
+        scales="scales = [np.nanmax(abs(a)) for a in leads(t, x, u, p)]", code=indent(own, 1)
     ) + _LEADS.format(code=indent([*code, f"return {values}"], 1))
 
 
 def unpacked(program: Program) -> list[str]:
     """Code that gives the rows of the arguments their names."""
-    lines = [f"{x.value} = x[{i}]" for i, x in enumerate(program.x)]
-    lines += [f"{u.value} = u[{i}]" for i, u in enumerate(program.u)]
-    return lines + [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
-
-
-def _targets(program: Program) -> list[str]:
-    return [f"y[{i}]" for i in range(len(program.y))]
+    rows = (("x", program.x), ("u", program.u), ("p", program.p))
+    return [f"{node.value} = {name}[{i}]" for name, nodes in rows for i, node in enumerate(nodes)]
 
 
 def _write(nodes: Sequence[Node], prefix: str, targets: Sequence[str]) -> list[str]:
     emitter = Emitter("array", prefix)
     codes = emitter.write(nodes)
     return emitter.body + [f"{name} = {code}" for name, code in zip(targets, codes, strict=True)]
-
-
-def _write_held(program: Program, made: Sliding) -> list[str]:
-    return _write(made.rates[len(program.x) :], "v", _targets(program))
-
-
-def _sides(leads: Sequence[Node]) -> list[str]:
-    """All switching functions and their sides by NumPy's rules."""
-    lines = []
-    for i, lead in enumerate(leads):
-        lines += _write([lead], f"lead{i}_", [f"a{i}"]) + [f"m{i} = np.sign(a{i})"]
-    return lines
 
 
 def _resting(program: Program, made: Sliding) -> list[str]:

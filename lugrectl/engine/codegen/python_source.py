@@ -33,16 +33,11 @@ _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
 
 class Emitter:
-    """Writes each node once: nodes that depend on ``fixed`` symbols only go into ``head``.
+    """Writes each node once: nodes that depend on ``fixed`` symbols only, which do not change
+    inside the loop for which the code is written, go into ``head``.
 
-    Parameters
-    ----------
-    kind : str
-        "scalar", "array", or "wide": for floats, in a form that can be vectorised.
-    prefix : str
-        First letters of the variables that it creates.
-    fixed : iterable of str
-        Symbols that do not change inside the loop for which the code is written.
+    ``kind`` is "scalar", "array", or "wide": for floats, in a form that can be vectorised.
+    ``prefix`` begins the names of the variables.
     """
 
     def __init__(self, kind: str, prefix: str = "v", fixed: Iterable[str] = ()) -> None:
@@ -53,40 +48,27 @@ class Emitter:
     def write(self, roots: Sequence[Node]) -> list[str]:
         """Write the code of the roots; returns the expressions that hold their values."""
         nodes = reachable(roots)
-        still = self._still(nodes)
-        user = self._single_users(nodes, roots)
+        still: dict[int, bool] = {}
+        uses: dict[int, list[int]] = {root.index: [-1, -1] for root in roots}
+        for node in nodes:
+            own = node.op != "symbol" or node.value in self.fixed
+            still[node.index] = own and all(still[a.index] for a in node.args)
+            for argument in node.args:
+                often = 2 if node.op in _NAMED_TWICE else 1
+                uses.setdefault(argument.index, []).extend([node.index] * often)
         text: dict[int, str] = {}
         for node in nodes:
             text[node.index] = code = self._code(node, text)
             if not node.args:
                 continue
-            only = user.get(node.index)
-            same_place = only is not None and still[only] == still[node.index]
-            if same_place and node.op in _INFIX and len(code) < _LONGEST:
+            users = uses[node.index]  # once, and only once in the user's code
+            inline = len(users) == 1 and still[users[0]] == still[node.index]
+            if inline and node.op in _INFIX and len(code) < _LONGEST:
                 text[node.index] = f"({code})"
                 continue
             text[node.index] = name = f"{self.prefix}{node.index}"
             (self.head if still[node.index] else self.body).append(f"{name} = {code}")
         return [text[root.index] for root in roots]
-
-    def _still(self, nodes: Sequence[Node]) -> dict[int, bool]:
-        still: dict[int, bool] = {}
-        for node in nodes:
-            own = node.op != "symbol" or node.value in self.fixed
-            still[node.index] = own and all(still[a.index] for a in node.args)
-        return still
-
-    @staticmethod
-    def _single_users(nodes: Sequence[Node], roots: Sequence[Node]) -> dict[int, int]:
-        """The user of each node that is used exactly once, and only once in the user's code."""
-        uses: dict[int, list[int]] = {}
-        for node in nodes:
-            for argument in node.args:
-                often = 2 if node.op in _NAMED_TWICE else 1
-                uses.setdefault(argument.index, []).extend([node.index] * often)
-        for root in roots:
-            uses.setdefault(root.index, []).extend([-1, -1])
-        return {index: users[0] for index, users in uses.items() if len(users) == 1}
 
     def _code(self, node: Node, text: dict[int, str]) -> str:
         if node.op == "symbol":

@@ -51,23 +51,15 @@ class Relay:
     """The state ``place`` whose rate contains its sign.
 
     ``up`` and ``down`` are its rates just above and just below zero. They may change while it is
-    held (``turning``) if they depend on time or on other states.
+    held (``turning``) if they depend on time or on other states. In the code ``side<place>`` is
+    the direction of the step, 1.0 or -1.0, 0.0 while the state is held; ``land<place>`` 1.0 if the
+    step ends where the state reaches zero.
     """
 
     place: int
     up: Node
     down: Node
     turning: bool
-
-    @property
-    def side(self) -> str:
-        """Variable: direction of the step, 1.0 or -1.0; 0.0 while the state is held."""
-        return f"side{self.place}"
-
-    @property
-    def land(self) -> str:
-        """Variable: 1.0 if the step ends where the state reaches zero."""
-        return f"land{self.place}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +81,8 @@ class Relays:
             x, make = self.program.x[relay.place], self.program.graph.make
             held = make("where", relay.up > 0.0, 1.0, make("where", relay.down < 0.0, -1.0, 0.0))
             side = make("where", x > 0.0, 1.0, make("where", x < 0.0, -1.0, held))
-            free = abs(self._symbol(relay.side))
-            lines += self._written(kind, f"pre{relay.place}_", {relay.side: side})
+            free = abs(self._symbol(f"side{relay.place}"))
+            lines += self._written(kind, f"pre{relay.place}_", {f"side{relay.place}": side})
             lines += self._written(kind, f"free{relay.place}_", {f"free{relay.place}": free})
         return lines
 
@@ -102,8 +94,8 @@ class Relays:
             return []
         make, shares, slips, made = self.program.graph.make, [], [], {}
         for relay in self.every:
-            before = self._symbol(relay.side) * self.program.x[relay.place]
-            now = self._symbol(relay.side) * self._symbol(f"n{relay.place}")
+            before = self._symbol(f"side{relay.place}") * self.program.x[relay.place]
+            now = self._symbol(f"side{relay.place}") * self._symbol(f"n{relay.place}")
             scale = make("maximum", self._symbol(f"s{relay.place}"), before)
             near = ZERO * scale
             jumps = (relay.down - relay.up) * self._symbol("dt") > near
@@ -111,7 +103,7 @@ class Relays:
             over = make("logical_and", jumps, now < -near)
             shares.append(make("where", over, part, 1.0))
             lands = make("logical_and", jumps, make("logical_and", now <= near, now < before))
-            made[relay.land] = make("where", lands, 1.0, 0.0)
+            made[f"land{relay.place}"] = make("where", lands, 1.0, 0.0)
             if relay.turning:
                 slips.append(HELD * self._slip(relay) / scale)
         made["share"] = shares[0]
@@ -124,7 +116,7 @@ class Relays:
         """Code for the places ``before``, ``back``, ``shorten`` and ``landed`` of a step."""
         if not self.every:
             return dict.fromkeys(("before", "back", "shorten", "landed"), "")
-        lands = [relay.land for relay in self.every]
+        lands = [f"land{relay.place}" for relay in self.every]
         news = [f"n{relay.place}" for relay in self.every]
         again, shorten, choice, joined = _FILLING[kind]
         back = again.format(share="share < 1.0", long=f"h > {SHORTEST} * shortest")
@@ -161,21 +153,18 @@ def relays(program: Program) -> Relays:
     """The relays of a program; a condition on time counts by its share of the step."""
     graph = program.graph
     rates = average_jumps(program.xdot, {node.value for node in program.p})
-    places = [i for i, x in enumerate(program.x) if _has_sign(rates[i], x)]
-    signs: dict[int, Node] = {}
-    for i in places:
-        side = graph.symbol(f"side{i}")
-        signs |= {node.index: side_of(side) for node, side_of in _jumps(program.x[i])}
+    places, signs = [], dict[int, Node]()
+    for i, x in enumerate(program.x):
+        jumps = {node.index: of for node, of in _jumps(x)}
+        if any(node.index in jumps for node in reachable([rates[i]])):
+            places.append(i)
+            side = graph.symbol(f"side{i}")
+            signs |= {index: of(side) for index, of in jumps.items()}
     rates = substitute(rates, lambda node, args: signs.get(node.index))
     every = tuple(_relay(program, rates, i, places) for i in places)
     for i in places:
         rates[i] = graph.symbol(f"free{i}") * rates[i]
     return Relays(program, rates, every)
-
-
-def _has_sign(rate: Node, x: Node) -> bool:
-    jumps = {node.index for node, _ in _jumps(x)}
-    return any(node.index in jumps for node in reachable([rate]))
 
 
 def _jumps(x: Node) -> list[tuple[Node, Callable[[Node], Node]]]:

@@ -55,7 +55,11 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
     gh = h * GAMMA
     one = graph.constant(1.0)
     gain, unit = (one, 1.0 / gh) if divided else (gh, one)
-    lu = SparseLU(graph, _iteration_matrix(system, gain, unit))
+    matrix = [  # I - gamma h J, or the same divided by gamma h
+        [(unit if i == j else 0.0) - gain * entry for j, entry in enumerate(row)]
+        for i, row in enumerate(jacobian(system.xdot, system.x))
+    ]
+    lu = SparseLU(graph, matrix)
     drift = _time_derivative(system)
     rates, stages = list(system.xdot), []
     for number, ((weights, instant), coupling) in enumerate(zip(STAGES, COUPLING, strict=True)):
@@ -71,15 +75,6 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
         stages.append(lu.solve(right))
     zero = [graph.constant(0.0)] * len(system.x)
     return _combine(system.x, SOLUTION, stages), _combine(zero, ERROR, stages)
-
-
-def _iteration_matrix(system: Equations, gain: Node, unit: Node) -> list[list[Node]]:
-    """I - gamma h J, or the same divided by gamma h."""
-    rows = jacobian(system.xdot, system.x)
-    return [
-        [(unit if i == j else 0.0) - gain * entry for j, entry in enumerate(row)]
-        for i, row in enumerate(rows)
-    ]
 
 
 def _time_derivative(system: Equations) -> list[Node]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from ..tracing.network_equations import Hybrid, Tick
+from collections.abc import Sequence
+
+from ..tracing.tracer import Hybrid, Tick
 from .adaptive_step import adaptive_code
 from .outputs import unpacked
 from .python_source import Emitter, Section, indent, summed
@@ -73,82 +75,55 @@ for i in range(1, size - 1):
 def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
     """The function ``alternate``, with the ``run`` of the flow; ``kind`` "compiled" or
     "python"."""
-    guarded = kind == "python"
-    fixed = [] if guarded else [node.value for node in hybrid.flow.p]
-    targets = _targets(hybrid, tick)
-    updates = Section(targets, hybrid.ticked, "k", fixed, at_once=True)
+    flow, outside, guarded = hybrid.flow, range(len(hybrid.net.outside)), kind == "python"
+    fixed = [] if guarded else [node.value for node in flow.p]
+    held, own = [node.value for node in flow.u[len(outside) :]], [q.value for q in tick.q]
+    updates = Section([*own, *held], hybrid.ticked, "k", fixed, at_once=True)
+    given = [f"given{i} = given[{i}]" for i in outside]
+    unpack = [f"{p.value} = p[{i}]" for i, p in enumerate(flow.p)] + given
+    unpack += _each("{1} = q[{0}]", own) + _each("{1} = h[{0}]", held)
+    keep = indent(_each("q[{0}] = {1}", own) + _each("h[{0}] = {1}", held), 3)
+    states = [x.value for x in flow.x]
+    read = _each("{1} = x[{0}]", states) + [f"u{i} = given{i}[k]" for i in outside]
+    store_q, store_h = _each("q_out[{0}][c] = {1}", own), _each("h_out[{0}][c] = {1}", held)
+    store_b = _each("b_out[{0}][c] = {1}", held) if hybrid.net.earlier else []
     text = _RUN.format(
         robust=updates.robust() if guarded else "",
-        unpack=indent(_unpack(hybrid, tick), 1),
+        unpack=indent(unpack, 1),
         head=indent(updates.emitter.head, 1),
-        before=indent(_store("q", hybrid) + _store("b", hybrid), 3),
-        read=indent(_read(hybrid, tick), 3),
+        before=indent(store_q + store_b, 3),
+        read=indent(read + [f"{g.value} = flags[{i}][k]" for i, g in enumerate(tick.g)], 3),
         tick=indent(updates.lines(guarded), 3),
-        total=summed([f"0.0 * {name}" for name in targets]),
-        keep=indent(_keep(hybrid, tick), 4),
-        keep_last=indent(_keep(hybrid, tick), 3),
-        store=indent(_store("x", hybrid) + _store("h", hybrid), 3),
-        flow=indent(_flow(hybrid, kind), 2),
+        total=summed([f"0.0 * {name}" for name in (*own, *held)]),
+        keep=indent(keep.split("\n"), 1),
+        keep_last=keep,
+        store=indent(_each("x_out[{0}][c] = x[{0}]", states) + store_h, 3),
+        flow=indent(_flow(hybrid, kind, held, store_q + store_h + store_b), 2),
     )
-    return (adaptive_code(hybrid.flow, kind) if hybrid.flow.x else "") + text
+    return (adaptive_code(flow, kind) if states else "") + text
 
 
-def _held(hybrid: Hybrid) -> list[str]:
-    return [node.value for node in hybrid.flow.u[len(hybrid.net.outside) :]]
+def _each(line: str, names: Sequence[str]) -> list[str]:
+    return [line.format(i, name) for i, name in enumerate(names)]
 
 
-def _targets(hybrid: Hybrid, tick: Tick) -> list[str]:
-    return [node.value for node in tick.q] + _held(hybrid)
-
-
-def _unpack(hybrid: Hybrid, tick: Tick) -> list[str]:
-    lines = [f"{p.value} = p[{i}]" for i, p in enumerate(hybrid.flow.p)]
-    lines += [f"given{i} = given[{i}]" for i in range(len(hybrid.net.outside))]
-    lines += [f"{q.value} = q[{i}]" for i, q in enumerate(tick.q)]
-    return lines + [f"{name} = h[{i}]" for i, name in enumerate(_held(hybrid))]
-
-
-def _read(hybrid: Hybrid, tick: Tick) -> list[str]:
-    lines = [f"{x.value} = x[{i}]" for i, x in enumerate(hybrid.flow.x)]
-    lines += [f"u{i} = given{i}[k]" for i in range(len(hybrid.net.outside))]
-    return lines + [f"{g.value} = flags[{i}][k]" for i, g in enumerate(tick.g)]
-
-
-def _keep(hybrid: Hybrid, tick: Tick) -> list[str]:
-    lines = [f"q[{i}] = {q.value}" for i, q in enumerate(tick.q)]
-    return lines + [f"h[{i}] = {name}" for i, name in enumerate(_held(hybrid))]
-
-
-def _store(letter: str, hybrid: Hybrid) -> list[str]:
-    """Keep a grid point: states from x, q and held values from their names."""
-    if letter == "x":
-        return [f"x_out[{i}][c] = x[{i}]" for i in range(len(hybrid.flow.x))]
-    if letter == "q":
-        tick = hybrid.tick
-        return [f"q_out[{i}][c] = {q.value}" for i, q in enumerate(tick.q if tick else ())]
-    if letter == "b" and not hybrid.net.earlier:
-        return []
-    return [f"{letter}_out[{i}][c] = {name}" for i, name in enumerate(_held(hybrid))]
-
-
-def _flow(hybrid: Hybrid, kind: str) -> list[str]:
-    count, outside = len(hybrid.flow.x), len(hybrid.net.outside)
-    kept = _store("q", hybrid) + _store("h", hybrid) + _store("b", hybrid)
-    if not count:
+def _flow(hybrid: Hybrid, kind: str, held: Sequence[str], kept: Sequence[str]) -> list[str]:
+    states, outside = [x.value for x in hybrid.flow.x], range(len(hybrid.net.outside))
+    if not states:
         lines = ["for i in range(1, j - k):", "    c = column[k + i]", "    if c >= 0:"]
         return lines + ["        " + line for line in kept or ["pass"]]
     if kind == "compiled":
-        rows = [f"rows[{i}, i] = given{i}[k + i]" for i in range(outside)]
-        rows += [f"rows[{outside + i}, i] = {name}" for i, name in enumerate(_held(hybrid))]
-        text = _COMPILED_FLOW.format(inputs=len(hybrid.flow.u), states=count, rows=indent(rows, 1))
+        rows = [f"rows[{i}, i] = given{i}[k + i]" for i in outside]
+        rows += [f"rows[{len(outside) + i}, i] = {name}" for i, name in enumerate(held)]
+        inputs = len(hybrid.flow.u)
+        text = _COMPILED_FLOW.format(inputs=inputs, states=len(states), rows=indent(rows, 1))
     else:
-        rows = [f"given{i}[k : j + 1]" for i in range(outside)]
-        rows += [f"[{name}] * size" for name in _held(hybrid)]
-        text = _PYTHON_FLOW.format(states=count, rows=", ".join(rows))
-    inside = [f"x_out[{n}][c] = part[{n}][i]" for n in range(count)]
-    end = [f"x[{n}] = part[{n}][size - 1]" for n in range(count)]
-    text += _ADVANCE.format(store=indent(inside + kept, 2), end="\n".join(end))
-    return text.strip().split("\n")
+        rows = [f"given{i}[k : j + 1]" for i in outside]
+        rows += [f"[{name}] * size" for name in held]
+        text = _PYTHON_FLOW.format(states=len(states), rows=", ".join(rows))
+    inside = _each("x_out[{0}][c] = part[{0}][i]", states)
+    end = "\n".join(_each("x[{0}] = part[{0}][size - 1]", states))
+    return (text + _ADVANCE.format(store=indent(inside + [*kept], 2), end=end)).strip().split("\n")
 
 
 def signal_code(hybrid: Hybrid) -> str:

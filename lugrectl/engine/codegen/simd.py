@@ -19,8 +19,8 @@ import numpy as np
 
 
 @fast
-def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, dull, half, t0, dt,
-        substeps, rtol, floor, y_hat, x_end, first, last):
+def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
+        floor, y_hat, x_end, first, last):
     whole = dt / substeps
     lane_at, sample_at = np.zeros({width}, int), np.zeros({width}, int)
     turn_at = np.zeros({width}, int)
@@ -49,8 +49,7 @@ def run(x_start, start, length, u, stride, series, p, y, seen, gain, correct, du
 {take}
                 lane_at[l], sample_at[l], turn_at[l] = lane, j, i
                 if lane >= 0:
-                    own, view, k = series[lane], seen[lane], start[lane] + j
-                    row = k * stride + (i if stride > 1 else 0)
+                    own, k = series[lane], start[lane] + j
                     t = t0[lane] + (k + i / substeps) * dt
 {read}
 {keep_read}
@@ -113,7 +112,7 @@ def wide_code(program: Program) -> str:
     ]
     moving = [*states, *scales]
     rooms = [*known, *moving, *inputs, "t", "left", "h"]
-    read = [f"{name} = u[own, row, {i}]" for i, name in enumerate(inputs)]
+    read = [f"{name} = u[own, k, {i}]" for i, name in enumerate(inputs)]
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
     taken = [*unpack(program, "scalar"), *at_sample.head, *at_step.head]
     return _LOOP.format(

@@ -84,7 +84,8 @@ def freeze_modes(
     known: dict[int, Node] = {}
 
     def side(lead: Node, jump: bool) -> Node:
-        opposite = _opposite(lead)
+        # w > v and w < v switch together
+        opposite = lead.args[1] - lead.args[0] if lead.op == "subtract" else -lead
         if opposite.index in known or lead.op == "negative":
             return -side(opposite, jump)
         if lead.index not in known:
@@ -95,7 +96,11 @@ def freeze_modes(
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
         if node.op in _ROOTS and args[0] is not node.args[0]:
-            return node.graph.make(node.op, _as_far(node.args[0], args[0]), *args[1:])
+            # on its side m a may be negative where |a| is not, and a trial step beyond the switch
+            # would be NaN: as far beyond it as the true argument is not negative
+            frozen = args[0]
+            inside = node.graph.make("where", node.args[0] >= 0.0, abs(frozen), frozen)
+            return node.graph.make(node.op, inside, *args[1:])
         if node.op not in _SIDES or symbols_in([node]) <= fixed:
             return None
         make_lead, result = _SIDES[node.op]
@@ -103,19 +108,6 @@ def freeze_modes(
 
     smooth = substitute(roots, rule)
     return smooth, leads, [lead.index in jumps for lead in leads]
-
-
-def _opposite(lead: Node) -> Node:
-    """The same function with the opposite sign: w > v and w < v switch together."""
-    return lead.args[1] - lead.args[0] if lead.op == "subtract" else -lead
-
-
-def _as_far(true: Node, frozen: Node) -> Node:
-    """The argument of a root on its side, as far beyond the switch as the true one is not negative.
-
-    There m a is negative where |a| is not, and a trial step beyond the switch would be NaN.
-    """
-    return true.graph.make("where", true >= 0.0, abs(frozen), frozen)
 
 
 def _choose(mode: Node, yes: Node, no: Node) -> Node:

@@ -30,12 +30,14 @@ def affine(roots: Sequence[Node], symbols: Iterable[Node]) -> list[Form | None]:
     forms: dict[int, Form | None] = {}
     own = {node.index for node in symbols}
     for node in reachable(roots):
+        graph, parts = node.graph, [forms[a.index] for a in node.args]
         if node.index in own:
-            forms[node.index] = Form({node.index: _number(node, 1.0)}, _number(node, 0.0))
-            continue
-        parts = [forms[a.index] for a in node.args]
-        if all(part is not None and not part.slopes for part in parts):
-            forms[node.index] = Form({}, _without(node, [part.offset for part in parts if part]))
+            forms[node.index] = Form({node.index: graph.constant(1.0)}, graph.constant(0.0))
+        elif all(part is not None and not part.slopes for part in parts):
+            # arguments may be new: in x - x and 0 x a symbol has cancelled
+            args = [part.offset for part in parts if part]
+            same = all(a.index == b.index for a, b in zip(node.args, args, strict=True))
+            forms[node.index] = Form({}, node if same else graph.make(node.op, *args))
         elif None in parts or node.op not in _RULES:
             forms[node.index] = None
         else:
@@ -43,20 +45,10 @@ def affine(roots: Sequence[Node], symbols: Iterable[Node]) -> list[Form | None]:
     return [forms[root.index] for root in roots]
 
 
-def _without(node: Node, args: Sequence[Node]) -> Node:
-    """The node with arguments in which a symbol has cancelled: x - x, 0 x."""
-    same = all(a.index == b.index for a, b in zip(node.args, args, strict=True))
-    return node if same else node.graph.make(node.op, *args)
-
-
-def _number(node: Node, value: float) -> Node:
-    return node.graph.constant(value)
-
-
 def _each(function: Callable[..., Node], *forms: Form) -> Form:
     """The same linear operation on the offsets and on the slopes of each symbol."""
     keys = dict.fromkeys(k for form in forms for k in form.slopes)
-    zero = _number(forms[0].offset, 0.0)
+    zero = forms[0].offset.graph.constant(0.0)
     slopes = {k: function(*(form.slopes.get(k, zero) for form in forms)) for k in keys}
     kept = {k: slope for k, slope in slopes.items() if not slope.is_constant(0.0)}
     return Form(kept, function(*(form.offset for form in forms)))
@@ -67,10 +59,6 @@ def _product(a: Form, b: Form) -> Form | None:
         return None
     fixed, free = (b, a) if a.slopes else (a, b)
     return _each(lambda part: part * fixed.offset, free)
-
-
-def _quotient(a: Form, b: Form) -> Form | None:
-    return None if b.slopes else _each(lambda part: part / b.offset, a)
 
 
 def _choice(condition: Form, yes: Form, no: Form) -> Form | None:
@@ -85,7 +73,7 @@ _RULES: dict[str, Callable[..., Form | None]] = {
     "subtract": lambda a, b: _each(lambda x, y: x - y, a, b),
     "negative": lambda a: _each(lambda x: -x, a),
     "multiply": _product,
-    "divide": _quotient,
+    "divide": lambda a, b: None if b.slopes else _each(lambda part: part / b.offset, a),
     "where": _choice,
 }
 
@@ -100,17 +88,25 @@ def solve(
     """
     left = {s.index: form for s, form in zip(symbols, forms, strict=True)}
     done: list[tuple[int, Form]] = []
+
+    def ready(k: int) -> bool:
+        own = left[k].slopes.get(k)
+        return own is None or usable(1.0 - own)
+
     while left:
-        k = _next(left, usable)
+        order = sorted(left, key=lambda k: (k in left[k].slopes, len(left[k].slopes)))
+        k = next(filter(ready, order), None)
         if k is None:
             return None
         form = left.pop(k)
-        own = form.slopes.get(k)
+        own, others = form.slopes.get(k), _without(form, k)
         if own is not None:
-            others = Form({j: s for j, s in form.slopes.items() if j != k}, form.offset)
-            divisor = 1.0 - own
-            form = _each(lambda part, divisor=divisor: part / divisor, others)
-        left = {j: _replaced(other, k, form) for j, other in left.items()}
+            form = _each(lambda part, divisor=1.0 - own: part / divisor, others)
+        for j, other in left.items():
+            slope = other.slopes.get(k)
+            if slope is not None:
+                rest = _without(other, k)
+                left[j] = _each(lambda a, b, slope=slope: a + slope * b, rest, form)
         done.append((k, form))
     values: dict[int, Node] = {}
     for k, form in reversed(done):
@@ -119,19 +115,5 @@ def solve(
     return [values[s.index] for s in symbols]
 
 
-def _next(left: dict[int, Form], usable: Callable[[Node], bool]) -> int | None:
-    """The symbol to replace next: one that needs no division, with the fewest others in it."""
-    order = sorted(left, key=lambda k: (k in left[k].slopes, len(left[k].slopes)))
-    for k in order:
-        own = left[k].slopes.get(k)
-        if own is None or usable(1.0 - own):
-            return k
-    return None
-
-
-def _replaced(form: Form, k: int, by: Form) -> Form:
-    slope = form.slopes.get(k)
-    if slope is None:
-        return form
-    rest = Form({j: s for j, s in form.slopes.items() if j != k}, form.offset)
-    return _each(lambda a, b: a + slope * b, rest, by)
+def _without(form: Form, k: int) -> Form:
+    return Form({j: s for j, s in form.slopes.items() if j != k}, form.offset)

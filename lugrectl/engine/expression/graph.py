@@ -141,14 +141,6 @@ def _power(a: Node, b: Node) -> Node | None:
     return powers[b.value]() if b.op == "constant" and b.value in powers else None
 
 
-def _negative(a: Node) -> Node | None:
-    return a.args[0] if a.op == "negative" else None
-
-
-def _absolute(a: Node) -> Node | None:
-    return abs(a.args[0]) if a.op == "negative" else (a if a.op == "absolute" else None)
-
-
 def _where(condition: Node, yes: Node, no: Node) -> Node | None:
     if yes is no:
         return yes
@@ -163,8 +155,10 @@ SIMPLER: dict[str, Callable[..., Node | None]] = {
     "multiply": _multiply,
     "divide": _divide,
     "power": _power,
-    "negative": _negative,
-    "absolute": _absolute,
+    "negative": lambda a: a.args[0] if a.op == "negative" else None,
+    "absolute": lambda a: (
+        abs(a.args[0]) if a.op == "negative" else a if a.op == "absolute" else None
+    ),
     "where": _where,
 }
 

@@ -64,21 +64,9 @@ def _method(name: str) -> Any:
     return lambda self: apply_ufunc(getattr(np, name), "__call__", (self,), {})
 
 
-for _name, _op in OPS.items():
-    if isinstance(_op.value, np.ufunc) and _op.value.nin == 1:
-        setattr(Symbolic, _name, _method(_name))
-for _name in (
-    "ceil",
-    "rint",
-    "trunc",
-    "square",
-    "reciprocal",
-    "fabs",
-    "degrees",
-    "radians",
-    "deg2rad",
-    "rad2deg",
-):
+_UNARY = [k for k, op in OPS.items() if isinstance(op.value, np.ufunc) and op.value.nin == 1]
+_UNARY += "ceil rint trunc square reciprocal fabs degrees radians deg2rad rad2deg".split()
+for _name in _UNARY:
     setattr(Symbolic, _name, _method(_name))
 
 
@@ -203,10 +191,6 @@ def _round(value: Any, decimals: Any = 0, **options: Any) -> Any:
     return np.rint(_listed(value) * scale) / scale if decimals else np.rint(_listed(value))
 
 
-def _fix(value: Any, **options: Any) -> Any:
-    return np.trunc(_listed(value))
-
-
 def _listed(value: Any) -> Any:
     return signal_array(value) if isinstance(value, (list, tuple)) else value
 
@@ -216,7 +200,7 @@ FUNCTIONS = {
     np.clip: _clip,
     np.interp: _interp,
     np.select: _select,
-    np.fix: _fix,
+    np.fix: lambda value, **options: np.trunc(_listed(value)),
 } | {function: _round for function in (np.round, np.around)}
 
 

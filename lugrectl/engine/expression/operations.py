@@ -11,19 +11,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Op:
-    """One operation.
-
-    Parameters
-    ----------
-    value : callable
-        The NumPy function that defines it.
-    scalar, array : str
-        Code with ``{0}``, ``{1}`` for the arguments: for floats (``math`` functions by bare
-        name, as numba compiles them) and for arrays (``np``).
-    partials : callable or None
-        ``partials(result, *arguments)``: the derivative for each argument, None for zero.
-        None instead of a function: the operation is a choice or piecewise constant.
-    """
+    """One operation: the NumPy function that defines it; code with ``{0}``, ``{1}`` for the
+    arguments, for floats (``math`` functions by bare name, as numba compiles them) and for arrays
+    (``np``); and ``partials(result, *arguments)``, the derivative for each argument, None for
+    zero. None instead of a function: the operation is a choice or piecewise constant."""
 
     value: Callable[..., Any]
     scalar: str
@@ -33,12 +24,8 @@ class Op:
 
 def _function(name: str, partial: Callable[[Any, Any], Any], scalar: str | None = None) -> Op:
     """A function of one argument that ``math`` and NumPy provide."""
-    return Op(
-        getattr(np, name),
-        f"{scalar or name}({{0}})",
-        f"np.{name}({{0}})",
-        lambda result, a: (partial(result, a),),
-    )
+    codes = f"{scalar or name}({{0}})", f"np.{name}({{0}})"
+    return Op(getattr(np, name), *codes, lambda result, a: (partial(result, a),))
 
 
 def _infix(function: Callable[..., Any], sign: str, partials: Any = None) -> Op:
@@ -123,10 +110,10 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "reciprocal": lambda a: 1.0 / a,
     "positive": lambda a: a,
     "ceil": lambda a: -np.floor(-a),
-    "trunc": lambda a: _trunc(a),
+    "trunc": lambda a: where(a < 0.0, -np.floor(-a), np.floor(a)),
     "rint": lambda a: _rint(a),
     "remainder": lambda a, b: a - b * np.floor(a / b),
-    "fmod": lambda a, b: a - b * _trunc(a / b),
+    "fmod": lambda a, b: a - b * np.trunc(a / b),
     "floor_divide": lambda a, b: np.floor(a / b),
     "hypot": lambda a, b: np.sqrt(a * a + b * b),
     "float_power": lambda a, b: np.power(a, b),
@@ -140,15 +127,10 @@ DERIVED: dict[str, Callable[..., Any]] = {
     "clip": lambda a, low, high: np.minimum(np.maximum(a, low), high),
     "fmax": lambda a, b: np.maximum(a, b),
     "fmin": lambda a, b: np.minimum(a, b),
-    "degrees": lambda a: a * (180.0 / np.pi),
-    "radians": lambda a: a * (np.pi / 180.0),
-    "deg2rad": lambda a: a * (np.pi / 180.0),
-    "rad2deg": lambda a: a * (180.0 / np.pi),
+} | {
+    **dict.fromkeys(("degrees", "rad2deg"), lambda a: a * (180.0 / np.pi)),
+    **dict.fromkeys(("radians", "deg2rad"), lambda a: a * (np.pi / 180.0)),
 }
-
-
-def _trunc(a: Any) -> Any:
-    return where(a < 0.0, -np.floor(-a), np.floor(a))
 
 
 def _rint(a: Any) -> Any:

@@ -34,15 +34,12 @@ def chosen_backend() -> str:
 
 
 class Adaptive:
-    """Compiled adaptive run and outputs of a program.
+    """Compiled adaptive run and outputs of a program, with a backend of "c", "numba" or "python";
+    None: the first one available."""
 
-    Parameters
-    ----------
-    program : Program
-        A traced system.
-    backend : str or None
-        "c", "numba", "python", or None: the first one available.
-    """
+    backend: Any
+    hybrid: Any = None  # the equations of a net
+    held = 0  # values between updates
 
     def __init__(self, program: Program, backend: str | None = None) -> None:
         self.backend = backend or chosen_backend()
@@ -54,15 +51,11 @@ class Adaptive:
         self._run = load_steps(run_code, self.backend).run
         self._outputs = load(output_code, "numpy").outputs
 
-    @property
-    def flow(self) -> Program:
-        return self.program
-
-    def of(self, program: Program) -> Adaptive:
-        """The same code for a program of the same outline, which may have other defaults."""
-        made = copy(self)
-        made.program = program
-        return made
+    def of(self, hybrid: Any) -> Any:
+        """The same code for equations of the same outline, which may have other defaults."""
+        other = copy(self)
+        other.hybrid, other.program = hybrid, hybrid.flow
+        return other
 
     def run(
         self,
@@ -82,12 +75,8 @@ class Adaptive:
         state's size, as the root of the sum of their squares. The size is the largest value of
         the last swing, which is forgotten in about the time in which the state fell (at least
         ``atol / rtol``, default 1e-9, and 1e-7 of its largest value so far). ``sizes`` (3 n,)
-        carries the sizes from one part of a run to the next: zeros before the first.
-
-        Raises
-        ------
-        Diverged
-            Names the state and the time.
+        carries the sizes from one part of a run to the next: zeros before the first. Raises
+        Diverged, with state and time.
         """
         shape = (len(self.program.states), len(t))
         status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], [] if sizes is None else sizes)
@@ -111,7 +100,9 @@ class Adaptive:
     def part(
         self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy
     ) -> tuple[list[np.ndarray], float]:
-        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.part`, without sampled blocks."""
+        """A part of a run from ``now``, which is moved to its end: at the kept points the
+        continuous states, the sampled ones, the held values after and before the update; and
+        when a sign did not settle."""
         states, unsettled, none = now.x[:, None], np.nan, np.empty((0, len(course.grid)))
         if len(now.x) and len(course.grid) > 1:
             options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
@@ -123,23 +114,29 @@ class Adaptive:
     def follow(
         self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, accuracy: Accuracy
     ) -> Track:
-        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
-        rows, unsettled = self.part(course, Now.start(x, q, 0), p, accuracy)
-        y = self.outputs(course.grid, rows[0], course.given, p)
-        return Track(rows[0], rows[1], y, unsettled)
+        """The track that starts at the continuous states x and the sampled ones q.
 
-    def outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Outputs (ny, N) at the times t, all at once."""
-        y = np.empty((len(self.program.outputs), len(t)))
-        with np.errstate(all="ignore"):
-            self._outputs(t, x, u, p, y)
-        return y
+        Raises Diverged, with the state, or the sampled block and its output or state, and the time.
+        """
+        kept, now = course.kept, Now.start(x, q, self.held)
+        (states, before, h, b), unsettled = self.part(course, now, p, accuracy)
+        given = course.given[:, kept]
+        y = self.signals(
+            course.grid[kept], states, np.vstack([given, h]) if len(h) else given, b, p
+        )
+        return Track(states, before, y, unsettled)
 
     def signals(
         self, t: np.ndarray, x: np.ndarray, u: np.ndarray, b: np.ndarray, p: np.ndarray
     ) -> np.ndarray:
-        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.signals`: the outputs."""
+        """All outputs (k, N) for states x, inputs and held values u, held values before b."""
         return self.outputs(t, x, u, p)
+
+    def outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        y = np.empty((len(self.program.outputs), len(t)))
+        with np.errstate(all="ignore"):
+            self._outputs(t, x, u, p, y)
+        return y
 
 
 @dataclass(frozen=True)
@@ -167,21 +164,14 @@ class Portable:
         return cls(*labels, engine.backend, run_code, output_code(program))
 
     def loaded(self) -> Adaptive:
-        """The run, ready to use; fast after the first call.
+        """The run, ready to use; fast after the first call. Of a program it reads only the labels.
 
-        A worker compiles with what it has, which may be another compiler. The GIL is released
-        while compiled code runs.
+        A worker compiles with what it has, which may be another compiler.
         """
-        return _Loaded(self)
-
-
-class _Loaded(Adaptive):
-    """An adaptive run from its code: of a program it reads only the name and the labels."""
-
-    def __init__(self, portable: Portable) -> None:
-        alike = portable.backend == "python"
-        self.backend = portable.backend if alike else compiler() or portable.backend
-        self._load(portable, portable.run_code, portable.output_code)
+        engine = Adaptive.__new__(Adaptive)
+        engine.backend = self.backend if self.backend == "python" else compiler() or self.backend
+        engine._load(self, self.run_code, self.output_code)
+        return engine
 
 
 def chosen_outputs(program: Program, outputs: Sequence[str] | None) -> Program:

@@ -3,6 +3,7 @@ machine code there for the next process."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib
 import importlib.util
@@ -10,14 +11,15 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Mapping
-from functools import cache, partial
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from types import ModuleType
-from typing import Any
+from typing import Any, TypeVar
 
 from ...core.errors import InputError
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
-from .c_compiler import EVEN, FUSED, PLAIN, WIDE, Native, has_compiler, has_wide
+from .c_compiler import FUSED, PLAIN, WIDE, Native, has_compiler, has_wide
 from .disk_cache import cache_dir, keep, temporary
 
 # a b + c may be rounded once; the other options of fastmath would change the meaning of the code
@@ -27,17 +29,16 @@ from numpy import floor as floored
 fast = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 small = njit(error_model="numpy", fastmath={"contract"})
 """
+_FAST = "\n\ndef fast(function):\n    return function\n"
 HEADERS: Mapping[str, str] = {
     "numba": SCALAR_HEADER + NUMBA_HEADER,
-    "python": SCALAR_HEADER
-    + "import numpy as np\n\n\ndef fast(function):\n    return function\n\n\nsmall = fast\n",
-    "numpy": ARRAY_HEADER + "\n\ndef fast(function):\n    return function\n",
-    "c": "",
-    "fused": "",
-    "wide": "",
-    "even": "",
+    "python": SCALAR_HEADER + "import numpy as np\n" + _FAST + "\n\nsmall = fast\n",
+    "numpy": ARRAY_HEADER + _FAST,
 }
+FLAGS = {"c": PLAIN, "fused": FUSED, "wide": WIDE}
 
+Item = TypeVar("Item")
+Made = TypeVar("Made")
 _LOADING, _THREAD = threading.RLock(), threading.local()
 
 DEEP = 20_000  # numba follows the branches of a function by recursion, two calls for each
@@ -46,11 +47,9 @@ DEEP = 20_000  # numba follows the branches of a function by recursion, two call
 @cache
 def has_numba() -> bool:
     """Whether numba is installed and works with this NumPy."""
-    try:
-        importlib.import_module("numba")
-    except ImportError:
-        return False
-    return True
+    with contextlib.suppress(ImportError):
+        return bool(importlib.import_module("numba"))
+    return False
 
 
 def compiler() -> str | None:
@@ -65,34 +64,29 @@ def kind_of(backend: str) -> str:
 
 
 def load(source: str, backend: str) -> ModuleType:
-    """The module of a source text; ``fast`` marks the functions that numba compiles.
+    """The module of a source text; ``fast`` marks the functions that numba compiles, ``small``
+    those that only these call.
 
-    Parameters
-    ----------
-    source : str
-        Function definitions, decorated by ``fast``, or by ``small`` if only these call them.
-    backend : str
-        "numba", "python" (the same text, not compiled), "numpy", or, for its last function,
-        "c", "fused", which may round a product and a sum once, or "wide": C that computes several
-        turns of its innermost loops at once; "even" is "wide" with the values of "c", to the
-        last digit.
+    ``backend`` is "numba", "python" (the same text, not compiled), "numpy", or, for its last
+    function, "c", "fused", which may round a product and a sum once, or "wide": C that computes
+    several turns of its innermost loops at once.
     """
-    text = HEADERS[backend] + "\n\n" + source
+    text = HEADERS.get(backend, "") + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
     with _LOADING:  # another thread must not see a partly loaded module
         if name not in sys.modules:
-            make = _MAKERS.get(backend, _direct)
             try:
-                sys.modules[name] = make(text, name)
+                if backend == "numba":
+                    sys.modules[name] = _from_file(text, name)
+                elif backend in FLAGS:
+                    sys.modules[name] = module = ModuleType(name)
+                    last = text.rpartition("\ndef ")[2].partition("(")[0]
+                    module.__dict__[last] = _OrPlain(Native(text, FLAGS[backend]), text, last)
+                else:
+                    sys.modules[name] = _direct(text, name)
             except OSError as error:
                 sys.modules[name] = _plain(source, name, error)
         return sys.modules[name]
-
-
-def _direct(text: str, name: str) -> ModuleType:
-    module = ModuleType(name)
-    exec(compile(text, f"<{name}>", "exec"), module.__dict__)
-    return module
 
 
 def load_steps(source: str, backend: str) -> ModuleType:
@@ -100,10 +94,9 @@ def load_steps(source: str, backend: str) -> ModuleType:
     return load(source, "fused" if backend == "c" and has_wide() else backend)
 
 
-def _native(text: str, name: str, *, flags: tuple[str, ...]) -> ModuleType:
+def _direct(text: str, name: str) -> ModuleType:
     module = ModuleType(name)
-    last = text.rpartition("\ndef ")[2].partition("(")[0]
-    module.__dict__[last] = _OrPlain(Native(text, flags), text, last)
+    exec(compile(text, f"<{name}>", "exec"), module.__dict__)
     return module
 
 
@@ -153,14 +146,14 @@ def _from_file(text: str, name: str) -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     for function in vars(module).values():
-        _distrust(getattr(function, "_cache", None))
+        kept = getattr(function, "_cache", None)
+        if hasattr(kept, "load_overload"):
+            _distrust(kept)
     return module
 
 
 def _distrust(kept: Any) -> None:
     """Let numba compile again where its own files cannot be read."""
-    if not hasattr(kept, "load_overload"):
-        return
     read = kept.load_overload
 
     def load_overload(*given: Any) -> Any:
@@ -173,25 +166,14 @@ def _distrust(kept: Any) -> None:
     kept.load_overload = load_overload
 
 
-_MAKERS = {
-    "numba": _from_file,
-    "c": partial(_native, flags=PLAIN),
-    "fused": partial(_native, flags=FUSED),
-    "wide": partial(_native, flags=WIDE),
-    "even": partial(_native, flags=EVEN),
-}
-
-
 def threads() -> int:
     """The number of threads for compiled code: the processors, or $NUMBA_NUM_THREADS; 1 in a
     thread marked by :func:`alone`."""
     if getattr(_THREAD, "alone", False):
         return 1
     asked = os.environ.get("NUMBA_NUM_THREADS", "")
-    return max(1, int(asked)) if asked.isdigit() else _processors()
-
-
-def _processors() -> int:
+    if asked.isdigit():
+        return max(1, int(asked))
     given = getattr(os, "sched_getaffinity", None)  # not on every system
     return len(given(0)) if given else os.cpu_count() or 1
 
@@ -199,3 +181,18 @@ def _processors() -> int:
 def alone() -> None:
     """Mark the calling thread: it must not start other threads."""
     _THREAD.alone = True
+
+
+def each_beside(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[Made]:
+    """The results of ``work`` on each item, in the items' order, each as soon as it is there.
+
+    Each call uses one thread. Without compiled code, which lets other threads run, the items are
+    processed one after another.
+    """
+    given = list(items)
+    workers = min(threads() if compiler() else 1, len(given))
+    if workers < 2:
+        yield from map(work, given)
+        return
+    with ThreadPoolExecutor(workers, initializer=alone) as pool:
+        yield from pool.map(work, given)

@@ -15,9 +15,8 @@ from ..codegen.simd import is_wide, wide_code
 from ..expression.operations import WIDTH
 from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
-from .backend import compiler, load, threads
+from .backend import compiler, each_beside, load, threads
 from .c_compiler import has_wide
-from .threads import beside
 
 if TYPE_CHECKING:
     import control as ct
@@ -31,27 +30,11 @@ LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after 
 class Lanes:
     """Many fixed-step runs (lanes) of one traced system along one record.
 
-    Parameters
-    ----------
-    system : control.NonlinearIOSystem
-        Block or interconnection in continuous time, traced once, as it is now. tanh(x/p) of a
-        state x is sign(x) where the default of p only smooths it.
-    backend : str or None
-        "c", "numba", "numpy", or None: the first one available. "c" computes several lanes at
-        once if compiler, processor and library support it.
-    outputs : sequence of str or None
-        The requested outputs, in order; None for all.
-
-    Attributes
-    ----------
-    states, inputs, outputs, parameters : tuple of str
-    defaults : ndarray
-        Parameter values of the system, in the order of ``parameters``.
-
-    Raises
-    ------
-    TraceError
-        When the system's functions cannot be traced.
+    The system, a block or an interconnection in continuous time, is traced once, as it is now;
+    TraceError where that cannot be. tanh(x/p) of a state x is sign(x) where the default of p only
+    smooths it. ``backend`` is "c", "numba", "numpy", or None: the first one available; "c"
+    computes several lanes at once if compiler, processor and library support it. ``outputs`` are
+    the requested ones in order, None for all; ``defaults`` the values of ``parameters``.
     """
 
     def __init__(
@@ -77,11 +60,6 @@ class Lanes:
             return None
         return load(wide_code(self.program), "wide").run
 
-    @property
-    def compiled(self) -> bool:
-        """Whether the loop is machine code."""
-        return self.backend != "numpy"
-
     def run(
         self,
         x0: np.ndarray,
@@ -95,10 +73,8 @@ class Lanes:
         t0: float | np.ndarray = 0.0,
         series: np.ndarray | None = None,
         y: np.ndarray | None = None,
-        seen: np.ndarray | None = None,
         gain: np.ndarray | None = None,
         rounding: Rounding | None = None,
-        per_substep: bool = False,
         rtol: float = 1e-4,
         floor: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -110,51 +86,19 @@ class Lanes:
         equal steps (or more, see ``rtol``) with the input held. A lane that diverges ends in
         inf or nan.
 
-        Parameters
-        ----------
-        x0 : (L, n)
-            States at the start.
-        start : (L,) int
-            Sample at which each lane begins.
-        length : int
-            Samples per lane.
-        u : (N, m) or (S, N, m)
-            Inputs, held over each sample interval; with ``per_substep`` N substeps rows, held
-            over each substep.
-        p : (L, q)
-            Parameters.
-        series : (L,) int
-            The input set that each lane uses (default 0).
-        y : (N, ny) or (M, N, ny)
-            Measured outputs; nan: no correction by that output at that sample.
-        seen : (L,) int
-            The measured set that each lane uses (default 0).
-        gain : (n, ny) or (L, n, ny)
-            Correction gain.
-        rounding : tuple of (N, ny) and (ny,) arrays
-            Part of a correction to leave out, and the size of ``y - output`` up to which it is
-            left out: samples that repeat one rounded value count as one.
-        rtol : float
-            A substep whose estimated error exceeds this part of the largest value that the
-            state has had in the lane is divided (a crossing of zero speed under static
-            friction); inf: never.
-        floor : float or (n,)
-            Lower limit of that largest value, for lanes at rest.
+        ``x0`` (L, n) are the states at the start, ``start`` (L,) the samples at which the lanes
+        begin, ``p`` (L, q) their parameters. ``u`` (N, m) or (S, N, m) are inputs, held over each
+        sample interval; ``series`` (L,) says which of S a lane uses. ``y`` (N, ny) are measured
+        outputs (nan: no correction by that output at that sample), ``gain`` is (n, ny) or
+        (L, n, ny). ``rounding`` (N, ny) and (ny,) are the part of a correction to leave out, and
+        the size of ``y - output`` up to which it is left out: samples that repeat one rounded
+        value count as one. A substep whose estimated error exceeds ``rtol`` of the largest value
+        that the state has had in the lane, at least ``floor``, is divided (a crossing of zero
+        speed under static friction); inf: never.
 
-        Returns
-        -------
-        y_hat : (L, length, ny)
-            Outputs before the correction.
-        x : (L, n)
-            States after the last interval.
+        Returns outputs before the correction (L, length, ny) and states after the last interval
+        (L, n). InputError when the shapes do not fit together or a lane leaves the record.
 
-        Raises
-        ------
-        InputError
-            When the shapes do not fit together or a lane leaves the record.
-
-        Notes
-        -----
         L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own
         rate contains its sign (see :mod:`.codegen.relay`); other kinks are not located. A
         condition on time is weighted by its share of the step. At the default rtol a result, as a
@@ -162,24 +106,26 @@ class Lanes:
         much larger steps.
         """
         x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
-        u, stride = self._inputs(u, substeps if per_substep else 1)
-        count, samples, ny = len(x0), u.shape[1] // stride, len(self.outputs)
+        u, n, ny = np.asarray(u, dtype=float), len(self.states), len(self.outputs)
+        u = _plain(u if u.ndim == 3 else u[None])
+        if u.ndim != 3 or u.shape[2] != len(self.inputs):
+            raise InputError(f"u needs the columns {', '.join(self.inputs)}, not {u.shape}.")
+        count, samples = len(x0), u.shape[1]
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
         start = _indices(start, count, samples - length, "start")
         series = _indices(series, count, len(u) - 1, "series")
         y, gain = self._correction(y, gain, count, samples)
-        seen = _indices(seen, count, max(len(y) - 1, 0), "seen")
         dull, half = (np.empty((0, ny)), np.zeros(ny)) if rounding is None else rounding
-        y_hat, x_end = np.empty((count, length, ny)), np.empty((count, len(self.states)))
-        correction = (y, seen, gain, gain.size > 0, _plain(dull), _plain(half))
-        steps = (float(dt), int(substeps), float(rtol), _repeated(floor, len(self.states)))
-        given = (x0, start, int(length), u, stride, series, p, *correction)
-        given = (*given, _repeated(t0, count), *steps, y_hat, x_end)
+        y_hat, x_end = np.empty((count, length, ny)), np.empty((count, n))
+        given = (x0, start, int(length), u, series, p, y, gain, gain.size > 0)
+        steps = (float(dt), int(substeps), float(rtol), _repeated(floor, n))
+        given = (*given, _plain(dull), _plain(half), _repeated(t0, count), *steps, y_hat, x_end)
         wide = self._wide if count >= LEAST_WIDE and length else None
-        block, spread = WIDTH if wide else 1, self.compiled and count * length * substeps > MANY
+        large = self.backend != "numpy" and count * length * substeps > MANY
         with np.errstate(all="ignore"):
-            _spread(wide or self._run, given, count, block, threads() if spread else 1)
+            workers = threads() if large else 1
+            _spread(wide or self._run, given, count, WIDTH if wide else 1, workers)
         return y_hat, x_end
 
     def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
@@ -188,27 +134,17 @@ class Lanes:
             raise InputError(f"{label} needs the columns {', '.join(names)}, not {rows.shape}.")
         return rows
 
-    def _inputs(self, u: np.ndarray, stride: int) -> tuple[np.ndarray, int]:
-        u = np.asarray(u, dtype=float)
-        u = _plain(u if u.ndim == 3 else u[None])
-        if u.ndim != 3 or u.shape[2] != len(self.inputs) or u.shape[1] % stride:
-            raise InputError(
-                f"u needs the columns {', '.join(self.inputs)} and whole samples, not {u.shape}."
-            )
-        return u, stride
-
     def _correction(
         self, y: np.ndarray | None, gain: np.ndarray | None, count: int, samples: int
     ) -> tuple[np.ndarray, np.ndarray]:
         n, ny = len(self.states), len(self.outputs)
         if y is None or gain is None:
-            return np.empty((0, 0, ny)), np.empty((0, n, ny))
-        y, gain = np.asarray(y, dtype=float), np.asarray(gain, dtype=float)
-        y = _plain(y if y.ndim == 3 else y[None])
-        if y.shape[1:] != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
+            return np.empty((0, ny)), np.empty((0, n, ny))
+        y, gain = _plain(y), np.asarray(gain, dtype=float)
+        if y.shape != (samples, ny) or gain.shape not in ((n, ny), (count, n, ny)):
             raise InputError(
                 f"y must be ({samples}, {ny}) and gain ({n}, {ny}) or ({count}, {n}, {ny}); "
-                f"they are {y.shape[1:]} and {gain.shape}."
+                f"they are {y.shape} and {gain.shape}."
             )
         return y, _plain(np.broadcast_to(gain, (count, n, ny)))
 
@@ -233,7 +169,8 @@ def _spread(
         return
     edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
     edges = np.minimum(edges, count).tolist()
-    beside(lambda part: loop(*given, *part), zip(edges, edges[1:], strict=False))
+    for _ in each_beside(lambda part: loop(*given, *part), zip(edges, edges[1:], strict=False)):
+        pass
 
 
 def _indices(values: Any, count: int, highest: int, label: str) -> np.ndarray:

@@ -29,7 +29,6 @@ FUSED = (*PLAIN, "-mfma", "-fno-tree-slp-vectorize")  # pairs of numbers cost mo
 # for several numbers at once; sine and cosine of one angle would become one call, which the
 # library has for one number only
 WIDE = ("-O3", *PLAIN[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
-EVEN = (*WIDE, "-ffp-contract=off")
 _ABLE = """
 #if defined(__clang__) || !defined(__GNUC__)
 #error another compiler does not know the library
@@ -48,13 +47,8 @@ _SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 class Native:
     """The last function of a source text, compiled at its first call for the arguments' kinds.
 
-    Parameters
-    ----------
-    source : str
-        A function of floats, whole numbers and arrays in C order, as :func:`c_code` reads it,
-        after those that it calls.
-    flags : tuple of str
-        PLAIN, or, with :func:`has_wide`, FUSED, or WIDE or EVEN to vectorise its innermost loops.
+    It may take floats, whole numbers and arrays in C order, as :func:`c_code` reads them.
+    ``flags`` are PLAIN, or, with :func:`has_wide`, FUSED, or WIDE to vectorise its innermost loops.
     """
 
     def __init__(self, source: str, flags: tuple[str, ...] = PLAIN) -> None:
@@ -69,8 +63,11 @@ class Native:
         run = self._made.get(forms)
         if run is None:
             kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
+            pairs = [(name, ", double" * (name == "pow")) for name in LIBRARY]
+            known = "\n".join(_KNOWN.format(*pair) for pair in pairs) if self.flags == WIDE else ""
             with self._lock:
-                run = self._made[forms] = _compiled(self.source, kinds, self.flags)
+                run = _loaded(c_code(self.source, kinds, known), kinds, self.flags)
+                self._made[forms] = run
         return run(*passed)
 
 
@@ -118,13 +115,6 @@ def _passed(place: int, value: Any) -> list[Any]:
     return [value.ctypes.data, *value.shape]
 
 
-def _compiled(source: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
-    if flags in (PLAIN, FUSED):
-        return _loaded(c_code(source, kinds), kinds, flags)
-    declared = [_KNOWN.format(name, ", double" * (name == "pow")) for name in LIBRARY]
-    return _loaded(c_code(source, kinds, "\n".join(declared)), kinds, flags)
-
-
 def _loaded(text: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
     compiler = _compiler()
     key = repr((text, compiler, flags, platform.machine(), platform.libc_ver()))
@@ -134,14 +124,12 @@ def _loaded(text: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
     except OSError:  # the disk is full
         made = _made(temporary() / name, text, compiler, flags)
     run = ctypes.CDLL(str(made)).run
-    run.restype, run.argtypes = ctypes.c_int64, [t for kind in kinds for t in _types(kind)]
+    run.restype, run.argtypes = ctypes.c_int64, []
+    for kind in kinds:
+        number = ctypes.c_double if kind == NUMBER else ctypes.c_int64
+        run.argtypes += [ctypes.c_void_p if kind.shape else number]
+        run.argtypes += [ctypes.c_int64] * len(kind.shape)
     return run
-
-
-def _types(kind: Kind) -> list[Any]:
-    if kind.shape:
-        return [ctypes.c_void_p, *[ctypes.c_int64] * len(kind.shape)]
-    return [ctypes.c_double if kind == NUMBER else ctypes.c_int64]
 
 
 def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
@@ -158,16 +146,13 @@ def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ..
 def _compiler() -> tuple[str, ...]:
     words = shlex.split(os.environ.get("CC", "cc"))
     found = shutil.which(words[0]) if words else None
-    if found is None or _opens_a_window(found):
+    if found == "/usr/bin/cc" and sys.platform == "darwin":
+        # without developer tools the cc of a Mac opens a window that offers to install them
+        if subprocess.run(["xcode-select", "-p"], capture_output=True).returncode:
+            found = None
+    if found is None:
         raise InputError("there is no C compiler; set the environment variable CC to name one.")
     return (found, *words[1:])
-
-
-def _opens_a_window(found: str) -> bool:
-    """Whether it is the cc of a Mac without developer tools, which only offers to install them."""
-    if sys.platform != "darwin" or found != "/usr/bin/cc":
-        return False
-    return subprocess.run(["xcode-select", "-p"], capture_output=True).returncode != 0
 
 
 def _build(compiler: tuple[str, ...], path: Path, made: Path, flags: tuple[str, ...]) -> None:

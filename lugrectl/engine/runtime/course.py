@@ -30,18 +30,10 @@ class Accuracy:
 class Course:
     """The times at which a net is stepped, the updates there, and the points to keep.
 
-    Parameters
-    ----------
-    grid : (N,) ndarray
-        Times of updates and requested times.
-    given : (m, N) ndarray
-        External inputs.
-    flags : (groups, N) ndarray
-        1 for an update of a sample time, 0.5 if only its outputs are requested.
-    column : (N,) ndarray of int or None
-        Index among the kept points, -1: not kept; None: all are kept.
-    hold : bool
-        Inputs are held between grid points.
+    ``grid`` (N,) are updates and requested times, ``given`` (m, N) the external inputs, which
+    ``hold`` holds between grid points. ``flags`` (groups, N) are 1 for an update of a sample time,
+    0.5 if only its outputs are requested. ``column`` (N,) is the place among the kept points, -1:
+    not kept; None: all are kept.
     """
 
     grid: np.ndarray

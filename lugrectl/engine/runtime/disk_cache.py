@@ -20,7 +20,13 @@ def cache_dir() -> Path:
     Where others can write to it, one of its own beside it; a temporary directory of this process
     if none can be written.
     """
-    return _usable(os.environ.get("LUGRECTL_CACHE") or str(_user_cache()))
+    if os.name == "nt":
+        base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return _usable(os.environ.get("LUGRECTL_CACHE") or str(Path(base) / "lugrectl"))
 
 
 @cache
@@ -31,34 +37,18 @@ def temporary() -> Path:
     return Path(made.name)
 
 
-def _user_cache() -> Path:
-    if os.name == "nt":
-        base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Caches"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "lugrectl"
-
-
 @cache
 def _usable(wanted: str) -> Path:
     for path in (Path(wanted), Path(f"{wanted}-own")):
         with contextlib.suppress(OSError):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.mkdir(mode=0o700, exist_ok=True)
-            if _is_own(path):
+            found = path.stat()
+            # only this user (and the administrator) may put code into it
+            if os.name != "posix" or (found.st_uid == os.getuid() and not found.st_mode & 0o022):
                 with tempfile.TemporaryFile(dir=path):
                     return path
     return temporary()
-
-
-def _is_own(path: Path) -> bool:
-    """Whether only this user (and the administrator) can put code into a folder."""
-    if os.name != "posix":
-        return True
-    found = path.stat()
-    return found.st_uid == os.getuid() and not found.st_mode & 0o022
 
 
 def whole(path: Path) -> contextlib.AbstractContextManager[Path]:
@@ -76,26 +66,26 @@ def keep(path: Path, text: str) -> None:
         part.write_text(text, encoding="utf-8")
 
 
+def _seal(path: Path) -> tuple[Path, str]:
+    """The file beside a compiled one that says what it is, and what that is now."""
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return path.with_suffix(path.suffix + ".sha256"), digest
+
+
 def seal(path: Path) -> None:
     """Write down what a compiled file is now."""
-    with whole(_seal(path)) as part:
-        part.write_text(_digest(path))
+    place, digest = _seal(path)
+    with whole(place) as part:
+        part.write_text(digest)
 
 
 def is_sound(path: Path) -> bool:
     """Whether a compiled file is what it was when it was made."""
     try:
-        return _seal(path).read_text() == _digest(path)
+        place, digest = _seal(path)
+        return place.read_text() == digest
     except (OSError, UnicodeDecodeError):
         return False
-
-
-def _seal(path: Path) -> Path:
-    return path.with_suffix(path.suffix + ".sha256")
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def make_room(folder: Path, most: int = 500) -> None:

@@ -34,14 +34,10 @@ def bounded(
 ) -> None:
     """Raise Diverged, with signal and time, where a row grows without bound or is not a number.
 
-    Parameters
-    ----------
-    rows, labels : list of arrays (n, N), and a function that returns lists of their names
-        States first: the earliest one of the first array in which a row grows is named.
-    driven : arrays
-        Inputs and initial states: their largest value, at least 1, is the size of the run.
-    looped : bool
-        Several blocks: the message then mentions the sign of the feedback.
+    ``rows`` are arrays (n, N), ``labels`` a function that returns lists of their names. States
+    first: the earliest one of the first array in which a row grows is named. The largest value of
+    inputs and initial states (``driven``), at least 1, is the size of the run. ``looped``: several
+    blocks; the message then mentions the sign of the feedback.
     """
     size = max([1.0, *(float(np.max(np.abs(part))) for part in driven if np.size(part))])
     large = [np.size(group) and not np.abs(group).max() <= BOUND * size for group in rows]
@@ -117,17 +113,14 @@ def quiet() -> Iterator[None]:
 class Chatter:
     """An event function for ``solve_ivp`` that never occurs: it sees every step.
 
-    Raises
-    ------
-    Diverged
-        Where a comparison in a block holds the solver at one time: a state turns back again and
-        again while the time hardly moves.
+    Raises Diverged where a comparison in a block holds the solver at one time: a state turns back
+    again and again while the time hardly moves.
     """
 
     terminal = False
 
     def __init__(self, name: str, seconds: float) -> None:
-        self.name, self.seconds = name, seconds
+        self.name, self.seconds, self.found = name, seconds, False
         self.steps, self.begun = 0, -np.inf
         self.last = self.move = self.turns = np.zeros(0)
 
@@ -139,7 +132,9 @@ class Chatter:
         self.steps, self.last, self.move = self.steps + 1, x.copy(), move
         if self.steps > STEPS:
             self.steps = 0
-            if t - self.begun < LITTLE * self.seconds and self.turns.max() > TURNS * STEPS:
+            self.found = t - self.begun < LITTLE * self.seconds
+            self.found &= bool(self.turns.max() > TURNS * STEPS)
+            if self.found:
                 raise Diverged(
                     f"{self.name}: a comparison (an if) in a block switches without end near "
                     f"t = {t:.6g} s: write np.where for it, or np.tanh(x/eps) for a sign."
@@ -150,7 +145,13 @@ class Chatter:
 @contextlib.contextmanager
 def said_if_slow(why: str, how: str = "") -> Iterator[None]:
     """Warn once, after a few seconds, why what runs inside is slow; nothing without a ``why``."""
-    timer = Timer(AFTER, _say, (LONG.format(why, f", {how}" if how else ""),))
+
+    def say() -> None:
+        sentence = LONG.format(why, f", {how}" if how else "")
+        with contextlib.suppress(RuntimeWarning):  # of a user who made errors of warnings
+            warnings.warn(sentence, RuntimeWarning, stacklevel=1)
+
+    timer = Timer(AFTER, say)
     timer.daemon = True
     if why:
         timer.start()
@@ -158,10 +159,3 @@ def said_if_slow(why: str, how: str = "") -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-
-
-def _say(sentence: str) -> None:
-    try:
-        warnings.warn(sentence, RuntimeWarning, stacklevel=1)
-    except RuntimeWarning:  # the user made errors of warnings, which stop no other thread
-        pass

@@ -10,70 +10,54 @@ from ...core.errors import InputError
 from ..expression.graph import symbols_in
 from ..tracing.ingredients import described, is_number, numbers_alone
 from ..tracing.network import Net
-from ..tracing.network_equations import Hybrid, traced_net
-from ..tracing.tracer import smooth_keys
+from ..tracing.tracer import Hybrid, smooth_keys, traced_net
 from ..tracing.verify import AGAIN
 from .adaptive_run import Adaptive, chosen_backend
 from .sampled_run import Held
 
-Engine = Adaptive | Held
 MOST = 400  # compiled codes that are kept
 ALONE = threading.RLock()  # a system holds the parameters that it is asked with
 
-_traced: dict[Any, Engine] = {}
+_traced: dict[Any, Adaptive] = {}
 
 
-def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
-    """The compiled net, as it is at this moment: :class:`Adaptive` of a continuous system alone.
+def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Adaptive:
+    """The compiled net, as it is at this moment: :class:`Held`, where it has sampled blocks.
 
     Code of an earlier call serves again where the equations are the same: the blocks are
     :func:`described` as they were then, or a new trace of them gives the same equations again.
     Whatever the functions of a user read, they read it again.
     """
     with ALONE:
-        return _compiled(net, dict(params or {}))
+        given, blocks = dict(params or {}), [part.block for part in net.parts]
+        for block in blocks:
+            block._update_params(given)
+        backend = None if net.groups else chosen_backend()
+        plain = tuple(map(described, blocks)) if numbers_alone(given) else (None,)
+        widths = frozenset[str]().union(*map(smooth_keys, blocks))
+        known = (backend, frozenset(given), widths, net.wiring, plain)
+        ready = None if None in plain else _traced.get(known)
+        if ready is not None:
+            return ready
+        hybrid = traced_net(net, given)
+        sharp = hybrid.sharpened(given)
+        key = (backend, sharp.outline())
+        before = _traced.get(key)
+        hybrid.check(given, *([AGAIN] if before else []))
+        _no_unknown(hybrid, given)
+        engine = made_of(sharp, backend) if before is None else before.of(sharp)
+        _keep(key, engine)
+        if None not in plain and not hybrid.flow.fixed:
+            _keep(known, engine)
+        return engine
 
 
-def compiled_system(system: Any, params: Mapping[str, Any] | None = None) -> Adaptive:
-    """The same of a continuous system."""
-    made = compiled(Net.of(system), params)
-    assert isinstance(made, Adaptive)
-    return made
-
-
-def made_of(hybrid: Hybrid, backend: str | None) -> Engine:
+def made_of(hybrid: Hybrid, backend: str | None) -> Adaptive:
     """The code of equations."""
     return Adaptive(hybrid.flow, backend) if hybrid.tick is None else Held(hybrid, backend)
 
 
-def _compiled(net: Net, given: Mapping[str, Any]) -> Engine:
-    blocks = [part.block for part in net.parts]
-    for block in blocks:
-        block._update_params(given)
-    backend = None if net.groups else chosen_backend()
-    plain = tuple(map(described, blocks)) if numbers_alone(given) else (None,)
-    widths = frozenset[str]().union(*map(smooth_keys, blocks))
-    known = (backend, frozenset(given), widths, net.wiring, plain)
-    ready = None if None in plain else _traced.get(known)
-    if ready is not None:
-        return ready
-    hybrid = traced_net(net, given)
-    sharp = hybrid.sharpened(given)
-    key = (backend, sharp.outline())
-    before = _traced.get(key)
-    hybrid.check(given, *([AGAIN] if before else []))
-    _no_unknown(hybrid, given)
-    if before is None:
-        made: Engine = made_of(sharp, backend)
-    else:
-        made = before.of(sharp.flow) if isinstance(before, Adaptive) else before.of(sharp)
-    _keep(key, made)
-    if None not in plain and not hybrid.flow.fixed:
-        _keep(known, made)
-    return made
-
-
-def _keep(key: Any, value: Engine) -> None:
+def _keep(key: Any, value: Adaptive) -> None:
     """Enter a value as the youngest; the oldest go."""
     _traced.pop(key, None)
     _traced[key] = value
@@ -86,16 +70,14 @@ def _no_unknown(hybrid: Hybrid, given: Mapping[str, Any]) -> None:
     flow = hybrid.flow
     seen = symbols_in([*flow.xdot, *flow.y, *hybrid.ticked])
     read = {k for k, p in zip(flow.keys, flow.p, strict=True) if p.value in seen}
-    known = read.union(flow.fixed, *(_defaults(part.block) for part in hybrid.net.parts))
+    known, systems = read.union(flow.fixed), [part.block for part in hybrid.net.parts]
+    while systems:  # the keys of all parameters that have a default
+        system = systems.pop()
+        known |= {*system.params}
+        systems += getattr(system, "syslist", ())
     unknown = [k for k, v in given.items() if k not in known and is_number(v)]
     if unknown:
         raise InputError(
             f"{hybrid.net.name}: no block reads the parameter '{unknown[0]}'; "
             f"there are {', '.join(sorted(known)) or 'none'}."
         )
-
-
-def _defaults(system: Any) -> set[str]:
-    """The keys of all parameters that have a default."""
-    own = set(system.params)
-    return own.union(*(_defaults(block) for block in getattr(system, "syslist", ())))

@@ -72,7 +72,9 @@ class Substeps:
         for known in self._kinds:
             if all(_equal(params[k], v) for k, v in known.fixed.items()):
                 return known
-        own = {k: v for k, v in params.items() if k in self.system.params and not _symbolic(v)}
+        own = {
+            k: v for k, v in params.items() if k in self.system.params and not isinstance(v, Node)
+        }
         with ALONE:
             try:
                 program = trace(self.system, own)
@@ -82,17 +84,14 @@ class Substeps:
                 fixed = {k: v for k, v in own.items() if k in program.fixed or not is_number(v)}
                 made = _Kind(fixed, None not in affine(program.xdot, program.x), program)
         self._kinds.append(made)
-        return self._kind(params) if any(map(_symbolic, params.values())) else made
+        return self._kind(params) if any(isinstance(v, Node) for v in params.values()) else made
 
     def step(
         self, x: np.ndarray, before: np.ndarray, now: np.ndarray, params: Mapping[str, Any]
     ) -> np.ndarray:
         """The states after a sample, from the time and the inputs at its start and its end.
 
-        Raises
-        ------
-        Diverged
-            Names the state and the time.
+        Raises Diverged, with the state and the time.
         """
         own = {k: v for k, v in params.items() if k in self.system.params}
         kind = self._kind(own)
@@ -134,12 +133,8 @@ class Substeps:
         return last
 
 
-def _symbolic(value: Any) -> bool:
-    return isinstance(value, Node)
-
-
 def _equal(one: Any, other: Any) -> bool:
-    if _symbolic(one):
+    if isinstance(one, Node):
         raise TraceError("a parameter decides which equations there are: it is needed as a number")
     return one is other or bool(np.array_equal(one, other))
 
@@ -156,25 +151,20 @@ def affine_by_probes(system: Any) -> bool:
             u = np.abs(u) if random.random() < 0.5 else u
             a, b = size * random.standard_normal((2, system.nstates))
             t = abs(random.standard_normal())
-            parts = [_rates(system, t, x, u, params) for x in (a + b, 0.0 * a, a, b)]
-            if any(part is None for part in parts):
+            try:
+                with np.errstate(all="ignore"):
+                    parts = [system.updfcn(t, x, u, params) for x in (a + b, 0.0 * a, a, b)]
+                values = np.array([np.reshape(np.asarray(p, dtype=float), -1) for p in parts])
+            except (ArithmeticError, ValueError, RuntimeError):
                 continue
-            values = np.array(parts) * np.array([[1.0], [1.0], [-1.0], [-1.0]])
+            if not np.isfinite(values).all():
+                continue
+            values = values * np.array([[1.0], [1.0], [-1.0], [-1.0]])
             scale = np.abs(values).max(axis=0) + 1e-300
             if not np.all(np.abs(values.sum(axis=0)) <= CLOSE * scale):
                 return False
             seen = True
     return seen
-
-
-def _rates(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The rates at a point; None if there are none."""
-    try:
-        with np.errstate(all="ignore"):
-            values = np.reshape(np.asarray(system.updfcn(t, x, u, params), dtype=float), -1)
-    except (ArithmeticError, ValueError, RuntimeError):
-        return None
-    return values if np.isfinite(values).all() else None
 
 
 def _variants(params: Mapping[str, Any], random: Any) -> Iterator[dict[str, Any]]:

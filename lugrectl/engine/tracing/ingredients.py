@@ -47,17 +47,17 @@ def described(system: Any, *, by_trace: bool = True) -> Any:
 
 def _inside(system: Any, by_trace: bool) -> Any:
     if isinstance(system, ct.InterconnectedSystem):
-        blocks = tuple(described(block, by_trace=by_trace) for block in system.syslist)
-        wires = _arrays(system.connect_map, system.input_map, system.output_map)
-        return None if None in blocks or wires is None else (blocks, wires)
-    if isinstance(system, ct.StateSpace):
-        matrices = _arrays(system.A, system.B, system.C, system.D)
-        return matrices if own_functions(system) else None
-    functions = [system.updfcn] if system.nstates else []
-    found = tuple(_function(f) for f in (*functions, system.outfcn))
-    if None in found:
-        return _equations(system) if by_trace else None
-    return found
+        parts = [described(block, by_trace=by_trace) for block in system.syslist]
+        parts += map(_array, (system.connect_map, system.input_map, system.output_map))
+    elif isinstance(system, ct.StateSpace):
+        matrices = (system.A, system.B, system.C, system.D)
+        parts = [_array(m) for m in matrices] if own_functions(system) else [None]
+    else:
+        functions = [system.updfcn] if system.nstates else []
+        parts = [_function(f) for f in (*functions, system.outfcn)]
+        if None in parts:
+            return _equations(system) if by_trace else None
+    return None if None in parts else tuple(parts)
 
 
 def _equations(block: Any) -> Any:
@@ -79,15 +79,13 @@ def _function(function: Any) -> Any:
     systems = function.rests_on() if ours and hasattr(function, "rests_on") else None
     if systems is None:
         return None
-    inside = tuple(described(system, by_trace=False) for system in systems)
+    inside = [described(system, by_trace=False) for system in systems]
     return None if None in inside else (function, *inside)
 
 
-def _arrays(*values: Any) -> Any:
-    arrays = [np.asarray(v) for v in values]
-    if any(a.dtype.kind not in "biuf" for a in arrays):
-        return None
-    return tuple((a.shape, a.dtype.str, a.tobytes()) for a in arrays)
+def _array(value: Any) -> Any:
+    array = np.asarray(value)
+    return (array.shape, array.dtype.str, array.tobytes()) if array.dtype.kind in "biuf" else None
 
 
 def numbers_alone(given: Mapping[str, Any]) -> bool:

@@ -9,7 +9,9 @@ between them).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import reduce
 from itertools import product
+from typing import Any
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -36,15 +38,6 @@ class Unsolved(Exception):
         self.blocks = list(blocks)
 
 
-def loop_message(system: str, blocks: str) -> str:
-    """The message on an algebraic loop through the blocks of these names."""
-    return (
-        f"{system}: algebraic loop through {blocks}; each output depends on itself at the same "
-        "instant, and not by (piecewise) linear equations with one solution: put a state (a lag, "
-        "a sensor) or a sample of delay between them."
-    )
-
-
 def settled(
     graph: Graph,
     counts: Sequence[int],
@@ -53,26 +46,15 @@ def settled(
 ) -> Rows:
     """The outputs of blocks that read each other's outputs at the same instant.
 
-    Each single output is ordered after those that it depends on, so that a block may pass one
-    channel at once and another through a state. Outputs that depend on themselves are solved
+    ``respond`` gives the outputs of all blocks, ``counts`` of each, when theirs are the given
+    ones. Each single output is ordered after those that it depends on, so that a block may pass
+    one channel at once and another through a state. Outputs that depend on themselves are solved
     where their equations are linear in them, or linear between clips: y = b/(1 - a) for
-    y = a y + b.
+    y = a y + b. The ``values`` of the parameters show that a divisor is not zero.
 
-    Parameters
-    ----------
-    counts : list of int
-        Outputs of each block.
-    respond : callable
-        The outputs of all blocks, when theirs are the given ones: one row for each block.
-    values : mapping
-        Values of the parameters by symbol, to see that a divisor is not zero.
-
-    Raises
-    ------
-    Unsolved
-        For a loop that is not linear, or that has no or more than one solution.
+    Raises Unsolved for a loop that is not linear, or that has no or more than one solution.
     """
-    places = [(i, j) for i, many in enumerate(counts) for j in range(many)]
+    places = [(i, j) for i, count in enumerate(counts) for j in range(count)]
     opened = [graph.symbol(f"o{len(graph.nodes)}") for _ in places]
     rows = respond(by_block(counts, opened))
     fresh = [rows[i][j] for i, j in places]
@@ -90,10 +72,10 @@ def settled(
     return by_block(counts, [final[k] for k in range(len(places))])
 
 
-def by_block(counts: Sequence[int], flat: Sequence[Node]) -> Rows:
-    """The nodes in a row for each block, of so many each."""
-    ends = np.cumsum([0, *counts])
-    return [list(flat[a:b]) for a, b in zip(ends, ends[1:], strict=False)]
+def by_block(counts: Sequence[int], flat: Any) -> list[Any]:
+    """Consecutive parts of a row, of so many each."""
+    ends = np.cumsum([0, *counts]).tolist()
+    return [flat[a:b] for a, b in zip(ends, ends[1:], strict=False)]
 
 
 def _ordered(reads: Sequence[Sequence[int]]) -> list[list[int]]:
@@ -103,11 +85,11 @@ def _ordered(reads: Sequence[Sequence[int]]) -> list[list[int]]:
     reach = np.zeros((len(reads),) * 2)
     for k, row in enumerate(reads):
         reach[k, list(row)] = 1
-    many, of = connected_components(reach, connection="strong")
-    members = [np.flatnonzero(of == c).tolist() for c in range(many)]
+    count, of = connected_components(reach, connection="strong")
+    members = [np.flatnonzero(of == c).tolist() for c in range(count)]
     needs = [{int(of[m]) for k in group for m in reads[k]} - {c} for c, group in enumerate(members)]
     order: list[int] = []
-    waiting = list(range(many))
+    waiting = list(range(count))
     while waiting:
         ready = [c for c in waiting if needs[c] <= {*order}]
         order += ready
@@ -138,36 +120,29 @@ def _value(divisor: Node, values: Mapping[str, float]) -> float:
 def _by_choices(
     symbols: Sequence[Node], roots: Sequence[Node], values: Mapping[str, float]
 ) -> list[Node] | None:
-    """The same of a loop through clips."""
-    kinks = _kinks(symbols, roots)
-    if not 0 < len(kinks) <= MOST:
-        return None
-    found, best, signs = list[Node](), None, set[float]()
-    for choice in product((0, 1), repeat=len(kinks)):
-        made = _chosen(symbols, roots, dict(zip(kinks, choice, strict=True)), values)
-        if made is None:
-            return None
-        own, agrees, sign = made
-        signs.add(sign)
-        if best is None:
-            found, best = own, agrees
-            continue
-        better = agrees > best
-        pairs = zip(own, found, strict=True)
-        found = [a.graph.make("where", better, a, b) for a, b in pairs]
-        best = best.graph.make("maximum", best, agrees)
-    return found if len(signs) == 1 else None
-
-
-def _kinks(symbols: Sequence[Node], roots: Sequence[Node]) -> list[int]:
-    inside = {s.index for s in symbols}
-    kinks = []
+    """The same of a loop through clips: of all choices the solution that agrees most with its."""
+    inside, kinks = {s.index for s in symbols}, []
     for node in reachable(roots):
         if any(a.index in inside for a in node.args):
             inside.add(node.index)
             if node.op in ("minimum", "maximum", "absolute"):
                 kinks.append(node.index)
-    return kinks
+    if not 0 < len(kinks) <= MOST:
+        return None
+    solution, best, signs = list[Node](), None, set[float]()
+    for choice in product((0, 1), repeat=len(kinks)):
+        chosen = _chosen(symbols, roots, dict(zip(kinks, choice, strict=True)), values)
+        if chosen is None:
+            return None
+        own, agrees, sign = chosen
+        signs.add(sign)
+        if best is None:
+            solution, best = own, agrees
+            continue
+        better, make = agrees > best, best.graph.make
+        solution = [make("where", better, a, b) for a, b in zip(own, solution, strict=True)]
+        best = make("maximum", best, agrees)
+    return solution if len(signs) == 1 else None
 
 
 def _chosen(
@@ -177,7 +152,7 @@ def _chosen(
     values: Mapping[str, float],
 ) -> tuple[list[Node], Node, float] | None:
     """The solution with one choice, by how much it agrees with that, and the determinant's sign."""
-    margins = list[Node]()
+    margins, divisors = list[Node](), list[float]()
 
     def follow(node: Node, args: tuple[Node, ...]) -> Node | None:
         if node.index not in choice:
@@ -188,23 +163,16 @@ def _chosen(
         margins.append(-more if choice[node.index] else more)
         return second if choice[node.index] else first
 
-    forms = affine(substitute(roots, follow), symbols)
-    if None in forms:
-        return None
-    divisors = list[float]()
-
     def usable(divisor: Node) -> bool:
         if not symbols_in([divisor]) <= {*values}:
             return False
         divisors.append(_value(divisor, values))
         return abs(divisors[-1]) > LEAST
 
-    own = solve(symbols, [form for form in forms if form is not None], usable)
+    forms = [form for form in affine(substitute(roots, follow), symbols) if form is not None]
+    own = solve(symbols, forms, usable) if len(forms) == len(roots) else None
     if own is None:
         return None
-    known = {s.index: node for s, node in zip(symbols, own, strict=True)}
-    agrees = rename(margins, known)
-    least = agrees[0]
-    for margin in agrees[1:]:
-        least = least.graph.make("minimum", least, margin)
+    agrees = rename(margins, {s.index: node for s, node in zip(symbols, own, strict=True)})
+    least = reduce(lambda a, b: a.graph.make("minimum", a, b), agrees)
     return own, least, float(np.sign(np.prod(divisors)))

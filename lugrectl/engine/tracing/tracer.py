@@ -1,16 +1,16 @@
-"""Derives the equations of a python-control system by calling its own functions on symbols.
+"""Derives the equations of python-control systems by calling their own functions on symbols.
 
 The blocks' update and output functions run once, through python-control's own connections, with
 symbolic scalars in place of numbers. Numeric parameters remain arguments; anything else that a
-function reads has its value at the time of tracing. Every trace is compared with the system
-itself before it is returned.
+function reads has its value at the time of tracing. A net has a flow between updates (ticks), and
+the updates; a system alone is a net of one part.
 """
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -18,14 +18,64 @@ import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..expression.graph import Graph, Node, symbols_in
+from ..expression.graph import Graph, Node, rename, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
 from .equations import Program
-from .instant import AlgebraicLoop, Rows, Unsolved, by_block, loop_message, settled
+from .instant import Rows, Unsolved, settled
+from .network import Net, Wires, is_wired
 from .verify import check
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
+
+
+@dataclass(frozen=True, eq=False)
+class Tick:
+    """The sampled parts' states and held outputs after a tick: nodes of t, x, q, u, g, p.
+
+    ``q`` are the states before it, ``g`` has one flag for each sample time: 1 a tick, 0.5 only
+    its outputs, 0 nothing. Held values are inputs of the flow, after the external inputs.
+    """
+
+    q: tuple[Node, ...]
+    g: tuple[Node, ...]
+    new_q: tuple[Node, ...]
+    new_h: tuple[Node, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Hybrid:
+    """Flow and tick (None: not requested, or a system alone) of a net; one parameter vector.
+
+    The outputs of the flow are all signals. They depend on t, x, u and, if the net reads earlier
+    values, on the held values before the tick, ``b0``, ``b1``, ... ``blocks`` holds the traced
+    blocks, each with its own equations.
+    """
+
+    net: Net
+    flow: Program
+    tick: Tick | None
+    blocks: tuple[tuple[Program, Any], ...]
+
+    @property
+    def ticked(self) -> tuple[Node, ...]:
+        """What a tick computes."""
+        return self.tick.new_q + self.tick.new_h if self.tick else ()
+
+    def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
+        """Compare each block with its own equations: :func:`.verify.check`."""
+        for program, block in self.blocks:
+            check(program, block, params, *scales)
+
+    def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
+        """The flow and the signals as :meth:`.equations.Program.sharpened`."""
+        return replace(self, flow=self.flow.sharpened(params))
+
+    def outline(self) -> tuple[Any, ...]:
+        """The equations as a hashable value: :meth:`.equations.Program.outline`."""
+        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
+        tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
+        return self.net.wiring, names, self.flow.outline(*tick)
 
 
 def trace(
@@ -33,45 +83,46 @@ def trace(
 ) -> Program:
     """The equations of a continuous system, checked against the system itself.
 
-    Parameters
-    ----------
-    system : control.NonlinearIOSystem
-        A block or an interconnection, nested or not.
-    params : dict, optional
-        Parameters as for ``control.input_output_response``.
-
-    Raises
-    ------
-    TraceError
-        When a function branches on a signal, uses ``math``, or otherwise cannot be traced.
-    AlgebraicLoop
-        When outputs depend on themselves; the message names the blocks.
-    InputError
-        For a discrete-time system.
+    Raises TraceError when a function branches on a signal, uses ``math``, or otherwise cannot be
+    traced; AlgebraicLoop when outputs depend on themselves; InputError for a discrete system.
     """
-    program = traced(system, params)
-    check(program, system, params)
-    return program
-
-
-def traced(
-    system: ct.NonlinearIOSystem | BareSystem, params: Mapping[str, Any] | None = None
-) -> Program:
-    """As :func:`trace`, not yet checked."""
     if system.isdtime(strict=True):
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
     system._update_params(params)
-    return single(system)
+    program = single(system)
+    check(program, system, params)
+    return program
 
 
-def single(system: ct.NonlinearIOSystem | BareSystem, exact: Sequence[int] = ()) -> Program:
-    """As :func:`traced`, in continuous or discrete time, with the parameters that are set.
+def single(system: Any, exact: Sequence[int] = ()) -> Program:
+    """The equations of a system in continuous or discrete time, with the parameters that are set,
+    not yet checked. The states ``exact`` of dead times are the delayed signals: :class:`Graph`."""
+    return _Tracer(Net.of(system, sampled=False), exact).program()
 
-    The states ``exact`` of dead times are the delayed signals themselves: :class:`.graph.Graph`.
+
+def traced_net(
+    net: Net,
+    params: Mapping[str, Any] | None = None,
+    *,
+    ticks: bool = True,
+    exact: Sequence[int] = (),
+) -> Hybrid:
+    """The equations of a net, not yet checked: :meth:`Hybrid.check`.
+
+    Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
+    themselves. Without ``ticks`` the sampled parts are not traced.
     """
-    return _Tracer(system, exact).program()
+    for part in net.parts:
+        part.block._update_params(params)
+    if net.alone and not net.groups:
+        system = net.parts[0].block
+        program = single(system, exact)
+        return Hybrid(net, program, None, ((program, system),))
+    own = [part.block for part in net.parts if ticks or not part.sampled]
+    blocks = tuple((single(block), block) for block in own)
+    return _Tracer(net, exact).hybrid(ticks and net.groups > 0, blocks)
 
 
 @dataclass
@@ -89,28 +140,28 @@ class _Slot:
 
 
 class _Tracer:
-    """Symbols for one system and the walk through its blocks."""
+    """Symbols for a net and the walk through its blocks."""
 
-    def __init__(
-        self, system: ct.NonlinearIOSystem | BareSystem, exact: Sequence[int] = ()
-    ) -> None:
-        self.system, self.graph = system, Graph()
+    def __init__(self, net: Net, exact: Sequence[int] = ()) -> None:
+        self.net, self.graph = net, Graph()
         self.t = self.graph.symbol("t")
-        self.x = self._symbols("x", system.nstates)
+        self.x = self._symbols("x", net.count(False))
         self.graph.exact = frozenset(self.x[i].index for i in exact)
-        self.u = self._symbols("u", system.ninputs)
+        self.q = self._symbols("q", net.count(True))
+        self.g = self._symbols("g", net.groups)
+        self.u = self._symbols("u", len(net.outside) + len(net.held))
         self.slots: dict[tuple[str, float], _Slot] = {}
         self.fixed: dict[str, Any] = {}
         self.values: dict[int, dict[str, Any]] = {}
         self.answers: dict[Any, list[Node]] = {}
-        self._collect(system)
+        for part in net.parts:
+            self._collect(list(blocks_in(part.block)))
 
-    def _symbols(self, letter: str, count: Any) -> tuple[Node, ...]:
+    def _symbols(self, letter: str, count: int) -> tuple[Node, ...]:
         return tuple(self.graph.symbol(f"{letter}{i}") for i in range(count))
 
-    def _collect(self, system: Any) -> None:
+    def _collect(self, blocks: Sequence[Any]) -> None:
         """One symbol for each numeric parameter: blocks with equal key and value share it."""
-        blocks = list(_blocks(system))
         for block in blocks:
             self.values[id(block)] = dict(block._current_params)
         for own in (True, False):  # the blocks' own keys first: overrides do not change the order
@@ -128,35 +179,53 @@ class _Tracer:
         slot.users.append(block.name)
         return slot.node
 
-    def _free_slots(self, roots: Sequence[Node]) -> list[_Slot]:
-        """All parameters except those that entered the equations as numbers."""
-        seen = symbols_in(roots)
-        return [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
-
     def program(self) -> Program:
-        system = self.system
-        xdot = self._rates(system, self.x, self.u)
-        y = self._outputs(system, self.x, self.u)
-        labels = system.state_labels, system.input_labels, system.output_labels
-        return self._named(system.name, labels, xdot, y, xdot + y)
+        """The equations of a system alone."""
+        system = self.net.parts[0].block
+        xdot, y = (part(system, self.x, self.u) for part in (self._rates, self._outputs))
+        return self._named(system.state_labels, system.input_labels, xdot, y, [*xdot, *y])
+
+    def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
+        net, held = self.net, self._held()
+        inputs, outputs = self._settled(net.wires, self.u[: len(net.outside)], held, self._answer)
+        xdot = [
+            rate
+            for i, part in enumerate(net.parts)
+            if not part.sampled
+            for rate in self._rates(part.block, self._own(i), inputs[i])
+        ]
+        tick = self._tick(outputs) if ticks else None
+        if net.earlier:
+            symbols = self.u[len(net.outside) :]
+            before = {u.index: self.graph.symbol(f"b{k}") for k, u in enumerate(symbols)}
+            outputs = [
+                rename(row, before) if still is None else row
+                for row, still in zip(outputs, held, strict=True)
+            ]
+        y = self._linear(net.gather, [*chain(*outputs)])
+        names = [*net.outside, *(net.parts[i].outputs[j] for i, j in net.held)]
+        roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
+        return Hybrid(
+            net, self._named(net.states(sampled=False), names, xdot, y, roots), tick, blocks
+        )
 
     def _named(
         self,
-        name: str,
-        labels: Sequence[Sequence[str]],
+        states: Sequence[str],
+        inputs: Sequence[str],
         xdot: Sequence[Node],
         y: Sequence[Node],
         roots: Sequence[Node],
     ) -> Program:
-        """The program of these equations; ``labels`` of states, inputs and outputs."""
-        slots = self._free_slots(roots)
+        """The program of these equations, without parameters that entered the roots as numbers."""
+        seen = symbols_in(roots)
+        slots = [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
         keys = [slot.key for slot in slots]
-        states, inputs, outputs = map(tuple, labels)
         return Program(
-            name=name,
-            states=states,
-            inputs=inputs,
-            outputs=outputs,
+            name=self.net.name,
+            states=tuple(states),
+            inputs=tuple(inputs),
+            outputs=self.net.signals,
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),
@@ -171,61 +240,102 @@ class _Tracer:
             y=tuple(y),
         )
 
+    def _own(self, i: int) -> Sequence[Node]:
+        return (self.q if self.net.parts[i].sampled else self.x)[self.net.places[i]]
+
+    def _held(self) -> list[list[Node] | None]:
+        """The held outputs of the sampled parts, None for the others."""
+        values = iter(self.u[len(self.net.outside) :])
+        return [[next(values) for _ in p.outputs] if p.sampled else None for p in self.net.parts]
+
+    def _answer(self, i: int, inputs: Sequence[Node]) -> list[Node]:
+        return self._outputs(self.net.parts[i].block, self._own(i), inputs)
+
+    def _tick(self, flowing: Sequence[list[Node]]) -> Tick:
+        net, still = self.net, self._held()
+
+        def answer(i: int, inputs: Sequence[Node]) -> list[Node]:
+            fresh, held = self._answer(i, inputs), still[i]
+            return fresh if held is None else self._chosen(i, 0.25, fresh, held)
+
+        earlier = [
+            row if net.earlier and not part.sampled else None
+            for part, row in zip(net.parts, flowing, strict=True)
+        ]
+        inputs, outputs = self._settled(net.wires, self.u[: len(net.outside)], earlier, answer)
+        new_q = [
+            q
+            for i, part in enumerate(net.parts)
+            if part.sampled
+            for q in self._chosen(
+                i, 0.75, self._rates(part.block, self._own(i), inputs[i]), self._own(i)
+            )
+        ]
+        return Tick(self.q, self.g, tuple(new_q), tuple(outputs[i][j] for i, j in net.held))
+
+    def _chosen(
+        self, i: int, level: float, fresh: Sequence[Node], kept: Sequence[Node]
+    ) -> list[Node]:
+        """New values at a tick of the part's sample time, else the held ones."""
+        flag = self.g[self.net.parts[i].group or 0] > level
+        return [self.graph.make("where", flag, a, b) for a, b in zip(fresh, kept, strict=True)]
+
     def _rates(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
         if not system.nstates:
             return []
         if not is_wired(system):
             return self._call(system, system.updfcn, x, u, system.nstates)
-        inputs, _ = self._signals(system, x, u)
-        parts = zip(system.syslist, _states(system, x), inputs, strict=True)
+        wires, inputs, _ = self._inside(system, x, u)
+        parts = zip(wires.blocks, wires.split("states", x), inputs, strict=True)
         return [rate for block, own, given in parts for rate in self._rates(block, own, given)]
 
     def _outputs(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> list[Node]:
         if is_wired(system):
-            inputs, outputs = self._signals(system, x, u)
+            _, inputs, outputs = self._inside(system, x, u)
             return self._linear(system.output_map, [*chain(*outputs), *chain(*inputs)])
         if system.outfcn is None:
             return list(x[: system.noutputs])
         return self._call(system, system.outfcn, x, u, system.noutputs)
 
-    def _signals(self, system: Any, x: Sequence[Node], u: Sequence[Node]) -> tuple[Rows, Rows]:
-        """Inputs and outputs of all blocks of an interconnection."""
-        blocks, states = system.syslist, _states(system, x)
-        external = self._linear(system.input_map, u)
-
-        def inputs(rows: Rows) -> Rows:
-            fed = self._linear(system.connect_map, [*chain(*rows)])
-            given = [a + b for a, b in zip(fed, external, strict=True)]
-            return by_block([block.ninputs for block in blocks], given)
+    def _inside(
+        self, system: Any, x: Sequence[Node], u: Sequence[Node]
+    ) -> tuple[Wires, Rows, Rows]:
+        """Wires, inputs and outputs of all blocks of an interconnection."""
+        wires = Wires.inside(system)
+        states = wires.split("states", x)
 
         def answer(i: int, given: Sequence[Node]) -> list[Node]:
-            return self._outputs(blocks[i], states[i], given)
+            return self._outputs(wires.blocks[i], states[i], given)
 
-        return self._settled(system.name, blocks, inputs, answer)
+        return wires, *self._settled(wires, u, [None] * len(states), answer)
 
     def _settled(
         self,
-        name: str,
-        blocks: Sequence[Any],
-        inputs: Callable[[Rows], Rows],
+        wires: Wires,
+        u: Sequence[Node],
+        fixed: Sequence[list[Node] | None],
         answer: Callable[[int, Sequence[Node]], list[Node]],
     ) -> tuple[Rows, Rows]:
-        """Inputs and outputs of blocks that answer their inputs, which follow from all outputs."""
+        """Inputs and outputs of all blocks at one instant; ``fixed`` outputs do not change."""
+        outside = self._linear(wires.entry, u)
+
+        def inputs(rows: Rows) -> Rows:
+            fed = self._linear(wires.connect, [*chain(*rows)])
+            return wires.split("inputs", [a + b for a, b in zip(fed, outside, strict=True)])
 
         def respond(rows: Rows) -> Rows:
-            return [answer(i, given) for i, given in enumerate(inputs(rows))]
+            pairs = zip(inputs(rows), fixed, strict=True)
+            return [
+                answer(i, given) if own is None else own for i, (given, own) in enumerate(pairs)
+            ]
 
+        values = {slot.node.value: slot.value for slot in self.slots.values()}
         try:
-            counts = [block.noutputs for block in blocks]
-            outputs = settled(self.graph, counts, respond, self._numbers())
+            counts = [block.noutputs for block in wires.blocks]
+            outputs = settled(self.graph, counts, respond, values)
         except Unsolved as error:
-            names = ", ".join(blocks[i].name for i in error.blocks)
-            raise AlgebraicLoop(loop_message(name, names)) from None
+            raise wires.loop(error.blocks) from None
         return inputs(outputs), outputs
-
-    def _numbers(self) -> dict[str, float]:
-        """The values of the parameters by symbol."""
-        return {slot.node.value: slot.value for slot in self.slots.values()}
 
     def _linear(self, matrix: Any, nodes: Sequence[Node]) -> list[Node]:
         rows = np.atleast_2d(np.asarray(matrix, dtype=float))
@@ -243,19 +353,17 @@ class _Tracer:
         """
         asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
         if asked not in self.answers:
-            self.answers[asked] = self._asked(block, function, x, u, size)
+            signals = signal_array(list(x)), signal_array(list(u))
+            try:
+                result = function(self.t, *signals, self.values[id(block)])
+            except Exception:
+                result = self._with_numbers(block, function, signals)
+            flat = np.asarray(result, dtype=object).reshape(-1)
+            if len(flat) != size:
+                raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
+            nodes = [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
+            self.answers[asked] = nodes
         return self.answers[asked]
-
-    def _asked(
-        self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
-    ) -> list[Node]:
-        signals = signal_array(list(x)), signal_array(list(u))
-        known = self.values[id(block)]
-        try:
-            result = function(self.t, *signals, known)
-        except Exception:
-            result = self._with_numbers(block, function, signals)
-        return self._nodes(block, result, size)
 
     def _with_numbers(self, block: Any, function: Callable[..., Any], signals: Any) -> Any:
         """The result with as few parameters as possible as numbers: a count fixes itself alone."""
@@ -274,45 +382,29 @@ class _Tracer:
         known.update(needed)
         return result
 
-    def _nodes(self, block: Any, result: Any, size: int) -> list[Node]:
-        flat = np.asarray(result, dtype=object).reshape(-1)
-        if len(flat) != size:
-            raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
-        return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
 
-
-def is_wired(system: Any) -> bool:
-    """Whether a system is an interconnection."""
-    return hasattr(system, "syslist")
-
-
-def _blocks(system: Any) -> Iterator[Any]:
+def blocks_in(system: Any) -> Iterator[Any]:
     """The blocks, on all levels, that have functions of their own."""
     if not is_wired(system):
         yield system
         return
     for block in system.syslist:
-        yield from _blocks(block)
+        yield from blocks_in(block)
 
 
 def widths(system: Any) -> dict[str, float]:
     """The largest widths, by key, that only smooth a sign for solvers."""
-    return {k: v for b in _blocks(system) for k, v in getattr(b.outfcn, "widths", {}).items()}
+    return {k: v for b in blocks_in(system) for k, v in getattr(b.outfcn, "widths", {}).items()}
 
 
 def smooth_keys(system: Any) -> frozenset[str]:
     """The keys of widths, as they are set, that are too large to stand for a sign."""
     return frozenset(
         key
-        for block in _blocks(system)
-        for key, width in widths(block).items()
+        for block in blocks_in(system)
+        for key, width in getattr(block.outfcn, "widths", {}).items()
         if block._current_params[key] > width
     )
-
-
-def _states(system: Any, x: Sequence[Node]) -> Rows:
-    """The states of each block, in python-control's order."""
-    return by_block([block.nstates for block in system.syslist], x)
 
 
 def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:

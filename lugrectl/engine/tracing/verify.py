@@ -10,6 +10,7 @@ import numpy as np
 from ...core.bare_system import BareSystem
 from ..expression.numpy_protocol import TraceError
 from .equations import Program
+from .pointwise import Instant
 
 if TYPE_CHECKING:
     import control as ct
@@ -69,15 +70,10 @@ def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np
     except ArithmeticError:
         return None
     except RuntimeError:
-        return _block_by_block(system, t, x, u)
-
-
-def _block_by_block(system: Any, t: float, x: Any, u: Any) -> np.ndarray | None:
-    from .locate_fault import Probe  # it imports the tracer, which imports this module
-
-    probe = Probe(t)
+        at = Instant(system)
     try:
-        return np.concatenate([probe.rates(system, x, u), probe.outputs(system, x, u)])
+        parts = at.inside_rates(system, t, x, u), at.inside_outputs(system, t, x, u)
+        return np.concatenate(parts)
     except (RuntimeError, ArithmeticError, ValueError):
         return None
 
