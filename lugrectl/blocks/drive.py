@@ -62,8 +62,6 @@ def _notch(
 def limiter(limit: float = np.inf, **names: Unpack[Names]):
     """The torque limit of a drive: input u_cmd, outputs u, excess.
 
-    u = clip(u_cmd, -limit, limit), excess = u - u_cmd.
-
     Parameters
     ----------
     limit : float
@@ -72,10 +70,6 @@ def limiter(limit: float = np.inf, **names: Unpack[Names]):
     Returns
     -------
     Without states; torques in N m.
-
-    Raises
-    ------
-    For a negative limit.
 
     Notes
     -----
@@ -107,10 +101,6 @@ def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]
     -------
     Without states; output w_ref in rad/s.
 
-    Raises
-    ------
-    For a negative limit.
-
     Examples
     --------
     The position is 0.5 rad short; the speed reference is limited to 5 rad/s:
@@ -124,8 +114,6 @@ def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]
 def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: Unpack[Names]):
     """A notch filter against a resonance: input u_cmd, output u.
 
-    u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency.
-
     Parameters
     ----------
     frequency : float
@@ -138,10 +126,6 @@ def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: U
     Returns
     -------
     States band and area in N m.
-
-    Raises
-    ------
-    For a frequency or damping that is not positive, or a depth outside 0 to 1.
 
     Notes
     -----

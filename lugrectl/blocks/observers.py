@@ -83,20 +83,9 @@ def _natural(w, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
 def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
     """The LuGre law itself, run on the measured velocity: input w, outputs Fhat, zhat.
 
-    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w).
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        The parameters used by the observer; keyed ``natural_observer.Fc`` ...
-
     Returns
     -------
     State zhat in rad.
-
-    Raises
-    ------
-    When a LuGre parameter has no value.
 
     Notes
     -----
@@ -128,12 +117,8 @@ def _existing(
 def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
     """The observer of Canudas de Wit et al. 1995: inputs w, e, outputs Fhat, zhat.
 
-    dzhat/dt = w - sigma0 |w| zhat / h(w) - k e, Fhat as in the natural observer.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     k : float
         Gain >= 0 on the tracking error e (measured - reference): without unit on a velocity
         error, in 1/s on a position error.
@@ -141,10 +126,6 @@ def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     Returns
     -------
     State zhat in rad.
-
-    Raises
-    ------
-    When a LuGre parameter has no value or k is negative.
 
     Notes
     -----
@@ -209,13 +190,8 @@ def proposed_observer(
 ):
     """The source paper's observer: inputs w, u, outputs Fhat, zhat, what.
 
-    dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what),
-    J dwhat/dt = u - Fhat + K2 (w - what), Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     K1 : float or callable
         Gain < 0 without unit, or a function of w that uses NumPy functions only; with the
         opposite sign the estimate is unstable near rest, and a warning says so.
@@ -225,10 +201,6 @@ def proposed_observer(
     Returns
     -------
     States zhat in rad and what in rad/s.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value.
 
     Notes
     -----
@@ -283,9 +255,6 @@ def friedland_park_observer(
 ):
     """The Coulomb friction observer of Friedland and Park: inputs w, u, outputs Fhat, ahat.
 
-    ahat = zeta - k |w|^mu, dzeta/dt = k mu |w|^(mu - 1) sign(w) (u - Fhat) / J,
-    Fhat = ahat sign(w) + Fv w.
-
     Parameters
     ----------
     p : Parameters or Model
@@ -298,10 +267,6 @@ def friedland_park_observer(
     Returns
     -------
     State zeta in N m.
-
-    Raises
-    ------
-    When J or Fv has no value, or a gain is out of bounds.
 
     Notes
     -----
@@ -362,13 +327,8 @@ def general_coulomb_observer(
 ):
     """Friedland-Park with an adaptation that saturates: inputs w, u, outputs Fhat, ahat.
 
-    ahat = zeta - G(|w|), G = k (sqrt(w^2 + w0^2) - w0), dzeta/dt = (dG/dw) (u - Fhat) / J,
-    Fhat = ahat sign(w) + Fv w.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J and Fv.
     k : float
         Gain >= 0 in N m s/rad; the error decays at most at k/J, where |w| is well above w0.
     w0 : float
@@ -377,10 +337,6 @@ def general_coulomb_observer(
     Returns
     -------
     State zeta in N m.
-
-    Raises
-    ------
-    When J or Fv has no value, or a gain is out of bounds.
 
     Notes
     -----
@@ -424,22 +380,14 @@ def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
 def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpack[Names]):
     """The disturbance observer Fhat = (u - J dw/dt) / (tau s + 1): inputs w, u, output Fhat.
 
-    Without a derivative: Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J.
     tau : float
         Time constant in s.
 
     Returns
     -------
     State v in rad/s.
-
-    Raises
-    ------
-    When J has no value or tau is not positive.
 
     Notes
     -----
@@ -480,22 +428,14 @@ def extended_state_observer(
 ):
     """The linear extended-state observer: inputs w, u, outputs Fhat, what.
 
-    dwhat/dt = (u - Fhat) / J + 2 p (w - what), dFhat/dt = -J p^2 (w - what), p = bandwidth.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J.
     bandwidth : float
         Both error poles are at -bandwidth, in 1/s.
 
     Returns
     -------
     States what in rad/s and Fhat in N m.
-
-    Raises
-    ------
-    When J has no value or the bandwidth is negative.
 
     Notes
     -----
@@ -557,10 +497,6 @@ def adaptive_observer(
 ):
     """LuGre with an unknown constant scale: inputs w, u, outputs Fhat, zhat, what, scale.
 
-    Fhat = scale phi + Fv w, phi = sigma0 zhat + sigma1 dzhat/dt,
-    dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
-    dscale/dt = -gamma K2 phi (w - what) / Fs^2.
-
     Parameters
     ----------
     p : Parameters or Model
@@ -574,10 +510,6 @@ def adaptive_observer(
     Returns
     -------
     States zhat in rad, what in rad/s and excess, without unit.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value, or a gain is negative.
 
     Notes
     -----
@@ -650,10 +582,6 @@ def temperature_observer(
 ):
     """LuGre with an unknown level h(w), as by temperature: inputs w, u, outputs Fhat, zhat, slip.
 
-    Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, a = sigma0 |w|/h(w),
-    dzhat/dt = w - slip a zhat + k m, dslip/dt = -gamma a zhat m sigma0^2/Fs^2, m = zbar - zhat,
-    zbar = (xi - J w)/sigma1, dxi/dt = u - Fv w - sigma0 zbar.
-
     Parameters
     ----------
     p : Parameters or Model
@@ -669,10 +597,6 @@ def temperature_observer(
     Returns
     -------
     States zhat in rad, excess without unit and xi in N m s.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value, sigma1 is not positive, or a gain is negative.
 
     Notes
     -----
@@ -735,9 +659,6 @@ def friction_state_observer(
 ):
     """Friction as a state with presliding in its rate: inputs w, u, outputs Fhat, what.
 
-    Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what),
-    df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what), p = bandwidth.
-
     Parameters
     ----------
     p : Parameters or Model
@@ -748,10 +669,6 @@ def friction_state_observer(
     Returns
     -------
     States what in rad/s and f in N m.
-
-    Raises
-    ------
-    When J or a friction parameter has no value, or the bandwidth is negative.
 
     Notes
     -----
@@ -819,9 +736,6 @@ def normal_force_observer(
 ):
     """LuGre scaled as by a normal force: inputs w, e, outputs Fhat, zhat, scale.
 
-    Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat,
-    dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dscale/dt = -gamma sigma0 zhat e.
-
     Parameters
     ----------
     p : Parameters or Model
@@ -833,10 +747,6 @@ def normal_force_observer(
     Returns
     -------
     States zhat in rad and excess, without unit.
-
-    Raises
-    ------
-    When a LuGre parameter has no value, or a gain is negative.
 
     Notes
     -----
@@ -885,23 +795,14 @@ def _lyapunov(
 def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
     """The observer with a proof at every speed: inputs w, s, outputs Fhat, zhat.
 
-    Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
-    dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     k : float
         Gain >= 0 on s, without unit if s is a velocity.
 
     Returns
     -------
     State zhat in rad.
-
-    Raises
-    ------
-    When a LuGre parameter has no value, or k is negative.
 
     Notes
     -----
@@ -965,13 +866,8 @@ def position_coulomb_observer(
 ):
     """Coulomb friction and velocity from the position: inputs theta, u, outputs Fhat, ahat, what.
 
-    what = L (theta - that), ahat = zeta - k |what|, Fhat = ahat sign(what) + Fv what,
-    dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J and Fv.
     k : float
         Gain >= 0 in N m s/rad.
     L : float
@@ -980,10 +876,6 @@ def position_coulomb_observer(
     Returns
     -------
     States that in rad and zeta in N m.
-
-    Raises
-    ------
-    When J or Fv has no value, or a gain is out of bounds.
 
     Notes
     -----
@@ -1060,14 +952,8 @@ def position_lugre_observer(
 ):
     """The whole drive copied and corrected by the position: inputs theta, u.
 
-    Outputs Fhat, zhat, what. m = theta - that, dthat/dt = what + l1 m,
-    dwhat/dt = (u - Fhat)/J + l2 m, dzhat/dt = b + l3 m, b = what - sigma0 |what| zhat/h(what),
-    Fhat = sigma0 zhat + sigma1 b + Fv what.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     l1, l2, l3 : float
         In 1/s, 1/s2, 1/s. (2719.1, 2.118e6, -5742.4) puts three poles at -1000 1/s at rest for
         Table 1.
@@ -1075,10 +961,6 @@ def position_lugre_observer(
     Returns
     -------
     States that in rad, what in rad/s and zhat in rad.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value, or l1 or l2 is negative.
 
     Notes
     -----

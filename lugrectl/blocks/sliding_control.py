@@ -5,7 +5,6 @@ Their torque adds to the Fhat of an observer, as that of pi and pid does: u = J 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
@@ -176,18 +175,12 @@ def slotine_li(p: Parameters | Model, KD: float = 0.1, **names: Unpack[Names]):
 
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J.
     KD : float
         Gain in N m s/rad.
 
     Returns
     -------
     Without states; output u in N m.
-
-    Raises
-    ------
-    When J has no value or KD is negative.
 
     Notes
     -----
@@ -220,9 +213,6 @@ def adaptive_slotine_li(
 ):
     """Slotine-Li with adaptation from nothing: inputs s, ar, w, output u.
 
-    u = Jhat ar + Fvhat w + Fchat sign(w) - KD s, sign(w) = tanh(w/eps),
-    dJhat/dt = -gJ ar s, dFvhat/dt = -gv w s, dFchat/dt = -gc sign(w) s.
-
     Parameters
     ----------
     KD : float
@@ -233,10 +223,6 @@ def adaptive_slotine_li(
     Returns
     -------
     States Jhat in kg m2, Fvhat in N m s/rad and Fchat in N m.
-
-    Raises
-    ------
-    When a gain is negative.
 
     Notes
     -----
@@ -261,20 +247,8 @@ def adaptive_slotine_li(
 
 
 @factory(_dual_observer)
-def dual_observer_control(
-    p: Parameters | Model,
-    KD: float = 0.1,
-    *,
-    name: str = "dual_observer_control",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    **gains: float,
-):
+def dual_observer_control(p: Parameters | Model, KD: float = 0.1, **gains: Any):
     """State feedback that adapts sigma0, sigma1 and Fv: inputs s, ar, w, output u.
-
-    u = J ar - KD s + S0 z0 - S1 a z1 + T w, a = sigma0 |w|/h(w),
-    dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
-    dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
 
     Parameters
     ----------
@@ -288,10 +262,6 @@ def dual_observer_control(
     Returns
     -------
     States z0, z1 in rad, S0 in N m/rad, S1 and T in N m s/rad.
-
-    Raises
-    ------
-    When a parameter has no value, or a gain is unknown or negative.
 
     Notes
     -----
@@ -317,25 +287,11 @@ def dual_observer_control(
 
 
 @factory(_backstepping)
-def backstepping_smc(
-    p: Parameters | Model,
-    ks: float = 100.0,
-    eps: float = 5.0,
-    *,
-    name: str = "backstepping_smc",
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    **gains: float,
-):
+def backstepping_smc(p: Parameters | Model, ks: float = 100.0, eps: float = 5.0, **gains: Any):
     """Backstepping with an integral fast terminal sliding mode: inputs s, ar, outputs u, surface.
-
-    u = J (ar - dq/dt - ks y - eps y/sqrt(y^2 + phi^2)), y = surface = s + q,
-    dq/dt = a s + b |s|^gamma sign(s).
 
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J.
     ks, eps : float
         In 1/s and rad/s2.
     gains : float
@@ -344,10 +300,6 @@ def backstepping_smc(
     Returns
     -------
     State q in rad/s, the unit of s on a position.
-
-    Raises
-    ------
-    When J has no value, or a gain is unknown or out of bounds.
 
     Notes
     -----

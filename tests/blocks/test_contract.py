@@ -179,12 +179,20 @@ def test_controllers_are_linear(made):
 @each("observer", lambda made: {"w", "theta"} & set(made.inputs))
 @pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
 def test_ready_loops_take_an_observer_by_name(make, made):
-    loop = make(lg.table1(), made.name.removesuffix("_observer"))
+    short = made.name.removesuffix("_observer")
+    loop = make(lg.table1(), short)
+    with_s = make is lg.position_loop and "s" in made.inputs
+    assert loop.input_labels == ["r", *["dr"] * with_s]
     part = next(one for one in loop.syslist if one.name == made.name)
     for key in set(made.parameters) - {*lg.Model.of(lg.table1()).values()}:
         assert part.params[f"{made.name}.{key}"] == made.parameters[key].value
-    r = np.full(loop.ninputs, 0.1)
-    assert np.isfinite(loop.dynamics(0.0, np.full(loop.nstates, 1e-3), r)).all()
+    ahead = [
+        make(lg.table1(), short, prefilter=x, feedforward=True, load=True) for x in (False, True)
+    ]
+    for one in (loop, *ahead):
+        r = np.full(one.ninputs, 0.1)
+        assert one.output_labels == ["theta", "w", "F", "Fhat", "u", "e"]
+        assert np.isfinite(one.dynamics(0.0, np.full(one.nstates, 1e-3), r)).all()
 
 
 # --- friction laws ----
@@ -406,14 +414,6 @@ def test_all_effects_at_once(law):
     for of_batch, number in zip(rates(*args), single, strict=True):
         assert np.shape(of_batch) == (6, 2)
         np.testing.assert_allclose(number, of_batch[4, 1], rtol=1e-12, atol=1e-14)
-
-
-@pytest.mark.parametrize("values", [strong, lambda made: made.defaults()], ids=["set", "default"])
-def test_a_model_file_keeps_every_effect(tmp_path, values):
-    model = with_all("coulomb", values)
-    lg.write_model(model, tmp_path / "model.toml")
-    assert lg.read_model(tmp_path / "model.toml") == model
-    assert None not in model.values().values()
 
 
 @every_effect

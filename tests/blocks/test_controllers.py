@@ -16,7 +16,7 @@ from lugrectl.engine.runtime import adaptive_run
 
 from ..cases.observed import P
 from ..cases.observed import relaxation as rate
-from ..cases.transfer import response, s, same
+from ..cases.transfer import s, same
 
 few, deflections = st.floats(-1.0, 1.0), st.floats(-2e-3, 2e-3)
 gains = st.floats(0.01, 10.0)
@@ -103,15 +103,6 @@ def test_inputs_follow_the_kind_and_a_name_changes_the_keys():
 
 
 # --- in the path of the torque ----
-
-
-def test_a_dead_time_is_the_effect_of_the_catalogue():
-    late = 1e-3
-    slow = np.exp(-1j * 83.0 * late)
-    assert response(lg.dead_time(late))[4] == pytest.approx(slow, rel=1e-6)
-    effect = lg.effect("input_delay", delay=late, inputs=["u_cmd"])
-    x, u = [0.3, -0.2], [0.7]
-    assert np.array_equal(lg.dead_time(late).dynamics(0, x, u), effect.dynamics(0, x, u))
 
 
 @pytest.mark.parametrize("make", [lg.current_lag, lg.dead_time, lambda T: lg.dead_time(T, 1e-3)])

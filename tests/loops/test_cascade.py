@@ -85,29 +85,10 @@ def test_the_ready_made_cascade_is_the_one_wired_by_hand(tracking):
     assert (np.abs(theirs - one).max(axis=1) < 1e-6 * np.abs(one).max(axis=1)).all()
 
 
-def from_ready_made_blocks():
-    """The blocks of the package, connected by their names alone."""
-    return ct.interconnect(
-        [
-            lg.plant(P, inputs=["u_motor", "d"]),
-            lg.error("position"),
-            lg.proportional(KV),
-            lg.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
-            lg.pi(KP, KI, limit=LIMIT, inputs=["e_w"]),
-            lg.dead_time(DELAY, inputs=["u"], outputs=["late"]),
-            lg.current_lag(LAG, inputs=["late"], outputs=["u_motor"]),
-        ],
-        inputs=["r", "d"],
-        outputs=["theta", "u"],
-        check_unused=False,
-    )
-
-
-@pytest.mark.parametrize("observer", [None, "proposed"])
-def test_with_ready_made_blocks_or_an_observer_too(observer):
+def test_with_an_observer_too():
     """The hand-wired observer reads the clipped torque by its name."""
-    hand = by_hand(KP / KI, [lg.proposed_observer(P)]) if observer else from_ready_made_blocks()
-    ready = lg.cascade_loop(P, observer, kv=KV, kp=KP, ki=KI, **OPTIONS)
+    hand = by_hand(KP / KI, [lg.proposed_observer(P)])
+    ready = lg.cascade_loop(P, "proposed", kv=KV, kp=KP, ki=KI, **OPTIONS)
     one, other = (simulate(m, T, STEP, rtol=1e-8) for m in (ready, hand))
     assert rows(one, "theta", "u") == pytest.approx(rows(other, "theta", "u"), abs=1e-6)
 

@@ -132,9 +132,6 @@ def test_load_opposes_positive_velocity():
     )
 
 
-OPTIONS = list(itertools.product((False, True), repeat=3))
-
-
 @pytest.mark.parametrize("observer", [None, "natural", "existing", "proposed"])
 @pytest.mark.parametrize(("make", "rate"), [(velocity_loop, "dr"), (position_loop, "ddr")])
 def test_signals_of_every_ready_loop(make, rate, observer):
@@ -222,14 +219,6 @@ def test_gains_can_be_changed_at_simulation_time():
     assert loop.syslist[1].params["existing_observer.k"] == 2.0
 
 
-def test_K1_may_be_a_function_in_a_loop():
-    loop = velocity_loop(P, "proposed", K1=lambda w: -10.24 + 0.0 * w)
-    x = state(loop, plant_w=0.2, plant_z=1e-3, proposed_observer_what=0.5)
-    assert loop.dynamics(0, x, [0.1]) == pytest.approx(
-        velocity_loop(P, "proposed").dynamics(0, x, [0.1]), rel=1e-14
-    )
-
-
 # Models and other observers.
 
 
@@ -286,10 +275,6 @@ def test_any_registered_observer_can_be_named(registered):
         velocity_loop(P, "needs_current")
     with pytest.raises(lg.InputError, match="no output Fhat"):
         velocity_loop(P, "no_torque")
-
-
-def test_full_names_of_observers_work_too():
-    assert velocity_loop(P, "natural_observer").syslist[1].name == "natural_observer"
 
 
 UNKNOWN = lg.Model.of(P).with_values({"Fc": None})
