@@ -17,7 +17,7 @@ from ..core.errors import InputError
 from ..core.validation import number, one_name, positive, renamed
 from .block import P
 from .declaration import block
-from .effects.actuator import actuator_lag, actuator_saturation, input_delay
+from .effects import actuator_lag, actuator_saturation, input_delay
 from .factories import Names, factory
 
 if TYPE_CHECKING:

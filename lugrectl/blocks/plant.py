@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 from ..core.errors import InputError
 from .block import Block
-from .effects.inertia import load_motion
+from .effects import load_motion
 from .embedding import Part, through_sensors
 from .factories import Names, factory
 from .friction import J

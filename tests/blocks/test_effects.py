@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import lugrectl as lg
 from lugrectl.blocks.bristle_laws import along, strokes
-from lugrectl.blocks.effects.actuator import held_lagging
+from lugrectl.blocks.effects import held_lagging
 
 from ..cases.drives import EFFECTS, J, arguments, free, model_of, plant_of, run, states
 

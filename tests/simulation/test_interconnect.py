@@ -6,7 +6,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.controllers import compensation, error, feedforward, pi, prefilter
-from lugrectl.blocks.effects.loads import gravity
+from lugrectl.blocks.effects import gravity
 from lugrectl.blocks.observers import existing_observer, natural_observer, proposed_observer
 from lugrectl.loops.friction_loops import velocity_loop
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from ...blocks.effects.actuator import held_late
+from ...blocks.effects import held_late
 from ...blocks.embedding import Part as Placed
 from ...blocks.model import Model
 from ...blocks.plant import assemble
