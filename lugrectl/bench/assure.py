@@ -21,11 +21,10 @@ from ..core.validation import number, positive, share, whole
 from ..core.views import view
 from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
-from .believed import believed
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
 from .gains import controller, designed, fastest, lacking
 from .loop import Task, kind_of, unit_of
-from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, grows
+from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, believed, grows
 from .reference import enough_samples
 
 Pairs = Sequence[tuple[Model, int]]

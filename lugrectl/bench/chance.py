@@ -23,8 +23,7 @@ from ..core.validation import whole
 from ..core.views import view
 from ..estimates.members import Members
 from ..hunting import limit_cycles
-from .believed import believed
-from .member_runs import HUNTS, RESTS, UNDECIDED
+from .member_runs import HUNTS, RESTS, UNDECIDED, believed
 
 SURE = 0.95  # of a bound, and of the interval of a probability
 FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}

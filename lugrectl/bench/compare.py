@@ -24,11 +24,12 @@ from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import ComparedRows, Fields, library, plain
 from ..core.validation import flag, names, number, positive, share, shown
+from ..loops.parts import OUTPUTS
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
-from .recommendation import unknown
+from .gains import unknown
+from .loop import Terms, wrong
 from .reference import sine
-from .terms import OUTPUTS, Terms, wrong
 
 COLUMNS = {  # field: heading, factor to the unit of the heading
     "velocity": ("e_w [mrad/s]", 1e3),

@@ -33,9 +33,8 @@ from ..record.signal_noise import sensor_noise
 from ..simulation.recorded_sensing import sensing_of
 from ..simulation.response import simulate
 from .chance import between
-from .feedforward import sorted_out
 from .gains import controller, observer_gains
-from .loop import SampledLoop, Task, kind_of, unit_of
+from .loop import SampledLoop, Task, kind_of, sorted_out, unit_of
 from .reference import Course, course
 
 ENDS = 10.0, 90.0  # percentiles of the spread

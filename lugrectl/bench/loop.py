@@ -5,27 +5,113 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control as ct
 import numpy as np
 
 from ..blocks import controllers
-from ..blocks.block import unit_for
+from ..blocks.block import Block, unit_for
 from ..blocks.drive import dead_time
-from ..blocks.model import Model
-from ..blocks.plant import plant, sensor
+from ..blocks.model import Model, Part
+from ..blocks.observers import observer_block
+from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.validation import shown
+from ..engine.runtime.sampled_run import interpreted
 from ..estimates.findings import Table
-from ..loops.compensated import MEASURED, Control, read_of
-from ..loops.parts import OUTPUTS, connected
+from ..loops.parts import MEASURED, OUTPUTS, Control, connected, read_of
 from ..simulation.encoder import Sensing, encoder
 from ..simulation.sampled_response import COARSE, simulate_sampled
 from ..simulation.stepped_block import at_samples
-from .feedforward import effects_torque
+
+_REASONS = (
+    ("input", "it acts between the command and the motor"),
+    ("sensor", "it acts on the sensor signals only"),
+    ("J", "it changes the inertia"),
+)
+
+
+def _why_not(block: Block) -> str | None:
+    """Why an effect's torque cannot be fed forward; None if it can."""
+    if "load_inertia" in block.own:
+        return "the second mass is not measured"
+    return next((why for act, why in _REASONS if act in block.acts), None)
+
+
+def sorted_out(
+    model: Model, table: Table | None
+) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """Return what of a model's effects and a table is compensated, and what is not and why."""
+    reasons = {part.key: _why_not(part.block) for part in model.effects}
+    if table is not None:
+        on_u = table.signals[0] == "u"
+        reasons[table.name] = "it depends on the torque itself" if on_u else None
+    fed = tuple(k for k, why in reasons.items() if why is None)
+    return fed, tuple((k, why) for k, why in reasons.items() if why is not None)
+
+
+def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
+    """The torque of a model's effects from the measured motion: inputs w_m, theta_m, output u.
+
+    None if no effect of the model can be compensated. The torque is computed by the equations of
+    the plant: with u = 0 the resisting torque is -J dw/dt.
+    """
+    parts = tuple(part for part in model.effects if _why_not(part.block) is None)
+    if not parts:
+        return None
+    made = _torque_block(replace(model, effects=parts), parts)
+    known = model.known()
+    return made.system(
+        name=name,
+        inputs=["w_m", "theta_m"],
+        outputs=["u"],
+        **{k: known[k] for k in made.parameters},
+    )
+
+
+def _torque_block(model: Model, parts: Sequence[Part]) -> Block:
+    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
+    return _Resisting(assemble(model), assemble(replace(model, effects=())), idle).block()
+
+
+@dataclass(frozen=True)
+class _Resisting:
+    """What the plant ``full`` resists at u = 0 beyond the plant ``bare``, which has no effects.
+
+    ``idle``: the effects are torques without states, so that the friction is the same in both.
+    """
+
+    full: Block
+    bare: Block
+    idle: bool
+
+    def __call__(self, t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
+        first, second = len(self.full.states) - 2, len(self.bare.states) - 2
+        given = (0.0,) * (first + second) if self.idle else x
+        F, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *given[:first], **values)
+        resisting = -values["J"] * dw
+        if self.idle:  # both contain the same friction, which cancels
+            return (resisting - F,)
+        own = {k: values[k] for k in self.bare.parameters}
+        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *given[first:], **own)
+        return resisting - alone, *rates, *others
+
+    def block(self) -> Block:
+        full, bare = self.full.states[2:], self.bare.states[2:]
+        return Block(
+            name="effects",
+            kind="controller",
+            function=self,
+            inputs=("w", "theta"),
+            outputs=("u",),
+            states=() if self.idle else (*full, *(f"{s}_bare" for s in bare)),
+            parameters=self.full.parameters,
+            timed=True,
+        )
+
 
 FASTEST = 1.5  # of the largest speed of the reference
 TURNS = {"velocity": "rad/s", "position": "rad"}
@@ -184,3 +270,103 @@ def usual_points(model: Model, fastest: float) -> list[dict[str, float]]:
         | {"xi": known["J"] * w + known.get("sigma1", 0.0) * z}
         for w in (0.0, 0.1 * fastest, fastest)
     ]
+
+
+LAM = 20.0  # 1/s, of the sliding error in a position loop
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is equal for all observers, and how their own feedback is made up for.
+
+    An observer that is corrected by k e is a controller k (sigma1 s + sigma0)/(s + a) as well,
+    a = sigma0 |w|/h(w). The others get the same as kp + sigma1 k and ki + sigma0 k. ``designed``
+    holds the gains of observers by name; k goes before a k in it. ``ahead``: the velocity loop
+    has the feed-forward J dr; the position loop always has J ddr. ``bodies``: drives already built.
+    """
+
+    model: Model
+    k: float
+    equal: bool
+    designed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    ahead: bool = False
+    bodies: dict[Any, Any] = field(default_factory=dict)
+
+    def values(self) -> dict[str, float]:
+        """Return the parameters of the drive that have a value."""
+        return {k: v for k, v in self.model.values().items() if v is not None}
+
+    def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
+        """Return the gains of the controller beside an observer."""
+        known = self.values()
+        if not self.equal or corrected(name) or "sigma0" not in known:
+            return dict(gains)
+        extra = {"kp": self.k * known.get("sigma1", 0.0), "ki": self.k * known["sigma0"]}
+        return {g: v + extra.get(g, 0.0) for g, v in gains.items()}
+
+    def own(self, name: str, kind: str) -> dict[str, Any]:
+        """Return the gains of an observer; s contains 20 e of position, as its k allows for."""
+        gains = dict(self.designed.get(name, {}))
+        if not corrected(name):
+            return gains
+        on_s = "s" in observer_block(name).inputs and kind == "position"
+        return gains | {"k": self.k / LAM if on_s else self.k}
+
+    def control(
+        self, name: str, kind: str, gains: Mapping[str, float], believed: Mapping[str, float]
+    ) -> list[Any]:
+        """Return the blocks of the controller; ``believed``: parameters of the observer in place of
+        those of the drive."""
+        known = {k: v for k, v in believed.items() if k in observer_block(name).parameters}
+        own, ahead = self.own(name, kind) | known, self.ahead or kind == "position"
+        return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
+
+    def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
+        """Return the loop in continuous time: inputs r and its derivatives, noise of position and
+        velocity, the load torque d."""
+        parts = [
+            plant(self.model, inputs=["u_late", "d"]),
+            dead_time(0.0, inputs=["u"], outputs=["u_late"]),
+            sensor(self.model, outputs=["w_s", "theta_s"]),
+            ct.summing_junction(["theta_s", "n_theta"], "theta_m", name="encoder"),
+            ct.summing_junction(["w_s", "n_w"], "w_m", name="speed"),
+            *self.control(name, kind, gains, {}),
+        ]
+        inputs = [*read_of(parts), "n_theta", "n_w", "d"]
+        return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
+
+    def run(
+        self,
+        control: Sequence[Any],
+        kind: str,
+        sensing: Sensing,
+        fastest: float,
+        rows: Mapping[str, np.ndarray],
+    ) -> dict[str, np.ndarray]:
+        """Return the signals of a sampled drive by name; ``fastest``: the largest speed of its
+        reference. Raises Diverged."""
+        task = Task(self.model, kind, {}, noisy=False)
+        loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
+        with interpreted():  # each loop runs a few times only
+            return loop.run(rows)
+
+
+def corrected(name: str) -> bool:
+    """Return whether an observer is corrected by the tracking error."""
+    made = observer_block(name)
+    return bool({"e", "s"} & {*made.inputs}) and "k" in made.parameters
+
+
+def wrong(
+    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
+) -> dict[str, dict[str, float]]:
+    """Return what an observer may believe, by the words for it: each group of its parameters wrong
+    together, by shares of their values, each way."""
+    needs, cases = observer_block(name).parameters, {}
+    for group in groups:
+        keys = [k for k in group if k in needs and known.get(k)]
+        for way in (-1.0, 1.0) if any(off.get(k) for k in keys) else ():
+            factors = {k: 1.0 + way * off.get(k, 0.0) for k in keys}
+            largest = max(factors.values(), key=lambda factor: abs(factor - 1.0))
+            cases[f"{', '.join(keys)} x{largest:g}"] = {k: f * known[k] for k, f in factors.items()}
+    return cases

@@ -3,9 +3,8 @@
 The output of a torque effect is ``d``, a torque on the resisting side. The output of a level
 effect is the change of the plant's parameters named in ``acts``: relative, or in N m after a
 plus. That of an input effect is the torque that reaches the drive, those of a sensor effect are
-the measured signals. At the neutral value of its gain an effect changes nothing. Those of loads come first,
-then those of the friction level, of the contact, of the actuator, of the inertia and of the
-sensors: the order of the catalogue.
+the measured signals. At the neutral value of its gain an effect changes nothing. The order here,
+loads, friction level, contact, actuator, inertia, sensors, is that of the catalogue.
 """
 
 from __future__ import annotations

@@ -20,10 +20,12 @@ from .certificate import (
     ANY_MOTION,
     MATCHED,
     Certificate,
+    Drive,
     constant_certificate,
+    drive,
     lyapunov,
+    slowest_pole,
 )
-from .dynamics import Drive, drive, slowest_pole
 from .observer_rules import ObserverDesign, design_observer
 
 

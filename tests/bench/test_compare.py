@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench.terms import Terms
+from lugrectl.bench.loop import Terms
 from lugrectl.blocks.block import members
 
 from ..cases.observed import STEP, P, believing, longer, rms, signals

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.blocks.bristle_laws import along, strokes
 from lugrectl.blocks.effects import held_lagging
+from lugrectl.blocks.friction import along, strokes
 
 from ..cases.drives import EFFECTS, J, arguments, free, model_of, plant_of, run, states
 

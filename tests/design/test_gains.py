@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 
 import lugrectl as lg
 from lugrectl.design import certify, design_gains, excitation, natural_decay
-from lugrectl.design.dynamics import error_matrices
+from lugrectl.design.certificate import error_matrices
 
 from ..cases.error_systems import (
     drives,

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.linalg import expm
 
 from ...blocks.effects import held_late
-from ...blocks.embedding import Part as Placed
 from ...blocks.model import Model
+from ...blocks.plant import Part as Placed
 from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
 from ...core.errors import InputError
