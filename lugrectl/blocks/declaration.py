@@ -53,13 +53,7 @@ def signature(name: str, function: Callable[..., Any], parameter: type) -> tuple
 
 
 def check(made: Block, known: Iterable[str]) -> None:
-    """InputError where a declaration cannot be meant.
-
-    Parameters
-    ----------
-    known : iterable of str
-        The parameters of all friction laws, on which an effect may act.
-    """
+    """InputError where a declaration cannot be meant; ``known``: the parameters of all laws."""
     _check_names(made)
     _check_values(made)
     if made.kind in ("effect", "friction"):

@@ -111,15 +111,7 @@ def place(home: str) -> str:
 
 
 def fetch(where: str) -> None:
-    """Run the module at a place, a name or the path of a file.
-
-    Raises
-    ------
-    ImportError
-        When there is no such module.
-    InputError
-        As :func:`load_blocks`.
-    """
+    """Run the module at a place, a name or the path of a file."""
     if where.endswith(".py"):
         load_blocks(where)
     else:
@@ -246,13 +238,7 @@ def found(kind: str, name: str, home: str) -> Block | None:
 
 
 def declared(kind: str, name: str, home: str) -> Block:
-    """A registered block, its module imported where that is needed.
-
-    Raises
-    ------
-    InputError
-        When this session has no such block.
-    """
+    """A registered block, its module imported where that is needed; InputError if there is none."""
     made = found(kind, name, home)
     if made is None:
         where = "the notebook cell or script" if home == "__main__" else f"the module {home}"

@@ -52,11 +52,8 @@ def factory(
 ) -> Callable[[Callable[Arguments, Any]], Callable[Arguments, ct.NonlinearIOSystem]]:
     """Complete a factory: the arguments of :class:`Names`, its docstring, and its body.
 
-    Parameters
-    ----------
-    made : Block, optional
-        What a factory without a body builds: with its arguments as the block's parameters, and
-        the rest of them from ``p`` if that is the first argument.
+    One without a body builds ``made``, with its arguments as the block's parameters, and the rest
+    of them from ``p`` if that is the first argument.
     """
 
     def complete(
@@ -163,13 +160,7 @@ def believed(
     outputs: Sequence[str] | None = None,
     **gains: Any,
 ) -> ct.NonlinearIOSystem:
-    """An observer or controller with those of J and the LuGre parameters that it has, from p.
-
-    Raises
-    ------
-    InputError
-        For an unknown gain, or when p does not give a parameter that the block needs.
-    """
+    """An observer or controller with those of J and the LuGre parameters that it has, from p."""
     model = as_model(p, "p")
     have = model.values()
     needed = [k for k in _from_drive(made) if k not in gains]

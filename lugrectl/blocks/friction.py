@@ -54,14 +54,10 @@ def relaxation(w: Any, sigma0: Any, h: Any) -> Any:
     return sigma0 * np.abs(w) / h
 
 
-def bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any) -> Any:
+def bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any, delta: Any = None) -> Any:
     """dz/dt = w - sigma0 |w| z / h(w), without any correction (eq. LuGre1)."""
-    return w - relaxation(w, sigma0, level(w, Fc, Fs, vs)) * z
-
-
-def free_bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any, delta: Any) -> Any:
-    """:func:`bristle` with the level of :func:`free_level`."""
-    return w - relaxation(w, sigma0, free_level(w, Fc, Fs, vs, delta)) * z
+    h = level(w, Fc, Fs, vs) if delta is None else free_level(w, Fc, Fs, vs, delta)
+    return w - relaxation(w, sigma0, h) * z
 
 
 def bristle_torque(w: Any, z: Any, dz: Any, sigma0: Any, sigma1: Any, Fv: Any) -> Any:
@@ -118,9 +114,8 @@ def lugre(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
 def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: Any) -> Any:
     """F = (Fc + (Fs - Fc) exp(-|w/vs|^delta)) sign(w) + Fv w.
 
-    As :func:`stribeck`, which it equals at delta = 2. Armstrong-Helouvry, Dupont and Canudas de
-    Wit (Automatica 30(7), 1994, section 2) report delta from 0.5 to 1 for some pairs of
-    materials.
+    Armstrong-Helouvry, Dupont and Canudas de Wit (Automatica 30(7), 1994, section 2) report delta
+    from 0.5 to 1 for some pairs of materials.
     """
     return free_level(w, Fc, Fs, vs, delta) * np.tanh(w / eps) + Fv * w
 
@@ -128,15 +123,11 @@ def free_stribeck(w: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, eps: Any, delta: A
 def free_lugre(w, z, sigma0, sigma1, Fc, Fs, Fv, vs, delta: Any = None, vd: Any = None):
     """F = sigma0 z + sigma1 exp(-(w/vd)^2) dz/dt + Fv w, dz/dt = w - sigma0 |w| z / h(w).
 
-    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta). As :func:`lugre`, which it equals at delta = 2 and
-    vd = infinity; None stands for these. The condition for passivity is the same, because h stays
-    between Fc and Fs. In steady sliding dz/dt = 0, so that vd leaves the friction there as it is;
-    a change of the speed causes less torque.
+    h(w) = Fc + (Fs - Fc) exp(-|w/vs|^delta); None stands for delta = 2 and vd = infinity. Passive
+    under the condition of :func:`lugre`, because h stays between Fc and Fs. vd leaves the friction
+    in steady sliding as it is, where dz/dt = 0; a change of the speed causes less torque.
     """
-    if delta is None:
-        dz = bristle(w, z, sigma0, Fc, Fs, vs)
-    else:
-        dz = free_bristle(w, z, sigma0, Fc, Fs, vs, delta)
+    dz = bristle(w, z, sigma0, Fc, Fs, vs, delta)
     damping = sigma1 if vd is None else sigma1 * np.exp(-((w / vd) ** 2))
     return bristle_torque(w, z, dz, sigma0, damping, Fv), dz
 
@@ -153,15 +144,8 @@ def _nothing(made: Block) -> dict[str, Any]:
 class Form:
     """The keys that an entry may give besides the parameters of the registered block.
 
-    Parameters
-    ----------
-    keys : dict
-        Declarations by key.
-    build : callable
-        ``build(entry, where)`` returns the block and the entry with its parameters alone;
-        InputError, starting with ``where``, for what cannot be meant.
-    written : callable
-        ``written(block)``: the entry's keys that are no parameters of the block.
+    ``build(entry, where)`` returns the block and the entry with its parameters alone,
+    ``written(block)`` the entry's keys that are no parameters of the block.
     """
 
     keys: Mapping[str, P]

@@ -369,14 +369,7 @@ def _value_row(
 
 
 def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = "") -> Model:
-    """Build a model from a dictionary nested like the TOML file, its ``blocks`` in ``folder``.
-
-    Raises
-    ------
-    InputError
-        For an unknown key, friction model or effect, a value that is not a number or is outside
-        its bounds, or what cannot be meant of it; the message starts with ``where``.
-    """
+    """Build a model from a dictionary nested like the TOML file, its ``blocks`` in ``folder``."""
     check_keys(data, _FILE, where)
     blocks = load_named(data.get("blocks", []), folder, where)
     motion = data.get("motion", "rotary")

@@ -994,13 +994,7 @@ def position_lugre_observer(
 
 
 def observer_block(name: str) -> Block:
-    """The registered observer of a name; ``_observer`` at its end may be left out.
-
-    Raises
-    ------
-    InputError
-        When there is no observer of that name.
-    """
+    """The registered observer of a name; ``_observer`` at its end may be left out."""
     known, name = members("observer"), name_of("observer", name)
     for key in (name, f"{name}_observer") if isinstance(name, str) else ():
         if key in known:
@@ -1012,14 +1006,5 @@ def observer_block(name: str) -> Block:
 
 
 def observer(kind: str, p: Parameters | Model, **given: Any) -> ct.NonlinearIOSystem:
-    """Build any registered observer, with J and the friction parameters of p.
-
-    ``given`` are its name, inputs and outputs, and its other parameters; those left out keep their
-    defaults.
-
-    Raises
-    ------
-    InputError
-        For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
-    """
+    """Build any registered observer, with J and the friction parameters of p."""
     return believed(observer_block(kind), p, **given)

@@ -87,17 +87,9 @@ def assemble(model: Model, *, sensed: bool = False, loads: Sequence[str] = ()) -
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
     Effects act in physical order: on the command, in the motor, as loads, on levels, as other
-    torques; within a group in the order of the model. A level is first multiplied, then
-    increased by the effects that add to it. Effects may read ``load``, the sum of d and all
-    load effects.
-
-    Parameters
-    ----------
-    sensed : bool
-        Adds the outputs theta_m, w_m, with the sensor effects and their states inside; these
-        are left out otherwise.
-    loads : sequence of str
-        Keys of couplings: adds the outputs theta_load, w_load of the load behind each.
+    torques; within a group in the order of the model. A level is first multiplied, then increased.
+    Effects may read ``load``, the sum of d and all load effects. ``sensed`` adds the outputs
+    theta_m, w_m with the sensor effects inside, ``loads`` theta_load, w_load of these couplings.
     """
     friction = Part("", model.friction.block)
     for use in model.effects:

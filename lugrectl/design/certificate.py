@@ -79,21 +79,7 @@ def bristle_errors(m: Any, slope: float = 0.0, Fv: float = 0.0) -> tuple[np.ndar
 
 
 def error_matrices(p: Any, K1: float, K2: float) -> tuple[np.ndarray, np.ndarray]:
-    """M0 and M1 of d/dt (e_z, e_w) = (M0 + a M1)(e_z, e_w), a = sigma0 |w|/h(w) in 1/s.
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        With LuGre friction.
-    K1 : float
-        Without unit.
-    K2 : float
-        In N m s/rad.
-
-    Notes
-    -----
-    Source paper, eq. err_z_dot_new and err_w_dot_new, K3 = (K2 - sigma1 K1)/J.
-    """
+    """M0 and M1 of d/dt (e_z, e_w) = (M0 + a M1)(e_z, e_w), a = sigma0 |w|/h(w) in 1/s."""
     m = drive(p)
     K3 = (K2 - m.sigma1 * K1) / m.J
     at_rest, sliding = bristle_errors(m)

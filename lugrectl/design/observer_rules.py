@@ -35,19 +35,10 @@ LEAST = 1e-9  # of the fastest rate: below it no decay is claimed
 def common_rate(corners: Sequence[np.ndarray]) -> tuple[float, np.ndarray] | None:
     """The largest r found with A'P + P A + 2 r P <= 0 for all A of ``corners``, and P.
 
-    If the error system is affine in quantities that move inside a box, its corners decide, and
-    V = x'P x decays as V(t) <= V(0) exp(-2 r t) however these quantities move. None where no such
-    P was found; this does not show that there is none.
-
-    Parameters
-    ----------
-    corners : sequence of (n, n) ndarray
-        Scale the states so that the entries of each matrix have about one size.
-
-    Notes
-    -----
-    P = L L' with L triangular; r(P) = -max eig(L^-1 (A'P + P A) L'^-1)/2 is searched for by the
-    method of Nelder and Mead. Every r that is found is a bound, the best one or not.
+    If the error system is affine in quantities that move inside a box, its corners decide, and V =
+    x'P x decays as V(t) <= V(0) exp(-2 r t) however these quantities move. Every r that is found is
+    a bound, the best one or not: r(P) = -max eig(L^-1 (A'P + P A) L'^-1)/2, P = L L', is searched
+    for by the method of Nelder and Mead. States are scaled so that the entries have about one size.
     """
     size = max(float(np.abs(A).max()) for A in corners)
     scaled = [A / size for A in corners]

@@ -183,13 +183,7 @@ def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any
 
 
 def controller_block(name: Any) -> Block:
-    """The registered controller of a name, one that puts out u from what a loop offers.
-
-    Raises
-    ------
-    InputError
-        When there is no controller of that name, or a loop cannot contain it.
-    """
+    """The registered controller of a name, one that puts out u from what a loop offers."""
     known = {k: b for k, b in members("controller").items() if k not in VARIANTS}
     name = name_of("controller", name)
     made = known.get(name) if isinstance(name, str) else None

@@ -169,13 +169,7 @@ class Bench:
     def respond(
         self, loop: str, controller: Mapping[str, float], c: Compensation, case: Case
     ) -> Run:
-        """Times and signals of one run (outputs of the loop, and F - Fhat).
-
-        Raises
-        ------
-        Diverged
-            When the loop diverges.
-        """
+        """Times and signals of one run (outputs of the loop, and F - Fhat); Diverged."""
         if (loop, c.observer) not in self._loops:
             self._loops[loop, c.observer] = LOOPS[loop](self.p, c.observer, feedforward=True)
         system = self._loops[loop, c.observer]
