@@ -347,11 +347,15 @@ def compensate(
     _refuse(loop, kd, table, covariance)
     model, observer = as_model(model), name_of("observer", observer)
     record = None if record is None else as_record(record, model.motion)
-    before = replace(model, effects=()) if declared is None else _completed(declared, model)
+    before = _completed(declared, model)
     drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
-    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, _inertia(model))
+    if model.J is None:
+        raise InputError(f"{model.name}: J has no value; identify it first.")
+    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, model.J)
     task, unit = Task(model, loop, own, table), unit_of(loop, model)
-    way = course(reference, record, loop, bandwidth, _timed(task, before))
+    timed = any(part.block.timed for part in (*model.effects, *before.effects))
+    timed = timed or (table is not None and table.signals[0] == "t")
+    way = course(reference, record, loop, bandwidth, timed)
     designs = {
         key: observer_gains(one, observer, K1, K2, gains)
         for key, one in (("before", before), ("after", model))
@@ -397,24 +401,12 @@ def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
         )
 
 
-def _inertia(model: Model) -> float:
-    value = model.values()["J"]
-    if value is None:
-        raise InputError(f"{model.name}: J has no value; identify it first.")
-    return value
-
-
 def _completed(declared: Any, model: Model) -> Model:
     """Return the declared model; values that it does not give are those of the augmented one."""
+    if declared is None:
+        return replace(model, effects=())
     own, known = as_model(declared, "declared"), model.known()
     return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
-
-
-def _timed(task: Task, before: Model) -> bool:
-    """Return whether something in the loops depends on the time."""
-    parts = (*task.model.effects, *before.effects)
-    by_time = task.table is not None and task.table.signals[0] == "t"
-    return by_time or any(part.block.timed for part in parts)
 
 
 def _copies(observer: str | None) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from ..blocks import controllers
 from ..blocks.block import Block, unit_for
 from ..blocks.drive import dead_time
-from ..blocks.model import Model, Part
+from ..blocks.model import Model
 from ..blocks.observers import observer_block
 from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
@@ -62,19 +62,15 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
     parts = tuple(part for part in model.effects if _why_not(part.block) is None)
     if not parts:
         return None
-    made = _torque_block(replace(model, effects=parts), parts)
-    known = model.known()
+    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
+    full, bare = replace(model, effects=parts), replace(model, effects=())
+    made, known = _Resisting(assemble(full), assemble(bare), idle).block(), model.known()
     return made.system(
         name=name,
         inputs=["w_m", "theta_m"],
         outputs=["u"],
         **{k: known[k] for k in made.parameters},
     )
-
-
-def _torque_block(model: Model, parts: Sequence[Part]) -> Block:
-    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
-    return _Resisting(assemble(model), assemble(replace(model, effects=())), idle).block()
 
 
 @dataclass(frozen=True)
@@ -134,16 +130,14 @@ class Task:
         """Return the blocks of the controller, which compensates by a model (None: nothing)."""
         if believed is None:
             return Control(self.kind, self.controller).blocks(self.model)
-        made = Control(self.kind, self.controller, observer, gains or {})
-        return made.blocks(believed) + self._fed(believed)
-
-    def _fed(self, believed: Model) -> list[Any]:
-        """Return the blocks that feed torques forward; the table only with the drive's model."""
-        made, table = [effects_torque(believed)], self.table
+        made = Control(self.kind, self.controller, observer, gains or {}).blocks(believed)
+        if (torque := effects_torque(believed)) is not None:
+            made.append(torque)
+        table = self.table  # fed forward with the drive's own model only
         if believed is self.model and table is not None and table.signals[0] != "u":
             signals = [MEASURED[s] for s in table.signals if s != "t"]
             made.append(table.block(name="table_effect", inputs=signals, outputs=["u"]))
-        return [block for block in made if block is not None]
+        return made
 
     def closed(self, control: Sequence[Any], name: str) -> ct.InterconnectedSystem:
         """Return the loop in continuous time."""

@@ -235,13 +235,13 @@ class Tracking:
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
         """Return RMS errors (members, choices)."""
-        return np.array([self._errors(choice, members) for choice in self.choices]).T
-
-    def _errors(self, choice: Choice, members: Sequence[tuple[Model, int]]) -> list[float]:
-        made, loop = self.setting, self.setting.loop(choice)
+        made, columns = self.setting, []
         rows, counted = made.rows(PERIODS), slice(made.samples(SETTLED), None)
-        own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
-        return [loop.error(rows, model, counted, seed=seed, **own) for model, seed in members]
+        for choice in self.choices:
+            loop = made.loop(choice)
+            own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
+            columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+        return np.array(columns).T
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -216,7 +216,8 @@ def reasons(
     said = [
         _leading(row, order, none, units) if place == 0 else _behind(row, order[0], none, units)
     ]
-    said.append(_needs(row))
+    knows = ", ".join(row.knows) or "no parameter of the drive"
+    said.append(f"It reads {', '.join(row.reads)} and must know {knows}.")
     share = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level > 0.0 else ""
     if 0.0 < row.noise < float("inf"):
         said.append(f"The sensor causes {quantity(row.noise, units['u'])} RMS of torque{share}.")
@@ -256,11 +257,6 @@ def _with(row: Candidate) -> str:
     if len(row.errors) == 1 or row.worst_case == EXACT:
         return " with exact parameters"
     return f" over {len(row.errors)} cases, largest with {row.worst_case}"
-
-
-def _needs(row: Candidate) -> str:
-    knows = ", ".join(row.knows) or "no parameter of the drive"
-    return f"It reads {', '.join(row.reads)} and must know {knows}."
 
 
 def certified(made: Certificate | None) -> str:
@@ -435,7 +431,10 @@ def recommend_observer(
             refused[name] = why
         else:
             rows.append(_candidate(name, trial, stand, able[name][1]))
-    return _answer(_ordered(rows), refused, none, stand)
+    rows.sort(key=lambda row: row.worst)
+    alike = [row for row in rows if row.worst <= ALIKE * rows[0].worst]
+    rows[: len(alike)] = sorted(alike, key=lambda row: row.noise)
+    return _answer(rows, refused, none, stand)
 
 
 def _model(p: Any, record: Any) -> tuple[Model, Any]:
@@ -538,13 +537,6 @@ def _candidate(name: str, trial: Trial, stand: Stand, certificate: Certificate |
         knows=tuple(k for k in LUGRE if k in block.parameters),
         complete=trial.complete,
     )
-
-
-def _ordered(rows: Sequence[Candidate]) -> list[Candidate]:
-    """By the largest error; those alike the best by noise."""
-    found = sorted(rows, key=lambda row: row.worst)
-    alike = [row for row in found if row.worst <= ALIKE * found[0].worst]
-    return sorted(alike, key=lambda row: row.noise) + found[len(alike) :]
 
 
 def _answer(
@@ -727,7 +719,10 @@ def drive_spec(given: Any, own: Mapping[str, Any], motion: str) -> dict[str, Any
     """Return the values that are given by name, those of a dict of numbers, or estimates from a
     record; values by name go before the others."""
     said = {k: v for k, v in own.items() if v is not None}
-    if isinstance(given, Mapping) and not _holds_arrays(given):
+    lists = ("measured", "uncertainty")  # the values of a drive that are no numbers
+    if isinstance(given, Mapping) and not any(
+        np.ndim(v) > 0 and not isinstance(v, str) for k, v in given.items() if k not in lists
+    ):
         strange = [k for k in given if k not in KEYS]
         if strange:
             hint = meant(strange[0], KEYS)
@@ -742,11 +737,6 @@ def drive_spec(given: Any, own: Mapping[str, Any], motion: str) -> dict[str, Any
         )
     seen = estimated(as_record(given, motion))
     return seen | _checked({"rate": seen["rate"]} | said)
-
-
-def _holds_arrays(given: Mapping[Any, Any]) -> bool:
-    return any(np.ndim(v) > 0 and not isinstance(v, str) for k, v in given.items()
-               if k not in ("measured", "uncertainty"))  # fmt: skip
 
 
 def estimated(record: Record) -> dict[str, Any]:
@@ -765,10 +755,6 @@ def _checked(said: Mapping[str, Any]) -> dict[str, Any]:
             "rate is missing: give the drive's sample rate in Hz, rate=1000, or a record."
         )
     return {key: CHECKS[key](said[key], key) for key in KEYS if key in said}
-
-
-def _hertz(value: Any, key: str) -> float:
-    return positive(value, key, "Hz")
 
 
 def _not_negative(value: Any, key: str) -> float:
@@ -799,7 +785,7 @@ def _uncertain(given: Any, _: str) -> dict[str, float]:
 
 
 CHECKS: dict[str, Callable[[Any, str], Any]] = {
-    **dict.fromkeys(("rate", "frequency"), _hertz),
+    **dict.fromkeys(("rate", "frequency"), partial(positive, unit="Hz")),
     **dict.fromkeys(("speed", "bandwidth"), positive),
     **dict.fromkeys(("noise", "resolution", "speed_noise", "delay"), _not_negative),
     "load": number,

@@ -306,13 +306,8 @@ def _own(block: Any, params: Mapping[str, Any], place: int) -> Iterator[DeadTime
         return
     parts = getattr(made.function, "parts", ())
     named = [("", made), *((part.prefix, part) for part in parts)]
-    keys = [(f"{prefix}delay", of.states) for prefix, of in named if _is_delay(of)]
-    for key, states in keys:
-        name = answer.keys.get(key)
-        if name is not None:
-            at = place + made.states.index(states[0])
+    for prefix, of in named:
+        name = answer.keys.get(f"{prefix}delay")
+        if name is not None and getattr(of, "block", of).name == input_delay.name:
+            at = place + made.states.index(of.states[0])
             yield DeadTime(block.name, float(params.get(name, block.params[name])), at)
-
-
-def _is_delay(of: Any) -> bool:
-    return getattr(of, "block", of).name == input_delay.name

@@ -570,11 +570,6 @@ def pose_dependent_inertia(
     return ratio * np.cos(angle), -0.5 * J * ratio * harmonic * np.sin(angle) * w * w
 
 
-def _stretched(twist: Any, gap: Any) -> Any:
-    """The stretch of a coupling with a gap of this total width."""
-    return np.maximum(twist - 0.5 * gap, 0.0) + np.minimum(twist + 0.5 * gap, 0.0)
-
-
 def _load_side(
     motion: tuple[Any, Any, Any], load_inertia: Any, gap: Any, k: Any, c: Any, slowed: Any = 0.0
 ):
@@ -585,7 +580,8 @@ def _load_side(
     w, twist, w_load = motion
     there = load_inertia > 0.0
     touching = np.abs(twist) >= 0.5 * gap
-    torque = k * _stretched(twist, gap) + np.where(touching, c * (w - w_load), 0.0)
+    stretch = np.maximum(twist - 0.5 * gap, 0.0) + np.minimum(twist + 0.5 * gap, 0.0)
+    torque = k * stretch + np.where(touching, c * (w - w_load), 0.0)
     torque = np.where(there, torque, 0.0)
     return (
         torque,

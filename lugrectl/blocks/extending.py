@@ -132,15 +132,10 @@ def load_installed() -> None:
         except Exception as error:
             said = " ".join(f"{type(error).__name__}: {error}".split())
             said = str(error) if isinstance(error, InputError) else said
-            warnings.warn(
-                f"the blocks of {_named(entry)} are not there: {said}", NotLoaded, stacklevel=2
-            )
-
-
-def _named(entry: Any) -> str:
-    owner = getattr(entry.dist, "name", None)
-    of = f"the package {owner}" if owner else "an installed package"
-    return f"{of} ({entry.name} = {entry.value})"
+            owner = getattr(entry.dist, "name", None)
+            of = f"the package {owner}" if owner else "an installed package"
+            of += f" ({entry.name} = {entry.value})"
+            warnings.warn(f"the blocks of {of} are not there: {said}", NotLoaded, stacklevel=2)
 
 
 def _read(path: str | Path) -> tuple[Path, bytes]:

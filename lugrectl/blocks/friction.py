@@ -29,9 +29,8 @@ FS: Any = P(0.335, "N m", 0.0)
 FV: Any = P(0.018, "N m s/rad", 0.0)
 VS: Any = P(0.01, "rad/s", 1e-12)
 EPS: Any = P(1e-6, "rad/s", 1e-12, fitted=False, smooths=True)
-SMOOTH: Any = P(
-    1e-4, "rad/s", 1e-12, fitted=False
-)  # of observers and laws that need a slope at rest
+# of observers and laws that need a slope at rest
+SMOOTH: Any = P(1e-4, "rad/s", 1e-12, fitted=False)
 DELTA: Any = P(2.0, "1", 0.3, 20.0, usual=True)
 VD: Any = P(np.inf, "rad/s", 1e-12, neutral=np.inf, usual=True)
 PAPER = "Odabas and Morgul, A Novel Observer Design for LuGre Friction Estimation and Control"
@@ -136,10 +135,6 @@ def free_lugre(w, z, sigma0, sigma1, Fc, Fs, Fv, vs, delta: Any = None, vd: Any 
 # under the law's own name; without such a key the law is the registered block.
 
 
-def _nothing(made: Block) -> dict[str, Any]:
-    return {}
-
-
 @dataclass(frozen=True)
 class Form:
     """The keys that an entry may give besides the parameters of the registered block.
@@ -150,7 +145,7 @@ class Form:
 
     keys: Mapping[str, P]
     build: Callable[[Mapping[str, Any], str], tuple[Block, Mapping[str, Any]]]
-    written: Callable[[Block], dict[str, Any]] = _nothing
+    written: Callable[[Block], dict[str, Any]] = lambda made: {}
 
 
 FORMS: dict[str, Form] = {}
@@ -523,7 +518,12 @@ def _by_elements(law: type[Elements]) -> Form:
             rest["sigma0"] = total
         return made.block(), rest
 
-    return Form(KEYS, build, _written)
+    def written(made: Block) -> dict[str, Any]:
+        own: Any = made.function
+        lists = {"stiffness": list(own.stiffness), "share": list(own.share)}
+        return {k: v for k, v in lists.items() if v} or {"elements": own.elements}
+
+    return Form(KEYS, build, written)
 
 
 def _elements(
@@ -555,13 +555,6 @@ def _list(given: Any, where: str) -> tuple[float, ...]:
     if made.ndim != 1 or not made.size or not np.all(np.isfinite(made) & (made > 0.0)):
         raise InputError(f"{where} must be a list of positive numbers, not {shown(given)}.")
     return tuple(map(float, made))
-
-
-def _written(made: Block) -> dict[str, Any]:
-    law: Any = made.function
-    lists = {"stiffness": list(law.stiffness), "share": list(law.share)}
-    given = {k: v for k, v in lists.items() if v}
-    return given or {"elements": law.elements}
 
 
 for _law in (MaxwellSlip, ParallelBristles, Leuven):

@@ -109,19 +109,16 @@ def load_outputs(model: Model) -> tuple[str, ...]:
 
 def _loads(model: Model) -> tuple[str, ...]:
     """The keys of the couplings that have a load behind them."""
-    values = model.values()
-    couplings = (use.key for use in model.effects if _is_coupling(use.block))
-    return tuple(key for key in couplings if values[f"{key}.load_inertia"] != 0.0)
+    return tuple(
+        use.key
+        for use in model.effects
+        if {"twist", "w_load"} <= {*use.block.states} and use.values.get("load_inertia", 0.0) != 0.0
+    )
 
 
 def _load_names(many: int) -> tuple[str, ...]:
     ends = ["" if k == 0 else f"_{k + 1}" for k in range(many)]
     return tuple(f"{name}_load{end}" for end in ends for name in ("theta", "w"))
-
-
-def _is_coupling(block: Block) -> bool:
-    """Whether an effect has a load behind it, with a position and a speed of its own."""
-    return {"twist", "w_load"} <= {*block.states} and "load_inertia" in block.parameters
 
 
 @dataclass(frozen=True)

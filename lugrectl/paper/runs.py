@@ -207,9 +207,12 @@ def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
     rows: list[Errors] = []
     traces: list[Trace] = []
     for number, case in enumerate(study.cases):
-        runs = {}
+        runs: dict[str, Run | None] = {}
         for c in study.compensations:
-            runs[c.name] = _respond(bench, study, c, case)
+            try:
+                runs[c.name] = bench.respond(study.loop, study.controller, c, case)
+            except Diverged:
+                runs[c.name] = None
             tick(f"{study.title}: {c.name}")
         for m in case.measures:
             errors = {
@@ -220,14 +223,6 @@ def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
         if study.drawn and number == study.drawn.case:
             traces += _traces(study.drawn, runs)
     return Outcome(study, tuple(rows), tuple(traces))
-
-
-def _respond(bench: Bench, study: Study, c: Compensation, case: Case) -> Run | None:
-    """One run; None where the loop diverges."""
-    try:
-        return bench.respond(study.loop, study.controller, c, case)
-    except Diverged:
-        return None
 
 
 def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:

@@ -221,19 +221,6 @@ def test_a_limit_elsewhere_gives_the_same_as_its_own(kind):
     assert np.ravel(theirs) == pytest.approx(np.ravel(one)[:150], abs=1e-6)
 
 
-def test_no_limit_on_the_integral_is_a_clip_behind_the_controller():
-    e = -2 * np.cos(9 * T)
-    clip = ct.nlsys(
-        None, lambda t, x, u, params: np.clip(u[0], -1.5, 1.5), inputs=["u_cmd"], outputs=["u"]
-    )
-    beside = ct.interconnect(
-        [lg.pi(2.0, 30.0, outputs=["u_cmd"]), clip], inputs=["e"], outputs=["u"]
-    )
-    own = lg.pi(2.0, 30.0, limit=1.5, tracking=np.inf)
-    one, other = (lg.simulate(m, T, e, rtol=1e-9).outputs for m in (own, beside))
-    assert other == pytest.approx(one, abs=1e-8)
-
-
 def test_a_limited_controller_runs_at_a_sample_rate():
     """With its own limit in substeps; with a limiter beside it exactly, one sample late."""
     dt = 1e-3
@@ -356,16 +343,6 @@ def test_memory_is_the_law_with_a_delay_of_one_period(s, ar, x):
     assert mean.dynamics(0.0, x, [s, ar])[-1] == pytest.approx(old - 0.2 * s)
 
 
-def test_memory_repeats_what_it_has_learnt():
-    """An s of one period is remembered, without any further error, for ever."""
-    made = lg.repetitive_memory(P, 0.5, 0.1, K=0.0, gamma=0.2)
-    s = np.zeros(20)
-    s[:5] = [1.0, -0.5, 0.25, 0.0, 2.0]
-    t = 0.1 * np.arange(20)
-    u = ct.input_output_response(made, t, np.array([s, 0.0 * s]), np.zeros(6)).outputs
-    assert np.squeeze(u) == pytest.approx(np.tile(-0.2 * s[:5], 4))
-
-
 @given(st.lists(few, min_size=7, max_size=7), few, few, st.floats(0.0, 9.0))
 def test_harmonics_are_a_fourier_series_in_rotating_coordinates(x, s, ar, t):
     """xj = cj cos(j om t) + dj sin(j om t) with dcj/dt = -gamma s cos, ddj/dt = -gamma s sin."""
@@ -380,19 +357,6 @@ def test_harmonics_are_a_fourier_series_in_rotating_coordinates(x, s, ar, t):
         dx = dc * co + dd * si + j * om * (d * co - c * si)
         dy = -dc * si + dd * co - j * om * (c * co + d * si)
         assert (rates[j], rates[3 + j]) == pytest.approx((dx, dy), abs=1e-9)
-
-
-def test_harmonics_have_a_sampled_form():
-    """What it has learnt turns on exactly by j om dt from sample to sample."""
-    dt, x0 = 0.01, [0.1, 0.2, -0.3, 0.4, 0.5]
-    made = lg.sampled(lg.repetitive_control(P, 1.0, harmonics=2), dt)
-    t = dt * np.arange(30)
-    start = [*x0, *[0.0] * (made.nstates - 5)]
-    u = np.squeeze(ct.input_output_response(made, t, np.zeros((2, 30)), start).outputs)
-    turned = (x0[1] * np.cos(2 * np.pi * t) + x0[3] * np.sin(2 * np.pi * t)) + (
-        x0[2] * np.cos(4 * np.pi * t) + x0[4] * np.sin(4 * np.pi * t)
-    )
-    assert u == pytest.approx(x0[0] + turned, abs=1e-9)
 
 
 # --- in the ready-made loops ----

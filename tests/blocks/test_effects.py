@@ -221,13 +221,6 @@ def test_break_away_torque_after_a_rest(dwell):
 # --- actuator and sensors ----
 
 
-def test_a_step_through_the_actuator_lag():
-    block = EFFECTS["actuator_lag"].system(time_constant=0.05)
-    t = np.linspace(0.0, 0.2, 101)
-    out = run(block, t, 2.0).outputs
-    np.testing.assert_allclose(out, 2.0 * (1.0 - np.exp(-t / 0.05)), atol=1e-7)
-
-
 @given(st.integers(0, 100), st.floats(0.05, 50.0))
 def test_the_lag_of_a_held_torque_is_exact(seed, ratio):
     """Cell averages against the integral of the lag's own equation, v' from v in closed form."""

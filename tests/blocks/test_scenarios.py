@@ -27,6 +27,9 @@ LOW = believing(0.8)
 PLACED = {"l1": 2719.1, "l2": 2.118e6, "l3": -5742.4}  # three poles at -1000 1/s at rest
 SCALED = replace(P, **{k: 0.8 * getattr(P, k) for k in ("sigma0", "sigma1", "Fc", "Fs")})
 VELOCITY = [  # observer, what it believes, its gains, RMS of e in rad/s, unit of the last digit
+    (None, LOW, {}, 0.0699, 1e-4),
+    ("natural", LOW, {}, 0.0313, 1e-4),
+    ("proposed", LOW, {}, 0.0116, 1e-4),
     ("temperature", LOW, {}, 0.00061, 1e-5),  # as with exact parameters
     ("temperature", believing(0.8, J=1.2 * P.J), {}, 0.00073, 1e-5),
     ("temperature", believing(0.8, sigma1=0.5 * P.sigma1), {}, 0.0021, 1e-4),

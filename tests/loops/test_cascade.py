@@ -256,20 +256,6 @@ def test_dead_time_takes_the_phase_margin():
     assert found[0.0] < 1e-6 and found[1e-3] < 1e-6 < 10 < found[3e-3]
 
 
-def test_a_sampled_dead_time_stands_between_drive_and_plant():
-    """A held command, late by two samples, in a list of blocks of both kinds."""
-    dt, t = 1e-3, np.arange(0, 0.2, 1e-3)
-    blocks = [
-        lg.plant(P, inputs=["u_motor", "d"]),
-        lg.error("velocity"),
-        lg.sampled(lg.pi(0.4, 2.0), dt),
-        lg.dead_time(2 * dt, dt, inputs=["u"], outputs=["u_motor"]),
-    ]
-    found = simulate(blocks, t, {"r": 3.0})
-    u, late = rows(found, "u", "u_motor")
-    assert np.array_equal(late[2:], u[:-2]) and not late[:2].any()
-
-
 @pytest.mark.parametrize(
     ("call", "said"),
     [

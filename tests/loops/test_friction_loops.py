@@ -29,28 +29,6 @@ from ..cases.wired import (
     transfer,
 )
 
-# Observer Fc and Fs 20 % low, the paper's gains, no feed-forward, all states zero at t = 0.
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_the_figures_of_the_readme():
-    """RMS of e in mrad/s over one period of 0.1 sin(2 pi t), after half a second; the ranking
-    belongs to the gains."""
-    t, rms = np.arange(0, 1.5001, 5e-3), {}
-    for observer, k, figure in (
-        (None, "own", 69.9),
-        ("natural", "own", 31.3),
-        ("existing", "own", 16.5),
-        ("proposed", "own", 11.6),
-        ("existing", 20.0, None),
-    ):
-        loop = velocity_loop(P, observer, observer_parameters=LOW, k=k)
-        resp = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-5, atol=1e-8)
-        rms[observer, k] = 1e3 * np.sqrt(np.mean(signal(resp, "e")[t > 0.5] ** 2))
-        assert figure is None or rms[observer, k] == pytest.approx(figure, rel=0.01)
-    assert rms["existing", 20.0] < rms["proposed", "own"]
-
 
 @pytest.mark.parametrize("observer", ["natural", "proposed"])
 def test_exact_compensation_gives_the_frictionless_loop(observer):
