@@ -436,10 +436,8 @@ class Found:
 
 @dataclass(eq=False)
 class Standstill:
-    """What becomes of one half of the members at rest, with each choice; asked again it is known.
-
-    ``most`` of them may fail: so many that the interval of the chance ends at ``hunts``, or none
-    where no number shows that.
+    """What becomes of one half of the members at rest, with each choice; asked again it is
+    known.
     """
 
     run: Jobs
@@ -518,16 +516,18 @@ class Tries:
         self.add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
 
     def better(self) -> list[Choice]:
-        """Return the choices by their upper error, of those that are better than no compensation
-        and worse than it on no more drives than the confidence leaves."""
+        """Return the choices that track better than none on nearly all drives, by their upper
+        error.
+        """
         most, rows = 1.0 - self.confidence, zip(self.tried, self.choices, strict=True)
         able = [row for row in rows if row[0].worse <= most and row[0].upper < self.none]
         return [choice for _, choice in sorted(able, key=lambda row: row[0].upper)]
 
 
 def chosen(tries: Tries, halves: Sequence[Standstill], report: Progress) -> tuple[Choice, str]:
-    """Return the best choice that holds on both halves by the first of the RULES by which one
-    does, and the rule."""
+    """Return the best choice that holds on both halves by the first of the RULES that has one,
+    and it.
+    """
 
     def holding(rule: str) -> Choice:
         for i, choice in enumerate(every := tries.better()):

@@ -354,8 +354,9 @@ def _step(resolution: float) -> float:
 
 @dataclass(frozen=True)
 class Levels:
-    """How wrong friction is believed, in all scenarios and in "cycle", and the other parameters;
-    the load in N m, noise and step of the encoder in rad, sample rates in Hz."""
+    """How wrong friction is believed, everywhere and in "cycle"; the other parameters of all;
+    SI.
+    """
 
     wrong: float
     over: float
@@ -495,8 +496,9 @@ class Bench:
         return self._error("velocity", _reference(5.0) | {"d": d}, 2.0)
 
     def delay(self) -> float | None:
-        """Return the largest dead time for which the error stays as small as is allowed, by
-        bisection; None where the loop switches so fast that a run takes too long."""
+        """Return the largest dead time that keeps the error small; None where a run takes too
+        long.
+        """
         low, high = 0.0, LATEST
         for _ in range(HALVINGS if self.clean is not None else 0):
             middle = (low + high) / 2

@@ -427,8 +427,7 @@ class Drives:
     seed: int
 
     def of(self, model: Model) -> list[Model]:
-        """Return models with parameters from the joint distribution, each inside its bounds; one
-        where none is known."""
+        """Return models with parameters from the joint distribution, each inside its bounds."""
         if self.joint is None or not self.joint.names:
             return [model] * (1 if self.joint is None else self.number)
         known, limits = model.known(), model.declarations()

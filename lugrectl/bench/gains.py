@@ -37,8 +37,7 @@ def fastest(sensing: Sensing) -> float:
 
 
 def correction(known: Mapping[str, Any], bandwidth: float) -> float:
-    """Return k of the observers that the tracking error corrects: as much integral as the PI of
-    this crossover has."""
+    """Return k that adds as much integral as the PI of this crossover has."""
     if not known.get("sigma0"):
         return K
     k = known["J"] * bandwidth**2 / 20.0 / known["sigma0"]

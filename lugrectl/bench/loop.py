@@ -54,11 +54,7 @@ def sorted_out(
 
 
 def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
-    """The torque of a model's effects from the measured motion: inputs w_m, theta_m, output u.
-
-    None if no effect of the model can be compensated. The torque is computed by the equations of
-    the plant: with u = 0 the resisting torque is -J dw/dt.
-    """
+    """The torque of a model's effects from w_m and theta_m, None for none: -J dw/dt at u = 0."""
     parts = tuple(part for part in model.effects if _why_not(part.block) is None)
     if not parts:
         return None
@@ -75,9 +71,8 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
 
 @dataclass(frozen=True)
 class _Resisting:
-    """What the plant ``full`` resists at u = 0 beyond the plant ``bare``, which has no effects.
-
-    ``idle``: the effects are torques without states, so that the friction is the same in both.
+    """What ``full`` resists at u = 0 beyond ``bare``; ``idle``: the friction is the same in
+    both.
     """
 
     full: Block
@@ -115,8 +110,9 @@ TURNS = {"velocity": "rad/s", "position": "rad"}
 
 @dataclass(frozen=True)
 class Task:
-    """The parts common to several loops: drive model, kind of loop, gains of the controller, a
-    table that acts on the drive, and whether there is noise of the torque."""
+    """What loops share: drive, kind, gains, a table that acts on the drive, noise of the torque
+    or none.
+    """
 
     model: Model
     kind: str
@@ -176,8 +172,8 @@ def unit_of(kind: str, model: Model) -> str:
 class SampledLoop:
     """A loop in a sampled drive: its controller is built once, for many drives.
 
-    ``fastest``: the largest speed of the reference; ``start``: the states that are not 0 at first,
-    by block and name; ``bodies``: drives that were built before.
+    ``fastest`` is the largest speed of the reference, ``start`` has the states that are not 0 at
+    first, ``bodies`` the drives that were built before.
     """
 
     def __init__(
@@ -209,8 +205,9 @@ class SampledLoop:
         seed: int = 0,
         **params: float,
     ) -> dict[str, np.ndarray]:
-        """Return the signals of a drive by name: ``rows`` has the reference and a load d,
-        ``torque`` is the noise of u in N m. Raises Diverged."""
+        """Return the signals of a drive by name; ``torque`` is the noise of u in N m. Raises
+        Diverged.
+        """
         model, sensing = model or self.task.model, sensing or self.sensing
         body, names = self._body(model)
         t = sensing.dt * np.arange(len(rows["r"]))
@@ -309,15 +306,15 @@ class Terms:
     def control(
         self, name: str, kind: str, gains: Mapping[str, float], believed: Mapping[str, float]
     ) -> list[Any]:
-        """Return the blocks of the controller; ``believed``: parameters of the observer in place of
-        those of the drive."""
+        """Return the blocks of the controller; ``believed`` goes before the values of the drive."""
         known = {k: v for k, v in believed.items() if k in observer_block(name).parameters}
         own, ahead = self.own(name, kind) | known, self.ahead or kind == "position"
         return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
 
     def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
-        """Return the loop in continuous time: inputs r and its derivatives, noise of position and
-        velocity, the load torque d."""
+        """Return the loop in continuous time, with noise of position and velocity and the load
+        torque d.
+        """
         parts = [
             plant(self.model, inputs=["u_late", "d"]),
             dead_time(0.0, inputs=["u"], outputs=["u_late"]),
@@ -337,8 +334,7 @@ class Terms:
         fastest: float,
         rows: Mapping[str, np.ndarray],
     ) -> dict[str, np.ndarray]:
-        """Return the signals of a sampled drive by name; ``fastest``: the largest speed of its
-        reference. Raises Diverged."""
+        """Return the signals of a sampled drive by name. Raises Diverged."""
         task = Task(self.model, kind, {}, noisy=False)
         loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
         with interpreted():  # each loop runs a few times only
@@ -354,8 +350,9 @@ def corrected(name: str) -> bool:
 def wrong(
     name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
 ) -> dict[str, dict[str, float]]:
-    """Return what an observer may believe, by the words for it: each group of its parameters wrong
-    together, by shares of their values, each way."""
+    """Return what an observer may believe: each group of its parameters wrong together, each
+    way.
+    """
     needs, cases = observer_block(name).parameters, {}
     for group in groups:
         keys = [k for k in group if k in needs and known.get(k)]

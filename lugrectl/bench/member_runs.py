@@ -28,8 +28,7 @@ from .reference import PERIODS, SETTLED, samples, sine, speed_of
 
 
 def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
-    """The models with their distributions, and the drive as it was recorded, of a result or of its
-    report.json; Refused where a value is not known."""
+    """The models with their distributions, and the drive as recorded, of a result or its report."""
     if isinstance(p, Fitted):
         if p.model is None:
             raise Refused("the record was refused, so that there is no model to compensate with.")
@@ -53,9 +52,7 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
 
 
 def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
-    """A drive as it was recorded, as under "drive" in the JSON document: rate in Hz, noise of theta
-    and w and resolution of theta in SI units, random ``torque`` that no model predicts in N m, and
-    the speed of the usual reference.
+    """A drive as it was recorded, as under "drive" in the JSON document, SI.
 
     A noise of theta below that of its rounding is none: a log does not tell the two apart, and
     noise that is not there would hide what rounding does to a loop.
@@ -125,8 +122,9 @@ def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last
 
 
 def _one_way(u: np.ndarray, range_u: float) -> bool:
-    """Whether means of the torque move along a line, by far more than they lie about it, and so
-    fast that a thousand such runs would cross its range."""
+    """Whether the torque moves along a line, by far more than it lies about it, and not too
+    slowly.
+    """
     means = np.array([np.mean(part) for part in np.array_split(u, BLOCKS)])
     place = np.arange(BLOCKS)
     line = np.polyval(np.polyfit(place, means, 1), place)
@@ -145,8 +143,9 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What is equal for all members: controller and believed model, sensor, noise of the torque in
-    N m, and the reference, a sine of speed ``speed`` (rad/s) at ``frequency`` (Hz), from rest."""
+    """What is equal for all members: controller, belief, sensor, and a sine of the speed from
+    rest.
+    """
 
     task: Task
     sensing: Sensing
@@ -208,8 +207,9 @@ def _built(
 
 
 def grows(setting: Setting) -> bool:
-    """Return whether the loop without compensation and dry friction is unstable, by its own motion
-    after a step: exponentials that grow are the largest at the end, and larger than before."""
+    """Return whether the loop without compensation and dry friction swings ever more after a
+    step.
+    """
     known = setting.task.model.known()
     free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
     task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
@@ -253,8 +253,9 @@ class Waiting:
     still: float
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return a :class:`Rest` of each (members, 2): after a stop and after a step, the worse of
-        the two; without noise, so that the torque of a drive at rest stays as it is."""
+        """Return a :class:`Rest` of each: after a stop and after a step without noise, the worse
+        of both.
+        """
         starts = (self.setting.stopped, self.setting.stepped)
         return np.array([max(self._rest(model, start) for start in starts) for model, _ in members])
 

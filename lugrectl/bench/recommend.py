@@ -716,8 +716,7 @@ def completed(said: Mapping[str, Any], known: Mapping[str, float]) -> DriveSpec:
 
 
 def drive_spec(given: Any, own: Mapping[str, Any], motion: str) -> dict[str, Any]:
-    """Return the values that are given by name, those of a dict of numbers, or estimates from a
-    record; values by name go before the others."""
+    """Return the values by name, before those of a dict of numbers or estimates from a record."""
     said = {k: v for k, v in own.items() if v is not None}
     lists = ("measured", "uncertainty")  # the values of a drive that are no numbers
     if isinstance(given, Mapping) and not any(

@@ -297,8 +297,9 @@ def is_ours(home: str) -> bool:
 
 
 class Called:
-    """A block with values: ``keys`` of python-control by parameter, and ``functions`` of the
-    user in place of parameters."""
+    """A block with values: python-control's ``keys`` by parameter, and ``functions`` of the
+    user.
+    """
 
     __slots__ = ("__weakref__", "_fresh", "_steady", "block", "functions", "keys", "name")
 
@@ -333,8 +334,7 @@ class Called:
         return {q: p.value for q, p in self.declared.items() if p.smooths}
 
     def rests_on(self) -> tuple[Any, ...] | None:
-        """The systems whose state decides the answers besides the arguments: none; None where
-        anything else may."""
+        """The systems whose state decides the answers too: none; None where anything else may."""
         return () if self._steady else None
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
@@ -397,10 +397,8 @@ class WithInputs:
 
 
 def is_steady(value: Any) -> bool:
-    """Whether a value cannot change, nor what it reads when it is called.
-
-    True of numbers, texts, blocks and functions of this package, and of what is built from them
-    alone; False of everything else, a function of the user first of all.
+    """Whether neither a value nor what it reads can change: numbers, texts, what is of this
+    package.
     """
     if value is None or isinstance(value, (bool, int, float, str)):
         return True

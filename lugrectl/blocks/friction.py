@@ -313,11 +313,7 @@ def bouc_wen(
 
 
 def strokes(dx: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The path, and the first sample and the direction of each stroke between reversals.
-
-    ``dx`` (n,) are the steps, or the speeds at even times; the path has their unit. A step of 0
-    is rest.
-    """
+    """The path, and the first sample and the direction of each stroke between reversals."""
     path, side = np.cumsum(np.abs(dx)), np.sign(dx)
     moving = np.flatnonzero(side)
     if not len(moving):
@@ -332,12 +328,9 @@ def along(
 ) -> np.ndarray:
     """Dahl's bristle along a measured motion, z' = (G sign(w) - z) |w|/(G x0), in closed form.
 
-    z (n,) for a level G of 1, or of 1 + asymmetry sign(w), from strokes as :func:`strokes` has
-    them. Between two reversals it relaxes exponentially over the path: the small-damping limit of
-    :func:`lugrectl.blocks.friction.bristle` at a constant level G, in units of that level.
-
-    The level is both the value towards which z relaxes and, as the stiffness stays, a factor on the
-    distance x0 (in the unit of the path) over which it does.
+    G = 1 + asymmetry sign(w); strokes as :func:`strokes` has them. Between reversals it relaxes
+    exponentially over the path: the limit of :func:`bristle` at a constant level and small damping.
+    G is the value towards which z relaxes and, as the stiffness stays, a factor on the distance x0.
     """
     if not len(first):  # a drive that never moves
         return np.zeros(len(path))

@@ -60,10 +60,7 @@ def _written(value: Any) -> str:
 
 
 def quoted(text: str) -> str:
-    """A TOML string; quotes, backslashes and control characters are escaped.
-
-    InputError for half of a surrogate pair, which no TOML file can hold.
-    """
+    """A TOML string; InputError for half of a surrogate pair, which no TOML file can hold."""
     if half := re.search("[\ud800-\udfff]", text):
         raise InputError(
             f"the name {ascii(text)} holds half of a surrogate pair, {ascii(half[0])}, which no "

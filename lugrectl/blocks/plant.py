@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 
 
 def borrowed(block: Block, plant: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that an effect shares with the plant, by name.
-
-    For a friction law without Fs, Fs = Fc; without Fc, both are 0. Other parameters that the law
-    does not have (vs, eps) keep the effect's default.
+    """The values that an effect shares with the plant: without Fs, Fs = Fc; without Fc, both are
+    0.
     """
     fallback = {"Fc": 0.0, "Fs": plant.get("Fc", 0.0)}
     return {
@@ -192,12 +190,7 @@ STAGES = ("command", "motor", "load", "level", "torque")  # along the signals of
 
 
 def stage(block: Block) -> str:
-    """Where an effect acts: one of ``STAGES``.
-
-    Effects in the motor depend on the motion; they act after those of the amplifier, such as
-    saturation. An effect that is both a torque and a level acts last, so that its torque uses
-    all other levels.
-    """
+    """Where an effect acts; a torque that is a level too acts last, and uses all other levels."""
     if "torque" in block.acts:
         return "load" if block.load else "torque"
     if block.acts != ("input",):

@@ -136,10 +136,7 @@ def loop_observer(
     gains: Mapping[str, Any] | None,
     sliding: bool = False,
 ) -> ct.NonlinearIOSystem:
-    """The observer of a loop with its gains.
-
-    ``sliding``: the controller acts on s, and so does an observer that is corrected by e.
-    """
+    """The observer of a loop with its gains; ``sliding``: it is corrected by s in place of e."""
     name = name_of("observer", name)
     made = observer_block("no_observer" if name is None else name)
     _fits(made, SEEN)
@@ -232,8 +229,7 @@ def derivatives(kind: str, signals: Sequence[str]) -> list[str]:
 
 
 def placed(J: float, *poles: float) -> dict[str, float]:
-    """Return the gains with which J s^2 + kp s + ki, or J s^3 + kd s^2 + kp s + ki, is zero at
-    minus two or three rates in 1/s."""
+    """Return the gains with the zeros of J s^2 + kp s + ki, or of the third degree, at -poles."""
     names = ("kp", "ki") if len(poles) == 2 else ("kd", "kp", "ki")
     gains = dict(zip(names, J * np.poly(-np.array(poles))[1:], strict=True))
     return {k: float(gains[k]) for k in ("kp", "ki", "kd") if k in gains}

@@ -260,8 +260,7 @@ def sweep(o: Outcome, ax: Axes) -> Axes:
 
 
 def over_time(o: Outcome, ax: Axes) -> Axes:
-    """The signal of one case; of a position loop the largest |e| in each second, logarithmic, in
-    which growth at a constant rate is a straight line."""
+    """The signal of one case; of a position loop the largest |e| in each second, logarithmic."""
     drawn = o.study.drawn
     assert drawn is not None
     name, unit, envelope = drawn.signal, f"m{drawn.unit}", o.study.loop == "position"

@@ -237,10 +237,7 @@ def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:
 
 
 def figure(bench: Bench, loop: str) -> PaperFigure:
-    """A loop without friction, with friction, and with the proposed observer.
-
-    The position loop with the prefilter 2/(s + 2), over the first seconds.
-    """
+    """A loop without friction, with friction, and with the proposed observer."""
     if loop == "velocity":
         gains, case = VELOCITY, Case("", SINE, (Measure("w", "rad/s", (1.0, 3.0)),), duration=3.0)
         text = f"{VELOCITY_TEXT}, no feed-forward, no prefilter, {SINE_TEXT}"
