@@ -1,7 +1,6 @@
 """Observers side by side: the terms are equal, and the figures are those of the scenarios."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -164,30 +163,6 @@ def test_the_answer_has_the_forms_of_every_list(found):
     made = json.loads(found.to_json())
     assert made["terms"]["wrong"] == 0.8 and made["observers"][1]["name"] == "existing"
     assert found.to_frame().loc["natural", "velocity"] == found["natural"].velocity
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: lg.compare_observers(P, ["kalman"]), "unknown observer 'kalman'; known: natural"),
-        (lambda: lg.compare_observers(P, "propsed"), "did you mean 'proposed'?"),
-        (lambda: lg.compare_observers(P, 3), "must be a name or a list of names, not 3"),
-        (lambda: lg.compare_observers(P, []), "must be a name or a list of names"),
-        (lambda: lg.compare_observers(P, "natural", scenarios=["speed"]), "no scenario 'speed'"),
-        (lambda: lg.compare_observers(P, "natural", scenarios="delays"), "did you mean 'delay'?"),
-        (lambda: lg.compare_observers(P, "natural", scenarios=[]), "scenarios is an empty list"),
-        (lambda: lg.compare_observers(P, "natural", rates=[]), "rates is an empty list"),
-        (lambda: lg.compare_observers(P, "natural", rates=0), "rates must be a positive number"),
-        (lambda: lg.compare_observers(P, ["natural"], wrong=-1), "wrong"),
-        (lambda: lg.compare_observers(P, ["natural"], off=1.0), "off is 1; give a share below 1"),
-        (lambda: lg.compare_observers(P, ["natural"], resolution=-1), "resolution is -1; give"),
-        (lambda: lg.compare_observers(lg.Model.of(J=1.0)), "needs sigma0"),
-    ],
-)
-def test_wrong_usage_is_one_sentence(call, said):
-    with pytest.raises(lg.InputError, match=re.escape(said)) as raised:
-        call()
-    assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
 
 
 def test_each_scenario_of_each_observer_is_reported_as_it_begins():

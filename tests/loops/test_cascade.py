@@ -254,25 +254,3 @@ def test_dead_time_takes_the_phase_margin():
         poles = np.linalg.eigvals(ct.linearize(loop, moving, [0.0]).A)
         found[delay] = poles.real.max()
     assert found[0.0] < 1e-6 and found[1e-3] < 1e-6 < 10 < found[3e-3]
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: lg.cascade_loop(P, feedback="load"), "has no load of its own"),
-        (lambda: lg.cascade_loop(P, feedback="second"), "'motor' or 'load'"),
-        (lambda: lg.cascade_loop(P, tracking=0.1), "tracking belongs to a limit"),
-        (lambda: lg.velocity_loop(P, tracking=0.1), "tracking belongs to a limit"),
-        (lambda: lg.cascade_loop(P, limit=-1.0), "limit"),
-        (lambda: lg.cascade_loop(P, notch="deep"), "notch must be a frequency"),
-        (lambda: lg.cascade_loop(P, notch={"f": 3}), "notch must be a frequency"),
-        (lambda: lg.cascade_loop(P, delay=-1.0), "delay"),
-        (lambda: lg.cascade_loop(P, lag="slow"), "time_constant must be a number"),
-        (lambda: lg.cascade_loop(P, "kalman"), "unknown observer"),
-        (lambda: lg.cascade_loop(P, limit=1.0, kp=0.0), "give tracking in s"),
-    ],
-)
-def test_wrong_usage_is_one_sentence(call, said):
-    with pytest.raises(lg.InputError, match=said) as raised:
-        call()
-    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
