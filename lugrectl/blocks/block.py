@@ -105,6 +105,34 @@ class P:
         return self.unit == "s" and self.low < 0.0
 
 
+class Group(dict[str, P]):
+    """Parameters that a function takes as the attributes of one argument, an object of a kind."""
+
+    def __init__(self, kind: type, **parameters: P) -> None:
+        super().__init__(parameters)
+        self.kind = kind
+
+
+@dataclass(frozen=True)
+class Grouped:
+    """The function of a block that takes groups of parameters: argument, kind and names of each."""
+
+    function: Callable[..., Any]
+    groups: tuple[tuple[str, type, tuple[str, ...]], ...]
+
+    def __post_init__(self) -> None:
+        for key in ("__doc__", "__name__", "__qualname__", "__code__"):
+            object.__setattr__(self, key, getattr(self.function, key))
+
+    def __call__(self, *signals: Any, **values: Any) -> Any:
+        for key, kind, names in self.groups:
+            values[key] = kind(**{k: values.pop(k) for k in names})
+        return self.function(*signals, **values)
+
+    def is_steady(self) -> bool:
+        return is_steady(self.function)
+
+
 @dataclass(frozen=True, repr=False)
 class Block(Shown):
     """A pure function with declared signals; ``system()`` makes it a python-control block."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import names, shown
-from .block import REGISTRY, Block, P, is_ours, registered
+from .block import REGISTRY, Block, Group, Grouped, P, is_ours, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect")
 SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
@@ -32,15 +32,18 @@ def kind_of(kind: str) -> str:
     return kind
 
 
-def signature(name: str, function: Callable[..., Any], parameter: type) -> tuple[list[str], dict]:
-    """The names of the signals, and the parameters by name; ``parameter`` is the class P."""
-    signals, parameters = [], {}
+def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict, list[Any]]:
+    """The names of the signals, the parameters by name, and those that are taken in groups."""
+    signals, parameters, groups = [], {}, []
     for key, one in inspect.signature(function).parameters.items():
         if one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD):
             raise InputError(
                 f"{name}: the function takes *{key}; name each signal and each parameter."
             )
-        if isinstance(one.default, parameter):
+        if isinstance(one.default, Group):
+            parameters |= one.default
+            groups.append((key, one.default.kind, tuple(one.default)))
+        elif isinstance(one.default, P):
             parameters[key] = one.default
         elif one.default is one.empty:
             signals.append(key)
@@ -49,7 +52,7 @@ def signature(name: str, function: Callable[..., Any], parameter: type) -> tuple
                 f"{name}: the default of {key} is {shown(one.default)}; declare the parameter as "
                 f"{key}=P({shown(one.default)}, unit)."
             )
-    return signals, parameters
+    return signals, parameters, groups
 
 
 def check(made: Block, known: Iterable[str]) -> None:
@@ -252,7 +255,7 @@ def as_function(made: Block) -> Block:
     same = {
         "__doc__": made.function.__doc__,
         "__wrapped__": made.function,
-        "__signature__": inspect.signature(made.function),
+        "__signature__": inspect.signature(getattr(made.function, "function", made.function)),
     }
     for key, value in same.items():
         object.__setattr__(made, key, value)
@@ -381,7 +384,7 @@ def _declared(
     states: tuple[str, ...],
 ) -> Block:
     name = name or function.__name__
-    signals, parameters = signature(name, function, P)
+    signals, parameters, groups = signature(name, function)
     timed = bool(signals) and signals[0] == "t"
     inputs = tuple(s for s in signals[timed:] if s not in states)
     if tuple(signals[timed:]) != inputs + states:
@@ -389,7 +392,7 @@ def _declared(
     return Block(
         name=name,
         kind=kind_of(kind),
-        function=function,
+        function=Grouped(function, tuple(groups)) if groups else function,
         inputs=inputs,
         outputs=out,
         states=states,

@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import array, shown, whole
-from .block import REGISTRY, Block, P
+from .block import REGISTRY, Block, Group, P
 from .declaration import block
 
 J: Any = P(0.0022, "kg m2", 1e-12)
@@ -62,6 +63,25 @@ def bristle(w: Any, z: Any, sigma0: Any, Fc: Any, Fs: Any, vs: Any, delta: Any =
 def bristle_torque(w: Any, z: Any, dz: Any, sigma0: Any, sigma1: Any, Fv: Any) -> Any:
     """F = sigma0 z + sigma1 dz/dt + Fv w (eq. LuGre2)."""
     return sigma0 * z + sigma1 * dz + Fv * w
+
+
+class Bristles(SimpleNamespace):
+    """The values of a LuGre law, as far as a block has them."""
+
+    def level(self, w: Any) -> Any:
+        return level(w, self.Fc, self.Fs, self.vs)
+
+    def relaxation(self, w: Any) -> Any:
+        return relaxation(w, self.sigma0, self.level(w))
+
+    def rate(self, w: Any, z: Any) -> Any:
+        return w - self.relaxation(w) * z
+
+    def torque(self, w: Any, z: Any, dz: Any) -> Any:
+        return bristle_torque(w, z, dz, self.sigma0, self.sigma1, self.Fv)
+
+
+LAW: Any = Group(Bristles, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS)
 
 
 @block("friction", out="F")
@@ -242,7 +262,7 @@ def dahl(w, z, sigma0=SIGMA0, Fc=FC, Fv=FV, n: Any = P(1.0, "1", 0.3, 10.0, usua
 
 
 @block("friction", out="F", states="z", source=DUPONT)
-def elastoplastic(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, kappa=KAPPA):
+def elastoplastic(w, z, law=LAW, kappa=KAPPA):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w (1 - alpha sigma0 z sign(w)/h(w)).
 
     LuGre with an elastic zone: alpha = 0 up to |z| = kappa Fc/sigma0 and after every reversal,
@@ -253,24 +273,12 @@ def elastoplastic(w, z, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS
     Fs/sigma0, as LuGre: w dz/dt >= w^2 (1 - Fs/Fc) because alpha <= 1. An observer that copies
     this law keeps its error in the elastic zone.
     """
-    dz = elastoplastic_bristle(w, z, sigma0, level(w, Fc, Fs, vs), kappa * Fc / sigma0)
-    return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz
+    dz = elastoplastic_bristle(w, z, law.sigma0, law.level(w), kappa * law.Fc / law.sigma0)
+    return law.torque(w, z, dz), dz
 
 
 @block("friction", out="F", states="z lost", source=RUDERMAN)
-def two_state(
-    w,
-    z,
-    lost,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    tau: Any = P(0.005, "s", 1e-6, 100.0, usual=True),
-    kappa=KAPPA,
-):
+def two_state(w, z, lost, law=LAW, tau: Any = P(0.005, "s", 1e-6, 100.0, usual=True), kappa=KAPPA):
     """F = sigma0 z + sigma1 dz/dt + Fv w, dz/dt = w (1 - alpha sigma0 z sign(w)/g), g lags h(w).
 
     The elasto-plastic bristle, whose level g follows h(w) with a lag, tau dg/dt = h(w) - g
@@ -282,9 +290,9 @@ def two_state(
     Passive from w to F under the condition of the elasto-plastic law, because g stays between Fc
     and Fs.
     """
-    g = Fs - (Fs - Fc) * lost
-    dz = elastoplastic_bristle(w, z, sigma0, g, kappa * g / sigma0)
-    return bristle_torque(w, z, dz, sigma0, sigma1, Fv), dz, (1.0 - level(w, 0, 1, vs) - lost) / tau
+    g = law.Fs - (law.Fs - law.Fc) * lost
+    dz = elastoplastic_bristle(w, z, law.sigma0, g, kappa * g / law.sigma0)
+    return law.torque(w, z, dz), dz, (1.0 - level(w, 0, 1, law.vs) - lost) / tau
 
 
 @block("friction", out="F", states="z", source=BOUC_WEN)

@@ -17,26 +17,10 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import shown
 from .aliases import meant, name_of
-from .block import Block, P, members
+from .block import Block, Group, P, members
 from .declaration import block
 from .factories import Names, believed, factory
-from .friction import (
-    FC,
-    FS,
-    FV,
-    LUGRE,
-    PAPER,
-    SIGMA0,
-    SIGMA1,
-    SMOOTH,
-    VS,
-    J,
-    bristle,
-    bristle_torque,
-    coulomb,
-    level,
-    relaxation,
-)
+from .friction import FV, LAW, LUGRE, PAPER, SMOOTH, Bristles, J, bristle_torque, coulomb
 from .plant import acceleration
 
 if TYPE_CHECKING:
@@ -46,7 +30,9 @@ if TYPE_CHECKING:
 
 
 Gain = float | Callable[[Any], Any]
-DAMPED: Any = P(0.6, "N m s/rad", 1e-12)  # sigma1 where the observer divides by it
+# where the observer divides by sigma1, and where it does without
+DAMPED: Any = Group(Bristles, **LAW | {"sigma1": P(0.6, "N m s/rad", 1e-12)})
+UNDAMPED: Any = Group(Bristles, **{k: p for k, p in LAW.items() if k != "sigma1"})
 DERIVED = "derived here, in the spirit of"
 LISCHINSKY = (
     "Canudas de Wit and Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997"
@@ -73,10 +59,10 @@ def no_observer(w):
     states="zhat",
     source=f"{PAPER}, eq. z_hat_dot and F_est",
 )
-def _natural(w, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
+def _natural(w, zhat, law=LAW):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w)."""
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
-    return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+    dz = law.rate(w, zhat)
+    return law.torque(w, zhat, dz), dz
 
 
 @factory(_natural)
@@ -105,12 +91,10 @@ def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
 
 
 @block("observer", name="existing_observer", out="Fhat zhat", states="zhat", source=LUGRE)
-def _existing(
-    w, e, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k=P(0.35, "1", 0.0)
-):
+def _existing(w, e, zhat, law=LAW, k=P(0.35, "1", 0.0)):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e."""
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
-    return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+    dz = law.rate(w, zhat) - k * e
+    return law.torque(w, zhat, dz), dz
 
 
 @factory(_existing)
@@ -155,28 +139,14 @@ def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     states="zhat what",
     source=f"{PAPER}, eq. obs_1 and obs_2",
 )
-def _proposed(
-    w,
-    u,
-    zhat,
-    what,
-    J=J,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    K1=P(-10.24, "1"),
-    K2=P(22.0, "N m s/rad"),
-):
+def _proposed(w, u, zhat, what, J=J, law=LAW, K1=P(-10.24, "1"), K2=P(22.0, "N m s/rad")):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, J dwhat/dt = u - Fhat + K2 (w - what).
 
     dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what).
     """
     miss = w - what
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) + _gain(K1, w) * miss
-    Fhat = bristle_torque(w, zhat, dz, sigma0, sigma1, Fv)
+    dz = law.rate(w, zhat) + _gain(K1, w) * miss
+    Fhat = law.torque(w, zhat, dz)
     return Fhat, dz, acceleration(u + _gain(K2, w) * miss, Fhat, 0.0, J)
 
 
@@ -469,12 +439,7 @@ def _adaptive(
     what,
     excess,
     J=J,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
+    law=LAW,
     K2=P(1.0, "N m s/rad", 0.0),
     gamma: Any = P(10.0, "1/s", 0.0),
 ):
@@ -483,12 +448,12 @@ def _adaptive(
     dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
     dexcess/dt = -gamma K2 phi (w - what) / Fs^2.
     """
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
-    phi = bristle_torque(w, zhat, dz, sigma0, sigma1, 0.0)
+    dz = law.rate(w, zhat)
+    phi = bristle_torque(w, zhat, dz, law.sigma0, law.sigma1, 0.0)
     scale = 1.0 + excess
-    Fhat = bristle_torque(w, scale * zhat, scale * dz, sigma0, sigma1, Fv)
+    Fhat = law.torque(w, scale * zhat, scale * dz)
     push = K2 * (w - what)
-    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / Fs**2
+    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / law.Fs**2
 
 
 @factory(_adaptive)
@@ -545,20 +510,7 @@ def adaptive_observer(
     source=f"{DERIVED} {LISCHINSKY}",
 )
 def _temperature(
-    w,
-    u,
-    zhat,
-    excess,
-    xi,
-    J=J,
-    sigma0=SIGMA0,
-    sigma1=DAMPED,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    k=P(0.0, "1/s", 0.0),
-    gamma: Any = P(5.0, "1", 0.0),
+    w, u, zhat, excess, xi, J=J, law=DAMPED, k=P(0.0, "1/s", 0.0), gamma: Any = P(5.0, "1", 0.0)
 ):
     """Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, slip = 1 + excess, a = sigma0 |w|/h(w).
 
@@ -567,13 +519,13 @@ def _temperature(
     dexcess/dt = -gamma a zhat (zbar - zhat) sigma0^2/Fs^2.
     """
     slip = 1.0 + excess
-    worn = relaxation(w, sigma0, level(w, Fc, Fs, vs)) * zhat
+    worn = law.relaxation(w) * zhat
     own = w - slip * worn
-    zbar = (xi - J * w) / sigma1
+    zbar = (xi - J * w) / law.sigma1
     miss = zbar - zhat
-    Fhat = bristle_torque(w, zhat, own, sigma0, sigma1, Fv)
-    adapt = -gamma * worn * miss * (sigma0 / Fs) ** 2
-    return Fhat, slip, own + k * miss, adapt, u - Fv * w - sigma0 * zbar
+    Fhat = law.torque(w, zhat, own)
+    adapt = -gamma * worn * miss * (law.sigma0 / law.Fs) ** 2
+    return Fhat, slip, own + k * miss, adapt, u - law.Fv * w - law.sigma0 * zbar
 
 
 @factory(_temperature)
@@ -631,25 +583,13 @@ def temperature_observer(
     states="what f",
     source=f"{DERIVED} {IWASAKI}",
 )
-def _friction_state(
-    w,
-    u,
-    what,
-    f,
-    J=J,
-    sigma0=SIGMA0,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    bandwidth: Any = P(500.0, "1/s", 0.0),
-):
+def _friction_state(w, u, what, f, J=J, law=UNDAMPED, bandwidth: Any = P(500.0, "1/s", 0.0)):
     """Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what), p = bandwidth,
     df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what).
     """
-    Fhat = bristle_torque(w, f / sigma0, 0.0, sigma0, 0.0, Fv)
+    Fhat = bristle_torque(w, f / law.sigma0, 0.0, law.sigma0, 0.0, law.Fv)
     push = J * bandwidth * (w - what)
-    df = sigma0 * bristle(w, f / sigma0, sigma0, Fc, Fs, vs) - bandwidth * push
+    df = law.sigma0 * law.rate(w, f / law.sigma0) - bandwidth * push
     return Fhat, acceleration(u + 2.0 * push, Fhat, 0.0, J), df
 
 
@@ -707,27 +647,16 @@ def friction_state_observer(
     source=f"{DERIVED} {LISCHINSKY}",
 )
 def _normal_force(
-    w,
-    e,
-    zhat,
-    excess,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    k=P(1.0, "1/s", 0.0),
-    gamma: Any = P(2e3, "1/(N m s)", 0.0),
+    w, e, zhat, excess, law=LAW, k=P(1.0, "1/s", 0.0), gamma: Any = P(2e3, "1/(N m s)", 0.0)
 ):
     """Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat, scale = 1 + excess,
     dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dexcess/dt = -gamma sigma0 zhat e.
     """
     scale = 1.0 + excess
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
-    adapt = -gamma * sigma0 * zhat * e
+    dz = law.rate(w, zhat) - k * e
+    adapt = -gamma * law.sigma0 * zhat * e
     dy = adapt * zhat + scale * dz
-    return bristle_torque(w, scale * zhat, dy, sigma0, sigma1, Fv), scale, dz, adapt
+    return law.torque(w, scale * zhat, dy), scale, dz, adapt
 
 
 @factory(_normal_force)
@@ -780,15 +709,13 @@ def normal_force_observer(
     states="zhat",
     source=f"{DERIVED} {FREIDOVICH}",
 )
-def _lyapunov(
-    w, s, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k: Any = P(0.35, "1", 0.0)
-):
+def _lyapunov(w, s, zhat, law=LAW, k: Any = P(0.35, "1", 0.0)):
     """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
     dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
     """
-    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
+    a = law.relaxation(w)
     b = w - a * zhat
-    return bristle_torque(w, zhat, b, sigma0, sigma1, Fv), b - k * (1.0 - sigma1 / sigma0 * a) * s
+    return law.torque(w, zhat, b), b - k * (1.0 - law.sigma1 / law.sigma0 * a) * s
 
 
 @factory(_lyapunov)
@@ -923,12 +850,7 @@ def _position_lugre(
     what,
     zhat,
     J=J,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
+    law=LAW,
     l1: Any = P(900.0, "1/s", 0.0),
     l2: Any = P(2e5, "1/s2", 0.0),
     l3: Any = P(-100.0, "1/s"),
@@ -937,8 +859,8 @@ def _position_lugre(
     m = theta - that, dthat/dt = what + l1 m, dwhat/dt = (u - Fhat)/J + l2 m,
     dzhat/dt = b + l3 m.
     """
-    m, b = theta - that, bristle(what, zhat, sigma0, Fc, Fs, vs)
-    Fhat = bristle_torque(what, zhat, b, sigma0, sigma1, Fv)
+    m, b = theta - that, law.rate(what, zhat)
+    Fhat = law.torque(what, zhat, b)
     return Fhat, what + l1 * m, acceleration(u, Fhat, 0.0, J) + l2 * m, b + l3 * m
 
 

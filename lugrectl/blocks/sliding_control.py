@@ -13,16 +13,17 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive, renamed, shown, within
-from .block import REGISTRY, Block, P
+from .block import REGISTRY, Block, Group, P
 from .controllers import MEASURED, check_kind
 from .declaration import block
 from .factories import Names, believed, factory
-from .friction import FC, FS, SIGMA0, VS, J, level, relaxation
+from .friction import FC, FS, SIGMA0, VS, Bristles, J
 from .model import Model, Parameters, as_model
 from .observers import DERIVED
 
 LAM: Any = P(20.0, "1/s", 0.0)
 KD: Any = P(0.1, "N m s/rad", 0.0)
+SLIDING: Any = Group(Bristles, sigma0=SIGMA0, Fc=FC, Fs=FS, vs=VS)
 SLOTINE = "Slotine and Li, IEEE Trans. Automatic Control 33(11), 1988"
 KELLY = "Canudas de Wit and Kelly, Asian J. Control 9(3), 2007"
 CHEN = "Chen et al., Int. J. Robust and Nonlinear Control, 2022"
@@ -86,10 +87,7 @@ def _dual_observer(
     S1,
     T,
     J=J,
-    sigma0=SIGMA0,
-    Fc=FC,
-    Fs=FS,
-    vs=VS,
+    law=SLIDING,
     KD=KD,
     k0: Any = P(0.35, "1", 0.0),
     k1: Any = P(1e-3, "s", 0.0),
@@ -101,7 +99,7 @@ def _dual_observer(
     dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
     dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
     """
-    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
+    a = law.relaxation(w)
     u = J * ar - KD * s + S0 * z0 - S1 * a * z1 + T * w
     dz0, dz1 = w - a * z0 - k0 * s, w - a * z1 + k1 * a * s
     return u, dz0, dz1, -g0 * s * z0, g1 * s * a * z1, -g2 * s * w

@@ -358,7 +358,7 @@ def test_the_engine_follows_it(made, monkeypatch):
     if "harmonic" in made.own:
         model = model.with_values({f"{made.name}.harmonic": 3.0})
     system = inside(made, model) if made.acts == ("sensor",) else lg.plant(model)
-    t = np.linspace(0.0, 0.25, 51)
+    t = np.linspace(0.0, 0.2, 41)
     swing = np.sin(2.0 * np.pi * 5.0 * t)
     torque = 1.5 * np.sign(swing) * np.maximum(np.abs(swing) - 0.5, 0.0)
     if made.name == "input_delay":  # exact there, Pade's in python-control

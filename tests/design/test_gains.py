@@ -16,13 +16,7 @@ import lugrectl as lg
 from lugrectl.design import certify, design_gains, excitation
 from lugrectl.design.certificate import error_matrices
 
-from ..cases.error_systems import (
-    drives,
-    errors_at,
-    h,
-    matrices,
-    propagator,
-)
+from ..cases.error_systems import drives, errors_at, h, matrices, propagator
 
 P = lg.table1()
 PAPER_GAINS = (-10.24, 22.0)

@@ -10,7 +10,9 @@ from lugrectl.blocks.effects import gravity
 from lugrectl.blocks.observers import existing_observer, natural_observer, proposed_observer
 from lugrectl.loops.friction_loops import velocity_loop
 
-from ..cases.wired import LOW, OUTPUTS, H, P, T, at, s, signal, simulate, state, transfer
+from ..cases.drives import states
+from ..cases.observed import P, signals_by
+from ..cases.wired import LOW, OUTPUTS, H, T, at, s, simulate, transfer
 
 
 def test_cascade_of_position_and_velocity_loop():
@@ -37,7 +39,7 @@ def test_cascade_of_position_and_velocity_loop():
     r = 0.05 * (1 - np.cos(20 * t))
     resp = simulate(loop, t, r, rtol=1e-7, atol=1e-10)
     expected = ct.forced_response(ct.minreal(closed, verbose=False), t, r).outputs
-    assert signal(resp, "theta") == pytest.approx(expected, abs=2e-6)
+    assert signals_by(resp, "theta") == pytest.approx(expected, abs=2e-6)
 
 
 def test_two_observers_side_by_side_on_one_plant():
@@ -59,11 +61,11 @@ def test_two_observers_side_by_side_on_one_plant():
     t = np.arange(0, 0.1501, 1e-3)
     r = 0.3 * np.sin(2 * np.pi * 5 * t)
     resp = simulate(system, t, r)
-    assert signal(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=1e-4)
-    assert signal(resp, "Fhat") == pytest.approx(signal(resp, "F"), abs=1e-4)
+    assert signals_by(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=1e-4)
+    assert signals_by(resp, "Fhat") == pytest.approx(signals_by(resp, "F"), abs=1e-4)
     late = t > 0.05
     for name in ("F2", "F3"):
-        miss = np.abs(signal(resp, name) - signal(resp, "F"))[late]
+        miss = np.abs(signals_by(resp, name) - signals_by(resp, "F"))[late]
         assert 0.01 < miss.mean() < 0.06  # a fifth of the friction level
 
 
@@ -74,7 +76,7 @@ def test_external_load_and_an_effect_add_up_on_d():
         outputs=["theta", "w", "F"],
         check_unused=False,
     )
-    x = state(system, plant_theta=0.5)
+    x = states(system, plant_theta=0.5)
     pull = 0.2 * np.sin(0.8)
     assert system.dynamics(0, x, [0.4, 0.07])[1] == pytest.approx((0.4 - pull - 0.07) / P.J)
     neutral = ct.interconnect(
