@@ -344,14 +344,12 @@ def compensate(
     >>> drive = lg.Model.of(lg.table1(), effects=cogging)
     >>> print(lg.compensate(drive, loop="position", bandwidth=30.0))  # doctest: +SKIP
     """
-    _refuse(loop, kd, table, covariance)
     model, observer = as_model(model), name_of("observer", observer)
+    J = _checked(model, loop, kd, table, covariance)
     record = None if record is None else as_record(record, model.motion)
     before = _completed(declared, model)
     drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
-    if model.J is None:
-        raise InputError(f"{model.name}: J has no value; identify it first.")
-    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, model.J)
+    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, J)
     task, unit = Task(model, loop, own, table), unit_of(loop, model)
     timed = any(part.block.timed for part in (*model.effects, *before.effects))
     timed = timed or (table is not None and table.signals[0] == "t")
@@ -389,8 +387,8 @@ def compensate(
     )
 
 
-def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
-    """Raise where an argument is of another kind."""
+def _checked(model: Model, loop: Any, kd: Any, table: Any, covariance: Any) -> float:
+    """Return J of the model; raise where an argument is of another kind."""
     if kind_of(loop) == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
     if not (table is None or isinstance(table, Table)):
@@ -399,6 +397,9 @@ def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
         raise InputError(
             f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
         )
+    if model.J is None:
+        raise InputError(f"{model.name}: J has no value; identify it first.")
+    return model.J
 
 
 def _completed(declared: Any, model: Model) -> Model:
