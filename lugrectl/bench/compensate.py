@@ -354,15 +354,10 @@ def compensate(
     timed = any(part.block.timed for part in (*model.effects, *before.effects))
     timed = timed or (table is not None and table.signals[0] == "t")
     way = course(reference, record, loop, bandwidth, timed)
-    designs = {
-        key: observer_gains(one, observer, K1, K2, gains)
-        for key, one in (("before", before), ("after", model))
-    }
-    controls = {
-        "none": task.control(None),
-        "before": task.control(before, observer, designs["before"].gains),
-        "after": task.control(model, observer, designs["after"].gains),
-    }
+    believed = {"before": before, "after": model}
+    designs = {k: observer_gains(one, observer, K1, K2, gains) for k, one in believed.items()}
+    controls = {"none": task.control(None)}
+    controls |= {k: task.control(one, observer, designs[k].gains) for k, one in believed.items()}
     three, report = Three(task, way, controls, _copies(observer)), reporter(progress)
     loops = {key: task.closed(blocks, key) for key, blocks in controls.items()}
     runs, errors, messages = three.simulated(loops, report)
