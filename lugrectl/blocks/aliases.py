@@ -119,7 +119,8 @@ def meant(name: Any, known: Iterable[str]) -> str:
     """What a sentence says of a mistyped name: the nearest known one, or all."""
     spelt = {_spelling(k): k for k in known}
     near = difflib.get_close_matches(_spelling(name), [*spelt], n=1)
-    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {', '.join(spelt.values())}."
+    all_of = ", ".join(spelt.values()) or "none"
+    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {all_of}."
 
 
 def also_called(kind: str, name: str) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import itertools
 import math
@@ -14,6 +13,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import names, shown
+from .aliases import meant
 from .block import REGISTRY, Block, Group, Grouped, P, is_ours, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect")
@@ -28,7 +28,7 @@ SMALL = 1e-9
 def kind_of(kind: str) -> str:
     """A known kind; InputError with the nearest one for anything else."""
     if kind not in KINDS:
-        raise InputError(f"there is no kind of block {kind!r}; {_nearest(kind, KINDS)}")
+        raise InputError(f"there is no kind of block {kind!r}; {meant(kind, KINDS)}")
     return kind
 
 
@@ -88,7 +88,7 @@ def _check_names(made: Block) -> None:
         )
     for name in made.start:
         if name not in ("0", *made.inputs):
-            raise InputError(f"{made.name}: start names {name!r}; {_nearest(name, made.inputs)}")
+            raise InputError(f"{made.name}: start names {name!r}; {meant(name, made.inputs)}")
 
 
 def _check_values(made: Block) -> None:
@@ -110,7 +110,7 @@ def _check_signals(made: Block) -> None:
     for name in made.inputs:
         if name not in SEEN:
             raise InputError(
-                f"{made.name} reads {name}, a signal that no drive has; {_nearest(name, SEEN)} A "
+                f"{made.name} reads {name}, a signal that no drive has; {meant(name, SEEN)} A "
                 "parameter needs a default: name=P(value, unit)."
             )
     if "load" in made.inputs and (made.load or "input" in made.acts):
@@ -123,7 +123,7 @@ def _check_acts(made: Block, known: Sequence[str]) -> None:
         if act not in ACTS and act.removeprefix("+") not in levels:
             raise InputError(
                 f"{made.name} acts on {act!r}, which no drive has; "
-                f"{_nearest(act.removeprefix('+'), [*ACTS, *levels])}"
+                f"{meant(act.removeprefix('+'), [*ACTS, *levels])}"
             )
     fresh, many = made.fresh, len(made.acts)
     if "sensor" in made.acts and (many > 1 or set(made.outputs) != {*SENSED}):
@@ -232,11 +232,6 @@ def _tried(made: Block, values: dict[str, float], size: float = 1.0) -> tuple[An
             f"{', '.join([*made.reads, *made.states, *values])}."
         ) from error
     return results if isinstance(results, tuple) else (results,)
-
-
-def _nearest(name: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known) or 'none'}."
 
 
 def is_same(known: Block, function: Callable[..., Any], home: str) -> bool:

@@ -17,6 +17,7 @@ from lugrectl.engine.runtime.backend import compiler
 
 from ..cases import laws
 from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong
+from ..cases.wired import joined, simulate
 from ..house.arrows import PACKAGE, imported
 
 FORMS = {case: laws.model_of(case).friction.block for case, (_, own) in laws.CASES.items() if own}
@@ -307,7 +308,7 @@ def test_with_strength_it_changes_the_plant(made):
 def wired(parts, made, command="u"):
     sensed = made.acts == ("sensor",)
     outputs = ["w_m", "theta_m"] if sensed else ["theta", "w", "F"]
-    return ct.interconnect(parts, inputs=[command], outputs=outputs, params={}, check_unused=False)
+    return joined(parts, [command], outputs)
 
 
 def inside(made, model):
@@ -365,10 +366,7 @@ def test_the_engine_follows_it(made, monkeypatch):
         return a_delay_shifts_the_torque(bare, model, t, torque)
     u = torque if system.ninputs == 1 else np.array([torque, 0.05 * np.cos(t)])
     ours = lg.simulate(system, t, u, rtol=1e-7)
-    options = {"rtol": 1e-8, "atol": 1e-11, "max_step": 2e-3}  # or it passes over a torque
-    theirs = ct.input_output_response(
-        system, t, u, solve_ivp_method="LSODA", solve_ivp_kwargs=options
-    )
+    theirs = simulate(system, t, u, rtol=1e-8, atol=1e-11, max_step=2e-3)  # or it misses a torque
     size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
     assert np.max(np.abs(ours.states - theirs.states) / np.maximum(size, 1e-9)) < 2e-4
 

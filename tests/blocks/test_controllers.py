@@ -17,6 +17,7 @@ from lugrectl.engine.runtime import adaptive_run
 from ..cases.observed import P
 from ..cases.observed import relaxation as rate
 from ..cases.transfer import s, same
+from ..cases.wired import joined, simulate
 
 few, deflections = st.floats(-1.0, 1.0), st.floats(-2e-3, 2e-3)
 gains = st.floats(0.01, 10.0)
@@ -145,7 +146,7 @@ LATE = lg.Model.of(
 def test_each_dead_time_is_found_with_its_states():
     loop = lg.cascade_loop(LATE, kv=20.0, delay=2e-3, lag=1e-3)
     parts = [lg.prefilter(2.0), loop]
-    outer = ct.interconnect(parts, inputs=["r_cmd"], outputs=["w"], params={}, check_unused=False)
+    outer = joined(parts, ["r_cmd"], ["w"])
     for system in (loop, outer):
         found = [*dead_times(system, {"plant.input_delay.delay": 1e-3})]
         assert sorted(one.seconds for one in found) == [1e-3, 2e-3]
@@ -213,11 +214,10 @@ def test_a_limit_elsewhere_gives_the_same_as_its_own(kind):
     u = [given[k] for k in inputs]
     own = make[kind](limit=1.5, tracking=0.02)
     beside = [make[kind](tracking=0.02, outputs=["u_cmd"]), lg.limiter(1.5)]
-    beside = ct.interconnect(beside, inputs=inputs, outputs=["u"], check_unused=False)
+    beside = joined(beside, inputs, ["u"])
     one, other = (lg.simulate(m, T, np.array(u), rtol=1e-9).outputs for m in (own, beside))
     assert other == pytest.approx(one, abs=1e-6)
-    options = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-12}}
-    theirs = ct.input_output_response(beside, T[:150], np.array(u)[:, :150], **options).outputs
+    theirs = simulate(beside, T[:150], np.array(u)[:, :150], rtol=1e-9, atol=1e-12).outputs
     assert np.ravel(theirs) == pytest.approx(np.ravel(one)[:150], abs=1e-6)
 
 

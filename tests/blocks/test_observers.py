@@ -15,6 +15,7 @@ from lugrectl.blocks.observers import observer
 from ..cases.observed import P, believing, signals_by
 from ..cases.observed import relaxation as rate
 from ..cases.transfer import response
+from ..cases.wired import joined
 
 OFF = replace(P, J=0.003, Fc=0.2, Fs=0.31, sigma0=300.0)
 speeds, few = st.floats(-3.0, 3.0), st.floats(-2.0, 2.0)
@@ -42,9 +43,7 @@ def scaled(theta):
 
 
 def wired(plant, estimate, outputs, inputs=("u", "d")):
-    return ct.interconnect(
-        [plant, estimate], inputs=[*inputs], outputs=outputs, params={}, check_unused=False
-    )
+    return joined([plant, estimate], [*inputs], outputs)
 
 
 # --- copies of LuGre ----

@@ -22,6 +22,7 @@ from ..cases.observed import (
     sine,
     velocity_error,
 )
+from ..cases.wired import joined
 
 LOW = believing(0.8)
 PLACED = {"l1": 2719.1, "l2": 2.118e6, "l3": -5742.4}  # three poles at -1000 1/s at rest
@@ -77,13 +78,8 @@ FLOOR = 2.3e-7, 1e-8  # rad: that of exact parameters
 def wired(controller, estimate=None, lam=20.0):
     """A controller on s around the drive, with or without Fhat."""
     with_it = [] if estimate is None else [estimate, lg.compensation()]
-    return ct.interconnect(
-        [lg.plant(P), lg.sliding_error(lam), lg.error("position"), controller, *with_it],
-        inputs=["r", "dr", "ddr"],
-        outputs=["theta", "w", "F", "u", "e"],
-        params={},
-        check_unused=False,
-    )
+    parts = [lg.plant(P), lg.sliding_error(lam), lg.error("position"), controller, *with_it]
+    return joined(parts, ["r", "dr", "ddr"], ["theta", "w", "F", "u", "e"])
 
 
 def on_s(k, p=LOW):

@@ -14,6 +14,13 @@ T = C / (P.J * s + C)
 H = 2 / (s + 2)
 
 
+def joined(parts, inputs, outputs):
+    """The blocks connected by their names."""
+    return ct.interconnect(
+        parts, inputs=inputs, outputs=outputs, params={}, check_unused=False, name="joined"
+    )
+
+
 def simulate(loop, t, u, x0=0.0, **options):
     tolerances = {"rtol": 1e-6, "atol": 1e-9} | options
     return ct.input_output_response(
