@@ -10,6 +10,7 @@ loads, friction level, contact, actuator, inertia, sensors, is that of the catal
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,14 +19,15 @@ from .block import P
 from .declaration import block
 from .friction import EPS, FC, FS, SIGMA1, SMOOTH, VS, J, bristle, bristle_torque, level
 
+torque_effect = partial(block, "effect", out="d", acts="torque")
+level_effect = partial(block, "effect", out="level")
+input_effect = partial(block, "effect", out="u", acts="input")
+sensor_effect = partial(block, "effect", out="w_m theta_m", acts="sensor")
 PHASE: Any = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
 AMPLITUDE: Any = P(0.0, "N m", 0.0, neutral=0.0)
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     load=True,
     confused="coulomb_asymmetry gravity return_spring",
     experiment="record a hold at zero torque and the same slow move in both directions",
@@ -40,10 +42,7 @@ def constant_torque(t, torque=P(0.0, "N m", neutral=0.0)):
     return torque + 0.0 * t
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     load=True,
     confused="constant_torque return_spring torque_ripple",
     experiment="record slow moves over at least one whole turn in both directions",
@@ -57,10 +56,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
     return amplitude * np.sin(theta + phase)
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     confused="periodic_disturbance position_dependent_friction torque_constant_ripple "
     "encoder_eccentricity",
     experiment="record slow moves over several periods, at two speeds and in both directions",
@@ -78,10 +74,7 @@ def torque_ripple(
     return amplitude * np.sin(harmonic * theta + phase)
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     confused="gravity constant_torque",
     experiment="record slow moves over the whole travel, in both directions, at two frequencies",
 )
@@ -97,10 +90,7 @@ def return_spring(
     return stiffness * (theta - rest)
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     confused="return_spring gravity",
     experiment="move slowly into the end of the travel and back, twice",
 )
@@ -119,10 +109,7 @@ def hard_stop(
     return side * stiffness * np.maximum(side * (theta - position), 0.0)
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     confused="torque_ripple",
     experiment="repeat the run at another speed and at standstill: a fixed frequency does not "
     "change",
@@ -142,9 +129,7 @@ def periodic_disturbance(
 RATIO: Any = P(0.0, "1", -0.95, 20.0, neutral=0.0)
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="Fc Fs",
     confused="torque_ripple gravity coulomb_asymmetry load_dependent_friction",
     experiment="record the same slow path forwards and backwards: half the difference of the two "
@@ -165,9 +150,7 @@ def position_dependent_friction(
     return ratio * np.sin(harmonic * theta + phase)
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="Fc Fs",
     abrupt=True,
     confused="constant_torque viscous_asymmetry",
@@ -182,9 +165,7 @@ def coulomb_asymmetry(w, ratio=P(0.0, "1", -0.95, 0.95, neutral=0.0)):
     return ratio * np.sign(w)
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="Fv",
     confused="quadratic_drag coulomb_asymmetry",
     experiment="record constant speeds, slow to fast, in both directions",
@@ -198,9 +179,7 @@ def viscous_asymmetry(w, ratio=P(0.0, "1", -1.0, 1.0, neutral=0.0)):
     return ratio * np.sign(w)
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="Fc Fs Fv",
     confused="friction_step quadratic_drag",
     experiment="repeat the same run cold and warm, alternating two speeds, and log the temperature",
@@ -216,9 +195,7 @@ def thermal_drift(t, ratio=RATIO, time_constant=P(10.0, "s", 1e-9)):
     return ratio * (1.0 - np.exp(-np.maximum(t, 0.0) / time_constant))
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="+Fc +Fs",
     confused="position_dependent_friction torque_ripple gravity",
     experiment="repeat the run with another payload: load-dependent friction changes with it",
@@ -234,9 +211,7 @@ def load_dependent_friction(load, coefficient=P(0.0, "1", 0.0, 20.0, neutral=0.0
     return coefficient * np.abs(load)
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="Fc Fs",
     confused="thermal_drift inertia_step",
     experiment="repeat the run, check whether the change recurs, and log the temperature",
@@ -259,10 +234,7 @@ LEAST = 1e-12  # N m
 ONSET = 0.05  # the drive slides fully at a speed higher by this share than where sliding begins
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     confused="viscous_asymmetry thermal_drift sublinear_viscous",
     experiment="record constant speeds up to the highest that the drive allows, then a coast-down",
 )
@@ -275,10 +247,7 @@ def quadratic_drag(w, coefficient: Any = P(0.0, "N m s2/rad2", 0.0, neutral=0.0)
     return coefficient * w * np.abs(w)
 
 
-@block(
-    "effect",
-    out="d",
-    acts="torque",
+@torque_effect(
     confused="thermal_drift stribeck quadratic_drag",
     experiment="record constant speeds, each twice as fast as the one before, at one temperature",
 )
@@ -298,9 +267,7 @@ def sublinear_viscous(
     return coefficient * w * (w * w + eps * eps) ** (0.5 * (exponent - 1.0))
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     states="rest",
     acts="Fs",
     confused="stribeck thermal_drift",
@@ -330,9 +297,7 @@ def dwell_stiction(
     return ratio * rest, rate
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="Fc",
     confused="sublinear_viscous presliding dwell_stiction",
     experiment="record many constant speeds, from the slowest steady one upwards",
@@ -349,11 +314,8 @@ def stribeck(w, Fs=P(0.0, "N m", 0.0, neutral=0.0), vs=VS, Fc=SHARED_FC):
     return level(w, 0.0, excess, vs)
 
 
-@block(
-    "effect",
-    out="d",
+@torque_effect(
     states="z",
-    acts="torque",
     confused="stribeck backlash elastic_coupling coulomb_asymmetry",
     experiment="record small slow moves of several sizes that reverse before they break away",
 )
@@ -415,12 +377,9 @@ def _is_signal(state: Any, delay: Any) -> bool:
     return state.index in graph.exact
 
 
-@block(
-    "effect",
-    out="u",
+@input_effect(
     states="p1 p2",
     start="u 0",
-    acts="input",
     confused="actuator_lag velocity_sensor_lag elastic_coupling",
     experiment="record a torque chirp: the phase lag of a delay grows linearly with frequency",
     exact=held_late,
@@ -442,12 +401,9 @@ def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     return u - p2, rate * p2, rate * (12.0 * (u - p1) - 6.0 * p2)
 
 
-@block(
-    "effect",
-    out="u",
+@input_effect(
     states="lagged",
     start="u",
-    acts="input",
     confused="input_delay velocity_sensor_lag",
     experiment="record a torque chirp to well above 1/tau, and log the measured current",
     exact=held_lagging,
@@ -462,10 +418,7 @@ def actuator_lag(u, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=
     return np.where(time_constant > 0.0, lagged, u), rate * (u - lagged)
 
 
-@block(
-    "effect",
-    out="u",
-    acts="input",
+@input_effect(
     confused="quadratic_drag sublinear_viscous",
     experiment="record the same move at increasing torques, up to the highest",
 )
@@ -478,10 +431,7 @@ def actuator_saturation(u, limit: Any = P(np.inf, "N m", 0.0, neutral=np.inf)):
     return np.clip(u, -limit, limit)
 
 
-@block(
-    "effect",
-    out="u",
-    acts="input",
+@input_effect(
     confused="coulomb_asymmetry backlash stribeck",
     experiment="speed up and brake at torques just above friction: the loss follows the sign of "
     "the torque, not of the speed",
@@ -496,10 +446,7 @@ def actuator_dead_zone(u, half_width: Any = P(0.0, "N m", 0.0, neutral=0.0)):
     return u - np.clip(u, -half_width, half_width)
 
 
-@block(
-    "effect",
-    out="u",
-    acts="input",
+@input_effect(
     confused="torque_ripple position_dependent_friction",
     experiment="repeat the same slow path under two loads: this ripple grows with the torque",
 )
@@ -526,9 +473,7 @@ STIFFNESS: Any = P(10.0, "N m/rad", 0.0)
 DAMPING: Any = P(0.01, "N m s/rad", 0.0)
 
 
-@block(
-    "effect",
-    out="level",
+@level_effect(
     acts="J",
     confused="friction_step pose_dependent_inertia",
     experiment="accelerate and brake along the same path before and after the change",
@@ -596,12 +541,9 @@ def load_motion(theta: Any, w: Any, twist: Any, w_load: Any, load_inertia: Any) 
     return np.where(there, theta - twist, theta), np.where(there, w_load, w)
 
 
-@block(
-    "effect",
-    out="d",
+@torque_effect(
     states="twist w_load",
     start="0 w",
-    acts="torque",
     confused="input_delay velocity_sensor_lag backlash presliding",
     experiment="record a torque chirp through the resonance, with an encoder on the load if any",
 )
@@ -616,12 +558,9 @@ def elastic_coupling(w, twist, w_load, load_inertia=LOAD, stiffness=STIFFNESS, d
     return _load_side((w, twist, w_load), load_inertia, 0.0, stiffness, damping)
 
 
-@block(
-    "effect",
-    out="d",
+@torque_effect(
     states="twist w_load",
     start="0 w",
-    acts="torque",
     confused="elastic_coupling presliding actuator_dead_zone",
     experiment="reverse slowly and fast at several amplitudes: the gap is a fixed angle",
 )
@@ -649,12 +588,9 @@ def backlash(
     return _load_side((w, twist, w_load), load_inertia, gap, stiffness, damping, slowed)
 
 
-@block(
-    "effect",
-    out="w_m theta_m",
+@sensor_effect(
     states="lagged",
     start="w",
-    acts="sensor",
     confused="input_delay actuator_lag elastic_coupling",
     experiment="also record the raw position and differentiate it: the lag is between the two",
 )
@@ -670,10 +606,7 @@ def velocity_sensor_lag(w, theta, lagged, time_constant: Any = P(0.0, "s", 0.0, 
     return np.where(lags, lagged, w), theta, rate * (w - lagged)
 
 
-@block(
-    "effect",
-    out="w_m theta_m",
-    acts="sensor",
+@sensor_effect(
     confused="torque_ripple pose_dependent_inertia gravity",
     experiment="record two constant speeds: the ripple of w grows with the speed, that of a "
     "torque does not",
