@@ -23,9 +23,8 @@ from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
 from .gains import controller, designed, fastest, lacking
-from .loop import Task, kind_of, unit_of
+from .loop import Task, enough_samples, kind_of, unit_of
 from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, believed, grows
-from .reference import enough_samples
 
 Pairs = Sequence[tuple[Model, int]]
 NOTHING = Choice()

@@ -28,8 +28,7 @@ from ..loops.parts import OUTPUTS
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
 from .gains import unknown
-from .loop import Terms, wrong
-from .reference import sine
+from .loop import Terms, sine, wrong
 
 COLUMNS = {  # field: heading, factor to the unit of the heading
     "velocity": ("e_w [mrad/s]", 1e3),

@@ -34,8 +34,7 @@ from ..simulation.recorded_sensing import sensing_of
 from ..simulation.response import simulate
 from .chance import between
 from .gains import controller, observer_gains
-from .loop import SampledLoop, Task, kind_of, sorted_out, unit_of
-from .reference import Course, course
+from .loop import Course, SampledLoop, Task, course, kind_of, sorted_out, unit_of
 
 ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {

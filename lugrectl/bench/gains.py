@@ -11,7 +11,7 @@ from ..blocks.observers import Gain, observer_block
 from ..core.errors import InputError
 from ..core.validation import number, positive, shown
 from ..design import Certificate, certify, design_gains
-from ..design.observer_rules import RULES
+from ..design.gains import RULES
 from ..loops.parts import all_at
 from ..simulation.encoder import Sensing
 

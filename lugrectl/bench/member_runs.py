@@ -23,8 +23,7 @@ from ..estimates.members import Belief, refuse_unknown
 from ..record import Record
 from ..simulation.encoder import Sensing
 from ..simulation.recorded_sensing import sensing_of
-from .loop import FASTEST, SampledLoop, Task
-from .reference import PERIODS, SETTLED, samples, sine, speed_of
+from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sine, speed_of
 
 
 def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:

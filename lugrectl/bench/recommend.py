@@ -24,7 +24,7 @@ from ..core.result import Result, library, plain
 from ..core.validation import flag, number, positive, real, share, shown
 from ..core.views import view
 from ..design import Certificate
-from ..design.observer_rules import RULES, SAMPLED
+from ..design.gains import RULES, SAMPLED
 from ..estimates.fitted import Fitted
 from ..loops.parts import crossing
 from ..record import Record
@@ -33,8 +33,7 @@ from ..simulation.encoder import Sensing
 from ..simulation.recorded_sensing import sensing_of
 from .compare import chosen_observers
 from .gains import LUGRE, correction, designed, fastest, unknown
-from .loop import Terms, unit_of, wrong
-from .reference import SETTLED, enough_samples, sine, top_speed
+from .loop import SETTLED, Terms, enough_samples, sine, top_speed, unit_of, wrong
 
 EXACT = "exact parameters"
 HELPS = 0.98  # of the error without an observer: above it an observer does not help

@@ -15,8 +15,7 @@ from ..core.display import NONE, Grid
 from ..linear.verdict import show_poles
 from ..report.canvas import AFTER, BEFORE, MEASURED, QUIET, headed
 from ..report.page import Figure, Page, Section
-from .results import SMALL, Errors, Outcome, PaperFigure, Reproduction, milli
-from .runs import peaks
+from .runs import SMALL, Errors, Outcome, PaperFigure, Reproduction, milli, peaks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.design.observer_rules import RULES, common_rate, decay, position_corners
+from lugrectl.design.gains import RULES, common_rate, decay, position_corners
 
 from ..cases.observed import P
 

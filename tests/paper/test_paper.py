@@ -13,7 +13,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.paper import page, reproduce, runs, studies
-from lugrectl.paper.results import milli
+from lugrectl.paper.runs import milli
 from lugrectl.paper.studies import Case, Reference
 
 from ..cases.html_page import Page
