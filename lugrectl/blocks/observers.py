@@ -46,19 +46,20 @@ TAFAZOLI = (
 OLSSON = "Olsson and Astrom, IEEE Conf. Decision and Control, 1996"
 
 
+def _observer(**declared: Any) -> Callable[[Callable[..., Any]], Block]:
+    """Declare a function ``_natural`` as the block ``natural_observer``."""
+    return lambda function: block("observer", name=f"{function.__name__[1:]}_observer", **declared)(
+        function
+    )
+
+
 @block("observer", out="Fhat")
 def no_observer(w):
     """Fhat = 0: nothing is compensated."""
     return 0.0 * w
 
 
-@block(
-    "observer",
-    name="natural_observer",
-    out="Fhat zhat",
-    states="zhat",
-    source=f"{PAPER}, eq. z_hat_dot and F_est",
-)
+@_observer(out="Fhat zhat", states="zhat", source=f"{PAPER}, eq. z_hat_dot and F_est")
 def _natural(w, zhat, law=LAW):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w)."""
     dz = law.rate(w, zhat)
@@ -90,7 +91,7 @@ def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
     """
 
 
-@block("observer", name="existing_observer", out="Fhat zhat", states="zhat", source=LUGRE)
+@_observer(out="Fhat zhat", states="zhat", source=LUGRE)
 def _existing(w, e, zhat, law=LAW, k=P(0.35, "1", 0.0)):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e."""
     dz = law.rate(w, zhat) - k * e
@@ -132,13 +133,7 @@ def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     """
 
 
-@block(
-    "observer",
-    name="proposed_observer",
-    out="Fhat zhat what",
-    states="zhat what",
-    source=f"{PAPER}, eq. obs_1 and obs_2",
-)
+@_observer(out="Fhat zhat what", states="zhat what", source=f"{PAPER}, eq. obs_1 and obs_2")
 def _proposed(w, u, zhat, what, J=J, law=LAW, K1=P(-10.24, "1"), K2=P(22.0, "N m s/rad")):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, J dwhat/dt = u - Fhat + K2 (w - what).
 
@@ -191,9 +186,7 @@ def proposed_observer(
     """
 
 
-@block(
-    "observer",
-    name="friedland_park_observer",
+@_observer(
     out="Fhat ahat",
     states="zeta",
     source="Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992",
@@ -264,9 +257,7 @@ def friedland_park_observer(
     """
 
 
-@block(
-    "observer",
-    name="general_coulomb_observer",
+@_observer(
     out="Fhat ahat",
     states="zeta",
     source="derived here, in the spirit of Odabas, thesis, 2014: see the docstring of "
@@ -333,13 +324,7 @@ def general_coulomb_observer(
     """
 
 
-@block(
-    "observer",
-    name="disturbance_observer",
-    out="Fhat",
-    states="v",
-    source="standard form (Ohnishi), derived by substitution",
-)
+@_observer(out="Fhat", states="v", source="standard form (Ohnishi), derived by substitution")
 def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
     """Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J."""
     Fhat = J * (v - w) / tau
@@ -379,9 +364,7 @@ def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpa
     """
 
 
-@block(
-    "observer",
-    name="extended_state_observer",
+@_observer(
     out="Fhat what",
     states="what Fhat",
     source="Gao's bandwidth parametrisation, derived by substitution",
@@ -425,9 +408,7 @@ def extended_state_observer(
     """
 
 
-@block(
-    "observer",
-    name="adaptive_observer",
+@_observer(
     out="Fhat zhat what scale",
     states="zhat what excess",
     source="derived here: see the docstring of lugrectl.adaptive_observer",
@@ -502,13 +483,7 @@ def adaptive_observer(
     """
 
 
-@block(
-    "observer",
-    name="temperature_observer",
-    out="Fhat zhat slip",
-    states="zhat excess xi",
-    source=f"{DERIVED} {LISCHINSKY}",
-)
+@_observer(out="Fhat zhat slip", states="zhat excess xi", source=f"{DERIVED} {LISCHINSKY}")
 def _temperature(
     w, u, zhat, excess, xi, J=J, law=DAMPED, k=P(0.0, "1/s", 0.0), gamma: Any = P(5.0, "1", 0.0)
 ):
@@ -576,13 +551,7 @@ def temperature_observer(
     """
 
 
-@block(
-    "observer",
-    name="friction_state_observer",
-    out="Fhat what",
-    states="what f",
-    source=f"{DERIVED} {IWASAKI}",
-)
+@_observer(out="Fhat what", states="what f", source=f"{DERIVED} {IWASAKI}")
 def _friction_state(w, u, what, f, J=J, law=UNDAMPED, bandwidth: Any = P(500.0, "1/s", 0.0)):
     """Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what), p = bandwidth,
     df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what).
@@ -639,13 +608,7 @@ def friction_state_observer(
     """
 
 
-@block(
-    "observer",
-    name="normal_force_observer",
-    out="Fhat zhat scale",
-    states="zhat excess",
-    source=f"{DERIVED} {LISCHINSKY}",
-)
+@_observer(out="Fhat zhat scale", states="zhat excess", source=f"{DERIVED} {LISCHINSKY}")
 def _normal_force(
     w, e, zhat, excess, law=LAW, k=P(1.0, "1/s", 0.0), gamma: Any = P(2e3, "1/(N m s)", 0.0)
 ):
@@ -702,13 +665,7 @@ def normal_force_observer(
     """
 
 
-@block(
-    "observer",
-    name="lyapunov_observer",
-    out="Fhat zhat",
-    states="zhat",
-    source=f"{DERIVED} {FREIDOVICH}",
-)
+@_observer(out="Fhat zhat", states="zhat", source=f"{DERIVED} {FREIDOVICH}")
 def _lyapunov(w, s, zhat, law=LAW, k: Any = P(0.35, "1", 0.0)):
     """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
     dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
@@ -757,13 +714,8 @@ def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     """
 
 
-@block(
-    "observer",
-    name="position_coulomb_observer",
-    out="Fhat ahat what",
-    states="that zeta",
-    start="theta 0",
-    source=f"{DERIVED} {TAFAZOLI}",
+@_observer(
+    out="Fhat ahat what", states="that zeta", start="theta 0", source=f"{DERIVED} {TAFAZOLI}"
 )
 def _position_coulomb(
     theta,
@@ -835,13 +787,8 @@ def position_coulomb_observer(
     """
 
 
-@block(
-    "observer",
-    name="position_lugre_observer",
-    out="Fhat zhat what",
-    states="that what zhat",
-    start="theta 0 0",
-    source=f"{DERIVED} {OLSSON}",
+@_observer(
+    out="Fhat zhat what", states="that what zhat", start="theta 0 0", source=f"{DERIVED} {OLSSON}"
 )
 def _position_lugre(
     theta,
