@@ -648,62 +648,57 @@ def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], flo
     return given[key] if key in given else make()
 
 
-def _scheduled(m: Drive, given: dict[str, float]) -> tuple[float, float, float, ScheduledGain]:
-    """A, C, alpha and K1(w) of eq. K1."""
+def _scheduled(
+    m: Drive, given: dict[str, float], M: float | None = None
+) -> tuple[ScheduledGain, float | ScheduledGain, Certificate]:
+    """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M.
+
+    V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2.
+    """
     C = given.get("C", 1.0)
     A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
     alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)
     size = C * m.sigma0 / (A * m.J)
-    return A, C, alpha, ScheduledGain(-size, size * m.sigma1, m.Fc, m.Fs, m.vs)
-
-
-def _diagonal(
-    m: Drive, V: tuple[float, float], alpha: float, pole: float, lemma: str, said: tuple[str, ...]
-) -> Certificate:
-    """V = A e_z^2 + C e_w^2 with -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
-    A, C = V
-    return Certificate(
-        holds=True,
-        lemma=lemma,
-        conditions=(*said, MATCHED),
-        pole_at_rest=pole,
-        A=A,
-        B=0.0,
-        C=C,
-        alpha=alpha,
-        alpha_unit="N m s/rad",
-        P=lyapunov(A, 0.0, C),
-        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
-        Q1=np.diag([2.0 * A, 0.0]),
+    K1 = ScheduledGain(-size, size * m.sigma1, m.Fc, m.Fs, m.vs)
+    if M is None:
+        at_rest = alpha + m.sigma1 * K1.offset
+        K2 = ScheduledGain(at_rest, m.sigma1 * K1.slope, m.Fc, m.Fs, m.vs)
+        said = (
+            "e_w tends to 0 for every bounded w",
+            "no rate by itself: exponential if |w| stays above a positive bound, or if w is "
+            "bounded and persistently exciting (Excitation.rate)",
+        )
+    else:
+        at_rest = K2 = alpha + m.sigma1 * (K1.offset + K1.slope * M / m.low)
+        said = (
+            f"|w| <= M = {M:g} rad/s",
+            "sigma1 > 0",
+            "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
+        )
+    return (
+        K1,
+        K2,
+        Certificate(
+            holds=True,
+            lemma="lemma4" if M is None else "lemma5",
+            conditions=(*said, MATCHED),
+            pole_at_rest=slowest_pole(m, K1.offset, at_rest),
+            A=A,
+            B=0.0,
+            C=C,
+            alpha=alpha,
+            alpha_unit="N m s/rad",
+            P=lyapunov(A, 0.0, C),
+            Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
+            Q1=np.diag([2.0 * A, 0.0]),
+        ),
     )
 
 
-def _time_varying(
-    m: Drive, given: dict[str, float]
-) -> tuple[ScheduledGain, ScheduledGain, Certificate]:
-    A, C, alpha, K1 = _scheduled(m, given)
-    K2 = ScheduledGain(alpha + m.sigma1 * K1.offset, m.sigma1 * K1.slope, m.Fc, m.Fs, m.vs)
-    sentences = (
-        "e_w tends to 0 for every bounded w",
-        "no rate by itself: exponential if |w| stays above a positive bound, or if w is "
-        "bounded and persistently exciting (Excitation.rate)",
-    )
-    pole = slowest_pole(m, K1.offset, K2.offset)
-    return K1, K2, _diagonal(m, (A, C), alpha, pole, "lemma4", sentences)
-
-
-def _bounded(m: Drive, given: dict[str, float]) -> tuple[ScheduledGain, float, Certificate]:
+def _bounded(m: Drive, given: dict[str, float]) -> tuple[Any, Any, Certificate]:
     if "M" not in given:
         raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
-    A, C, alpha, K1 = _scheduled(m, given)
-    K2 = alpha + m.sigma1 * (K1.offset + K1.slope * given["M"] / m.low)
-    sentences = (
-        f"|w| <= M = {given['M']:g} rad/s",
-        "sigma1 > 0",
-        "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
-    )
-    pole = slowest_pole(m, K1.offset, K2)
-    return K1, K2, _diagonal(m, (A, C), alpha, pole, "lemma5", sentences)
+    return _scheduled(m, given, given["M"])
 
 
 def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certificate]:
@@ -716,7 +711,7 @@ def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certific
 
 
 _METHODS: dict[str, tuple[Callable[..., Any], str]] = {
-    "time-varying": (_time_varying, "A, C, alpha"),
+    "time-varying": (_scheduled, "A, C, alpha"),
     "bounded": (_bounded, "A, C, alpha, M"),
     "constant": (_constant, "C, alpha, beta"),
 }
