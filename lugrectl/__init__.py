@@ -17,7 +17,6 @@ _HOMES = {
     "blocks.extending": "load_blocks",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
     "blocks.dead_time_control": "coulomb_compensation coulomb_predictor smith_velocity",
-    "blocks.repetitive_control": "repetitive_control repetitive_memory",
     "blocks.drive": "current_lag dead_time limiter notch proportional",
     "blocks.factories": "effect friction",
     "blocks.observers": "adaptive_observer disturbance_observer existing_observer "
@@ -26,7 +25,7 @@ _HOMES = {
     "position_coulomb_observer position_lugre_observer proposed_observer temperature_observer",
     "blocks.plant": "plant sensor",
     "blocks.sliding_control": "adaptive_slotine_li backstepping_smc dual_observer_control "
-    "sliding_error slotine_li",
+    "repetitive_control repetitive_memory sliding_error slotine_li",
     "blocks.table": "tabulated",
     "simulation.bristle_deflection": "deflection",
     "loops.cascade": "cascade_loop",
@@ -144,14 +143,12 @@ if TYPE_CHECKING:
         temperature_observer,
     )
     from .blocks.plant import plant, sensor  # noqa: F401
-    from .blocks.repetitive_control import (  # noqa: F401
-        repetitive_control,
-        repetitive_memory,
-    )
     from .blocks.sliding_control import (  # noqa: F401
         adaptive_slotine_li,
         backstepping_smc,
         dual_observer_control,
+        repetitive_control,
+        repetitive_memory,
         sliding_error,
         slotine_li,
     )

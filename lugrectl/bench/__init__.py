@@ -2,13 +2,12 @@
 not exactly the model, and friction observers at equal terms."""
 
 from .assure import Assurance, assure
-from .believed import seen_in
 from .chance import HuntingChance, hunting_chance
 from .compare import Compared, ObserverComparison, compare_observers
 from .compensate import Compensation, Run, compensate
-from .feedforward import effects_torque
-from .recommend import recommend_observer
-from .recommendation import Candidate, Recommendation
+from .loop import effects_torque
+from .member_runs import seen_in
+from .recommend import Candidate, Recommendation, recommend_observer
 
 __all__ = [
     "Assurance",

@@ -21,12 +21,10 @@ from ..core.validation import number, positive, share, whole
 from ..core.views import view
 from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
-from .believed import believed
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
 from .gains import controller, designed, fastest, lacking
-from .loop import Task, kind_of, unit_of
-from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, grows
-from .reference import enough_samples
+from .loop import Task, enough_samples, kind_of, unit_of
+from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, believed, grows
 
 Pairs = Sequence[tuple[Model, int]]
 NOTHING = Choice()
@@ -437,10 +435,8 @@ class Found:
 
 @dataclass(eq=False)
 class Standstill:
-    """What becomes of one half of the members at rest, with each choice; asked again it is known.
-
-    ``most`` of them may fail: so many that the interval of the chance ends at ``hunts``, or none
-    where no number shows that.
+    """What becomes of one half of the members at rest, with each choice; asked again it is
+    known.
     """
 
     run: Jobs
@@ -519,16 +515,18 @@ class Tries:
         self.add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
 
     def better(self) -> list[Choice]:
-        """Return the choices by their upper error, of those that are better than no compensation
-        and worse than it on no more drives than the confidence leaves."""
+        """Return the choices that track better than none on nearly all drives, by their upper
+        error.
+        """
         most, rows = 1.0 - self.confidence, zip(self.tried, self.choices, strict=True)
         able = [row for row in rows if row[0].worse <= most and row[0].upper < self.none]
         return [choice for _, choice in sorted(able, key=lambda row: row[0].upper)]
 
 
 def chosen(tries: Tries, halves: Sequence[Standstill], report: Progress) -> tuple[Choice, str]:
-    """Return the best choice that holds on both halves by the first of the RULES by which one
-    does, and the rule."""
+    """Return the best choice that holds on both halves by the first of the RULES that has one,
+    and it.
+    """
 
     def holding(rule: str) -> Choice:
         for i, choice in enumerate(every := tries.better()):

@@ -23,8 +23,7 @@ from ..core.validation import whole
 from ..core.views import view
 from ..estimates.members import Members
 from ..hunting import limit_cycles
-from .believed import believed
-from .member_runs import HUNTS, RESTS, UNDECIDED
+from .member_runs import HUNTS, RESTS, UNDECIDED, believed
 
 SURE = 0.95  # of a bound, and of the interval of a probability
 FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}
@@ -96,8 +95,9 @@ class Outcomes(Chance):
 
 
 def hunting_at_most(members: int, part: float) -> int:
-    """How many of them may hunt so that the interval of the chance ends at ``part``; -1 where they
-    are too few. 0 of n ends near 3.7/n, so that it takes 72 drives for 0.05; all for 1."""
+    """How many of them may hunt so that the interval of the chance ends at ``part``; -1: too
+    few.
+    """
     if part == 1.0:
         return members
     counts = np.arange(members)
@@ -106,8 +106,7 @@ def hunting_at_most(members: int, part: float) -> int:
 
 
 def spared(members: int, confidence: float) -> int:
-    """How many members may lie beyond a bound that a new one keeps with ``confidence``: the
-    largest k with P(Bin(members, 1 - confidence) <= k) <= 1 - SURE; -1 where they are too few."""
+    """The largest k with P(Bin(members, 1 - confidence) <= k) <= 1 - SURE; -1: too few members."""
     return int(np.searchsorted(
         stats.binom.cdf(np.arange(members + 1), members, 1.0 - confidence), 1.0 - SURE, "right"
     )) - 1  # fmt: skip
@@ -119,8 +118,7 @@ def enough(confidence: float, spare: int = 1) -> int:
 
 
 def enough_at_rest(part: float, spare: int = 0) -> int:
-    """The fewest members that show that at most this part of all drives hunts, though so many of
-    them do."""
+    """The fewest members that show that at most this part hunts, though so many of them do."""
     return next(n for n in numbers(1) if hunting_at_most(n, part) >= spare)
 
 
@@ -131,8 +129,9 @@ def bound(values: np.ndarray, confidence: float) -> float:
 
 
 def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
-    """The interval in which a new member lies with this probability, by the order of the others:
-    below the k-th of n with k/(n + 1)."""
+    """The interval in which a new member lies with this probability: below the k-th of n by k/(n
+    + 1).
+    """
     ordered, last, tail = np.sort(values), len(values) - 1, 0.5 * (1.0 - level)
     low = max(tail * (last + 2) - 1.0, 0.0)
     return between(ordered, low), between(ordered, last - low)

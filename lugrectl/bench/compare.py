@@ -24,11 +24,11 @@ from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import ComparedRows, Fields, library, plain
 from ..core.validation import flag, names, number, positive, share, shown
+from ..loops.parts import OUTPUTS
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
-from .recommendation import unknown
-from .reference import sine
-from .terms import OUTPUTS, Terms, wrong
+from .gains import unknown
+from .loop import Terms, sine, wrong
 
 COLUMNS = {  # field: heading, factor to the unit of the heading
     "velocity": ("e_w [mrad/s]", 1e3),
@@ -147,9 +147,14 @@ class ObserverComparison(ComparedRows[Compared]):
         return f"{len(self)} observers at equal terms"
 
     def _grid(self) -> Grid:
+        def cell(value: float | None, factor: float) -> str:
+            if value == float("inf"):
+                return "diverges"
+            return figure(None if value is None else factor * value, 3)
+
         run = [k for k in COLUMNS if any(getattr(row, k) is not None for row in self)]
         head = ("observer", *(COLUMNS[k][0] for k in run))
-        rows = [(row.name, *(_cell(getattr(row, k), COLUMNS[k][1]) for k in run)) for row in self]
+        rows = [(row.name, *(cell(getattr(row, k), COLUMNS[k][1]) for k in run)) for row in self]
         return Grid(head, "l" + "r" * len(run), tuple(rows))
 
     def __repr__(self) -> str:
@@ -167,12 +172,6 @@ class ObserverComparison(ComparedRows[Compared]):
         for name, why in self.refused.items():
             reasons.setdefault(why, []).append(name)
         return [f"{', '.join(names)} left out: {why}" for why, names in reasons.items()]
-
-
-def _cell(value: float | None, factor: float) -> str:
-    if value is not None and value == float("inf"):
-        return "diverges"
-    return figure(None if value is None else factor * value, 3)
 
 
 @shows_progress
@@ -274,9 +273,17 @@ def compare_observers(
     True
     """
     model_first(p, observers, "observers")
-    model = _complete(as_model(p, "p").with_defaults())
+    model = as_model(p, "p").with_defaults()
+    if missing := [k for k, v in model.values().items() if v is None]:
+        raise InputError(
+            f"p: a comparison of observers needs {', '.join(missing)} of the drive; give a model "
+            "with all its values."
+        )
     wanted, chosen = _chosen_scenarios(scenarios), chosen_observers(observers)
-    chosen, refused = _able(chosen, model)
+    why = {name: unknown(name, model) for name in chosen}
+    if not (able := [name for name in chosen if why[name] is None]):
+        raise InputError(f"{chosen[0]} cannot be compared: {why[chosen[0]]}")
+    refused = {k.removesuffix("_observer"): v for k, v in why.items() if v is not None}
     terms = Terms(model, positive(k, "k", "1/s"), flag(equal, "equal"))
     levels = Levels(
         positive(wrong, "wrong", "as a factor of friction"),
@@ -288,31 +295,11 @@ def compare_observers(
         _rates(rates),
     )
     report, rows = reporter(progress), []
-    for i, name in enumerate(chosen):
-        part = part_of(report, i / len(chosen), (i + 1) / len(chosen))
+    for i, name in enumerate(able):
+        part = part_of(report, i / len(able), (i + 1) / len(able))
         rows.append(Bench(terms, name, levels).compared(wanted, part))
     said = levels.summary() | {"k": terms.k, "equal": terms.equal, "model": model.name}
     return ObserverComparison(rows, said, refused)
-
-
-def _complete(model: Model) -> Model:
-    """Return the model, if it has all its values."""
-    missing = [k for k, v in model.values().items() if v is None]
-    if missing:
-        raise InputError(
-            f"p: a comparison of observers needs {', '.join(missing)} of the drive; give a model "
-            "with all its values."
-        )
-    return model
-
-
-def _able(names: Sequence[str], model: Model) -> tuple[list[str], dict[str, str]]:
-    """Return the observers that can be given their parameters, and why the others cannot."""
-    why = {name: unknown(name, model) for name in names}
-    able = [name for name in names if why[name] is None]
-    if not able:
-        raise InputError(f"{names[0]} cannot be compared: {why[names[0]]}")
-    return able, {k.removesuffix("_observer"): v for k, v in why.items() if v is not None}
 
 
 def _load(given: float | None, model: Model) -> float:
@@ -366,8 +353,9 @@ def _step(resolution: float) -> float:
 
 @dataclass(frozen=True)
 class Levels:
-    """How wrong friction is believed, in all scenarios and in "cycle", and the other parameters;
-    the load in N m, noise and step of the encoder in rad, sample rates in Hz."""
+    """How wrong friction is believed, everywhere and in "cycle"; the other parameters of all;
+    SI.
+    """
 
     wrong: float
     over: float
@@ -419,7 +407,10 @@ class Bench:
         kind = "velocity" if scenario == "velocity" else "position"
         if kind not in self.loops:
             self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
-        values = self._believed(self.levels.wrong if factor is None else factor)
+        made, known = observer_block(self.name), self.terms.values()
+        factor = self.levels.wrong if factor is None else factor
+        levels = (k for k in ("Fc", "Fs") if k in made.parameters)
+        values = {f"{made.name}.{k}": factor * known[k] for k in levels}
         block = "pi" if kind == "velocity" else "pid"
         gains = self.terms.feedback(self.name, GAINS[scenario])
         values |= {f"{block}.{g}": v for g, v in gains.items()} | params
@@ -431,12 +422,6 @@ class Bench:
         self.last = np.asarray(done.states)[..., -1]
         out: Signals = dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
         return out | {"e": out[MEASURED[kind]] - given["r"]}  # of the motion, not of its sensor
-
-    def _believed(self, factor: float) -> dict[str, float]:
-        """Return the levels of friction that the observer believes, by the keys of its block."""
-        made, known = observer_block(self.name), self.terms.values()
-        keys = (k for k in ("Fc", "Fs") if k in made.parameters)
-        return {f"{made.name}.{k}": factor * known[k] for k in keys}
 
     def _error(self, scenario: str, rows: Signals, since: float, **params: float) -> float:
         """Return the RMS error from a time on; infinite where the loop diverges."""
@@ -510,8 +495,9 @@ class Bench:
         return self._error("velocity", _reference(5.0) | {"d": d}, 2.0)
 
     def delay(self) -> float | None:
-        """Return the largest dead time for which the error stays as small as is allowed, by
-        bisection; None where the loop switches so fast that a run takes too long."""
+        """Return the largest dead time that keeps the error small; None where a run takes too
+        long.
+        """
         low, high = 0.0, LATEST
         for _ in range(HALVINGS if self.clean is not None else 0):
             middle = (low + high) / 2

@@ -33,10 +33,8 @@ from ..record.signal_noise import sensor_noise
 from ..simulation.recorded_sensing import sensing_of
 from ..simulation.response import simulate
 from .chance import between
-from .feedforward import sorted_out
 from .gains import controller, observer_gains
-from .loop import SampledLoop, Task, kind_of, unit_of
-from .reference import Course, course
+from .loop import Course, SampledLoop, Task, course, kind_of, sorted_out, unit_of
 
 ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {
@@ -345,23 +343,20 @@ def compensate(
     >>> drive = lg.Model.of(lg.table1(), effects=cogging)
     >>> print(lg.compensate(drive, loop="position", bandwidth=30.0))  # doctest: +SKIP
     """
-    _refuse(loop, kd, table, covariance)
     model, observer = as_model(model), name_of("observer", observer)
+    J = _checked(model, loop, kd, table, covariance)
     record = None if record is None else as_record(record, model.motion)
-    before = replace(model, effects=()) if declared is None else _completed(declared, model)
+    before = _completed(declared, model)
     drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
-    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, _inertia(model))
+    own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, J)
     task, unit = Task(model, loop, own, table), unit_of(loop, model)
-    way = course(reference, record, loop, bandwidth, _timed(task, before))
-    designs = {
-        key: observer_gains(one, observer, K1, K2, gains)
-        for key, one in (("before", before), ("after", model))
-    }
-    controls = {
-        "none": task.control(None),
-        "before": task.control(before, observer, designs["before"].gains),
-        "after": task.control(model, observer, designs["after"].gains),
-    }
+    timed = any(part.block.timed for part in (*model.effects, *before.effects))
+    timed = timed or (table is not None and table.signals[0] == "t")
+    way = course(reference, record, loop, bandwidth, timed)
+    believed = {"before": before, "after": model}
+    designs = {k: observer_gains(one, observer, K1, K2, gains) for k, one in believed.items()}
+    controls = {"none": task.control(None)}
+    controls |= {k: task.control(one, observer, designs[k].gains) for k, one in believed.items()}
     three, report = Three(task, way, controls, _copies(observer)), reporter(progress)
     loops = {key: task.closed(blocks, key) for key, blocks in controls.items()}
     runs, errors, messages = three.simulated(loops, report)
@@ -386,8 +381,8 @@ def compensate(
     )
 
 
-def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
-    """Raise where an argument is of another kind."""
+def _checked(model: Model, loop: Any, kd: Any, table: Any, covariance: Any) -> float:
+    """Return J of the model; raise where an argument is of another kind."""
     if kind_of(loop) == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
     if not (table is None or isinstance(table, Table)):
@@ -396,26 +391,17 @@ def _refuse(loop: Any, kd: Any, table: Any, covariance: Any) -> None:
         raise InputError(
             f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
         )
-
-
-def _inertia(model: Model) -> float:
-    value = model.values()["J"]
-    if value is None:
+    if model.J is None:
         raise InputError(f"{model.name}: J has no value; identify it first.")
-    return value
+    return model.J
 
 
 def _completed(declared: Any, model: Model) -> Model:
     """Return the declared model; values that it does not give are those of the augmented one."""
+    if declared is None:
+        return replace(model, effects=())
     own, known = as_model(declared, "declared"), model.known()
     return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
-
-
-def _timed(task: Task, before: Model) -> bool:
-    """Return whether something in the loops depends on the time."""
-    parts = (*task.model.effects, *before.effects)
-    by_time = task.table is not None and task.table.signals[0] == "t"
-    return by_time or any(part.block.timed for part in parts)
 
 
 def _copies(observer: str | None) -> list[str]:
@@ -436,8 +422,7 @@ class Drives:
     seed: int
 
     def of(self, model: Model) -> list[Model]:
-        """Return models with parameters from the joint distribution, each inside its bounds; one
-        where none is known."""
+        """Return models with parameters from the joint distribution, each inside its bounds."""
         if self.joint is None or not self.joint.names:
             return [model] * (1 if self.joint is None else self.number)
         known, limits = model.known(), model.declarations()

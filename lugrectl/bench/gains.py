@@ -11,8 +11,8 @@ from ..blocks.observers import Gain, observer_block
 from ..core.errors import InputError
 from ..core.validation import number, positive, shown
 from ..design import Certificate, certify, design_gains
-from ..design.observer_rules import RULES
-from ..loops.gains import all_at
+from ..design.gains import RULES
+from ..loops.parts import all_at
 from ..simulation.encoder import Sensing
 
 LIGHT = 0.1  # of critical damping; with less damping by sigma1 design_gains is not used
@@ -37,8 +37,7 @@ def fastest(sensing: Sensing) -> float:
 
 
 def correction(known: Mapping[str, Any], bandwidth: float) -> float:
-    """Return k of the observers that the tracking error corrects: as much integral as the PI of
-    this crossover has."""
+    """Return k that adds as much integral as the PI of this crossover has."""
     if not known.get("sigma0"):
         return K
     k = known["J"] * bandwidth**2 / 20.0 / known["sigma0"]
@@ -50,6 +49,14 @@ def lacking(name: str, model: Model) -> list[str]:
     """Return the parameters that an observer must know and a model does not give."""
     needs, have = observer_block(name).parameters, model.values()
     return [k for k in LUGRE if k in needs and have.get(k) is None]
+
+
+def unknown(name: str, model: Model) -> str | None:
+    """Return why an observer cannot be given its parameters; None if it can."""
+    if not (missing := lacking(name, model)):
+        return None
+    law = model.friction.block.name
+    return f"it must know {', '.join(missing)}, which the model with {law} friction does not have."
 
 
 def designed(

@@ -5,27 +5,218 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import control as ct
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..blocks import controllers
-from ..blocks.block import unit_for
+from ..blocks.block import Block, unit_for
 from ..blocks.drive import dead_time
 from ..blocks.model import Model
-from ..blocks.plant import plant, sensor
+from ..blocks.observers import observer_block
+from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
-from ..core.validation import shown
+from ..core.validation import array, shown
+from ..engine.runtime.sampled_run import interpreted
 from ..estimates.findings import Table
-from ..loops.compensated import MEASURED, Control, read_of
-from ..loops.parts import OUTPUTS, connected
+from ..loops.parts import MEASURED, OUTPUTS, Control, connected, read_of
+from ..record import Record
 from ..simulation.encoder import Sensing, encoder
 from ..simulation.sampled_response import COARSE, simulate_sampled
 from ..simulation.stepped_block import at_samples
-from .feedforward import effects_torque
+
+SAMPLES = 4000
+LONGEST = 30.0  # s of simulated time
+SLOWEST = 10.0  # s, longest period of the default reference
+PERIODS, SETTLED = 1.25, 0.25  # of a sine: simulated, and left out of the error
+FEWEST, MOST = 20, 50_000  # samples of them
+USUAL = 0.8  # of a record's speed
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Times, position, speed and acceleration of the reference, and a summary of it."""
+
+    t: np.ndarray
+    theta: np.ndarray
+    w: np.ndarray
+    a: np.ndarray
+    summary: dict[str, float] = field(default_factory=dict)
+
+    def rows(self, kind: str) -> dict[str, np.ndarray]:
+        """Return the reference r of a kind of loop and its derivatives, by name."""
+        if kind == "velocity":
+            return {"r": self.w, "dr": self.a}
+        return {"r": self.theta, "dr": self.w, "ddr": self.a}
+
+
+def sine(
+    t: np.ndarray, speed: float, frequency: float, start: float = 0.0, phase: float = 0.0
+) -> Course:
+    """Return a sine of the speed (rad/s, Hz) that begins at a position and a phase."""
+    turn = 2.0 * np.pi * frequency
+    x = turn * t + phase
+    theta = start + speed / turn * (np.cos(phase) - np.cos(x))
+    return Course(t, theta, speed * np.sin(x), speed * turn * np.cos(x))
+
+
+def samples(periods: float, frequency: float, rate: float) -> int:
+    """Return the number of samples of so many periods."""
+    return round(periods / frequency * rate) + 1
+
+
+def enough_samples(frequency: float, rate: float, what: str) -> int:
+    """Return the number of samples of a run; InputError where they are too few or too many."""
+    n = samples(PERIODS, frequency, rate)
+    if not FEWEST <= n <= MOST:
+        raise InputError(
+            f"{what} takes {n} samples, outside {FEWEST} to {MOST}: give another frequency."
+        )
+    return n
+
+
+def course(
+    given: tuple[ArrayLike, ArrayLike] | None,
+    record: Record | None,
+    kind: str,
+    bandwidth: float,
+    timed: bool,
+) -> Course:
+    """Return the reference; ``timed``: as long as the record, for effects that depend on time."""
+    if given is not None:
+        return _given(given, kind)
+    speed, travel, centre, duration = _range(record)
+    pulse = min(max(speed / travel, 2.0 * np.pi / SLOWEST), bandwidth / 5.0)
+    travel = min(travel, speed / pulse)
+    length = min(max(6.0 * np.pi / pulse, duration if timed else 0.0), LONGEST)
+    frequency = pulse / (2.0 * np.pi)
+    way = sine(np.linspace(0.0, length, SAMPLES + 1), travel * pulse, frequency, centre - travel)
+    way.summary.update(peak_speed=travel * pulse, frequency=frequency, duration=length)
+    return way
+
+
+def _given(given: Any, kind: str) -> Course:
+    if not isinstance(given, (list, tuple, np.ndarray)) or len(given) != 2:
+        raise InputError(f"reference must be a pair of times and values, not {shown(given)}.")
+    t, r = (array(x, f"reference: {what}") for x, what in zip(given, ("t", "r"), strict=True))
+    if t.ndim != 1 or t.shape != r.shape or len(t) < 3 or not np.all(np.isfinite([t, r])):
+        raise InputError("reference must be (t, r): at least 3 finite times and as many values.")
+    if np.any(np.diff(t) <= 0.0):
+        raise InputError("the times of the reference must increase.")
+    first = np.gradient(r, t)
+    moves = (np.zeros_like(r), r, first)
+    if kind == "position":
+        moves = r, first, np.gradient(first, t)
+    summary = {"peak_speed": float(np.max(np.abs(moves[1]))), "duration": float(t[-1] - t[0])}
+    return Course(t, *moves, summary)
+
+
+def speed_of(record: Record) -> float:
+    """Return the speed of the usual reference."""
+    return _range(record)[0]
+
+
+def top_speed(record: Record) -> float:
+    """Return what the speed exceeds in a twentieth of the time, less a margin; 0 without motion."""
+    w, theta = record.w, record.theta
+    if w is None and theta is not None:
+        n = max(1, round(0.02 / record.dt))
+        w = (theta[n:] - theta[:-n]) / (n * record.dt)
+    return 0.0 if w is None or not len(w) else USUAL * float(np.nanquantile(np.abs(w), 0.95))
+
+
+def _range(record: Record | None) -> tuple[float, float, float, float]:
+    """Return speed, half travel and centre, well inside the record's range, and its duration."""
+    if record is not None:
+        theta, speed = record.theta, top_speed(record)
+        if theta is None:
+            theta = np.cumsum(np.zeros(1) if record.w is None else record.w) * record.dt
+        low, high = float(np.nanmin(theta)), float(np.nanmax(theta))
+        if speed > 0.0 and high > low:
+            return speed, 0.4 * (high - low), 0.5 * (low + high), record.samples * record.dt
+    return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
+
+
+_REASONS = (
+    ("input", "it acts between the command and the motor"),
+    ("sensor", "it acts on the sensor signals only"),
+    ("J", "it changes the inertia"),
+)
+
+
+def _why_not(block: Block) -> str | None:
+    """Why an effect's torque cannot be fed forward; None if it can."""
+    if "load_inertia" in block.own:
+        return "the second mass is not measured"
+    return next((why for act, why in _REASONS if act in block.acts), None)
+
+
+def sorted_out(
+    model: Model, table: Table | None
+) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
+    """Return what of a model's effects and a table is compensated, and what is not and why."""
+    reasons = {part.key: _why_not(part.block) for part in model.effects}
+    if table is not None:
+        on_u = table.signals[0] == "u"
+        reasons[table.name] = "it depends on the torque itself" if on_u else None
+    fed = tuple(k for k, why in reasons.items() if why is None)
+    return fed, tuple((k, why) for k, why in reasons.items() if why is not None)
+
+
+def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
+    """The torque of a model's effects from w_m and theta_m, None for none: -J dw/dt at u = 0."""
+    parts = tuple(part for part in model.effects if _why_not(part.block) is None)
+    if not parts:
+        return None
+    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
+    full, bare = replace(model, effects=parts), replace(model, effects=())
+    made, known = _Resisting(assemble(full), assemble(bare), idle).block(), model.known()
+    return made.system(
+        name=name,
+        inputs=["w_m", "theta_m"],
+        outputs=["u"],
+        **{k: known[k] for k in made.parameters},
+    )
+
+
+@dataclass(frozen=True)
+class _Resisting:
+    """What ``full`` resists at u = 0 beyond ``bare``; ``idle``: the friction is the same in
+    both.
+    """
+
+    full: Block
+    bare: Block
+    idle: bool
+
+    def __call__(self, t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
+        first, second = len(self.full.states) - 2, len(self.bare.states) - 2
+        given = (0.0,) * (first + second) if self.idle else x
+        F, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *given[:first], **values)
+        resisting = -values["J"] * dw
+        if self.idle:  # both contain the same friction, which cancels
+            return (resisting - F,)
+        own = {k: values[k] for k in self.bare.parameters}
+        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *given[first:], **own)
+        return resisting - alone, *rates, *others
+
+    def block(self) -> Block:
+        full, bare = self.full.states[2:], self.bare.states[2:]
+        return Block(
+            name="effects",
+            kind="controller",
+            function=self,
+            inputs=("w", "theta"),
+            outputs=("u",),
+            states=() if self.idle else (*full, *(f"{s}_bare" for s in bare)),
+            parameters=self.full.parameters,
+            timed=True,
+        )
+
 
 FASTEST = 1.5  # of the largest speed of the reference
 TURNS = {"velocity": "rad/s", "position": "rad"}
@@ -33,8 +224,9 @@ TURNS = {"velocity": "rad/s", "position": "rad"}
 
 @dataclass(frozen=True)
 class Task:
-    """The parts common to several loops: drive model, kind of loop, gains of the controller, a
-    table that acts on the drive, and whether there is noise of the torque."""
+    """What loops share: drive, kind, gains, a table that acts on the drive, noise of the torque
+    or none.
+    """
 
     model: Model
     kind: str
@@ -48,16 +240,14 @@ class Task:
         """Return the blocks of the controller, which compensates by a model (None: nothing)."""
         if believed is None:
             return Control(self.kind, self.controller).blocks(self.model)
-        made = Control(self.kind, self.controller, observer, gains or {})
-        return made.blocks(believed) + self._fed(believed)
-
-    def _fed(self, believed: Model) -> list[Any]:
-        """Return the blocks that feed torques forward; the table only with the drive's model."""
-        made, table = [effects_torque(believed)], self.table
+        made = Control(self.kind, self.controller, observer, gains or {}).blocks(believed)
+        if (torque := effects_torque(believed)) is not None:
+            made.append(torque)
+        table = self.table  # fed forward with the drive's own model only
         if believed is self.model and table is not None and table.signals[0] != "u":
             signals = [MEASURED[s] for s in table.signals if s != "t"]
             made.append(table.block(name="table_effect", inputs=signals, outputs=["u"]))
-        return [block for block in made if block is not None]
+        return made
 
     def closed(self, control: Sequence[Any], name: str) -> ct.InterconnectedSystem:
         """Return the loop in continuous time."""
@@ -96,8 +286,8 @@ def unit_of(kind: str, model: Model) -> str:
 class SampledLoop:
     """A loop in a sampled drive: its controller is built once, for many drives.
 
-    ``fastest``: the largest speed of the reference; ``start``: the states that are not 0 at first,
-    by block and name; ``bodies``: drives that were built before.
+    ``fastest`` is the largest speed of the reference, ``start`` has the states that are not 0 at
+    first, ``bodies`` the drives that were built before.
     """
 
     def __init__(
@@ -129,8 +319,9 @@ class SampledLoop:
         seed: int = 0,
         **params: float,
     ) -> dict[str, np.ndarray]:
-        """Return the signals of a drive by name: ``rows`` has the reference and a load d,
-        ``torque`` is the noise of u in N m. Raises Diverged."""
+        """Return the signals of a drive by name; ``torque`` is the noise of u in N m. Raises
+        Diverged.
+        """
         model, sensing = model or self.task.model, sensing or self.sensing
         body, names = self._body(model)
         t = sensing.dt * np.arange(len(rows["r"]))
@@ -184,3 +375,103 @@ def usual_points(model: Model, fastest: float) -> list[dict[str, float]]:
         | {"xi": known["J"] * w + known.get("sigma1", 0.0) * z}
         for w in (0.0, 0.1 * fastest, fastest)
     ]
+
+
+LAM = 20.0  # 1/s, of the sliding error in a position loop
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is equal for all observers, and how their own feedback is made up for.
+
+    An observer that is corrected by k e is a controller k (sigma1 s + sigma0)/(s + a) as well,
+    a = sigma0 |w|/h(w). The others get the same as kp + sigma1 k and ki + sigma0 k. ``designed``
+    holds the gains of observers by name; k goes before a k in it. ``ahead``: the velocity loop
+    has the feed-forward J dr; the position loop always has J ddr. ``bodies``: drives already built.
+    """
+
+    model: Model
+    k: float
+    equal: bool
+    designed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    ahead: bool = False
+    bodies: dict[Any, Any] = field(default_factory=dict)
+
+    def values(self) -> dict[str, float]:
+        """Return the parameters of the drive that have a value."""
+        return {k: v for k, v in self.model.values().items() if v is not None}
+
+    def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
+        """Return the gains of the controller beside an observer."""
+        known = self.values()
+        if not self.equal or corrected(name) or "sigma0" not in known:
+            return dict(gains)
+        extra = {"kp": self.k * known.get("sigma1", 0.0), "ki": self.k * known["sigma0"]}
+        return {g: v + extra.get(g, 0.0) for g, v in gains.items()}
+
+    def own(self, name: str, kind: str) -> dict[str, Any]:
+        """Return the gains of an observer; s contains 20 e of position, as its k allows for."""
+        gains = dict(self.designed.get(name, {}))
+        if not corrected(name):
+            return gains
+        on_s = "s" in observer_block(name).inputs and kind == "position"
+        return gains | {"k": self.k / LAM if on_s else self.k}
+
+    def control(
+        self, name: str, kind: str, gains: Mapping[str, float], believed: Mapping[str, float]
+    ) -> list[Any]:
+        """Return the blocks of the controller; ``believed`` goes before the values of the drive."""
+        known = {k: v for k, v in believed.items() if k in observer_block(name).parameters}
+        own, ahead = self.own(name, kind) | known, self.ahead or kind == "position"
+        return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
+
+    def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
+        """Return the loop in continuous time, with noise of position and velocity and the load
+        torque d.
+        """
+        parts = [
+            plant(self.model, inputs=["u_late", "d"]),
+            dead_time(0.0, inputs=["u"], outputs=["u_late"]),
+            sensor(self.model, outputs=["w_s", "theta_s"]),
+            ct.summing_junction(["theta_s", "n_theta"], "theta_m", name="encoder"),
+            ct.summing_junction(["w_s", "n_w"], "w_m", name="speed"),
+            *self.control(name, kind, gains, {}),
+        ]
+        inputs = [*read_of(parts), "n_theta", "n_w", "d"]
+        return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
+
+    def run(
+        self,
+        control: Sequence[Any],
+        kind: str,
+        sensing: Sensing,
+        fastest: float,
+        rows: Mapping[str, np.ndarray],
+    ) -> dict[str, np.ndarray]:
+        """Return the signals of a sampled drive by name. Raises Diverged."""
+        task = Task(self.model, kind, {}, noisy=False)
+        loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
+        with interpreted():  # each loop runs a few times only
+            return loop.run(rows)
+
+
+def corrected(name: str) -> bool:
+    """Return whether an observer is corrected by the tracking error."""
+    made = observer_block(name)
+    return bool({"e", "s"} & {*made.inputs}) and "k" in made.parameters
+
+
+def wrong(
+    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
+) -> dict[str, dict[str, float]]:
+    """Return what an observer may believe: each group of its parameters wrong together, each
+    way.
+    """
+    needs, cases = observer_block(name).parameters, {}
+    for group in groups:
+        keys = [k for k in group if k in needs and known.get(k)]
+        for way in (-1.0, 1.0) if any(off.get(k) for k in keys) else ():
+            factors = {k: 1.0 + way * off.get(k, 0.0) for k in keys}
+            largest = max(factors.values(), key=lambda factor: abs(factor - 1.0))
+            cases[f"{', '.join(keys)} x{largest:g}"] = {k: f * known[k] for k, f in factors.items()}
+    return cases

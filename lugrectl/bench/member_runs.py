@@ -1,24 +1,79 @@
-"""A sampled loop on drives that are not exactly its model: the error of each, and its rest."""
+"""Drives that a log leaves possible, and a sampled loop on each: its error, and its rest."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..blocks import controllers
 from ..blocks.model import Model
-from ..core.errors import Diverged, Refused
+from ..core.errors import Diverged, InputError, Refused
 from ..core.jobs import JobError, run_jobs
 from ..core.progress import Progress
+from ..estimates.fitted import Fitted
+from ..estimates.members import Belief, refuse_unknown
+from ..record import Record
 from ..simulation.encoder import Sensing
-from .loop import FASTEST, SampledLoop, Task
-from .reference import PERIODS, SETTLED, samples, sine
+from ..simulation.recorded_sensing import sensing_of
+from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sine, speed_of
+
+
+def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
+    """The models with their distributions, and the drive as recorded, of a result or its report."""
+    if isinstance(p, Fitted):
+        if p.model is None:
+            raise Refused("the record was refused, so that there is no model to compensate with.")
+        return _sure(p.beliefs()), seen_in(p.record, p.torque_noise)
+    what = "p"
+    if isinstance(p, (str, Path)):
+        what = str(p)
+        try:
+            p = json.loads(Path(p).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
+        except ValueError as error:
+            raise InputError(f"{p}: not a JSON document ({error}).") from None
+    if not isinstance(p, Mapping) or "members" not in p or p.get("schema", 1) != 1:
+        raise InputError(
+            f"{what} must be a result or the report.json of one, by this version of lugrectl."
+        )
+    if not p["members"]:
+        raise Refused("the record was refused, so that there is no model to compensate with.")
+    return _sure(tuple(Belief.read(one) for one in p["members"])), p.get("drive") or {}
+
+
+def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
+    """A drive as it was recorded, as under "drive" in the JSON document, SI.
+
+    A noise of theta below that of its rounding is none: a log does not tell the two apart, and
+    noise that is not there would hide what rounding does to a loop.
+    """
+    if record is None:
+        return {}
+    made = sensing_of(record)
+    return {
+        "rate": 1.0 / made.dt,
+        "resolution": made.resolution,
+        "noise": made.noise if made.noise > made.resolution / np.sqrt(12.0) else 0.0,
+        "speed_noise": made.speed_noise,
+        "torque": torque,
+        "speed": speed_of(record),
+    }
+
+
+def _sure(beliefs: tuple[Belief, ...]) -> tuple[Belief, ...]:
+    for one in beliefs:
+        refuse_unknown(one)
+    return beliefs
+
 
 RESTS, UNDECIDED, HUNTS = 0.0, 1.0, 2.0
 CONSTANT = 1e-6  # of its range, by which the torque of a drive at rest still moves
@@ -66,8 +121,9 @@ def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last
 
 
 def _one_way(u: np.ndarray, range_u: float) -> bool:
-    """Whether means of the torque move along a line, by far more than they lie about it, and so
-    fast that a thousand such runs would cross its range."""
+    """Whether the torque moves along a line, by far more than it lies about it, and not too
+    slowly.
+    """
     means = np.array([np.mean(part) for part in np.array_split(u, BLOCKS)])
     place = np.arange(BLOCKS)
     line = np.polyval(np.polyfit(place, means, 1), place)
@@ -86,8 +142,9 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What is equal for all members: controller and believed model, sensor, noise of the torque in
-    N m, and the reference, a sine of speed ``speed`` (rad/s) at ``frequency`` (Hz), from rest."""
+    """What is equal for all members: controller, belief, sensor, and a sine of the speed from
+    rest.
+    """
 
     task: Task
     sensing: Sensing
@@ -149,8 +206,9 @@ def _built(
 
 
 def grows(setting: Setting) -> bool:
-    """Return whether the loop without compensation and dry friction is unstable, by its own motion
-    after a step: exponentials that grow are the largest at the end, and larger than before."""
+    """Return whether the loop without compensation and dry friction swings ever more after a
+    step.
+    """
     known = setting.task.model.known()
     free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
     task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
@@ -176,13 +234,13 @@ class Tracking:
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
         """Return RMS errors (members, choices)."""
-        return np.array([self._errors(choice, members) for choice in self.choices]).T
-
-    def _errors(self, choice: Choice, members: Sequence[tuple[Model, int]]) -> list[float]:
-        made, loop = self.setting, self.setting.loop(choice)
+        made, columns = self.setting, []
         rows, counted = made.rows(PERIODS), slice(made.samples(SETTLED), None)
-        own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
-        return [loop.error(rows, model, counted, seed=seed, **own) for model, seed in members]
+        for choice in self.choices:
+            loop = made.loop(choice)
+            own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
+            columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+        return np.array(columns).T
 
 
 @dataclass(frozen=True)
@@ -194,8 +252,9 @@ class Waiting:
     still: float
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return a :class:`Rest` of each (members, 2): after a stop and after a step, the worse of
-        the two; without noise, so that the torque of a drive at rest stays as it is."""
+        """Return a :class:`Rest` of each: after a stop and after a step without noise, the worse
+        of both.
+        """
         starts = (self.setting.stopped, self.setting.stepped)
         return np.array([max(self._rest(model, start) for start in starts) for model, _ in members])
 

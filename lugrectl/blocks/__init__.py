@@ -10,13 +10,10 @@ AUTO = "auto"  # in place of a friction law: the one that predicts best
 DECLARING = (
     "effects",
     "friction",
-    "bristle_laws",
-    "multi_element_laws",
     "observers",
     "controllers",
     "drive",
     "sliding_control",
-    "repetitive_control",
     "dead_time_control",
 )
 

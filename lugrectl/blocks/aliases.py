@@ -56,11 +56,7 @@ def own() -> str:
 
 
 def name_of(kind: str, given: Any) -> Any:
-    """The name of a block that stands in its place, as ``lg.block`` or a factory gives it.
-
-    Anything else is returned as it is. InputError for a block of another kind, and for a system,
-    which has values of its own.
-    """
+    """The name of a block that stands in its place; anything else but a system as it is."""
     if isinstance(given, Block):
         if given.kind != kind:
             raise InputError(
@@ -96,22 +92,8 @@ def listed(kind: str, given: Any) -> Any:
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
     """The registered block that a name means; an effect may be called by a common name.
 
-    A registered name goes first, so a user's own effect ``cogging`` is not ``torque_ripple``.
-    Capitals, spaces and hyphens make no difference.
-
-    Parameters
-    ----------
-    kind : str
-        "effect", "friction", "observer" or "controller".
-    name : str
-        A registered or a common name, or the block itself.
-    where, what : str
-        What the sentence of the error starts with, and what it calls the kind.
-
-    Raises
-    ------
-    InputError
-        When no block has the name; the sentence gives the nearest known name, or all.
+    A registered name goes first, so a user's own effect ``cogging`` is not ``torque_ripple``. The
+    sentence of the error starts with ``where`` and calls the kind ``what``.
     """
     known, name = members(kind), name_of(kind, name)
     if isinstance(name, str) and name in known:
@@ -137,7 +119,8 @@ def meant(name: Any, known: Iterable[str]) -> str:
     """What a sentence says of a mistyped name: the nearest known one, or all."""
     spelt = {_spelling(k): k for k in known}
     near = difflib.get_close_matches(_spelling(name), [*spelt], n=1)
-    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {', '.join(spelt.values())}."
+    all_of = ", ".join(spelt.values()) or "none"
+    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {all_of}."
 
 
 def also_called(kind: str, name: str) -> tuple[str, ...]:

@@ -105,6 +105,34 @@ class P:
         return self.unit == "s" and self.low < 0.0
 
 
+class Group(dict[str, P]):
+    """Parameters that a function takes as the attributes of one argument, an object of a kind."""
+
+    def __init__(self, kind: type, **parameters: P) -> None:
+        super().__init__(parameters)
+        self.kind = kind
+
+
+@dataclass(frozen=True)
+class Grouped:
+    """The function of a block that takes groups of parameters: argument, kind and names of each."""
+
+    function: Callable[..., Any]
+    groups: tuple[tuple[str, type, tuple[str, ...]], ...]
+
+    def __post_init__(self) -> None:
+        for key in ("__doc__", "__name__", "__qualname__", "__code__"):
+            object.__setattr__(self, key, getattr(self.function, key))
+
+    def __call__(self, *signals: Any, **values: Any) -> Any:
+        for key, kind, names in self.groups:
+            values[key] = kind(**{k: values.pop(k) for k in names})
+        return self.function(*signals, **values)
+
+    def is_steady(self) -> bool:
+        return is_steady(self.function)
+
+
 @dataclass(frozen=True, repr=False)
 class Block(Shown):
     """A pure function with declared signals; ``system()`` makes it a python-control block."""
@@ -297,8 +325,9 @@ def is_ours(home: str) -> bool:
 
 
 class Called:
-    """A block with values: ``keys`` of python-control by parameter, and ``functions`` of the
-    user in place of parameters."""
+    """A block with values: python-control's ``keys`` by parameter, and ``functions`` of the
+    user.
+    """
 
     __slots__ = ("__weakref__", "_fresh", "_steady", "block", "functions", "keys", "name")
 
@@ -333,8 +362,7 @@ class Called:
         return {q: p.value for q, p in self.declared.items() if p.smooths}
 
     def rests_on(self) -> tuple[Any, ...] | None:
-        """The systems whose state decides the answers besides the arguments: none; None where
-        anything else may."""
+        """The systems whose state decides the answers too: none; None where anything else may."""
         return () if self._steady else None
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
@@ -397,10 +425,8 @@ class WithInputs:
 
 
 def is_steady(value: Any) -> bool:
-    """Whether a value cannot change, nor what it reads when it is called.
-
-    True of numbers, texts, blocks and functions of this package, and of what is built from them
-    alone; False of everything else, a function of the user first of all.
+    """Whether neither a value nor what it reads can change: numbers, texts, what is of this
+    package.
     """
     if value is None or isinstance(value, (bool, int, float, str)):
         return True

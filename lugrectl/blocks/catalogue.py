@@ -15,7 +15,7 @@ from itertools import zip_longest
 from typing import Any, TypeVar, overload
 
 from ..core.errors import InputError
-from ..core.result import NamedRows, library
+from ..core.result import NamedRows, library, plain
 from ..core.validation import shown
 from . import DECLARING
 from . import effects as _effects  # noqa: F401  fills the registry
@@ -80,7 +80,10 @@ class Entry:
         facts = {
             "name": self.name,
             "equation": self.equation,
-            "parameters": {k: _facts(p) for k, p in self.parameters.items()},
+            "parameters": {
+                k: plain({f: getattr(p, f) for f in ("value", "low", "high", "neutral", "unit")})
+                for k, p in self.parameters.items()
+            },
             "source": self.source or None,
             "about": self.about,
         }
@@ -113,6 +116,11 @@ class Entry:
         names = ", ".join(_labels(self))
         rows = [self.equation, f"parameters: {names or 'none'}", *self._relations()[1:]]
         return "\n".join([self.name, *(_filled(row, "  ", "    ") for row in rows)])
+
+    def has(self, words: Sequence[str]) -> bool:
+        """Whether all words, without capitals and accents, stand in what is said of it."""
+        said = (self.name, *self.also_called, self.equation, self.about, self.source)
+        return all(word in _bare(" ".join(said)) for word in words)
 
     def _parameter_lines(self) -> list[str]:
         lines = ["parameters:"] if self.parameters else ["parameters: none"]
@@ -314,21 +322,15 @@ def controllers(about: str = "") -> Catalogue:
 
 def _listed(kind: str, about: str) -> Catalogue:
     """The blocks in the order of the package's modules, whatever was imported first."""
+    if not isinstance(about, str):
+        raise InputError(f"about = {shown(about)} must be words, such as an author's name.")
     own = [made for name, made in members(kind).items() if name not in VARIANTS]
     rows = [Entry.of(made) for made in sorted(own, key=_place)]
-    found = [row for row in rows if _has(row, about)]
+    found = [row for row in rows if row.has(_bare(about).split())]
     if not found:
         plain = "law" if kind == "friction" else kind
         raise InputError(f"no {plain} is about {shown(about)}; lg.{plain}s() lists all.")
     return Catalogue(kind, found)
-
-
-def _has(entry: Entry, words: Any) -> bool:
-    """Whether all words stand in what is said of an entry."""
-    if not isinstance(words, str):
-        raise InputError(f"about = {shown(words)} must be words, such as an author's name.")
-    said = (entry.name, *entry.also_called, entry.equation, entry.about, entry.source)
-    return all(word in _bare(" ".join(said)) for word in _bare(words).split())
 
 
 def _bare(text: str) -> str:
@@ -339,12 +341,6 @@ def _bare(text: str) -> str:
 def _place(made: Block) -> int:
     module = made.home.removeprefix(f"{__package__}.").split(".")[0]
     return DECLARING.index(module) if module in DECLARING else len(DECLARING)
-
-
-def _facts(p: P) -> dict[str, Any]:
-    values = {k: getattr(p, k) for k in ("value", "low", "high", "neutral")}
-    finite = {k: v if v is not None and math.isfinite(v) else None for k, v in values.items()}
-    return finite | {"unit": p.unit}
 
 
 def _labels(entry: Entry) -> list[str]:
@@ -372,16 +368,15 @@ def _filled(text: str, first: str, later: str | None = None) -> str:
     )
 
 
-def _words(cell: str) -> list[str]:
-    """What is not broken over two lines; a name stays beside its unit."""
-    return re.findall(r"\w+ \[[^]]*\],?|\S+", cell)
+def _kept(cell: str) -> str:
+    """The text with a name kept beside its unit by no-break spaces."""
+    return re.sub(r"\w+ \[[^]]*\]", lambda name: name[0].replace(" ", "\xa0"), cell)
 
 
 def _widths(table: Sequence[Sequence[str]], columns: int) -> list[int]:
     """Of each column its longest word at least, and what is left shared out."""
-    least = [
-        max(len(word) for cell in col for word in _words(cell)) for col in zip(*table, strict=True)
-    ]
+    words = [_kept(" ".join(cells)).split(" ") for cells in zip(*table, strict=True)]
+    least = [max(map(len, each)) for each in words]
     parts = _PARTS[: len(least)]
     left = columns - sum(least) - 2 * (len(least) - 1)
     return [w + max(left, 0) * part // sum(parts) for w, part in zip(least, parts, strict=True)]
@@ -389,17 +384,12 @@ def _widths(table: Sequence[Sequence[str]], columns: int) -> list[int]:
 
 def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
     """Cells side by side, each wrapped to its column."""
-    wrapped = [_wrapped(c, w) for c, w in zip(cells, widths, strict=True)]
+    wrapped = [
+        textwrap.wrap(_kept(c), w, break_long_words=False, break_on_hyphens=False)
+        for c, w in zip(cells, widths, strict=True)
+    ]
     lines = [
         "  ".join(part.ljust(w) for part, w in zip(parts, widths, strict=True)).rstrip()
         for parts in zip_longest(*wrapped, fillvalue="")
     ]
-    return "\n".join(lines)
-
-
-def _wrapped(cell: str, width: int) -> list[str]:
-    lines = [""]
-    for word in _words(cell):
-        longer = f"{lines[-1]} {word}".strip()
-        lines[-1:] = [longer] if len(longer) <= width else [lines[-1], word]
-    return lines
+    return "\n".join(lines).replace("\xa0", " ")

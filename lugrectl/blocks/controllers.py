@@ -153,10 +153,7 @@ def _prefilter_motion(r_cmd, dr_cmd, r, pole=POLE):
 
 
 def tracking_time(kp: float, ki: float, tracking: float | None, of: str) -> float:
-    """The time of the back-calculation in s: the given one, else kp/ki, the integral time.
-
-    InputError where there is no such time, because kp or ki is negative or kp is 0.
-    """
+    """The time of the back-calculation in s: the given one, else kp/ki, the integral time."""
     if tracking is not None:
         return tracking
     gains = number(kp, f"{of}: kp"), number(ki, f"{of}: ki")

@@ -63,15 +63,11 @@ def _coulomb_compensation(ws, ahat, Fv=FV, eps=SMOOTH):
 def smith_velocity(**names: Unpack[Names]):
     """The predicted velocity with the measured error of the prediction: inputs w, wp, wp_late.
 
-    ws = wp + (w - wp_late), the output; wp_late is wp delayed by the dead time of the drive.
+    wp_late is wp delayed by the dead time of the drive.
 
     Returns
     -------
     Without states; output ws in rad/s.
-
-    Raises
-    ------
-    When ``inputs`` or ``outputs`` are not as many names as there are signals.
 
     Notes
     -----
@@ -96,20 +92,9 @@ def smith_velocity(**names: Unpack[Names]):
 def coulomb_predictor(p: Parameters | Model, **names: Unpack[Names]):
     """A drive with the Coulomb friction that an observer has found: inputs u, ahat, output wp.
 
-    J dwp/dt = u - ahat sign(wp) - Fv wp.
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        Gives J and Fv.
-
     Returns
     -------
     State wp in rad/s.
-
-    Raises
-    ------
-    When J or Fv has no value.
 
     Notes
     -----
@@ -138,20 +123,9 @@ def coulomb_predictor(p: Parameters | Model, **names: Unpack[Names]):
 def coulomb_compensation(p: Parameters | Model, **names: Unpack[Names]):
     """The friction at the predicted velocity: inputs ws, ahat, output u.
 
-    u = ahat sign(ws) + Fv ws.
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        Gives Fv.
-
     Returns
     -------
     Without states; output u in N m.
-
-    Raises
-    ------
-    When Fv has no value.
 
     Examples
     --------

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 import itertools
 import math
@@ -14,7 +13,8 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import names, shown
-from .block import REGISTRY, Block, P, is_ours, registered
+from .aliases import meant
+from .block import REGISTRY, Block, Group, Grouped, P, is_ours, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect")
 SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
@@ -28,19 +28,22 @@ SMALL = 1e-9
 def kind_of(kind: str) -> str:
     """A known kind; InputError with the nearest one for anything else."""
     if kind not in KINDS:
-        raise InputError(f"there is no kind of block {kind!r}; {_nearest(kind, KINDS)}")
+        raise InputError(f"there is no kind of block {kind!r}; {meant(kind, KINDS)}")
     return kind
 
 
-def signature(name: str, function: Callable[..., Any], parameter: type) -> tuple[list[str], dict]:
-    """The names of the signals, and the parameters by name; ``parameter`` is the class P."""
-    signals, parameters = [], {}
+def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict, list[Any]]:
+    """The names of the signals, the parameters by name, and those that are taken in groups."""
+    signals, parameters, groups = [], {}, []
     for key, one in inspect.signature(function).parameters.items():
         if one.kind in (one.VAR_POSITIONAL, one.VAR_KEYWORD):
             raise InputError(
                 f"{name}: the function takes *{key}; name each signal and each parameter."
             )
-        if isinstance(one.default, parameter):
+        if isinstance(one.default, Group):
+            parameters |= one.default
+            groups.append((key, one.default.kind, tuple(one.default)))
+        elif isinstance(one.default, P):
             parameters[key] = one.default
         elif one.default is one.empty:
             signals.append(key)
@@ -49,17 +52,11 @@ def signature(name: str, function: Callable[..., Any], parameter: type) -> tuple
                 f"{name}: the default of {key} is {shown(one.default)}; declare the parameter as "
                 f"{key}=P({shown(one.default)}, unit)."
             )
-    return signals, parameters
+    return signals, parameters, groups
 
 
 def check(made: Block, known: Iterable[str]) -> None:
-    """InputError where a declaration cannot be meant.
-
-    Parameters
-    ----------
-    known : iterable of str
-        The parameters of all friction laws, on which an effect may act.
-    """
+    """InputError where a declaration cannot be meant; ``known``: the parameters of all laws."""
     _check_names(made)
     _check_values(made)
     if made.kind in ("effect", "friction"):
@@ -91,7 +88,7 @@ def _check_names(made: Block) -> None:
         )
     for name in made.start:
         if name not in ("0", *made.inputs):
-            raise InputError(f"{made.name}: start names {name!r}; {_nearest(name, made.inputs)}")
+            raise InputError(f"{made.name}: start names {name!r}; {meant(name, made.inputs)}")
 
 
 def _check_values(made: Block) -> None:
@@ -113,7 +110,7 @@ def _check_signals(made: Block) -> None:
     for name in made.inputs:
         if name not in SEEN:
             raise InputError(
-                f"{made.name} reads {name}, a signal that no drive has; {_nearest(name, SEEN)} A "
+                f"{made.name} reads {name}, a signal that no drive has; {meant(name, SEEN)} A "
                 "parameter needs a default: name=P(value, unit)."
             )
     if "load" in made.inputs and (made.load or "input" in made.acts):
@@ -126,7 +123,7 @@ def _check_acts(made: Block, known: Sequence[str]) -> None:
         if act not in ACTS and act.removeprefix("+") not in levels:
             raise InputError(
                 f"{made.name} acts on {act!r}, which no drive has; "
-                f"{_nearest(act.removeprefix('+'), [*ACTS, *levels])}"
+                f"{meant(act.removeprefix('+'), [*ACTS, *levels])}"
             )
     fresh, many = made.fresh, len(made.acts)
     if "sensor" in made.acts and (many > 1 or set(made.outputs) != {*SENSED}):
@@ -237,11 +234,6 @@ def _tried(made: Block, values: dict[str, float], size: float = 1.0) -> tuple[An
     return results if isinstance(results, tuple) else (results,)
 
 
-def _nearest(name: str, known: Sequence[str]) -> str:
-    near = difflib.get_close_matches(name, known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known) or 'none'}."
-
-
 def is_same(known: Block, function: Callable[..., Any], home: str) -> bool:
     """Whether a block is declared again: its function has the same name and the same place."""
     if known.home == home == "__main__":
@@ -258,7 +250,7 @@ def as_function(made: Block) -> Block:
     same = {
         "__doc__": made.function.__doc__,
         "__wrapped__": made.function,
-        "__signature__": inspect.signature(made.function),
+        "__signature__": inspect.signature(getattr(made.function, "function", made.function)),
     }
     for key, value in same.items():
         object.__setattr__(made, key, value)
@@ -387,7 +379,7 @@ def _declared(
     states: tuple[str, ...],
 ) -> Block:
     name = name or function.__name__
-    signals, parameters = signature(name, function, P)
+    signals, parameters, groups = signature(name, function)
     timed = bool(signals) and signals[0] == "t"
     inputs = tuple(s for s in signals[timed:] if s not in states)
     if tuple(signals[timed:]) != inputs + states:
@@ -395,7 +387,7 @@ def _declared(
     return Block(
         name=name,
         kind=kind_of(kind),
-        function=function,
+        function=Grouped(function, tuple(groups)) if groups else function,
         inputs=inputs,
         outputs=out,
         states=states,

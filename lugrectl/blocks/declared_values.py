@@ -52,16 +52,7 @@ class Stated:
 def stated(
     given: Mapping[str, Any], value: float | None, check: Callable[..., Any], where: str
 ) -> Stated:
-    """What the table of a value states, ``{value = 0.285, fixed = true}``.
-
-    ``check(x, where=...)`` raises InputError for a number that the parameter cannot have.
-
-    Raises
-    ------
-    InputError
-        For an unknown key, a bound or a standard deviation that cannot be meant, a value outside
-        its bounds, ``fixed`` or ``std`` without a value.
-    """
+    """What the table of a value states, ``{value = 0.285, fixed = true}``."""
     check_keys(given, KEYS, where)
     fixed, std = given.get("fixed", False), given.get("std")
     if not isinstance(fixed, bool):
@@ -108,13 +99,7 @@ def holding(
     names: Iterable[Any],
     where: str,
 ) -> dict[str, Stated]:
-    """The statements with these values held; the name of an effect holds all of its values.
-
-    Raises
-    ------
-    InputError
-        For a name that is not known, or a value that is not declared.
-    """
+    """The statements with these values held; the name of an effect holds all of its values."""
     made = dict(before)
     for name in names:
         keys = [k for k in values if k == name or k.startswith(f"{name}.")]

@@ -17,7 +17,7 @@ from ..core.errors import InputError
 from ..core.validation import number, one_name, positive, renamed
 from .block import P
 from .declaration import block
-from .effects.actuator import actuator_lag, actuator_saturation, input_delay
+from .effects import actuator_lag, actuator_saturation, input_delay
 from .factories import Names, factory
 
 if TYPE_CHECKING:
@@ -62,8 +62,6 @@ def _notch(
 def limiter(limit: float = np.inf, **names: Unpack[Names]):
     """The torque limit of a drive: input u_cmd, outputs u, excess.
 
-    u = clip(u_cmd, -limit, limit), excess = u - u_cmd.
-
     Parameters
     ----------
     limit : float
@@ -72,10 +70,6 @@ def limiter(limit: float = np.inf, **names: Unpack[Names]):
     Returns
     -------
     Without states; torques in N m.
-
-    Raises
-    ------
-    For a negative limit.
 
     Notes
     -----
@@ -107,10 +101,6 @@ def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]
     -------
     Without states; output w_ref in rad/s.
 
-    Raises
-    ------
-    For a negative limit.
-
     Examples
     --------
     The position is 0.5 rad short; the speed reference is limited to 5 rad/s:
@@ -124,8 +114,6 @@ def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]
 def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: Unpack[Names]):
     """A notch filter against a resonance: input u_cmd, output u.
 
-    u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency.
-
     Parameters
     ----------
     frequency : float
@@ -138,10 +126,6 @@ def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: U
     Returns
     -------
     States band and area in N m.
-
-    Raises
-    ------
-    For a frequency or damping that is not positive, or a depth outside 0 to 1.
 
     Notes
     -----
@@ -322,13 +306,8 @@ def _own(block: Any, params: Mapping[str, Any], place: int) -> Iterator[DeadTime
         return
     parts = getattr(made.function, "parts", ())
     named = [("", made), *((part.prefix, part) for part in parts)]
-    keys = [(f"{prefix}delay", of.states) for prefix, of in named if _is_delay(of)]
-    for key, states in keys:
-        name = answer.keys.get(key)
-        if name is not None:
-            at = place + made.states.index(states[0])
+    for prefix, of in named:
+        name = answer.keys.get(f"{prefix}delay")
+        if name is not None and getattr(of, "block", of).name == input_delay.name:
+            at = place + made.states.index(of.states[0])
             yield DeadTime(block.name, float(params.get(name, block.params[name])), at)
-
-
-def _is_delay(of: Any) -> bool:
-    return getattr(of, "block", of).name == input_delay.name

@@ -111,15 +111,7 @@ def place(home: str) -> str:
 
 
 def fetch(where: str) -> None:
-    """Run the module at a place, a name or the path of a file.
-
-    Raises
-    ------
-    ImportError
-        When there is no such module.
-    InputError
-        As :func:`load_blocks`.
-    """
+    """Run the module at a place, a name or the path of a file."""
     if where.endswith(".py"):
         load_blocks(where)
     else:
@@ -140,15 +132,10 @@ def load_installed() -> None:
         except Exception as error:
             said = " ".join(f"{type(error).__name__}: {error}".split())
             said = str(error) if isinstance(error, InputError) else said
-            warnings.warn(
-                f"the blocks of {_named(entry)} are not there: {said}", NotLoaded, stacklevel=2
-            )
-
-
-def _named(entry: Any) -> str:
-    owner = getattr(entry.dist, "name", None)
-    of = f"the package {owner}" if owner else "an installed package"
-    return f"{of} ({entry.name} = {entry.value})"
+            owner = getattr(entry.dist, "name", None)
+            of = f"the package {owner}" if owner else "an installed package"
+            of += f" ({entry.name} = {entry.value})"
+            warnings.warn(f"the blocks of {of} are not there: {said}", NotLoaded, stacklevel=2)
 
 
 def _read(path: str | Path) -> tuple[Path, bytes]:
@@ -246,13 +233,7 @@ def found(kind: str, name: str, home: str) -> Block | None:
 
 
 def declared(kind: str, name: str, home: str) -> Block:
-    """A registered block, its module imported where that is needed.
-
-    Raises
-    ------
-    InputError
-        When this session has no such block.
-    """
+    """A registered block, its module imported where that is needed; InputError if there is none."""
     made = found(kind, name, home)
     if made is None:
         where = "the notebook cell or script" if home == "__main__" else f"the module {home}"

@@ -1,8 +1,9 @@
 """Factories: public functions that make a python-control block of a drive's values.
 
 A factory is written as its own arguments, ``**names`` and a docstring without what is the same in
-all of them; :func:`factory` adds that. It needs a body only if it does more than give the block its
-values::
+all of them, and without what its block says: the equation, the values that it takes from p, and
+that these and its bounds are checked. :func:`factory` adds that. It needs a body only if it does
+more than give the block its values::
 
     @factory(_natural)
     def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
@@ -51,11 +52,8 @@ def factory(
 ) -> Callable[[Callable[Arguments, Any]], Callable[Arguments, ct.NonlinearIOSystem]]:
     """Complete a factory: the arguments of :class:`Names`, its docstring, and its body.
 
-    Parameters
-    ----------
-    made : Block, optional
-        What a factory without a body builds: with its arguments as the block's parameters, and
-        the rest of them from ``p`` if that is the first argument.
+    One without a body builds ``made``, with its arguments as the block's parameters, and the rest
+    of them from ``p`` if that is the first argument.
     """
 
     def complete(
@@ -72,24 +70,23 @@ def factory(
                 return body(**values)
             return believed(made, **values) if "p" in values else made.system(**values)
 
-        build.__doc__, build.__dict__["__signature__"] = _completed(written), signature
+        build.__doc__, build.__dict__["__signature__"] = _completed(written, made), signature
         return build
 
     return complete
 
 
 def _with_names(written: Callable[..., Any]) -> inspect.Signature:
-    """The signature with the three names in place of ``**names``."""
+    """The signature with the three names in place of ``**names``, or before ``**gains``."""
     signature = inspect.signature(written)
-    own = [p for key, p in signature.parameters.items() if key != "names"]
-    if len(own) == len(signature.parameters):
-        return signature.replace(return_annotation=RETURNED)
+    *own, more = signature.parameters.values()
     named = {"name": ("str", written.__name__)}
     named |= {key: ("Sequence[str] | None", None) for key in ("inputs", "outputs")}
     own += [
         inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
         for key, (kind, default) in named.items()
     ]
+    own += [] if more.name == "names" else [more]
     return signature.replace(parameters=own, return_annotation=RETURNED)
 
 
@@ -114,20 +111,44 @@ def _binding(name: str, signature: inspect.Signature) -> Callable[[Any, Any], di
     return bound
 
 
-def _completed(written: Callable[..., Any]) -> str:
-    """The docstring with the names, and the kinds of what is returned and raised."""
+def _completed(written: Callable[..., Any], made: Block | None) -> str:
+    """The docstring with what the block says, the names, and what is returned and raised."""
     parts = [part for part in (inspect.getdoc(written) or "").split("\n\n") if part]
+    heads = [part.split("\n", 1)[0] for part in parts]
+    at = heads.index("Returns")
+    if heads[at - 1] != "Parameters":
+        parts.insert(at, "Parameters\n----------")
+        at += 1
+    parts[at - 1] += f"\n{_NAMES}"
+    if made is not None:
+        _describe(made, parts, at, "p" in inspect.signature(written).parameters)
     for i, part in enumerate(parts):
         head, *text = part.split("\n", 2)
         if head in _KINDS:
             said = textwrap.indent(text[1], "    ")
             parts[i] = f"{head}\n{text[0]}\n{_KINDS[head]}\n{said}"
-    at = next(i for i, part in enumerate(parts) if part.startswith("Returns\n"))
-    has = parts[at - 1].startswith("Parameters\n")
-    parts[at - has : at] = [
-        f"{parts[at - 1]}\n{_NAMES}" if has else f"Parameters\n----------\n{_NAMES}"
-    ]
     return "\n\n".join(parts)
+
+
+def _describe(made: Block, parts: list[str], at: int, of_drive: bool) -> None:
+    """Add equation, p and Raises to the parts of a docstring; Returns is the part ``at``."""
+    known = ", ".join(_from_drive(made))
+    refused = [f"p has no value of {known}"] if of_drive else []
+    refused += ["a value is out of its bounds"] if made.parameters else []
+    refused += ["``inputs`` or ``outputs`` are not one name for each signal"]
+    said = textwrap.fill(f"When {', or '.join(refused)}.", 92, break_on_hyphens=False)
+    parts.insert(at + 1, f"Raises\n------\n{said}")
+    if of_drive and "\np : " not in parts[at - 1]:
+        first = known.split(",")[0]
+        said = f"p : Parameters or Model\n    Gives {known}: ``{made.name}.{first}`` ..."
+        parts[at - 1] = parts[at - 1].replace("----------", f"----------\n{said}", 1)
+    if made.equation.rstrip(".,") not in parts[0]:
+        parts.insert(1, made.doc)
+
+
+def _from_drive(made: Block) -> list[str]:
+    """The parameters of a block that the values of a drive give: J and those of LuGre."""
+    return [k for k in ("J", *lugre.parameters) if k in made.parameters]
 
 
 def believed(
@@ -139,16 +160,10 @@ def believed(
     outputs: Sequence[str] | None = None,
     **gains: Any,
 ) -> ct.NonlinearIOSystem:
-    """An observer or controller with those of J and the LuGre parameters that it has, from p.
-
-    Raises
-    ------
-    InputError
-        For an unknown gain, or when p does not give a parameter that the block needs.
-    """
+    """An observer or controller with those of J and the LuGre parameters that it has, from p."""
     model = as_model(p, "p")
     have = model.values()
-    needed = [k for k in ("J", *lugre.parameters) if k in made.parameters and k not in gains]
+    needed = [k for k in _from_drive(made) if k not in gains]
     missing = [k for k in needed if have.get(k) is None]
     if missing:
         raise InputError(

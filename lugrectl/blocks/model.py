@@ -369,14 +369,7 @@ def _value_row(
 
 
 def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = "") -> Model:
-    """Build a model from a dictionary nested like the TOML file, its ``blocks`` in ``folder``.
-
-    Raises
-    ------
-    InputError
-        For an unknown key, friction model or effect, a value that is not a number or is outside
-        its bounds, or what cannot be meant of it; the message starts with ``where``.
-    """
+    """Build a model from a dictionary nested like the TOML file, its ``blocks`` in ``folder``."""
     check_keys(data, _FILE, where)
     blocks = load_named(data.get("blocks", []), folder, where)
     motion = data.get("motion", "rotary")
@@ -691,16 +684,13 @@ def _effects(given: Any) -> list[Any]:
         given = [given]
     if not isinstance(given, Iterable):
         raise InputError(f"effects must be a list of names or dicts, not {shown(given)}.")
-    return [_entry(one) for one in given]
+    return [_entry(name_of("effect", one)) for one in given]
 
 
 def _entry(given: Any) -> Any:
-    given = name_of("effect", given)
-    if isinstance(given, str):
-        return {"name": given}
     if isinstance(given, Part):
         return {"name": given.block.name, **given.values}
-    return given
+    return {"name": given} if isinstance(given, str) else given
 
 
 def values_of(p: Any, what: str = "p") -> Any:
@@ -736,13 +726,9 @@ class Sent:
 def model_first(p: Any, other: Any, what: str, name: str = "p") -> None:
     """InputError where ``other``, the argument ``what``, is a model, and ``p`` rather not one."""
     if _how_surely(other) > _how_surely(p):
-        raise InputError(f"{name} is {_called(p)} and {what} is a model: swap them.")
-
-
-def _called(p: Any) -> str:
-    if is_file(p):
-        return f"'{p}'"
-    return "a log" if isinstance(p, Mapping) and holds_samples(p) else shown(p)
+        log = isinstance(p, Mapping) and holds_samples(p)
+        called = f"'{p}'" if is_file(p) else "a log" if log else shown(p)
+        raise InputError(f"{name} is {called} and {what} is a model: swap them.")
 
 
 def _how_surely(given: Any) -> int:

@@ -25,8 +25,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         said = f"{path}: cannot be read as a text file in UTF-8 ({error})."
         raise InputError(f"{said}{_needed(path)}") from None
     except (ValueError, RecursionError) as error:  # more than what TOMLDecodeError covers
-        said = f"{path}: not a TOML file: {error}{_decimal_comma(path)}."
-        raise InputError(f"{said}{_needed(path)}") from None
+        # a decimal comma, which TOML does not know
+        number = r"^\s*(\w+\s*=\s*-?\d+),(\d+)\s*(#.*)?$"
+        found = re.search(number, path.read_text("utf-8"), re.M)
+        cure = f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
+        raise InputError(f"{path}: not a TOML file: {error}{cure}.{_needed(path)}") from None
 
 
 def _needed(path: Path) -> str:
@@ -36,16 +39,11 @@ def _needed(path: Path) -> str:
     return " A model is needed here: lugrectl model > my.toml writes one to start from."
 
 
-def _decimal_comma(path: Path) -> str:
-    """What to do where a number has a decimal comma, which TOML does not know."""
-    found = re.search(r"^\s*(\w+\s*=\s*-?\d+),(\d+)\s*(#.*)?$", path.read_text("utf-8"), re.M)
-    return f"; write {found[1]}.{found[2]} with a decimal point" if found else ""
-
-
 def rows(values: Mapping[str, Any], notes: Mapping[str, str]) -> list[str]:
     """Write the rows of a table, each with what is noted of its key as a comment."""
     said = {k: "  # " + "".join(c for c in s if c.isprintable()) for k, s in notes.items()}
-    return [f"{_key(k)} = {_written(v)}{said.get(k, '')}" for k, v in values.items()]
+    keys = {k: k if re.fullmatch(r"[A-Za-z0-9_-]+", k) else quoted(k) for k in values}
+    return [f"{keys[k]} = {_written(v)}{said.get(k, '')}" for k, v in values.items()]
 
 
 def _written(value: Any) -> str:
@@ -61,15 +59,8 @@ def _written(value: Any) -> str:
     return "{" + ", ".join(f"{k} = {_written(v)}" for k, v in value.items() if v is not None) + "}"
 
 
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
-
-
 def quoted(text: str) -> str:
-    """A TOML string; quotes, backslashes and control characters are escaped.
-
-    InputError for half of a surrogate pair, which no TOML file can hold.
-    """
+    """A TOML string; InputError for half of a surrogate pair, which no TOML file can hold."""
     if half := re.search("[\ud800-\udfff]", text):
         raise InputError(
             f"the name {ascii(text)} holds half of a surrogate pair, {ascii(half[0])}, which no "

@@ -17,26 +17,10 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import shown
 from .aliases import meant, name_of
-from .block import Block, P, members
+from .block import Block, Group, P, members
 from .declaration import block
 from .factories import Names, believed, factory
-from .friction import (
-    FC,
-    FS,
-    FV,
-    LUGRE,
-    PAPER,
-    SIGMA0,
-    SIGMA1,
-    SMOOTH,
-    VS,
-    J,
-    bristle,
-    bristle_torque,
-    coulomb,
-    level,
-    relaxation,
-)
+from .friction import FV, LAW, LUGRE, PAPER, SMOOTH, Bristles, J, bristle_torque, coulomb
 from .plant import acceleration
 
 if TYPE_CHECKING:
@@ -46,7 +30,9 @@ if TYPE_CHECKING:
 
 
 Gain = float | Callable[[Any], Any]
-DAMPED: Any = P(0.6, "N m s/rad", 1e-12)  # sigma1 where the observer divides by it
+# where the observer divides by sigma1, and where it does without
+DAMPED: Any = Group(Bristles, **LAW | {"sigma1": P(0.6, "N m s/rad", 1e-12)})
+UNDAMPED: Any = Group(Bristles, **{k: p for k, p in LAW.items() if k != "sigma1"})
 DERIVED = "derived here, in the spirit of"
 LISCHINSKY = (
     "Canudas de Wit and Lischinsky, Int. J. Adaptive Control and Signal Processing 11, 1997"
@@ -60,43 +46,33 @@ TAFAZOLI = (
 OLSSON = "Olsson and Astrom, IEEE Conf. Decision and Control, 1996"
 
 
+def _observer(**declared: Any) -> Callable[[Callable[..., Any]], Block]:
+    """Declare a function ``_natural`` as the block ``natural_observer``."""
+    return lambda function: block("observer", name=f"{function.__name__[1:]}_observer", **declared)(
+        function
+    )
+
+
 @block("observer", out="Fhat")
 def no_observer(w):
     """Fhat = 0: nothing is compensated."""
     return 0.0 * w
 
 
-@block(
-    "observer",
-    name="natural_observer",
-    out="Fhat zhat",
-    states="zhat",
-    source=f"{PAPER}, eq. z_hat_dot and F_est",
-)
-def _natural(w, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS):
+@_observer(out="Fhat zhat", states="zhat", source=f"{PAPER}, eq. z_hat_dot and F_est")
+def _natural(w, zhat, law=LAW):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w)."""
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
-    return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+    dz = law.rate(w, zhat)
+    return law.torque(w, zhat, dz), dz
 
 
 @factory(_natural)
 def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
     """The LuGre law itself, run on the measured velocity: input w, outputs Fhat, zhat.
 
-    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w).
-
-    Parameters
-    ----------
-    p : Parameters or Model
-        The parameters used by the observer; keyed ``natural_observer.Fc`` ...
-
     Returns
     -------
     State zhat in rad.
-
-    Raises
-    ------
-    When a LuGre parameter has no value.
 
     Notes
     -----
@@ -115,25 +91,19 @@ def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
     """
 
 
-@block("observer", name="existing_observer", out="Fhat zhat", states="zhat", source=LUGRE)
-def _existing(
-    w, e, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k=P(0.35, "1", 0.0)
-):
+@_observer(out="Fhat zhat", states="zhat", source=LUGRE)
+def _existing(w, e, zhat, law=LAW, k=P(0.35, "1", 0.0)):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e."""
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
-    return bristle_torque(w, zhat, dz, sigma0, sigma1, Fv), dz
+    dz = law.rate(w, zhat) - k * e
+    return law.torque(w, zhat, dz), dz
 
 
 @factory(_existing)
 def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
     """The observer of Canudas de Wit et al. 1995: inputs w, e, outputs Fhat, zhat.
 
-    dzhat/dt = w - sigma0 |w| zhat / h(w) - k e, Fhat as in the natural observer.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     k : float
         Gain >= 0 on the tracking error e (measured - reference): without unit on a velocity
         error, in 1/s on a position error.
@@ -141,10 +111,6 @@ def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     Returns
     -------
     State zhat in rad.
-
-    Raises
-    ------
-    When a LuGre parameter has no value or k is negative.
 
     Notes
     -----
@@ -167,35 +133,15 @@ def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     """
 
 
-@block(
-    "observer",
-    name="proposed_observer",
-    out="Fhat zhat what",
-    states="zhat what",
-    source=f"{PAPER}, eq. obs_1 and obs_2",
-)
-def _proposed(
-    w,
-    u,
-    zhat,
-    what,
-    J=J,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    K1=P(-10.24, "1"),
-    K2=P(22.0, "N m s/rad"),
-):
+@_observer(out="Fhat zhat what", states="zhat what", source=f"{PAPER}, eq. obs_1 and obs_2")
+def _proposed(w, u, zhat, what, J=J, law=LAW, K1=P(-10.24, "1"), K2=P(22.0, "N m s/rad")):
     """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, J dwhat/dt = u - Fhat + K2 (w - what).
 
     dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what).
     """
     miss = w - what
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) + _gain(K1, w) * miss
-    Fhat = bristle_torque(w, zhat, dz, sigma0, sigma1, Fv)
+    dz = law.rate(w, zhat) + _gain(K1, w) * miss
+    Fhat = law.torque(w, zhat, dz)
     return Fhat, dz, acceleration(u + _gain(K2, w) * miss, Fhat, 0.0, J)
 
 
@@ -209,13 +155,8 @@ def proposed_observer(
 ):
     """The source paper's observer: inputs w, u, outputs Fhat, zhat, what.
 
-    dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what),
-    J dwhat/dt = u - Fhat + K2 (w - what), Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     K1 : float or callable
         Gain < 0 without unit, or a function of w that uses NumPy functions only; with the
         opposite sign the estimate is unstable near rest, and a warning says so.
@@ -225,10 +166,6 @@ def proposed_observer(
     Returns
     -------
     States zhat in rad and what in rad/s.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value.
 
     Notes
     -----
@@ -249,9 +186,7 @@ def proposed_observer(
     """
 
 
-@block(
-    "observer",
-    name="friedland_park_observer",
+@_observer(
     out="Fhat ahat",
     states="zeta",
     source="Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992",
@@ -283,9 +218,6 @@ def friedland_park_observer(
 ):
     """The Coulomb friction observer of Friedland and Park: inputs w, u, outputs Fhat, ahat.
 
-    ahat = zeta - k |w|^mu, dzeta/dt = k mu |w|^(mu - 1) sign(w) (u - Fhat) / J,
-    Fhat = ahat sign(w) + Fv w.
-
     Parameters
     ----------
     p : Parameters or Model
@@ -298,10 +230,6 @@ def friedland_park_observer(
     Returns
     -------
     State zeta in N m.
-
-    Raises
-    ------
-    When J or Fv has no value, or a gain is out of bounds.
 
     Notes
     -----
@@ -329,9 +257,7 @@ def friedland_park_observer(
     """
 
 
-@block(
-    "observer",
-    name="general_coulomb_observer",
+@_observer(
     out="Fhat ahat",
     states="zeta",
     source="derived here, in the spirit of Odabas, thesis, 2014: see the docstring of "
@@ -362,13 +288,8 @@ def general_coulomb_observer(
 ):
     """Friedland-Park with an adaptation that saturates: inputs w, u, outputs Fhat, ahat.
 
-    ahat = zeta - G(|w|), G = k (sqrt(w^2 + w0^2) - w0), dzeta/dt = (dG/dw) (u - Fhat) / J,
-    Fhat = ahat sign(w) + Fv w.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J and Fv.
     k : float
         Gain >= 0 in N m s/rad; the error decays at most at k/J, where |w| is well above w0.
     w0 : float
@@ -377,10 +298,6 @@ def general_coulomb_observer(
     Returns
     -------
     State zeta in N m.
-
-    Raises
-    ------
-    When J or Fv has no value, or a gain is out of bounds.
 
     Notes
     -----
@@ -407,13 +324,7 @@ def general_coulomb_observer(
     """
 
 
-@block(
-    "observer",
-    name="disturbance_observer",
-    out="Fhat",
-    states="v",
-    source="standard form (Ohnishi), derived by substitution",
-)
+@_observer(out="Fhat", states="v", source="standard form (Ohnishi), derived by substitution")
 def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
     """Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J."""
     Fhat = J * (v - w) / tau
@@ -424,22 +335,14 @@ def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
 def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpack[Names]):
     """The disturbance observer Fhat = (u - J dw/dt) / (tau s + 1): inputs w, u, output Fhat.
 
-    Without a derivative: Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J.
     tau : float
         Time constant in s.
 
     Returns
     -------
     State v in rad/s.
-
-    Raises
-    ------
-    When J has no value or tau is not positive.
 
     Notes
     -----
@@ -461,9 +364,7 @@ def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpa
     """
 
 
-@block(
-    "observer",
-    name="extended_state_observer",
+@_observer(
     out="Fhat what",
     states="what Fhat",
     source="Gao's bandwidth parametrisation, derived by substitution",
@@ -480,22 +381,14 @@ def extended_state_observer(
 ):
     """The linear extended-state observer: inputs w, u, outputs Fhat, what.
 
-    dwhat/dt = (u - Fhat) / J + 2 p (w - what), dFhat/dt = -J p^2 (w - what), p = bandwidth.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J.
     bandwidth : float
         Both error poles are at -bandwidth, in 1/s.
 
     Returns
     -------
     States what in rad/s and Fhat in N m.
-
-    Raises
-    ------
-    When J has no value or the bandwidth is negative.
 
     Notes
     -----
@@ -515,9 +408,7 @@ def extended_state_observer(
     """
 
 
-@block(
-    "observer",
-    name="adaptive_observer",
+@_observer(
     out="Fhat zhat what scale",
     states="zhat what excess",
     source="derived here: see the docstring of lugrectl.adaptive_observer",
@@ -529,12 +420,7 @@ def _adaptive(
     what,
     excess,
     J=J,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
+    law=LAW,
     K2=P(1.0, "N m s/rad", 0.0),
     gamma: Any = P(10.0, "1/s", 0.0),
 ):
@@ -543,12 +429,12 @@ def _adaptive(
     dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
     dexcess/dt = -gamma K2 phi (w - what) / Fs^2.
     """
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs)
-    phi = bristle_torque(w, zhat, dz, sigma0, sigma1, 0.0)
+    dz = law.rate(w, zhat)
+    phi = bristle_torque(w, zhat, dz, law.sigma0, law.sigma1, 0.0)
     scale = 1.0 + excess
-    Fhat = bristle_torque(w, scale * zhat, scale * dz, sigma0, sigma1, Fv)
+    Fhat = law.torque(w, scale * zhat, scale * dz)
     push = K2 * (w - what)
-    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / Fs**2
+    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / law.Fs**2
 
 
 @factory(_adaptive)
@@ -556,10 +442,6 @@ def adaptive_observer(
     p: Parameters | Model, K2: float = 1.0, gamma: float = 10.0, **names: Unpack[Names]
 ):
     """LuGre with an unknown constant scale: inputs w, u, outputs Fhat, zhat, what, scale.
-
-    Fhat = scale phi + Fv w, phi = sigma0 zhat + sigma1 dzhat/dt,
-    dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
-    dscale/dt = -gamma K2 phi (w - what) / Fs^2.
 
     Parameters
     ----------
@@ -574,10 +456,6 @@ def adaptive_observer(
     Returns
     -------
     States zhat in rad, what in rad/s and excess, without unit.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value, or a gain is negative.
 
     Notes
     -----
@@ -605,28 +483,9 @@ def adaptive_observer(
     """
 
 
-@block(
-    "observer",
-    name="temperature_observer",
-    out="Fhat zhat slip",
-    states="zhat excess xi",
-    source=f"{DERIVED} {LISCHINSKY}",
-)
+@_observer(out="Fhat zhat slip", states="zhat excess xi", source=f"{DERIVED} {LISCHINSKY}")
 def _temperature(
-    w,
-    u,
-    zhat,
-    excess,
-    xi,
-    J=J,
-    sigma0=SIGMA0,
-    sigma1=DAMPED,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    k=P(0.0, "1/s", 0.0),
-    gamma: Any = P(5.0, "1", 0.0),
+    w, u, zhat, excess, xi, J=J, law=DAMPED, k=P(0.0, "1/s", 0.0), gamma: Any = P(5.0, "1", 0.0)
 ):
     """Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, slip = 1 + excess, a = sigma0 |w|/h(w).
 
@@ -635,13 +494,13 @@ def _temperature(
     dexcess/dt = -gamma a zhat (zbar - zhat) sigma0^2/Fs^2.
     """
     slip = 1.0 + excess
-    worn = relaxation(w, sigma0, level(w, Fc, Fs, vs)) * zhat
+    worn = law.relaxation(w) * zhat
     own = w - slip * worn
-    zbar = (xi - J * w) / sigma1
+    zbar = (xi - J * w) / law.sigma1
     miss = zbar - zhat
-    Fhat = bristle_torque(w, zhat, own, sigma0, sigma1, Fv)
-    adapt = -gamma * worn * miss * (sigma0 / Fs) ** 2
-    return Fhat, slip, own + k * miss, adapt, u - Fv * w - sigma0 * zbar
+    Fhat = law.torque(w, zhat, own)
+    adapt = -gamma * worn * miss * (law.sigma0 / law.Fs) ** 2
+    return Fhat, slip, own + k * miss, adapt, u - law.Fv * w - law.sigma0 * zbar
 
 
 @factory(_temperature)
@@ -649,10 +508,6 @@ def temperature_observer(
     p: Parameters | Model, k: float = 0.0, gamma: float = 5.0, **names: Unpack[Names]
 ):
     """LuGre with an unknown level h(w), as by temperature: inputs w, u, outputs Fhat, zhat, slip.
-
-    Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, a = sigma0 |w|/h(w),
-    dzhat/dt = w - slip a zhat + k m, dslip/dt = -gamma a zhat m sigma0^2/Fs^2, m = zbar - zhat,
-    zbar = (xi - J w)/sigma1, dxi/dt = u - Fv w - sigma0 zbar.
 
     Parameters
     ----------
@@ -669,10 +524,6 @@ def temperature_observer(
     Returns
     -------
     States zhat in rad, excess without unit and xi in N m s.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value, sigma1 is not positive, or a gain is negative.
 
     Notes
     -----
@@ -700,32 +551,14 @@ def temperature_observer(
     """
 
 
-@block(
-    "observer",
-    name="friction_state_observer",
-    out="Fhat what",
-    states="what f",
-    source=f"{DERIVED} {IWASAKI}",
-)
-def _friction_state(
-    w,
-    u,
-    what,
-    f,
-    J=J,
-    sigma0=SIGMA0,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    bandwidth: Any = P(500.0, "1/s", 0.0),
-):
+@_observer(out="Fhat what", states="what f", source=f"{DERIVED} {IWASAKI}")
+def _friction_state(w, u, what, f, J=J, law=UNDAMPED, bandwidth: Any = P(500.0, "1/s", 0.0)):
     """Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what), p = bandwidth,
     df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what).
     """
-    Fhat = bristle_torque(w, f / sigma0, 0.0, sigma0, 0.0, Fv)
+    Fhat = bristle_torque(w, f / law.sigma0, 0.0, law.sigma0, 0.0, law.Fv)
     push = J * bandwidth * (w - what)
-    df = sigma0 * bristle(w, f / sigma0, sigma0, Fc, Fs, vs) - bandwidth * push
+    df = law.sigma0 * law.rate(w, f / law.sigma0) - bandwidth * push
     return Fhat, acceleration(u + 2.0 * push, Fhat, 0.0, J), df
 
 
@@ -734,9 +567,6 @@ def friction_state_observer(
     p: Parameters | Model, bandwidth: float = 500.0, **names: Unpack[Names]
 ):
     """Friction as a state with presliding in its rate: inputs w, u, outputs Fhat, what.
-
-    Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what),
-    df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what), p = bandwidth.
 
     Parameters
     ----------
@@ -748,10 +578,6 @@ def friction_state_observer(
     Returns
     -------
     States what in rad/s and f in N m.
-
-    Raises
-    ------
-    When J or a friction parameter has no value, or the bandwidth is negative.
 
     Notes
     -----
@@ -782,35 +608,18 @@ def friction_state_observer(
     """
 
 
-@block(
-    "observer",
-    name="normal_force_observer",
-    out="Fhat zhat scale",
-    states="zhat excess",
-    source=f"{DERIVED} {LISCHINSKY}",
-)
+@_observer(out="Fhat zhat scale", states="zhat excess", source=f"{DERIVED} {LISCHINSKY}")
 def _normal_force(
-    w,
-    e,
-    zhat,
-    excess,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
-    k=P(1.0, "1/s", 0.0),
-    gamma: Any = P(2e3, "1/(N m s)", 0.0),
+    w, e, zhat, excess, law=LAW, k=P(1.0, "1/s", 0.0), gamma: Any = P(2e3, "1/(N m s)", 0.0)
 ):
     """Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat, scale = 1 + excess,
     dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dexcess/dt = -gamma sigma0 zhat e.
     """
     scale = 1.0 + excess
-    dz = bristle(w, zhat, sigma0, Fc, Fs, vs) - k * e
-    adapt = -gamma * sigma0 * zhat * e
+    dz = law.rate(w, zhat) - k * e
+    adapt = -gamma * law.sigma0 * zhat * e
     dy = adapt * zhat + scale * dz
-    return bristle_torque(w, scale * zhat, dy, sigma0, sigma1, Fv), scale, dz, adapt
+    return law.torque(w, scale * zhat, dy), scale, dz, adapt
 
 
 @factory(_normal_force)
@@ -818,9 +627,6 @@ def normal_force_observer(
     p: Parameters | Model, k: float = 1.0, gamma: float = 2e3, **names: Unpack[Names]
 ):
     """LuGre scaled as by a normal force: inputs w, e, outputs Fhat, zhat, scale.
-
-    Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat,
-    dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dscale/dt = -gamma sigma0 zhat e.
 
     Parameters
     ----------
@@ -833,10 +639,6 @@ def normal_force_observer(
     Returns
     -------
     States zhat in rad and excess, without unit.
-
-    Raises
-    ------
-    When a LuGre parameter has no value, or a gain is negative.
 
     Notes
     -----
@@ -863,45 +665,28 @@ def normal_force_observer(
     """
 
 
-@block(
-    "observer",
-    name="lyapunov_observer",
-    out="Fhat zhat",
-    states="zhat",
-    source=f"{DERIVED} {FREIDOVICH}",
-)
-def _lyapunov(
-    w, s, zhat, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, k: Any = P(0.35, "1", 0.0)
-):
+@_observer(out="Fhat zhat", states="zhat", source=f"{DERIVED} {FREIDOVICH}")
+def _lyapunov(w, s, zhat, law=LAW, k: Any = P(0.35, "1", 0.0)):
     """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
     dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
     """
-    a = relaxation(w, sigma0, level(w, Fc, Fs, vs))
+    a = law.relaxation(w)
     b = w - a * zhat
-    return bristle_torque(w, zhat, b, sigma0, sigma1, Fv), b - k * (1.0 - sigma1 / sigma0 * a) * s
+    return law.torque(w, zhat, b), b - k * (1.0 - law.sigma1 / law.sigma0 * a) * s
 
 
 @factory(_lyapunov)
 def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
     """The observer with a proof at every speed: inputs w, s, outputs Fhat, zhat.
 
-    Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
-    dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     k : float
         Gain >= 0 on s, without unit if s is a velocity.
 
     Returns
     -------
     State zhat in rad.
-
-    Raises
-    ------
-    When a LuGre parameter has no value, or k is negative.
 
     Notes
     -----
@@ -929,13 +714,8 @@ def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     """
 
 
-@block(
-    "observer",
-    name="position_coulomb_observer",
-    out="Fhat ahat what",
-    states="that zeta",
-    start="theta 0",
-    source=f"{DERIVED} {TAFAZOLI}",
+@_observer(
+    out="Fhat ahat what", states="that zeta", start="theta 0", source=f"{DERIVED} {TAFAZOLI}"
 )
 def _position_coulomb(
     theta,
@@ -965,13 +745,8 @@ def position_coulomb_observer(
 ):
     """Coulomb friction and velocity from the position: inputs theta, u, outputs Fhat, ahat, what.
 
-    what = L (theta - that), ahat = zeta - k |what|, Fhat = ahat sign(what) + Fv what,
-    dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
-
     Parameters
     ----------
-    p : Parameters or Model
-        Gives J and Fv.
     k : float
         Gain >= 0 in N m s/rad.
     L : float
@@ -980,10 +755,6 @@ def position_coulomb_observer(
     Returns
     -------
     States that in rad and zeta in N m.
-
-    Raises
-    ------
-    When J or Fv has no value, or a gain is out of bounds.
 
     Notes
     -----
@@ -1016,13 +787,8 @@ def position_coulomb_observer(
     """
 
 
-@block(
-    "observer",
-    name="position_lugre_observer",
-    out="Fhat zhat what",
-    states="that what zhat",
-    start="theta 0 0",
-    source=f"{DERIVED} {OLSSON}",
+@_observer(
+    out="Fhat zhat what", states="that what zhat", start="theta 0 0", source=f"{DERIVED} {OLSSON}"
 )
 def _position_lugre(
     theta,
@@ -1031,12 +797,7 @@ def _position_lugre(
     what,
     zhat,
     J=J,
-    sigma0=SIGMA0,
-    sigma1=SIGMA1,
-    Fc=FC,
-    Fs=FS,
-    Fv=FV,
-    vs=VS,
+    law=LAW,
     l1: Any = P(900.0, "1/s", 0.0),
     l2: Any = P(2e5, "1/s2", 0.0),
     l3: Any = P(-100.0, "1/s"),
@@ -1045,8 +806,8 @@ def _position_lugre(
     m = theta - that, dthat/dt = what + l1 m, dwhat/dt = (u - Fhat)/J + l2 m,
     dzhat/dt = b + l3 m.
     """
-    m, b = theta - that, bristle(what, zhat, sigma0, Fc, Fs, vs)
-    Fhat = bristle_torque(what, zhat, b, sigma0, sigma1, Fv)
+    m, b = theta - that, law.rate(what, zhat)
+    Fhat = law.torque(what, zhat, b)
     return Fhat, what + l1 * m, acceleration(u, Fhat, 0.0, J) + l2 * m, b + l3 * m
 
 
@@ -1060,14 +821,8 @@ def position_lugre_observer(
 ):
     """The whole drive copied and corrected by the position: inputs theta, u.
 
-    Outputs Fhat, zhat, what. m = theta - that, dthat/dt = what + l1 m,
-    dwhat/dt = (u - Fhat)/J + l2 m, dzhat/dt = b + l3 m, b = what - sigma0 |what| zhat/h(what),
-    Fhat = sigma0 zhat + sigma1 b + Fv what.
-
     Parameters
     ----------
-    p : Parameters or Model
-        The parameters used by the observer.
     l1, l2, l3 : float
         In 1/s, 1/s2, 1/s. (2719.1, 2.118e6, -5742.4) puts three poles at -1000 1/s at rest for
         Table 1.
@@ -1075,10 +830,6 @@ def position_lugre_observer(
     Returns
     -------
     States that in rad, what in rad/s and zhat in rad.
-
-    Raises
-    ------
-    When J or a LuGre parameter has no value, or l1 or l2 is negative.
 
     Notes
     -----
@@ -1112,13 +863,7 @@ def position_lugre_observer(
 
 
 def observer_block(name: str) -> Block:
-    """The registered observer of a name; ``_observer`` at its end may be left out.
-
-    Raises
-    ------
-    InputError
-        When there is no observer of that name.
-    """
+    """The registered observer of a name; ``_observer`` at its end may be left out."""
     known, name = members("observer"), name_of("observer", name)
     for key in (name, f"{name}_observer") if isinstance(name, str) else ():
         if key in known:
@@ -1130,14 +875,5 @@ def observer_block(name: str) -> Block:
 
 
 def observer(kind: str, p: Parameters | Model, **given: Any) -> ct.NonlinearIOSystem:
-    """Build any registered observer, with J and the friction parameters of p.
-
-    ``given`` are its name, inputs and outputs, and its other parameters; those left out keep their
-    defaults.
-
-    Raises
-    ------
-    InputError
-        For an unknown observer or gain, or when p does not give a LuGre parameter that it needs.
-    """
+    """Build any registered observer, with J and the friction parameters of p."""
     return believed(observer_block(kind), p, **given)

@@ -8,15 +8,72 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Unpack
 
 from ..core.errors import InputError
-from .block import Block
-from .effects.inertia import load_motion
-from .embedding import Part, through_sensors
+from .block import Block, P
+from .effects import load_motion
 from .factories import Names, factory
 from .friction import J
 from .model import Model, Parameters, as_model
 
 if TYPE_CHECKING:
     import control as ct
+
+
+def borrowed(block: Block, plant: Mapping[str, Any]) -> dict[str, Any]:
+    """The values that an effect shares with the plant: without Fs, Fs = Fc; without Fc, both are
+    0.
+    """
+    fallback = {"Fc": 0.0, "Fs": plant.get("Fc", 0.0)}
+    return {
+        k: plant.get(k, fallback.get(k, p.value)) for k, p in block.parameters.items() if p.shared
+    }
+
+
+@dataclass(frozen=True)
+class Part:
+    """A block whose parameters and states get a prefix."""
+
+    prefix: str
+    block: Block
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        return tuple(self.prefix.replace(".", "_") + name for name in self.block.states)
+
+    @property
+    def parameters(self) -> dict[str, P]:
+        return {self.prefix + k: p for k, p in self.block.own.items()}
+
+    def arguments(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """The block's parameters, its own and shared ones, from the values of the plant."""
+        own = {k: values[self.prefix + k] for k in self.block.own}
+        return own | borrowed(self.block, values)
+
+    def results(self, signals: Mapping[str, Any], values: Mapping[str, Any]) -> tuple[Any, ...]:
+        """The block's outputs, then its rates, for the signals and values of the whole plant."""
+        args = [signals["t"]] if self.block.timed else []
+        args += [signals[name] for name in (*self.block.inputs, *self.states)]
+        return self.block(*args, **self.arguments(values))
+
+    def outputs(self, results: Sequence[Any]) -> dict[str, Any]:
+        return dict(zip(self.block.fresh, results, strict=False))
+
+    def rates(self, results: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(results[len(self.block.fresh) :])
+
+
+def through_sensors(
+    sensors: Sequence[Part],
+    signals: Mapping[str, Any],
+    values: Mapping[str, Any],
+    rates: dict[str, tuple[Any, ...]],
+) -> tuple[Any, Any]:
+    """w and theta after all sensors in series; the sensors' rates are stored in ``rates``."""
+    w, theta = signals["w"], signals["theta"]
+    for part in sensors:
+        results = part.results({**signals, "w": w, "theta": theta}, values)
+        said, rates[part.prefix] = part.outputs(results), part.rates(results)
+        w, theta = said["w_m"], said["theta_m"]
+    return w, theta
 
 
 def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
@@ -28,17 +85,9 @@ def assemble(model: Model, *, sensed: bool = False, loads: Sequence[str] = ()) -
     """The plant of a model as one block with inputs u, d and outputs theta, w, F.
 
     Effects act in physical order: on the command, in the motor, as loads, on levels, as other
-    torques; within a group in the order of the model. A level is first multiplied, then
-    increased by the effects that add to it. Effects may read ``load``, the sum of d and all
-    load effects.
-
-    Parameters
-    ----------
-    sensed : bool
-        Adds the outputs theta_m, w_m, with the sensor effects and their states inside; these
-        are left out otherwise.
-    loads : sequence of str
-        Keys of couplings: adds the outputs theta_load, w_load of the load behind each.
+    torques; within a group in the order of the model. A level is first multiplied, then increased.
+    Effects may read ``load``, the sum of d and all load effects. ``sensed`` adds the outputs
+    theta_m, w_m with the sensor effects inside, ``loads`` theta_load, w_load of these couplings.
     """
     friction = Part("", model.friction.block)
     for use in model.effects:
@@ -58,19 +107,16 @@ def load_outputs(model: Model) -> tuple[str, ...]:
 
 def _loads(model: Model) -> tuple[str, ...]:
     """The keys of the couplings that have a load behind them."""
-    values = model.values()
-    couplings = (use.key for use in model.effects if _is_coupling(use.block))
-    return tuple(key for key in couplings if values[f"{key}.load_inertia"] != 0.0)
+    return tuple(
+        use.key
+        for use in model.effects
+        if {"twist", "w_load"} <= {*use.block.states} and use.values.get("load_inertia", 0.0) != 0.0
+    )
 
 
 def _load_names(many: int) -> tuple[str, ...]:
     ends = ["" if k == 0 else f"_{k + 1}" for k in range(many)]
     return tuple(f"{name}_load{end}" for end in ends for name in ("theta", "w"))
-
-
-def _is_coupling(block: Block) -> bool:
-    """Whether an effect has a load behind it, with a position and a speed of its own."""
-    return {"twist", "w_load"} <= {*block.states} and "load_inertia" in block.parameters
 
 
 @dataclass(frozen=True)
@@ -144,12 +190,7 @@ STAGES = ("command", "motor", "load", "level", "torque")  # along the signals of
 
 
 def stage(block: Block) -> str:
-    """Where an effect acts: one of ``STAGES``.
-
-    Effects in the motor depend on the motion; they act after those of the amplifier, such as
-    saturation. An effect that is both a torque and a level acts last, so that its torque uses
-    all other levels.
-    """
+    """Where an effect acts; a torque that is a level too acts last, and uses all other levels."""
     if "torque" in block.acts:
         return "load" if block.load else "torque"
     if block.acts != ("input",):

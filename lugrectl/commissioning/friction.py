@@ -30,8 +30,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..blocks.bristle_laws import along, strokes
-from ..blocks.friction import level
+from ..blocks.friction import along, level, strokes
 from .mechanics import Mechanics, quadratic
 from .runs import FINER, Run, Shape, Spacing, Window, means, windows
 

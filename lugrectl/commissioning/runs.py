@@ -25,7 +25,7 @@ import numpy as np
 from scipy.fft import irfft, prev_fast_len, rfft, rfftfreq
 from scipy.stats import f as f_distribution
 
-from ..blocks.bristle_laws import strokes
+from ..blocks.friction import strokes
 from ..record import Record
 from ..record.signal_noise import smallest_step
 

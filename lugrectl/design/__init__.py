@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from .certificate import Certificate, certify
 from .excitation import Excitation, excitation, natural_decay
-from .gains import Design, ScheduledGain, design_gains
-from .observer_rules import ObserverDesign
+from .gains import Design, ObserverDesign, ScheduledGain, design_gains
 
 __all__ = [
     "Certificate",

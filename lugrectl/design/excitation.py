@@ -12,7 +12,7 @@ from ..blocks.friction import level
 from ..core.errors import InputError
 from ..core.result import Result
 from ..core.validation import array, positive
-from .dynamics import drive
+from .certificate import drive
 
 CELLS = 2000  # resolution of the search for a window
 CLOSE = 1e-3  # a shorter window is preferred at this relative cost

@@ -1,30 +1,455 @@
-"""Gains of the observers: of the proposed one by the three constructions of the source paper."""
+"""Gains of the observers: by rule, and of the proposed one by the source paper's constructions.
+
+A rule is a function of the drive's values and the choices; it returns the gains by name and what
+they guarantee. The derivations stand in the docstrings of the observers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, overload
+from types import SimpleNamespace
+from typing import Any, Literal, NamedTuple, overload
 
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
+from scipy.optimize import minimize
 
 from ..blocks.aliases import meant
-from ..blocks.friction import level
-from ..blocks.model import model_first
+from ..blocks.friction import level, relaxation
+from ..blocks.model import model_first, values_of
 from ..blocks.observers import observer_block
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.result import Result
-from ..core.validation import positive, shown
+from ..core.validation import number, positive, shown
+from ..linear import position_T, spr_check
 from .certificate import (
     ANY_MOTION,
     MATCHED,
     Certificate,
+    Drive,
+    bristle_errors,
     constant_certificate,
+    drive,
     lyapunov,
+    slowest_pole,
 )
-from .dynamics import Drive, drive, slowest_pole
-from .observer_rules import ObserverDesign, design_observer
+
+ROUNDS = 3  # searches, each from the best so far
+LEAST = 1e-9  # of the fastest rate: below it no decay is claimed
+
+
+def common_rate(corners: Sequence[np.ndarray]) -> tuple[float, np.ndarray] | None:
+    """The largest r found with A'P + P A + 2 r P <= 0 for all A of ``corners``, and P.
+
+    If the error system is affine in quantities that move inside a box, its corners decide, and V =
+    x'P x decays as V(t) <= V(0) exp(-2 r t) however these quantities move. Every r that is found is
+    a bound, the best one or not: r(P) = -max eig(L^-1 (A'P + P A) L'^-1)/2, P = L L', is searched
+    for by the method of Nelder and Mead. States are scaled so that the entries have about one size.
+    """
+    size = max(float(np.abs(A).max()) for A in corners)
+    scaled = [A / size for A in corners]
+    best, P = -np.inf, np.eye(len(corners[0]))
+    for start in _starts(scaled):
+        rate, made = _improved(scaled, start)
+        if rate > best:
+            best, P = rate, made
+    return (best * size, P) if best > LEAST else None
+
+
+def decay(P: np.ndarray, corners: Sequence[np.ndarray]) -> float:
+    """The largest r with A'P + P A + 2 r P <= 0 for all corners."""
+    L = np.linalg.cholesky(P)
+    inverse = np.linalg.inv(L)
+    worst = (inverse @ (A.T @ P + P @ A) @ inverse.T for A in corners)
+    return -0.5 * max(float(np.linalg.eigvalsh(0.5 * (M + M.T))[-1]) for M in worst)
+
+
+def _starts(corners: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Functions of single corners and of their mean, where these are stable."""
+    n = len(corners[0])
+    starts: list[np.ndarray] = [np.eye(n)]
+    for A in (np.mean(corners, axis=0), *corners):
+        slowest = float(np.linalg.eigvals(A).real.max())
+        if slowest < -LEAST:
+            shifted = A - 0.8 * slowest * np.eye(n)
+            starts.append(np.asarray(solve_continuous_lyapunov(shifted.T, -np.eye(n))))
+    return [P / np.trace(P) for P in starts]
+
+
+def _improved(corners: Sequence[np.ndarray], P: np.ndarray) -> tuple[float, np.ndarray]:
+    lower = np.tril_indices(len(P))
+
+    def matrix(x: np.ndarray) -> np.ndarray:
+        L = np.zeros_like(P)
+        L[lower] = x
+        return L @ L.T + 1e-12 * np.eye(len(P))
+
+    def missed(x: np.ndarray) -> float:
+        try:
+            return -decay(matrix(x), corners)
+        except np.linalg.LinAlgError:
+            return np.inf
+
+    x = np.linalg.cholesky(P)[lower]
+    for _ in range(ROUNDS):
+        x = minimize(missed, x, method="Nelder-Mead", options={"maxiter": 600}).x
+    made = matrix(x)
+    return -missed(x), made / np.trace(made)
+
+
+SPEED = 1.0  # rad/s, up to which a certificate that has a limit holds, unless given
+SAMPLED = 0.5  # largest rate times sample time
+SHARE = 0.9  # of a double pole, which no quadratic function reaches
+RIGHT = "the observer's parameters are those of the drive, and no load torque acts"
+FORWARD = "the loop has the feed-forward J dr (velocity) or J ddr (position)"
+RELAXES = "z - zhat decays only while the drive moves (Excitation.rate)"
+ONE_FACTOR = "sigma0, sigma1, Fc, Fs are all wrong by one factor; J and Fv are right, no load acts"
+CONSTANT = "J is right; the sum D of all resisting torques is constant, else the error is at most"
+DAMPED = ("existing_observer", "lyapunov_observer", "temperature_observer", "normal_force_observer")
+COULOMB = "the drive has F = a sign(w) + Fv w, J and Fv are right, and no load torque acts"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What gains guarantee: ``valid`` says for which motions; pole at rest and rate in 1/s."""
+
+    conditions: Sequence[str]
+    pole: float = 0.0
+    rate: float | None = None
+    valid: str = "for every motion"
+    holds: bool = True
+
+    def certificate(self, rule: str) -> Certificate:
+        """The claim of a rule in the form of all certificates."""
+        conditions, pole = tuple(self.conditions), self.pole
+        return Certificate(self.holds, rule, conditions, pole, self.rate, valid=self.valid)
+
+
+Choices = Mapping[str, Any]
+Made = tuple[dict[str, float], Claim]
+
+
+class Rule(NamedTuple):
+    """``needs``: values of the drive; ``choices``: names and defaults, None for one by rule."""
+
+    build: Callable[[Any, Choices], Made]
+    needs: str
+    choices: Mapping[str, float | None]
+
+
+RULES: dict[str, Rule] = {}  # by observer
+LUGRE = "J sigma0 sigma1 Fc Fs Fv vs"
+
+
+def rule(observer: str, needs: str, **choices: float | None) -> Callable[[Any], Any]:
+    """Enter the function below as the rule of an observer."""
+
+    def enter(build: Any) -> Any:
+        RULES[f"{observer}_observer"] = Rule(build, needs, choices)
+        return build
+
+    return enter
+
+
+def _limited(rate: float, c: Choices, most: float = SAMPLED) -> float:
+    """A rate that a drive with the sample time dt can follow: ``most`` times 1/dt."""
+    return rate if c["dt"] is None else min(rate, most / c["dt"])
+
+
+def _slides(m: Any, w: float) -> float:
+    """a = sigma0 |w|/h(w) in 1/s."""
+    return float(relaxation(w, m.sigma0, level(w, m.Fc, m.Fs, m.vs)))
+
+
+def _noise(m: Any, rate: float, bound: str = "") -> str:
+    return f"noise of w reaches Fhat with {bound}{m.J * rate:.3g} N m s/rad"
+
+
+@rule("natural", "sigma0 Fc Fs vs")
+def _natural(m: Any, c: Choices) -> Made:
+    return {}, Claim([RELAXES, RIGHT])
+
+
+def _corrected(m: Any, c: Choices) -> float:
+    """k for which the error loop at rest, J e'' + (kp + sigma1 k) e' + (ki + sigma0 k) e, has
+    the stiffness J rate^2."""
+    rate = c["rate"] or (0.5 * m.sigma0 / m.sigma1)
+    return m.J * rate**2 / m.sigma0 if c["k"] is None else c["k"]
+
+
+@rule("existing", LUGRE, rate=None, k=None, kp=0.0)
+def _existing(m: Any, c: Choices) -> Made:
+    k = _corrected(m, c)
+    most = 4.0 / m.sigma1 * (1.0 + c["kp"] / (k * m.sigma1)) if k else math.inf
+    said = [
+        f"|w|/h(w) <= {most:.4g} rad/(N m s); this limits the proof, not the loop",
+        FORWARD,
+        "e tends to 0; " + RELAXES,
+        RIGHT,
+    ]
+    return {"k": k}, Claim(said, valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s")
+
+
+@rule("lyapunov", LUGRE, rate=None, k=None)
+def _lyapunov(m: Any, c: Choices) -> Made:
+    return {"k": _corrected(m, c)}, Claim([FORWARD, "s tends to 0; " + RELAXES, RIGHT])
+
+
+@rule("normal_force", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
+def _normal_force(m: Any, c: Choices) -> Made:
+    kd = 1.25 * m.sigma0 * m.J / m.sigma1 if c["kd"] is None else c["kd"]
+    kp = kd**2 / (4.0 * m.J) if c["kp"] is None else c["kp"]
+    verdict = spr_check(position_T(m, kp=kp, ki=0.0, kd=kd))
+    said = [
+        f"a position loop with PD kp = {kp:.4g}, kd = {kd:.4g} on e and the feed-forward J ddr; "
+        f"(sigma1 s + sigma0)/(J s^2 + kd s + kp) is {verdict.classification}",
+        ONE_FACTOR,
+        "e tends to 0 for every such factor; the proof gives no rate",
+    ]
+    gamma = 670.0 / m.Fs if c["gamma"] is None else c["gamma"]
+    return {"k": c["k"], "gamma": gamma}, Claim(said, holds=bool(verdict))
+
+
+@rule("temperature", LUGRE, k=0.0, gamma=5.0, M=SPEED)
+def _temperature(m: Any, c: Choices) -> Made:
+    k, gamma = c["k"], c["gamma"]
+    a, low = _slides(m, c["M"]), min(m.Fc, m.Fs) / m.Fs
+    root = np.roots([1.0, a + k, gamma * (a * low) ** 2]).real.max()
+    said = [
+        "Fc and Fs are wrong by one factor; J, sigma0, sigma1, Fv are right, and no load acts",
+        "no rate by itself: at rest the factor keeps its value",
+        f"sliding at {c['M']:g} rad/s, linearised: the errors decay with {-root:.4g} 1/s; zbar "
+        f"is right within {m.sigma1 / m.sigma0:.3g} s",
+    ]
+    return {"k": k, "gamma": gamma}, Claim(said, 0.0 - k)
+
+
+@rule("friction_state", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
+def _friction_state(m: Any, c: Choices) -> Made:
+    p = c["bandwidth"] or _limited(1.5 * math.sqrt(m.sigma0 / m.J), c)
+    most = c["M"]
+    found = common_rate([np.array([[-2.0 * p, -p], [p, -a]]) for a in (0.0, _slides(m, most))])
+    said = [
+        "Fc, Fs, Fv, vs, sigma0, J are right, and no load torque acts; sigma1 dz/dt counts as an "
+        "error for about sigma1/sigma0",
+        _noise(m, 0.5 * p, "up to "),
+    ]
+    rate, valid = found[0] if found else None, f"for |w| <= {most:g} rad/s"
+    return {"bandwidth": p}, Claim(said, -p, rate, valid, holds=rate is not None)
+
+
+@rule("position_lugre", LUGRE, pole=None, M=SPEED, dt=None)
+def _position_lugre(m: Any, c: Choices) -> Made:
+    p = c["pole"] or _limited(3.0 * math.sqrt(m.sigma0 / m.J), c, 1.0)
+    gains, corners = position_corners(m, p, c["M"])
+    found, slowest = common_rate(corners), max(map(_slowest, corners))
+    said = ["|z| <= max(Fc, Fs)/sigma0", RIGHT]
+    if found:
+        return gains, Claim(said, -p, found[0], f"for |w| <= {c['M']:g} rad/s")
+    said += [
+        "no common quadratic function was found: the triple pole holds at rest only",
+        f"sliding at a constant speed, the slowest pole can be {slowest:+.4g} 1/s"
+        + ("" if slowest < 0.0 else ": choose a faster pole"),
+    ]
+    return gains, Claim(said, -p, valid="linearised at rest only", holds=slowest < 0.0)
+
+
+def position_corners(m: Any, p: float, most: float) -> tuple[dict[str, float], list[np.ndarray]]:
+    """l1, l2, l3 with a triple pole at -p at rest, and the error matrices at the corners.
+
+    At rest the errors have the polynomial s^3 + (b + l1) s^2 + (g + l1 b + l2) s + g (l1 - l3),
+    b = (sigma1 + Fv)/J, g = sigma0/J. The matrices are affine in a = sigma0 |w|/h(w) and in the
+    slope b of dz/dt over w, which stays within 1 +- max(Fc, Fs) max d(|w|/h)/dw. States are
+    scaled by p.
+    """
+    b, g = (m.sigma1 + m.Fv) / m.J, m.sigma0 / m.J
+    l1 = 3.0 * p - b
+    l2, l3 = 3.0 * p**2 - g - l1 * b, l1 - p**3 / g
+    w = np.linspace(0.0, max(most, 10.0 * m.vs), 4001)
+    steepest = np.abs(np.gradient(w / level(w, m.Fc, m.Fs, m.vs), w)).max()
+    wide = float(steepest) * max(m.Fc, m.Fs)
+    top = relaxation(most, m.sigma0, min(m.Fc, m.Fs))
+    S = np.diag([1.0, 1.0 / p, g / p**2])
+    corners = []
+    for a, slope in itertools.product((0.0, top), (1.0 - wide, 1.0 + wide)):
+        at_rest, sliding = bristle_errors(m, slope, m.Fv)
+        errors = np.array([[-l1, 1.0, 0.0], [-l2, 0.0, 0.0], [-l3, 0.0, 0.0]])
+        errors[1:, 1:] = (at_rest + a * sliding)[::-1, ::-1]  # of what, then of zhat
+        corners.append(S @ errors @ np.linalg.inv(S))
+    return {"l1": l1, "l2": l2, "l3": l3}, corners
+
+
+def _slowest(A: np.ndarray) -> float:
+    return float(np.linalg.eigvals(A).real.max())
+
+
+@rule("position_coulomb", "J Fv", rate=None, L=None, dt=None)
+def _position_coulomb(m: Any, c: Choices) -> Made:
+    r = c["rate"] or _limited(200.0, c) / 4.0
+    L, k = c["L"] or 8.0 * r, m.J * r
+    slow = _slowest(np.array([[0.0, 1.0], [-k * L / m.J, -(L + m.Fv / m.J)]]))
+    said = [
+        COULOMB,
+        "a - ahat never grows, through reversals and at rest; no rate by itself",
+        f"sliding in one direction: the slowest pole is {slow:.4g} 1/s",
+    ]
+    return {"k": k, "L": L}, Claim(said)
+
+
+@rule("disturbance", "J", tau=None, dt=None)
+def _disturbance(m: Any, c: Choices) -> Made:
+    tau = c["tau"] or 1.0 / _limited(100.0 if c["dt"] is None else math.inf, c)
+    said = [f"{CONSTANT} tau sup|dD/dt|", _noise(m, 1.0 / tau)]
+    return {"tau": tau}, Claim(said, -1.0 / tau, 1.0 / tau)
+
+
+@rule("extended_state", "J", bandwidth=None, dt=None)
+def _extended(m: Any, c: Choices) -> Made:
+    p = c["bandwidth"] or _limited(100.0 if c["dt"] is None else math.inf, c)
+    said = [
+        f"{CONSTANT} (2/p) sup|dD/dt|, p = bandwidth",
+        f"the errors decay as (1 + p t) exp(-p t), which is faster than {SHARE:g} p in the end",
+        _noise(m, 0.5 * p, "up to "),
+    ]
+    return {"bandwidth": p}, Claim(said, -p, SHARE * p)
+
+
+@rule("general_coulomb", "J Fv", rate=None, w0=0.1, dt=None)
+def _general_coulomb(m: Any, c: Choices) -> Made:
+    r, w0 = c["rate"] or _limited(50.0, c), c["w0"]
+    said = [
+        COULOMB,
+        "a - ahat never grows; at rest it keeps its value",
+        f"while |w| >= v it decays with at least {r:.4g} v/sqrt(v^2 + {w0:g}^2) 1/s",
+    ]
+    return {"k": m.J * r, "w0": w0}, Claim(said)
+
+
+@rule("friedland_park", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
+def _friedland_park(m: Any, c: Choices) -> Made:
+    r, mu, v = c["rate"] or _limited(50.0, c), c["mu"], c["speed"]
+    said = [
+        COULOMB,
+        "a - ahat never grows",
+        f"at |w| = {v:g} rad/s it decays with {r:.4g} 1/s, at other speeds with "
+        f"{r:.4g} (|w|/{v:g})^{mu - 1:.3g}",
+    ]
+    return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, Claim(said)
+
+
+@rule("adaptive", LUGRE, gamma=10.0, K2=None, dt=None)
+def _adaptive(m: Any, c: Choices) -> Made:
+    gamma = c["gamma"]
+    K2 = c["K2"] or m.J * max(_limited(40.0 * gamma, c), 4.0 * gamma)
+    said = [
+        ONE_FACTOR,
+        f"w - what tends to 0, and the factor settles at about {gamma:g} 1/s while the drive "
+        "slides; no rate by itself",
+        "at rest the factor follows the torque that balances u",
+    ]
+    return {"K2": K2, "gamma": gamma}, Claim(said)
+
+
+@dataclass(frozen=True, repr=False)
+class ObserverDesign(Result):
+    """Gains of an observer by its rule, and what they guarantee.
+
+    ``gains`` holds them by name, for ``velocity_loop(p, design.observer, **design.gains)`` or
+    ``gains=design.gains`` of any loop. ``choices``: what the rule was given.
+
+    Attributes
+    ----------
+    observer : str
+        Its name, without ``_observer``.
+    gains : dict
+        By name, for ``velocity_loop(p, design.observer, **design.gains)`` or ``gains=design.gains``
+        of any loop.
+    choices : dict
+        What the rule was given.
+    certificate : Certificate
+        What the gains guarantee.
+
+    Examples
+    --------
+    >>> p = lg.table1()
+    >>> design = lg.design_gains(p, observer="extended_state", bandwidth=200.0)
+    >>> design.gains
+    {'bandwidth': 200.0}
+    >>> loop = lg.velocity_loop(p, design.observer, **design.gains)
+    """
+
+    observer: str
+    gains: Mapping[str, float]
+    choices: Mapping[str, float]
+    certificate: Certificate
+
+    @property
+    def method(self) -> str:
+        """The name of the rule."""
+        return self.certificate.lemma
+
+    def _title(self) -> str:
+        return f"Design: {self.observer} observer"
+
+    def _rows(self) -> Iterable[Row]:
+        declared = observer_block(self.observer).parameters
+        units = {k: declared[k].unit for k in self.gains}
+        gains = [Row(k, v, "" if units[k] == "1" else units[k]) for k, v in self.gains.items()]
+        gains = gains or [Row("gains", "it has none")]
+        return [*gains, Row("certificate", self.certificate), *self.certificate._rows()]
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        own = {"observer": self.observer, "gains": dict(self.gains), "choices": dict(self.choices)}
+        return own | {"certificate": self.certificate.summary()}
+
+
+def design_observer(p: Any, observer: str, choices: Mapping[str, Any]) -> ObserverDesign:
+    """The gains of an observer other than the proposed one; see :func:`design_gains`."""
+    made = observer_block(observer)
+    short = made.name.removesuffix("_observer")
+    rule = RULES.get(made.name)
+    if rule is None:
+        raise InputError(
+            f"there is no design rule for {made.name}: choose its gains yourself and test them "
+            "with lugrectl.compare_observers."
+        )
+    given = _chosen(short, rule, choices)
+    gains, claim = rule.build(_values(p, made.name, rule), given)
+    own = {k: v for k, v in given.items() if v is not None}
+    return ObserverDesign(short, gains, own, claim.certificate(short))
+
+
+def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any]:
+    """The choices of a rule with those given; each a number above 0, or 0 where that is usual."""
+    made = dict(rule.choices)
+    for key, value in choices.items():
+        if key not in made:
+            hint = meant(key, made) if made else "it has none."
+            raise InputError(f"the design rule of {short} has no choice '{key}'; {hint}")
+        least = number(value, key)
+        if least < 0.0 or (least == 0.0 and rule.choices[key] != 0.0):
+            raise InputError(f"{key} must be a positive number, not {shown(value)}.")
+        made[key] = least
+    return made
+
+
+def _values(p: Any, name: str, rule: Rule) -> SimpleNamespace:
+    """The values of the drive that a rule needs, checked."""
+    have, needed = values_of(p), rule.needs.split()
+    missing = [k for k in needed if getattr(have, k, None) is None]
+    if missing:
+        raise InputError(f"the design rule of {name} needs {', '.join(missing)} of the drive.")
+    found = {k: number(getattr(have, k), k) for k in needed}
+    for key, value in found.items():
+        free = key == "Fv" or (key == "sigma1" and name not in DAMPED)
+        if value < 0.0 or (value == 0.0 and not free):
+            raise InputError(f"{key} = {value:g}: the design rule of {name} needs {key} > 0.")
+    return SimpleNamespace(**found)
 
 
 @dataclass(frozen=True, repr=False)
@@ -223,62 +648,57 @@ def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], flo
     return given[key] if key in given else make()
 
 
-def _scheduled(m: Drive, given: dict[str, float]) -> tuple[float, float, float, ScheduledGain]:
-    """A, C, alpha and K1(w) of eq. K1."""
+def _scheduled(
+    m: Drive, given: dict[str, float], M: float | None = None
+) -> tuple[ScheduledGain, float | ScheduledGain, Certificate]:
+    """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M.
+
+    V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2.
+    """
     C = given.get("C", 1.0)
     A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
     alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)
     size = C * m.sigma0 / (A * m.J)
-    return A, C, alpha, ScheduledGain(-size, size * m.sigma1, m.Fc, m.Fs, m.vs)
-
-
-def _diagonal(
-    m: Drive, V: tuple[float, float], alpha: float, pole: float, lemma: str, said: tuple[str, ...]
-) -> Certificate:
-    """V = A e_z^2 + C e_w^2 with -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
-    A, C = V
-    return Certificate(
-        holds=True,
-        lemma=lemma,
-        conditions=(*said, MATCHED),
-        pole_at_rest=pole,
-        A=A,
-        B=0.0,
-        C=C,
-        alpha=alpha,
-        alpha_unit="N m s/rad",
-        P=lyapunov(A, 0.0, C),
-        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
-        Q1=np.diag([2.0 * A, 0.0]),
+    K1 = ScheduledGain(-size, size * m.sigma1, m.Fc, m.Fs, m.vs)
+    if M is None:
+        at_rest = alpha + m.sigma1 * K1.offset
+        K2 = ScheduledGain(at_rest, m.sigma1 * K1.slope, m.Fc, m.Fs, m.vs)
+        said = (
+            "e_w tends to 0 for every bounded w",
+            "no rate by itself: exponential if |w| stays above a positive bound, or if w is "
+            "bounded and persistently exciting (Excitation.rate)",
+        )
+    else:
+        at_rest = K2 = alpha + m.sigma1 * (K1.offset + K1.slope * M / m.low)
+        said = (
+            f"|w| <= M = {M:g} rad/s",
+            "sigma1 > 0",
+            "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
+        )
+    return (
+        K1,
+        K2,
+        Certificate(
+            holds=True,
+            lemma="lemma4" if M is None else "lemma5",
+            conditions=(*said, MATCHED),
+            pole_at_rest=slowest_pole(m, K1.offset, at_rest),
+            A=A,
+            B=0.0,
+            C=C,
+            alpha=alpha,
+            alpha_unit="N m s/rad",
+            P=lyapunov(A, 0.0, C),
+            Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
+            Q1=np.diag([2.0 * A, 0.0]),
+        ),
     )
 
 
-def _time_varying(
-    m: Drive, given: dict[str, float]
-) -> tuple[ScheduledGain, ScheduledGain, Certificate]:
-    A, C, alpha, K1 = _scheduled(m, given)
-    K2 = ScheduledGain(alpha + m.sigma1 * K1.offset, m.sigma1 * K1.slope, m.Fc, m.Fs, m.vs)
-    sentences = (
-        "e_w tends to 0 for every bounded w",
-        "no rate by itself: exponential if |w| stays above a positive bound, or if w is "
-        "bounded and persistently exciting (Excitation.rate)",
-    )
-    pole = slowest_pole(m, K1.offset, K2.offset)
-    return K1, K2, _diagonal(m, (A, C), alpha, pole, "lemma4", sentences)
-
-
-def _bounded(m: Drive, given: dict[str, float]) -> tuple[ScheduledGain, float, Certificate]:
+def _bounded(m: Drive, given: dict[str, float]) -> tuple[Any, Any, Certificate]:
     if "M" not in given:
         raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
-    A, C, alpha, K1 = _scheduled(m, given)
-    K2 = alpha + m.sigma1 * (K1.offset + K1.slope * given["M"] / m.low)
-    sentences = (
-        f"|w| <= M = {given['M']:g} rad/s",
-        "sigma1 > 0",
-        "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
-    )
-    pole = slowest_pole(m, K1.offset, K2)
-    return K1, K2, _diagonal(m, (A, C), alpha, pole, "lemma5", sentences)
+    return _scheduled(m, given, given["M"])
 
 
 def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certificate]:
@@ -291,7 +711,7 @@ def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certific
 
 
 _METHODS: dict[str, tuple[Callable[..., Any], str]] = {
-    "time-varying": (_time_varying, "A, C, alpha"),
+    "time-varying": (_scheduled, "A, C, alpha"),
     "bounded": (_bounded, "A, C, alpha, M"),
     "constant": (_constant, "C, alpha, beta"),
 }

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from ..blocks import controllers
 from ..blocks.aliases import VARIANTS, meant, name_of
 from ..blocks.block import Block, members
 from ..blocks.drive import limiter
-from ..blocks.model import as_model, model_first
-from ..blocks.observers import believed, observer_block
+from ..blocks.model import Model, as_model, model_first
+from ..blocks.observers import believed, observer, observer_block
 from ..blocks.sliding_control import sliding_error
 from ..core.errors import InputError
 from ..core.validation import one_name, real, shown
@@ -19,7 +21,6 @@ from ..core.validation import one_name, real, shown
 if TYPE_CHECKING:
     import control as ct
 
-    from ..blocks.model import Model
 
 OWN = "own"  # a gain that is left out: the observer's own default
 OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
@@ -135,10 +136,7 @@ def loop_observer(
     gains: Mapping[str, Any] | None,
     sliding: bool = False,
 ) -> ct.NonlinearIOSystem:
-    """The observer of a loop with its gains.
-
-    ``sliding``: the controller acts on s, and so does an observer that is corrected by e.
-    """
+    """The observer of a loop with its gains; ``sliding``: it is corrected by s in place of e."""
     name = name_of("observer", name)
     made = observer_block("no_observer" if name is None else name)
     _fits(made, SEEN)
@@ -182,13 +180,7 @@ def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any
 
 
 def controller_block(name: Any) -> Block:
-    """The registered controller of a name, one that puts out u from what a loop offers.
-
-    Raises
-    ------
-    InputError
-        When there is no controller of that name, or a loop cannot contain it.
-    """
+    """The registered controller of a name, one that puts out u from what a loop offers."""
     known = {k: b for k, b in members("controller").items() if k not in VARIANTS}
     name = name_of("controller", name)
     made = known.get(name) if isinstance(name, str) else None
@@ -234,3 +226,72 @@ def derivatives(kind: str, signals: Sequence[str]) -> list[str]:
     if kind == "velocity" and "ddr" in wanted:
         raise InputError(f"a velocity loop has no ddr, only {controllers.DERIVATIVE[kind]}.")
     return [k for k in known if k in wanted]
+
+
+def placed(J: float, *poles: float) -> dict[str, float]:
+    """Return the gains with the zeros of J s^2 + kp s + ki, or of the third degree, at -poles."""
+    names = ("kp", "ki") if len(poles) == 2 else ("kd", "kp", "ki")
+    gains = dict(zip(names, J * np.poly(-np.array(poles))[1:], strict=True))
+    return {k: float(gains[k]) for k in ("kp", "ki", "kd") if k in gains}
+
+
+def all_at(kind: str, J: float, rate: float) -> dict[str, float]:
+    """Return the gains with every pole at -rate."""
+    return placed(J, *[rate] * (2 if kind == "velocity" else 3))
+
+
+def crossing(kind: str, J: float, bandwidth: float) -> dict[str, float]:
+    """Return the gains of a PI that crosses over at the bandwidth in rad/s, its integral 20 times
+    as slow, or of a critically damped PD with kd/J there."""
+    if kind == "velocity":
+        split = np.sqrt(1.0 - 4.0 / 20.0)  # of two poles with the sum b and the product b^2/20
+        return placed(J, 0.5 * (1.0 + split) * bandwidth, 0.5 * (1.0 - split) * bandwidth)
+    return placed(J, 0.5 * bandwidth, 0.5 * bandwidth, 0.0)
+
+
+MEASURED = {"w": "w_m", "theta": "theta_m", "u": "u_fb"}
+REFERENCE = ("r", "dr", "ddr")
+
+
+@dataclass(frozen=True)
+class Control:
+    """A PI of the speed or a PID of the position by its gains ``feedback``, and an observer by its
+    name and its ``gains``. ``ahead``: J times the acceleration of the reference is added."""
+
+    kind: str
+    feedback: Mapping[str, float]
+    observer: str | None = None
+    gains: Mapping[str, Any] = field(default_factory=dict)
+    ahead: bool = True
+
+    def blocks(self, p: Model) -> list[Any]:
+        """Return the blocks from w_m, theta_m, r and its derivatives to u, by the model p.
+
+        u_fb is u without what else puts out u; ``compensation.scale`` is the share of Fhat in it.
+        """
+        made = observer_block("no_observer" if self.observer is None else self.observer)
+        measured = MEASURED[controllers.MEASURED[self.kind]]
+        seen = [MEASURED.get(s, s) for s in made.inputs]
+        own: Any = {"outputs": ["u_fb"]}
+        return [
+            controllers.error(self.kind, inputs=["r", measured]),
+            *self._feedback(own),
+            *[controllers.feedforward(p, self.kind, **own)] * self.ahead,
+            observer(made.name, p, inputs=seen, **self.gains),
+            controllers.compensation(1.0, **own),
+            controllers.compensation(name="drive", inputs=["u_fb"]),
+            *([error_s(self.kind, None, MEASURED)] if "s" in made.inputs else []),
+        ]
+
+    def _feedback(self, own: Any) -> list[Any]:
+        if self.kind == "velocity":
+            return [controllers.pi(**self.feedback, **own)]
+        # D on the velocity error: on w alone it would act against the reference motion
+        error = controllers.error(name="error_w", inputs=["dr", "w_m"], outputs=["e_w"])
+        return [error, controllers.pid(**self.feedback, inputs=["e", "e_w"], **own)]
+
+
+def read_of(parts: list[Any]) -> list[str]:
+    """Return the reference and those of its derivatives that the blocks read."""
+    read = {signal for block in parts for signal in block.input_labels}
+    return [signal for signal in REFERENCE if signal in read]

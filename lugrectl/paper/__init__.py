@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from .page import html, text, write
-from .results import Reproduction
-from .runs import reproduce
+from .runs import Reproduction, reproduce
 
 __all__ = ["Reproduction", "html", "reproduce", "text", "write"]

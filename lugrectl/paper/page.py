@@ -15,8 +15,7 @@ from ..core.display import NONE, Grid
 from ..linear.verdict import show_poles
 from ..report.canvas import AFTER, BEFORE, MEASURED, QUIET, headed
 from ..report.page import Figure, Page, Section
-from .results import SMALL, Errors, Outcome, PaperFigure, Reproduction, milli
-from .runs import peaks
+from .runs import SMALL, Errors, Outcome, PaperFigure, Reproduction, milli, peaks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -260,8 +259,7 @@ def sweep(o: Outcome, ax: Axes) -> Axes:
 
 
 def over_time(o: Outcome, ax: Axes) -> Axes:
-    """The signal of one case; of a position loop the largest |e| in each second, logarithmic, in
-    which growth at a constant rate is a straight line."""
+    """The signal of one case; of a position loop the largest |e| in each second, logarithmic."""
     drawn = o.study.drawn
     assert drawn is not None
     name, unit, envelope = drawn.signal, f"m{drawn.unit}", o.study.loop == "position"

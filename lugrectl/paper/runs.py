@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import control as ct
@@ -12,8 +13,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..blocks.model import Parameters, table1
+from ..core.display import Row, Shown, number
 from ..core.errors import Diverged, InputError
 from ..core.progress import Wanted, reporter, shows_progress
+from ..core.provenance import Provenance
+from ..core.result import Fields, Result, picked, plain
+from ..core.views import view
 from ..linear import (
     bandwidth_check,
     position_loop_tf,
@@ -24,7 +29,7 @@ from ..linear import (
 )
 from ..loops.friction_loops import position_loop, velocity_loop
 from ..simulation.response import simulate
-from .results import Errors, Growth, Outcome, PaperFigure, Reproduction, Trace, Width, claims
+from .equations import FAILS, HOLDS, PAPER
 from .studies import (
     NONE,
     POSITION,
@@ -42,6 +47,229 @@ from .studies import (
     Study,
     all_studies,
 )
+
+SMALL = 1e-6  # a smaller RMS value counts as 0
+
+
+@dataclass(frozen=True, repr=False)
+class Trace(Shown):
+    """One signal of one compensation over time, for a figure."""
+
+    name: str
+    t: np.ndarray
+    y: np.ndarray
+
+
+@dataclass(frozen=True)
+class Errors:
+    """RMS values of one measure, one for each compensation; inf if the loop diverged."""
+
+    label: str
+    measure: Measure
+    rms: Mapping[str, float]
+    x: float | None = None
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the JSON document has of it."""
+        return {"case": self.label, **plain(asdict(self.measure)), "rms": plain(self.rms)}
+
+
+@dataclass(frozen=True, repr=False)
+class Outcome(Shown):
+    """The result of a study: rows of RMS values, and the traces of its figure."""
+
+    study: Study
+    rows: tuple[Errors, ...]
+    traces: tuple[Trace, ...] = ()
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the JSON document has of it."""
+        return self.study.summary() | {"rows": plain(self.rows)}
+
+
+@dataclass(frozen=True, repr=False)
+class Width(Shown):
+    """Bandwidth of one loop, r to w or theta, with all friction or all but Fv compensated.
+
+    ``spr``: class of the loop's T(s), the existing observer's condition; None if it does not
+    apply. Hz and 1/s.
+    """
+
+    loop: str
+    label: str
+    gains: Mapping[str, float]
+    level: str
+    hertz: float
+    stable: bool
+    poles: tuple[complex, ...]
+    spr: str | None
+    paper: str
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the JSON document has of it."""
+        return plain(asdict(self) | {"poles": [[q.real, q.imag] for q in self.poles]})
+
+
+@dataclass(frozen=True, repr=False)
+class PaperFigure(Shown):
+    """A figure of the source paper: reference, and the response of three loops."""
+
+    key: str
+    scenario: str
+    unit: str
+    window: tuple[float, float]
+    reference: Trace
+    responses: tuple[Trace, ...]
+    errors: Mapping[str, float]
+
+    def summary(self) -> dict[str, Any]:
+        """Return what the JSON document has of it."""
+        return picked(self, "key scenario unit window") | {"rms": plain(self.errors)}
+
+
+@dataclass(frozen=True, repr=False)
+class Growth(Shown, Fields):
+    """Growth of the compensated position PI: predicted from its poles, and simulated.
+
+    Time constants in s; ``observer`` and ``window`` (s) are those of the simulation.
+    """
+
+    predicted: float
+    simulated: float
+    observer: str
+    window: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Claim(Fields):
+    """A statement of the source paper, what was found, and whether it holds."""
+
+    paper: str
+    found: str
+    status: str
+
+
+@dataclass(frozen=True, repr=False)
+class Reproduction(Result):
+    """Everything that ``lugrectl reproduce`` shows."""
+
+    parameters: Parameters
+    widths: tuple[Width, ...]
+    figures: tuple[PaperFigure, ...]
+    growth: Growth | None
+    outcomes: tuple[Outcome, ...]
+    claims: tuple[Claim, ...] = ()
+    provenance: Provenance | None = None
+
+    def outcome(self, key: str) -> Outcome | None:
+        """The outcome of a study, None if it was not run."""
+        return next((o for o in self.outcomes if o.study.key == key), None)
+
+    def figure(self, key: str) -> PaperFigure | None:
+        """A figure of the source paper, "velocity" or "position"; None if it was not made."""
+        return next((f for f in self.figures if f.key == key), None)
+
+    def _width(self, loop: str, label: str, level: str = "-3dB") -> Width:
+        """The bandwidth of a loop by its label."""
+        wanted = (loop, label, level)
+        return next(w for w in self.widths if (w.loop, w.label, w.level) == wanted)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as in the JSON document; never NaN or Infinity."""
+        return {
+            "schema": 1,
+            "parameters": asdict(self.parameters),
+            "bandwidths": plain(self.widths),
+            "figures": plain(self.figures),
+            "growth": plain(self.growth),
+            "studies": plain(self.outcomes),
+            "claims": plain(self.claims),
+            "slips": [picked(p, "label status note") for p in PAPER if p.status != HOLDS],
+            "provenance": plain(self.provenance),
+        }
+
+    def save(self, folder: str | Path) -> list[Path]:
+        """Write reproduce.html and reproduce.json into a folder, both or none; returns the paths.
+
+        Raises InputError when the folder cannot be written.
+        """
+        return view("page.write", "paper")(self, folder)
+
+    def _title(self) -> str:
+        return "Reproduction of the source paper"
+
+    def _rows(self) -> Iterable[Row]:
+        return [
+            *(Row(f"bandwidth, {w.label}", w.hertz, "Hz") for w in self.widths),
+            Row("figures", ", ".join(f.key for f in self.figures)),
+            Row("studies", ", ".join(o.study.key for o in self.outcomes)),
+        ]
+
+    def __str__(self) -> str:
+        return view("page.text", "paper")(self)
+
+    def _repr_html_(self) -> str:
+        return view("page.fragment", "paper")(self)
+
+
+def milli(value: float) -> str:
+    """A value in thousandths, three digits; "diverges" for infinity."""
+    if not np.isfinite(value):
+        return "diverges"
+    if value < SMALL:
+        return "<0.001"
+    value *= 1e3
+    return number(value, 3 if value >= 0.1 else 2)
+
+
+def claims(r: Reproduction) -> tuple[Claim, ...]:
+    """The statements of the paper that can be checked by simulation, and what was found."""
+    return (*_of_bandwidths(r), *_of_figures(r))
+
+
+def _of_bandwidths(r: Reproduction) -> Iterator[Claim]:
+    v, half = (r._width("velocity", "paper's PI", level) for level in ("-3dB", "half-power"))
+    left = r._width("velocity", "paper's PI, Fv left in")
+    yield Claim(
+        "Velocity PI: around 115 Hz at -3 dB",
+        f"{v.hertz:.1f} Hz (half power {half.hertz:.1f} Hz; Fv left in {left.hertz:.1f} Hz)",
+        HOLDS,
+    )
+    pi, left = (r._width("position", f"paper's PI{x}") for x in ("", ", Fv left in"))
+    yield Claim(
+        "Position PI: approximately 20 Hz",
+        f"|T| crosses -3 dB at {pi.hertz:.1f} Hz, but the loop is unstable and has no bandwidth; "
+        f"stable with Fv left uncompensated (Fv Kp > J Ki, {left.hertz:.1f} Hz)",
+        FAILS,
+    )
+
+
+def _of_figures(r: Reproduction) -> Iterator[Claim]:
+    errors = {f.key: [milli(value) for value in f.errors.values()] for f in r.figures}
+    if "velocity" in errors:
+        _, none, best = errors["velocity"]
+        yield Claim(
+            "Velocity: friction degrades the PI severely, the proposed observer is a remedy",
+            f"{none} against {best} mrad/s RMS, with exact observer parameters, where the "
+            "natural observer does the same; with wrong ones see the tables",
+            HOLDS,
+        )
+    if "position" in errors:
+        _, none, best = errors["position"]
+        yield Claim(
+            "Position: the proposed observer performs well",
+            f"{best} mrad RMS over 1 to 5 s, {none} with no observer (step of 1 rad, "
+            "prefilter, exact parameters); later it grows without bound",
+            FAILS,
+        )
+    if g := r.growth:
+        yield Claim(
+            "(not in the paper) growth of the compensated position loop",
+            f"time constant {g.predicted:.2f} s from the poles, {g.simulated:.2f} s in simulation "
+            f"over {g.window[0]:g} to {g.window[1]:g} s with the {g.observer}",
+            "unstable",
+        )
+
 
 Run = tuple[np.ndarray, dict[str, np.ndarray]]  # times, and signals by name
 LOOPS = {"velocity": velocity_loop, "position": position_loop}
@@ -169,13 +397,7 @@ class Bench:
     def respond(
         self, loop: str, controller: Mapping[str, float], c: Compensation, case: Case
     ) -> Run:
-        """Times and signals of one run (outputs of the loop, and F - Fhat).
-
-        Raises
-        ------
-        Diverged
-            When the loop diverges.
-        """
+        """Times and signals of one run (outputs of the loop, and F - Fhat); Diverged."""
         if (loop, c.observer) not in self._loops:
             self._loops[loop, c.observer] = LOOPS[loop](self.p, c.observer, feedforward=True)
         system = self._loops[loop, c.observer]
@@ -212,10 +434,13 @@ def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
     """All cases of a study under all its compensations."""
     rows: list[Errors] = []
     traces: list[Trace] = []
-    for number, case in enumerate(study.cases):
-        runs = {}
+    for i, case in enumerate(study.cases):
+        runs: dict[str, Run | None] = {}
         for c in study.compensations:
-            runs[c.name] = _respond(bench, study, c, case)
+            try:
+                runs[c.name] = bench.respond(study.loop, study.controller, c, case)
+            except Diverged:
+                runs[c.name] = None
             tick(f"{study.title}: {c.name}")
         for m in case.measures:
             errors = {
@@ -223,17 +448,9 @@ def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
                 for name, run in runs.items()
             }
             rows.append(Errors(case.label, m, errors, case.x))
-        if study.drawn and number == study.drawn.case:
+        if study.drawn and i == study.drawn.case:
             traces += _traces(study.drawn, runs)
     return Outcome(study, tuple(rows), tuple(traces))
-
-
-def _respond(bench: Bench, study: Study, c: Compensation, case: Case) -> Run | None:
-    """One run; None where the loop diverges."""
-    try:
-        return bench.respond(study.loop, study.controller, c, case)
-    except Diverged:
-        return None
 
 
 def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:
@@ -248,10 +465,7 @@ def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:
 
 
 def figure(bench: Bench, loop: str) -> PaperFigure:
-    """A loop without friction, with friction, and with the proposed observer.
-
-    The position loop with the prefilter 2/(s + 2), over the first seconds.
-    """
+    """A loop without friction, with friction, and with the proposed observer."""
     if loop == "velocity":
         gains, case = VELOCITY, Case("", SINE, (Measure("w", "rad/s", (1.0, 3.0)),), duration=3.0)
         text = f"{VELOCITY_TEXT}, no feed-forward, no prefilter, {SINE_TEXT}"

@@ -29,7 +29,7 @@ from ..linear.l2 import L2Verdict
 from ..linear.passivity import PassivityVerdict
 from ..linear.spr import Repair, SprVerdict
 from ..linear.stability import StabilityVerdict
-from ..paper.results import Reproduction
+from ..paper.runs import Reproduction
 from ..sweeps import Sweep
 
 __all__ = [

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import lapack
 
-from ..blocks.friction import bristle, free_bristle
+from ..blocks.friction import bristle
 from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.validation import array, positive
@@ -163,7 +163,7 @@ def _coefficients(free: bool) -> Callable[..., tuple[np.ndarray, ...]]:
     """e^(-a dt) - 1, a and b from the friction law's own function, which is affine in z."""
     graph, keys = Graph(), (*KEYS, "delta") if free else KEYS
     w, z, *p = (graph.symbol(name) for name in ("w", "z", *keys))
-    rate: Any = free_bristle(w, z, *p) if free else bristle(w, z, *p)
+    rate: Any = bristle(w, z, *p)
     slope = derivatives([rate], z)[0]
     still = rename([rate], {z.index: graph.constant(0.0)})[0]
 

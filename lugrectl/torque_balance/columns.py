@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from ..blocks.block import Block
-from ..blocks.embedding import borrowed
 from ..blocks.friction import level as sliding_level
+from ..blocks.plant import borrowed
 from ..engine import TraceError
 from .driven_states import Known, Pieces, changes, driven
 from .numerics import bend, slope

@@ -18,9 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..blocks.block import Block, members
-from ..blocks.bristle_laws import along as bristle
-from ..blocks.bristle_laws import strokes
-from ..blocks.friction import free_level, level
+from ..blocks.friction import along as bristle
+from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
 from ..core.regression import Blocks, Prior, robust, spread
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients

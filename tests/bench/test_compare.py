@@ -1,16 +1,15 @@
 """Observers side by side: the terms are equal, and the figures are those of the scenarios."""
 
 import json
-import re
 
 import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench.terms import Terms
+from lugrectl.bench.loop import Terms
 from lugrectl.blocks.block import members
 
-from ..cases.observed import STEP, P, believing, cycle, longer, rms, signals, velocity_error
+from ..cases.observed import STEP, P, believing, longer, rms, signals
 
 FAST = ("velocity", "noise")
 
@@ -166,30 +165,6 @@ def test_the_answer_has_the_forms_of_every_list(found):
     assert found.to_frame().loc["natural", "velocity"] == found["natural"].velocity
 
 
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: lg.compare_observers(P, ["kalman"]), "unknown observer 'kalman'; known: natural"),
-        (lambda: lg.compare_observers(P, "propsed"), "did you mean 'proposed'?"),
-        (lambda: lg.compare_observers(P, 3), "must be a name or a list of names, not 3"),
-        (lambda: lg.compare_observers(P, []), "must be a name or a list of names"),
-        (lambda: lg.compare_observers(P, "natural", scenarios=["speed"]), "no scenario 'speed'"),
-        (lambda: lg.compare_observers(P, "natural", scenarios="delays"), "did you mean 'delay'?"),
-        (lambda: lg.compare_observers(P, "natural", scenarios=[]), "scenarios is an empty list"),
-        (lambda: lg.compare_observers(P, "natural", rates=[]), "rates is an empty list"),
-        (lambda: lg.compare_observers(P, "natural", rates=0), "rates must be a positive number"),
-        (lambda: lg.compare_observers(P, ["natural"], wrong=-1), "wrong"),
-        (lambda: lg.compare_observers(P, ["natural"], off=1.0), "off is 1; give a share below 1"),
-        (lambda: lg.compare_observers(P, ["natural"], resolution=-1), "resolution is -1; give"),
-        (lambda: lg.compare_observers(lg.Model.of(J=1.0)), "needs sigma0"),
-    ],
-)
-def test_wrong_usage_is_one_sentence(call, said):
-    with pytest.raises(lg.InputError, match=re.escape(said)) as raised:
-        call()
-    assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
-
-
 def test_each_scenario_of_each_observer_is_reported_as_it_begins():
     said = []
     scenarios = ["velocity", "rounding", "load"]
@@ -252,22 +227,6 @@ def test_a_load_is_asked_for_where_the_law_has_no_coulomb_friction():
 NAMES = [k.removesuffix("_observer") for k in members("observer") if k != "no_observer"]
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
-def test_every_observer_stands_in_the_ready_loops(make, name):
-    """In a position loop one that acts on s needs dr as well."""
-    for smooth in (False, True):
-        loop = make(P, name, prefilter=smooth, feedforward=True, load=True)
-        assert loop.syslist[1].name == f"{name}_observer"
-        assert loop.output_labels == ["theta", "w", "F", "Fhat", "u", "e"]
-        assert np.isfinite(
-            loop.dynamics(0.0, np.full(loop.nstates, 1e-3), [0.1] * loop.ninputs)
-        ).all()
-    inputs = make(P, name).input_labels
-    with_s = make is lg.position_loop and "s" in members("observer")[f"{name}_observer"].inputs
-    assert inputs == (["r", "dr"] if with_s else ["r"])
-
-
 AFFINE = [
     lg.friction_state_observer(P),
     lg.normal_force_observer(P),
@@ -313,15 +272,6 @@ def test_a_position_observer_starts_where_the_drive_stands():
 
 
 @longer
-def test_the_existing_observer_is_feedback():
-    """It adds k (sigma1 s + sigma0)/(s + a) on -e; the natural one with this as PI is better, for
-    a large k too (0.35: above)."""
-    assert velocity_error("existing", believing(0.8), k=5.0) == pytest.approx(0.0030, abs=1e-4)
-    equal = {"kp": 1.6 + P.sigma1 * 5.0, "ki": 0.16 + P.sigma0 * 5.0}
-    assert velocity_error("natural", believing(0.8), **equal) == pytest.approx(0.00039, rel=0.02)
-
-
-@longer
 @pytest.mark.parametrize(
     ("name", "k", "error", "digit"),
     [
@@ -337,18 +287,3 @@ def test_a_constant_load_counts_as_friction(name, k, error, digit):
     rows = {"r": 0.1 * np.sin(2 * np.pi * t), "d": 0.05}
     e = signals(loop, lg.simulate(loop, t, rows))["e"][t >= 1.0]
     assert rms(e) == pytest.approx(error, abs=digit)
-
-
-@longer
-@pytest.mark.parametrize(
-    ("name", "swing"),
-    [
-        ("normal_force", 0.0),
-        ("lyapunov", 0.0),
-        ("adaptive", 0.0),
-        ("general_coulomb", 0.44e-3),
-    ],
-)
-def test_limit_cycles_of_the_others_with_friction_overestimated(name, swing):
-    """The natural observer: 8 mrad."""
-    assert cycle(name, 1.2) == pytest.approx(swing, abs=1e-5 if swing else 1e-11)

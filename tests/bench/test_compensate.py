@@ -23,6 +23,7 @@ from lugrectl.report import fragment, text
 from ..cases.made_up import bare
 from ..cases.made_up import diagnosis as diagnosed
 from ..cases.schema import SCHEMA, VALID, closed, document, jsonschema
+from ..cases.wired import simulate
 
 MODEL = lg.Model.of(lg.table1())
 FULL = (
@@ -58,14 +59,7 @@ def test_the_loops_are_systems_that_python_control_simulates(velocity):
     dr = np.gradient(run.r, run.t)[:101]
     x0 = np.zeros(loop.nstates)
     x0[loop.state_labels.index("plant_theta")] = -2.0 / np.pi
-    response = ct.input_output_response(
-        loop,
-        t,
-        [run.r[:101], dr],
-        x0,
-        solve_ivp_method="LSODA",
-        solve_ivp_kwargs={"rtol": 1e-7, "atol": 1e-10},
-    )
+    response = simulate(loop, t, [run.r[:101], dr], x0, rtol=1e-7, atol=1e-10)
     w = response.outputs[loop.output_labels.index("w")]
     assert np.max(np.abs(w - run.y[:101])) < 1e-2 * np.ptp(run.y[:101])
 

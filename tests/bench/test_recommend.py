@@ -2,7 +2,6 @@
 
 import json
 import pickle
-import re
 
 import numpy as np
 import pytest
@@ -191,35 +190,6 @@ def test_the_plot_has_a_line_for_each_observer(found):
     ax = found.plot()
     assert [label.get_text() for label in ax.get_yticklabels()] == list(reversed(found.names))
     plt.close(ax.figure)
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: lg.recommend_observer(P), "rate is missing"),
-        (lambda: lg.recommend_observer(P, {"rat": 1000}), "did you mean 'rate'?"),
-        (lambda: lg.recommend_observer(P, 1000), "record must be a record"),
-        (lambda: lg.recommend_observer(P, rate=-1), "rate must be a positive number of Hz"),
-        (lambda: lg.recommend_observer(P, rate=1e3, noise=-1), "noise must be 0 or positive"),
-        (lambda: lg.recommend_observer(P, rate=1e3, measured="speed"), "measured must be"),
-        (lambda: lg.recommend_observer(P, rate=1e3, uncertainty=1.5), "uncertainty is 1.5"),
-        (lambda: lg.recommend_observer(P, rate=1e3, uncertainty={"sigma": 0.1}), "did you mean"),
-        (lambda: lg.recommend_observer(P, rate=1e3, observers="propsed"), "mean 'proposed'?"),
-        (lambda: lg.recommend_observer(P, rate=1e3, gains={"natural": 1}), "gains must be a dict"),
-        (
-            lambda: lg.recommend_observer(P, rate=1e3, gains={"disturbance": {"ta": 1}}),
-            "disturbance_observer has no parameter 'ta'",
-        ),
-        (lambda: lg.recommend_observer(P, rate=1e3, certified=1), "certified must be True"),
-        (lambda: lg.recommend_observer(lg.Model.of(J=1.0), rate=1e3), "identify them first"),
-        (lambda: lg.recommend_observer(P, rate=1e3, frequency=1e-4), "give another frequency"),
-        (lambda: lg.recommend_observer(3, rate=1e3), "p must be a Model"),
-    ],
-)
-def test_wrong_usage_is_one_sentence(call, said):
-    with pytest.raises(lg.InputError, match=re.escape(said)) as raised:
-        call()
-    assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
 
 
 def test_what_was_not_considered_is_named(found):

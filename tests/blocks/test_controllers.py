@@ -16,7 +16,8 @@ from lugrectl.engine.runtime import adaptive_run
 
 from ..cases.observed import P
 from ..cases.observed import relaxation as rate
-from ..cases.transfer import response, s, same
+from ..cases.transfer import s, same
+from ..cases.wired import joined, simulate
 
 few, deflections = st.floats(-1.0, 1.0), st.floats(-2e-3, 2e-3)
 gains = st.floats(0.01, 10.0)
@@ -105,15 +106,6 @@ def test_inputs_follow_the_kind_and_a_name_changes_the_keys():
 # --- in the path of the torque ----
 
 
-def test_a_dead_time_is_the_effect_of_the_catalogue():
-    late = 1e-3
-    slow = np.exp(-1j * 83.0 * late)
-    assert response(lg.dead_time(late))[4] == pytest.approx(slow, rel=1e-6)
-    effect = lg.effect("input_delay", delay=late, inputs=["u_cmd"])
-    x, u = [0.3, -0.2], [0.7]
-    assert np.array_equal(lg.dead_time(late).dynamics(0, x, u), effect.dynamics(0, x, u))
-
-
 @pytest.mark.parametrize("make", [lg.current_lag, lg.dead_time, lambda T: lg.dead_time(T, 1e-3)])
 def test_no_delay_passes_the_command(make):
     made = make(0.0)
@@ -154,7 +146,7 @@ LATE = lg.Model.of(
 def test_each_dead_time_is_found_with_its_states():
     loop = lg.cascade_loop(LATE, kv=20.0, delay=2e-3, lag=1e-3)
     parts = [lg.prefilter(2.0), loop]
-    outer = ct.interconnect(parts, inputs=["r_cmd"], outputs=["w"], params={}, check_unused=False)
+    outer = joined(parts, ["r_cmd"], ["w"])
     for system in (loop, outer):
         found = [*dead_times(system, {"plant.input_delay.delay": 1e-3})]
         assert sorted(one.seconds for one in found) == [1e-3, 2e-3]
@@ -222,25 +214,11 @@ def test_a_limit_elsewhere_gives_the_same_as_its_own(kind):
     u = [given[k] for k in inputs]
     own = make[kind](limit=1.5, tracking=0.02)
     beside = [make[kind](tracking=0.02, outputs=["u_cmd"]), lg.limiter(1.5)]
-    beside = ct.interconnect(beside, inputs=inputs, outputs=["u"], check_unused=False)
+    beside = joined(beside, inputs, ["u"])
     one, other = (lg.simulate(m, T, np.array(u), rtol=1e-9).outputs for m in (own, beside))
     assert other == pytest.approx(one, abs=1e-6)
-    options = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-9, "atol": 1e-12}}
-    theirs = ct.input_output_response(beside, T[:150], np.array(u)[:, :150], **options).outputs
+    theirs = simulate(beside, T[:150], np.array(u)[:, :150], rtol=1e-9, atol=1e-12).outputs
     assert np.ravel(theirs) == pytest.approx(np.ravel(one)[:150], abs=1e-6)
-
-
-def test_no_limit_on_the_integral_is_a_clip_behind_the_controller():
-    e = -2 * np.cos(9 * T)
-    clip = ct.nlsys(
-        None, lambda t, x, u, params: np.clip(u[0], -1.5, 1.5), inputs=["u_cmd"], outputs=["u"]
-    )
-    beside = ct.interconnect(
-        [lg.pi(2.0, 30.0, outputs=["u_cmd"]), clip], inputs=["e"], outputs=["u"]
-    )
-    own = lg.pi(2.0, 30.0, limit=1.5, tracking=np.inf)
-    one, other = (lg.simulate(m, T, e, rtol=1e-9).outputs for m in (own, beside))
-    assert other == pytest.approx(one, abs=1e-8)
 
 
 def test_a_limited_controller_runs_at_a_sample_rate():
@@ -365,16 +343,6 @@ def test_memory_is_the_law_with_a_delay_of_one_period(s, ar, x):
     assert mean.dynamics(0.0, x, [s, ar])[-1] == pytest.approx(old - 0.2 * s)
 
 
-def test_memory_repeats_what_it_has_learnt():
-    """An s of one period is remembered, without any further error, for ever."""
-    made = lg.repetitive_memory(P, 0.5, 0.1, K=0.0, gamma=0.2)
-    s = np.zeros(20)
-    s[:5] = [1.0, -0.5, 0.25, 0.0, 2.0]
-    t = 0.1 * np.arange(20)
-    u = ct.input_output_response(made, t, np.array([s, 0.0 * s]), np.zeros(6)).outputs
-    assert np.squeeze(u) == pytest.approx(np.tile(-0.2 * s[:5], 4))
-
-
 @given(st.lists(few, min_size=7, max_size=7), few, few, st.floats(0.0, 9.0))
 def test_harmonics_are_a_fourier_series_in_rotating_coordinates(x, s, ar, t):
     """xj = cj cos(j om t) + dj sin(j om t) with dcj/dt = -gamma s cos, ddj/dt = -gamma s sin."""
@@ -389,19 +357,6 @@ def test_harmonics_are_a_fourier_series_in_rotating_coordinates(x, s, ar, t):
         dx = dc * co + dd * si + j * om * (d * co - c * si)
         dy = -dc * si + dd * co - j * om * (c * co + d * si)
         assert (rates[j], rates[3 + j]) == pytest.approx((dx, dy), abs=1e-9)
-
-
-def test_harmonics_have_a_sampled_form():
-    """What it has learnt turns on exactly by j om dt from sample to sample."""
-    dt, x0 = 0.01, [0.1, 0.2, -0.3, 0.4, 0.5]
-    made = lg.sampled(lg.repetitive_control(P, 1.0, harmonics=2), dt)
-    t = dt * np.arange(30)
-    start = [*x0, *[0.0] * (made.nstates - 5)]
-    u = np.squeeze(ct.input_output_response(made, t, np.zeros((2, 30)), start).outputs)
-    turned = (x0[1] * np.cos(2 * np.pi * t) + x0[3] * np.sin(2 * np.pi * t)) + (
-        x0[2] * np.cos(4 * np.pi * t) + x0[4] * np.sin(4 * np.pi * t)
-    )
-    assert u == pytest.approx(x0[0] + turned, abs=1e-9)
 
 
 # --- in the ready-made loops ----

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.blocks.bristle_laws import along, strokes
-from lugrectl.blocks.effects.actuator import held_lagging
+from lugrectl.blocks.effects import held_lagging
+from lugrectl.blocks.friction import along, strokes
 
 from ..cases.drives import EFFECTS, J, arguments, free, model_of, plant_of, run, states
+from ..cases.wired import joined, simulate
 
 TURNS = 2.0 * np.pi
 T, THETA, W = 1.7, 0.9, -2.3
@@ -219,13 +220,6 @@ def test_break_away_torque_after_a_rest(dwell):
 
 
 # --- actuator and sensors ----
-
-
-def test_a_step_through_the_actuator_lag():
-    block = EFFECTS["actuator_lag"].system(time_constant=0.05)
-    t = np.linspace(0.0, 0.2, 101)
-    out = run(block, t, 2.0).outputs
-    np.testing.assert_allclose(out, 2.0 * (1.0 - np.exp(-t / 0.05)), atol=1e-7)
 
 
 @given(st.integers(0, 100), st.floats(0.05, 50.0))
@@ -495,18 +489,11 @@ def test_the_engine_traces_a_table_as_python_control_evaluates_it():
     points = np.linspace(-1.5, 1.5, 7)
     values = np.array([0.05 * np.sin(3 * points), -0.03 + 0.02 * points])
     block = lg.tabulated("theta", points, values)
-    loop = ct.interconnect(
-        [lg.plant(lg.table1()), block],
-        inputs=["u"],
-        outputs=["theta", "w", "d"],
-        params={},
-        check_unused=False,
-    )
+    loop = joined([lg.plant(lg.table1()), block], ["u"], ["theta", "w", "d"])
     t = np.linspace(0.0, 1.0, 201)
     u = 0.6 * np.sin(6.0 * t)
     fast = lg.simulate(loop, t, u)
-    options = {"rtol": 1e-8, "atol": 1e-10}
-    slow = ct.input_output_response(loop, t, u, solve_ivp_method="LSODA", solve_ivp_kwargs=options)
+    slow = simulate(loop, t, u, rtol=1e-8, atol=1e-10)
     assert np.ptp(slow.outputs[0]) > 1.0
     for a, b in zip(fast.outputs, slow.outputs, strict=True):
         differ = np.abs(a - b)[1:]  # at first it rests, held by friction, which tanh(0) is not

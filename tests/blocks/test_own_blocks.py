@@ -15,7 +15,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks import extending
 from lugrectl.blocks.block import REGISTRY
-from lugrectl.blocks.model import Sent, own_files
+from lugrectl.blocks.model import Sent
 from lugrectl.cli import main
 from lugrectl.cli.options import parser
 from lugrectl.core.errors import NotLoaded
@@ -413,7 +413,3 @@ def test_a_span_that_the_function_does_not_fulfil_is_not_used():
         return k * (theta - rest)
 
     assert spring.parameters["rest"].span == (0.0, 1.0)
-
-
-def test_files_of_the_package_are_not_needed_for_its_own_blocks():
-    assert own_files(lg.Model.of(lg.table1())) == []

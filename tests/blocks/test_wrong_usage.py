@@ -1,6 +1,7 @@
 """A factory or a function that is called wrongly says so in one sentence."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -65,6 +66,93 @@ CALLS = [
     (lambda: lg.tabulated("w", [0, 1], [[0, 1], [0, 1]]), "table over w covers both directions"),
     (lambda: lg.tabulated("w", [0, 1], [0, 1], periodic=True), "a periodic table must be over"),
     (lambda: lg.tabulated("theta", [0, 7], [0, 1], periodic=True), "a periodic table must be"),
+    # gains of the proposed observer
+    (lambda: lg.design_gains(P, "best"), "time-varying, bounded, constant"),
+    (lambda: lg.design_gains(P, A=1.0), "no choice 'A'"),
+    (lambda: lg.design_gains(P, alpha=-1.0), "alpha must be a positive number"),
+    (lambda: lg.design_gains(P, "bounded"), "needs M"),
+    (lambda: lg.design_gains(P, "bounded", M=0), "M must be a positive number"),
+    (lambda: lg.design_gains(replace(P, sigma1=0.0)), "needs sigma1 > 0"),
+    (lambda: lg.design_gains(replace(P, sigma1=0.0), "time-varying"), "give A"),
+    (lambda: lg.design_gains(replace(P, Fc=0.0)), "Fc = 0"),
+    (lambda: lg.certify(lg.Model.of(P).with_values({"Fs": None}), -1, 1), "need Fs"),
+    (lambda: lg.certify(P, np.abs, 1.0), "K1 must be a number"),
+    (lambda: lg.certify(P, -1.0, float("nan")), "K2 must be finite"),
+    (lambda: lg.excitation([1.0], [0.0]), "one length"),
+    (lambda: lg.excitation([1.0, np.nan], [0.0, 1.0]), "finite"),
+    (lambda: lg.excitation([1.0, 1.0, 1.0], [0.0, 1.0, 0.5]), "after 1 s comes 0.5 s"),
+    (lambda: lg.excitation([1.0, 1.0], [0.0, 1.0], T=2.0), "longer than the log"),
+    (lambda: lg.natural_decay(P, [1.0, 2.0], [0.0, 0.0]), "t must increase"),
+    # gains of the others, by rule
+    (lambda: lg.design_gains(P, observer="no"), "there is no design rule for no_observer"),
+    (lambda: lg.design_gains(P, observer="natrual"), "did you mean 'natural'?"),
+    (lambda: lg.design_gains(P, observer="disturbance", ta=1), "did you mean 'tau'?"),
+    (lambda: lg.design_gains(P, observer="natural", k=1), "no choice 'k'; it has none."),
+    (lambda: lg.design_gains(P, observer="disturbance", tau=0), "tau must be a positive"),
+    (lambda: lg.design_gains(P, "bounded", observer="natural"), "the proposed observer only"),
+    (
+        lambda: lg.design_gains(lg.Model.of(J=1.0), observer="natural"),
+        "needs sigma0, Fc, Fs, vs of the drive",
+    ),
+    (
+        lambda: lg.design_gains(replace(P, sigma1=0.0), observer="existing"),
+        "sigma1 = 0: the design rule of existing_observer needs sigma1 > 0",
+    ),
+    (
+        lambda: lg.velocity_loop(P, "natural", bandwidth=3),
+        "bandwidth is no argument of the loop",
+    ),
+    (lambda: lg.velocity_loop(P, "natural", prefiltr=True), "did you mean 'prefilter'?"),
+    (lambda: lg.design_gains(P, "constnt"), "did you mean 'constant'?"),
+    (
+        lambda: lg.velocity_loop(P, "disturbance", gains={"tau": 1}, tau=2),
+        "tau is given twice",
+    ),
+    # the cascade
+    (lambda: lg.cascade_loop(P, feedback="load"), "has no load of its own"),
+    (lambda: lg.cascade_loop(P, feedback="second"), "'motor' or 'load'"),
+    (lambda: lg.cascade_loop(P, tracking=0.1), "tracking belongs to a limit"),
+    (lambda: lg.velocity_loop(P, tracking=0.1), "tracking belongs to a limit"),
+    (lambda: lg.cascade_loop(P, limit=-1.0), "limit"),
+    (lambda: lg.cascade_loop(P, notch="deep"), "notch must be a frequency"),
+    (lambda: lg.cascade_loop(P, notch={"f": 3}), "notch must be a frequency"),
+    (lambda: lg.cascade_loop(P, delay=-1.0), "delay"),
+    (lambda: lg.cascade_loop(P, lag="slow"), "time_constant must be a number"),
+    (lambda: lg.cascade_loop(P, "kalman"), "unknown observer"),
+    (lambda: lg.cascade_loop(P, limit=1.0, kp=0.0), "give tracking in s"),
+    # observers side by side
+    (lambda: lg.compare_observers(P, ["kalman"]), "unknown observer 'kalman'; known: natural"),
+    (lambda: lg.compare_observers(P, "propsed"), "did you mean 'proposed'?"),
+    (lambda: lg.compare_observers(P, 3), "must be a name or a list of names, not 3"),
+    (lambda: lg.compare_observers(P, []), "must be a name or a list of names"),
+    (lambda: lg.compare_observers(P, "natural", scenarios=["speed"]), "no scenario 'speed'"),
+    (lambda: lg.compare_observers(P, "natural", scenarios="delays"), "did you mean 'delay'?"),
+    (lambda: lg.compare_observers(P, "natural", scenarios=[]), "scenarios is an empty list"),
+    (lambda: lg.compare_observers(P, "natural", rates=[]), "rates is an empty list"),
+    (lambda: lg.compare_observers(P, "natural", rates=0), "rates must be a positive number"),
+    (lambda: lg.compare_observers(P, ["natural"], wrong=-1), "wrong"),
+    (lambda: lg.compare_observers(P, ["natural"], off=1.0), "off is 1; give a share below 1"),
+    (lambda: lg.compare_observers(P, ["natural"], resolution=-1), "resolution is -1; give"),
+    (lambda: lg.compare_observers(lg.Model.of(J=1.0)), "needs sigma0"),
+    # the observer for a drive
+    (lambda: lg.recommend_observer(P), "rate is missing"),
+    (lambda: lg.recommend_observer(P, {"rat": 1000}), "did you mean 'rate'?"),
+    (lambda: lg.recommend_observer(P, 1000), "record must be a record"),
+    (lambda: lg.recommend_observer(P, rate=-1), "rate must be a positive number of Hz"),
+    (lambda: lg.recommend_observer(P, rate=1e3, noise=-1), "noise must be 0 or positive"),
+    (lambda: lg.recommend_observer(P, rate=1e3, measured="speed"), "measured must be"),
+    (lambda: lg.recommend_observer(P, rate=1e3, uncertainty=1.5), "uncertainty is 1.5"),
+    (lambda: lg.recommend_observer(P, rate=1e3, uncertainty={"sigma": 0.1}), "did you mean"),
+    (lambda: lg.recommend_observer(P, rate=1e3, observers="propsed"), "mean 'proposed'?"),
+    (lambda: lg.recommend_observer(P, rate=1e3, gains={"natural": 1}), "gains must be a dict"),
+    (
+        lambda: lg.recommend_observer(P, rate=1e3, gains={"disturbance": {"ta": 1}}),
+        "disturbance_observer has no parameter 'ta'",
+    ),
+    (lambda: lg.recommend_observer(P, rate=1e3, certified=1), "certified must be True"),
+    (lambda: lg.recommend_observer(lg.Model.of(J=1.0), rate=1e3), "identify them first"),
+    (lambda: lg.recommend_observer(P, rate=1e3, frequency=1e-4), "give another frequency"),
+    (lambda: lg.recommend_observer(3, rate=1e3), "p must be a Model"),
 ]
 LOOPS = [
     ({"controller": "sliding"}, "unknown controller 'sliding'; known: pi"),
@@ -83,7 +171,7 @@ LOOPS = [
 def refused(call, words):
     with pytest.raises(lg.InputError, match=re.escape(words)) as raised:
         call()
-    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")
+    assert "\n" not in str(raised.value) and str(raised.value)[-1] in ".?"
 
 
 @pytest.mark.parametrize(("call", "words"), CALLS)

@@ -2,13 +2,14 @@
 
 from types import SimpleNamespace
 
-import control as ct
 import numpy as np
 
 from lugrectl.blocks.block import members
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
 from lugrectl.loops import friction_loops as _loops  # noqa: F401  fills the registry
+
+from .wired import simulate
 
 EFFECTS = members("effect")
 LAWS = members("friction")
@@ -86,10 +87,7 @@ def free(J=J):
 def run(system, t, u=0.0, x0=0.0):
     inputs = np.zeros((system.ninputs, len(t)))
     inputs[0] = u
-    return ct.input_output_response(
-        system, t, inputs, x0, solve_ivp_method="LSODA",
-        solve_ivp_kwargs={"rtol": 1e-10, "atol": 1e-13, "max_step": 1e-3},
-    )  # fmt: skip
+    return simulate(system, t, inputs, x0, rtol=1e-10, atol=1e-13, max_step=1e-3)
 
 
 def states(system, **values):

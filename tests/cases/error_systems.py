@@ -10,6 +10,8 @@ import numpy as np
 
 import lugrectl as lg
 
+from .wired import joined
+
 KEYS = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
 
 
@@ -78,14 +80,7 @@ def open_system(kind: str = "proposed") -> ct.InterconnectedSystem:
 
 
 def beside(p: Any, made: Any) -> ct.InterconnectedSystem:
-    return ct.interconnect(
-        [lg.plant(p), made],
-        inputs=["u", "d"],
-        outputs=["w", "F", "Fhat"],
-        params={},
-        check_unused=False,
-        name="open",
-    )
+    return joined([lg.plant(p), made], ["u", "d"], ["w", "F", "Fhat"])
 
 
 def values_of(p: Any, observer: str, **gains: float) -> dict[str, float]:

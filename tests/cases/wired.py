@@ -1,14 +1,11 @@
 """Shared by the tests of loops: the drive, its linear truth, and access to systems by name."""
 
-from dataclasses import replace
-
 import control as ct
 import numpy as np
 
-import lugrectl as lg
+from .observed import P, believing
 
-P = lg.table1()
-LOW = replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fs)
+LOW = believing(0.8)
 OUTPUTS = ["theta", "w", "F", "Fhat", "u", "e"]
 OMEGA = np.array([0.4, 3.0, 20.0, 83.0, 400.0])
 s = ct.tf("s")
@@ -17,15 +14,18 @@ T = C / (P.J * s + C)
 H = 2 / (s + 2)
 
 
+def joined(parts, inputs, outputs):
+    """The blocks connected by their names."""
+    return ct.interconnect(
+        parts, inputs=inputs, outputs=outputs, params={}, check_unused=False, name="joined"
+    )
+
+
 def simulate(loop, t, u, x0=0.0, **options):
     tolerances = {"rtol": 1e-6, "atol": 1e-9} | options
     return ct.input_output_response(
         loop, t, u, x0, solve_ivp_method="LSODA", solve_ivp_kwargs=tolerances
     )
-
-
-def signal(resp, name):
-    return np.atleast_2d(resp.outputs)[resp.output_labels.index(name)]
 
 
 def transfer(system, output, input="r"):
@@ -37,14 +37,6 @@ def transfer(system, output, input="r"):
 
 def at(tf):
     return np.array([tf(1j * w) for w in OMEGA])
-
-
-def state(system, **values):
-    """A state vector from ``block_state`` names; the rest is zero."""
-    x = np.zeros(system.nstates)
-    for name, value in values.items():
-        x[system.state_labels.index(name)] = value
-    return x
 
 
 def outputs(system, x, u, params=None):

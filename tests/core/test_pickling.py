@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench.feedforward import effects_torque
+from lugrectl.bench.loop import effects_torque
 from lugrectl.blocks.block import REGISTRY, Block, P, members
 from lugrectl.blocks.declaration import block
 from lugrectl.blocks.plant import assemble

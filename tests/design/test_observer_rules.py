@@ -1,16 +1,12 @@
 """Gains of every observer by its rule, and what is claimed for them."""
 
-import re
-from dataclasses import replace
-
 import control as ct
 import numpy as np
 import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.design.observer_rules import RULES, position_corners
-from lugrectl.design.quadratic import common_rate, decay
+from lugrectl.design.gains import RULES, common_rate, decay, position_corners
 
 from ..cases.observed import P
 
@@ -111,37 +107,3 @@ def test_a_design_has_the_forms_of_every_result():
     assert '"valid"' in design.to_json()
     with pytest.raises(lg.InputError, match="not a function of e_z and e_w"):
         design.certificate.V(1.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: lg.design_gains(P, observer="no"), "there is no design rule for no_observer"),
-        (lambda: lg.design_gains(P, observer="natrual"), "did you mean 'natural'?"),
-        (lambda: lg.design_gains(P, observer="disturbance", ta=1), "did you mean 'tau'?"),
-        (lambda: lg.design_gains(P, observer="natural", k=1), "no choice 'k'; it has none."),
-        (lambda: lg.design_gains(P, observer="disturbance", tau=0), "tau must be a positive"),
-        (lambda: lg.design_gains(P, "bounded", observer="natural"), "the proposed observer only"),
-        (
-            lambda: lg.design_gains(lg.Model.of(J=1.0), observer="natural"),
-            "needs sigma0, Fc, Fs, vs of the drive",
-        ),
-        (
-            lambda: lg.design_gains(replace(P, sigma1=0.0), observer="existing"),
-            "sigma1 = 0: the design rule of existing_observer needs sigma1 > 0",
-        ),
-        (
-            lambda: lg.velocity_loop(P, "natural", bandwidth=3),
-            "bandwidth is no argument of the loop",
-        ),
-        (lambda: lg.velocity_loop(P, "natural", prefiltr=True), "did you mean 'prefilter'?"),
-        (lambda: lg.design_gains(P, "constnt"), "did you mean 'constant'?"),
-        (
-            lambda: lg.velocity_loop(P, "disturbance", gains={"tau": 1}, tau=2),
-            "tau is given twice",
-        ),
-    ],
-)
-def test_wrong_usage_is_one_sentence(call, said):
-    with pytest.raises(lg.InputError, match=re.escape(said)):
-        call()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose, identify
-from lugrectl.blocks.effects.actuator import held_lagging, held_late
+from lugrectl.blocks.effects import held_lagging, held_late
 
 from ..cases.balance_drive import J, simulate
 from ..cases.drives import EFFECTS

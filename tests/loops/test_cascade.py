@@ -85,29 +85,10 @@ def test_the_ready_made_cascade_is_the_one_wired_by_hand(tracking):
     assert (np.abs(theirs - one).max(axis=1) < 1e-6 * np.abs(one).max(axis=1)).all()
 
 
-def from_ready_made_blocks():
-    """The blocks of the package, connected by their names alone."""
-    return ct.interconnect(
-        [
-            lg.plant(P, inputs=["u_motor", "d"]),
-            lg.error("position"),
-            lg.proportional(KV),
-            lg.error("velocity", name="speed_error", inputs=["w_ref", "w"], outputs=["e_w"]),
-            lg.pi(KP, KI, limit=LIMIT, inputs=["e_w"]),
-            lg.dead_time(DELAY, inputs=["u"], outputs=["late"]),
-            lg.current_lag(LAG, inputs=["late"], outputs=["u_motor"]),
-        ],
-        inputs=["r", "d"],
-        outputs=["theta", "u"],
-        check_unused=False,
-    )
-
-
-@pytest.mark.parametrize("observer", [None, "proposed"])
-def test_with_ready_made_blocks_or_an_observer_too(observer):
+def test_with_an_observer_too():
     """The hand-wired observer reads the clipped torque by its name."""
-    hand = by_hand(KP / KI, [lg.proposed_observer(P)]) if observer else from_ready_made_blocks()
-    ready = lg.cascade_loop(P, observer, kv=KV, kp=KP, ki=KI, **OPTIONS)
+    hand = by_hand(KP / KI, [lg.proposed_observer(P)])
+    ready = lg.cascade_loop(P, "proposed", kv=KV, kp=KP, ki=KI, **OPTIONS)
     one, other = (simulate(m, T, STEP, rtol=1e-8) for m in (ready, hand))
     assert rows(one, "theta", "u") == pytest.approx(rows(other, "theta", "u"), abs=1e-6)
 
@@ -273,39 +254,3 @@ def test_dead_time_takes_the_phase_margin():
         poles = np.linalg.eigvals(ct.linearize(loop, moving, [0.0]).A)
         found[delay] = poles.real.max()
     assert found[0.0] < 1e-6 and found[1e-3] < 1e-6 < 10 < found[3e-3]
-
-
-def test_a_sampled_dead_time_stands_between_drive_and_plant():
-    """A held command, late by two samples, in a list of blocks of both kinds."""
-    dt, t = 1e-3, np.arange(0, 0.2, 1e-3)
-    blocks = [
-        lg.plant(P, inputs=["u_motor", "d"]),
-        lg.error("velocity"),
-        lg.sampled(lg.pi(0.4, 2.0), dt),
-        lg.dead_time(2 * dt, dt, inputs=["u"], outputs=["u_motor"]),
-    ]
-    found = simulate(blocks, t, {"r": 3.0})
-    u, late = rows(found, "u", "u_motor")
-    assert np.array_equal(late[2:], u[:-2]) and not late[:2].any()
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        (lambda: lg.cascade_loop(P, feedback="load"), "has no load of its own"),
-        (lambda: lg.cascade_loop(P, feedback="second"), "'motor' or 'load'"),
-        (lambda: lg.cascade_loop(P, tracking=0.1), "tracking belongs to a limit"),
-        (lambda: lg.velocity_loop(P, tracking=0.1), "tracking belongs to a limit"),
-        (lambda: lg.cascade_loop(P, limit=-1.0), "limit"),
-        (lambda: lg.cascade_loop(P, notch="deep"), "notch must be a frequency"),
-        (lambda: lg.cascade_loop(P, notch={"f": 3}), "notch must be a frequency"),
-        (lambda: lg.cascade_loop(P, delay=-1.0), "delay"),
-        (lambda: lg.cascade_loop(P, lag="slow"), "time_constant must be a number"),
-        (lambda: lg.cascade_loop(P, "kalman"), "unknown observer"),
-        (lambda: lg.cascade_loop(P, limit=1.0, kp=0.0), "give tracking in s"),
-    ],
-)
-def test_wrong_usage_is_one_sentence(call, said):
-    with pytest.raises(lg.InputError, match=said) as raised:
-        call()
-    assert "\n" not in str(raised.value) and str(raised.value).endswith(".")

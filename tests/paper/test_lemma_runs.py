@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -21,6 +20,7 @@ from ..cases.error_systems import (
     simulated,
     values_of,
 )
+from ..cases.wired import simulate
 
 P = lg.table1()
 T4 = np.linspace(0.0, 0.4, 801)
@@ -37,12 +37,7 @@ def natural_error(w, t, p=P):
     """e_z(t)/e_z(0) as the difference of two natural observers on one velocity."""
     made = lg.natural_observer(p)
     options = {"rtol": 1e-10, "atol": 1e-13, "max_step": 10 * (t[1] - t[0])}
-    runs = [
-        ct.input_output_response(
-            made, t, w, [z0], solve_ivp_method="LSODA", solve_ivp_kwargs=options
-        ).states[0]
-        for z0 in (1e-3, -1e-3)
-    ]
+    runs = [simulate(made, t, w, [z0], **options).states[0] for z0 in (1e-3, -1e-3)]
     return (runs[0] - runs[1]) / 2e-3
 
 

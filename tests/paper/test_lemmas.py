@@ -9,7 +9,6 @@ import ast
 import re
 from pathlib import Path
 
-import control as ct
 import numpy as np
 import pytest
 import sympy as sp
@@ -21,6 +20,7 @@ from lugrectl.blocks.friction import level
 from lugrectl.paper.equations import PAPER
 
 from ..cases.error_systems import h
+from ..cases.wired import joined
 
 P = lg.table1()
 J, s0, s1, s, A, C, al, be, M, C1 = sp.symbols("J s0 s1 s A C alpha beta M C1", positive=True)
@@ -76,9 +76,7 @@ def test_compensated_drive():
     """mechanical_sys2: u = Fhat + v leaves J dw/dt = v - (F - Fhat); sys1 where Fhat = F."""
     natural = lg.natural_observer(P)
     blocks = [lg.plant(P), natural, lg.compensation()]
-    loop = ct.interconnect(
-        blocks, inputs=["u"], outputs=["w", "F", "Fhat"], params={}, check_unused=False
-    )
+    loop = joined(blocks, ["u"], ["w", "F", "Fhat"])
     for speed, bristles in zip(W, Z, strict=True):
         for miss in (0.0, 1e-4):
             state, v = [0.0, speed, bristles, bristles - miss], 0.2

@@ -13,10 +13,11 @@ import pytest
 import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.paper import page, reproduce, runs, studies
-from lugrectl.paper.results import milli
+from lugrectl.paper.runs import milli
 from lugrectl.paper.studies import Case, Reference
 
 from ..cases.html_page import Page
+from ..cases.wired import simulate
 
 P = lg.table1()
 SOME = ("velocity", "friction-level", "standstill")
@@ -102,8 +103,7 @@ def test_a_run_by_python_control(bench, column):
     case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.12, dt=2e-3)
     t, ours = bench.respond("velocity", studies.VELOCITY, c, case)
     loop = lg.velocity_loop(P, c.observer, observer_parameters=low, **c.gains)
-    options = {"solve_ivp_method": "LSODA", "solve_ivp_kwargs": {"rtol": 1e-7, "atol": 1e-11}}
-    theirs = ct.input_output_response(loop, t, 0.1 * np.sin(2 * np.pi * t), **options)
+    theirs = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-7, atol=1e-11)
     for name in ("w", "F", "Fhat", "u", "e"):
         values = theirs.outputs[loop.output_labels.index(name)]
         assert ours[name] == pytest.approx(values, abs=1e-4 * max(abs(values)))

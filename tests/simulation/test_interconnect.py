@@ -6,11 +6,13 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.controllers import compensation, error, feedforward, pi, prefilter
-from lugrectl.blocks.effects.loads import gravity
+from lugrectl.blocks.effects import gravity
 from lugrectl.blocks.observers import existing_observer, natural_observer, proposed_observer
 from lugrectl.loops.friction_loops import velocity_loop
 
-from ..cases.wired import LOW, OUTPUTS, P, T, signal, simulate, state
+from ..cases.drives import states
+from ..cases.observed import P, signals_by
+from ..cases.wired import LOW, OUTPUTS, T, simulate
 
 
 def test_two_observers_side_by_side_on_one_plant():
@@ -32,11 +34,11 @@ def test_two_observers_side_by_side_on_one_plant():
     t = np.arange(0, 0.1501, 1e-3)
     r = 0.3 * np.sin(2 * np.pi * 5 * t)
     resp = simulate(system, t, r)
-    assert signal(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=1e-4)
-    assert signal(resp, "Fhat") == pytest.approx(signal(resp, "F"), abs=1e-4)
+    assert signals_by(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=1e-4)
+    assert signals_by(resp, "Fhat") == pytest.approx(signals_by(resp, "F"), abs=1e-4)
     late = t > 0.05
     for name in ("F2", "F3"):
-        miss = np.abs(signal(resp, name) - signal(resp, "F"))[late]
+        miss = np.abs(signals_by(resp, name) - signals_by(resp, "F"))[late]
         assert 0.01 < miss.mean() < 0.06  # a fifth of the friction level
 
 
@@ -47,7 +49,7 @@ def test_external_load_and_an_effect_add_up_on_d():
         outputs=["theta", "w", "F"],
         check_unused=False,
     )
-    x = state(system, plant_theta=0.5)
+    x = states(system, plant_theta=0.5)
     pull = 0.2 * np.sin(0.8)
     assert system.dynamics(0, x, [0.4, 0.07])[1] == pytest.approx((0.4 - pull - 0.07) / P.J)
     neutral = ct.interconnect(

@@ -9,8 +9,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY, members
-from lugrectl.blocks.bristle_laws import along as bristle
-from lugrectl.blocks.bristle_laws import strokes
+from lugrectl.blocks.friction import along as bristle
+from lugrectl.blocks.friction import strokes
 from lugrectl.torque_balance.columns import (
     Along,
     bend,

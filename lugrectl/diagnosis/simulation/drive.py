@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from ...blocks.effects.actuator import held_late
-from ...blocks.embedding import Part as Placed
+from ...blocks.effects import held_late
 from ...blocks.model import Model
+from ...blocks.plant import Part as Placed
 from ...blocks.plant import assemble
 from ...core.deadline import check as check_time
 from ...core.errors import InputError

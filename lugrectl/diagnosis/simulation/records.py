@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...blocks.effects.actuator import held_late
+from ...blocks.effects import held_late
 from ...blocks.model import Model
 from ...core.errors import InputError, Refused
 from ...core.option_names import option
