@@ -10,14 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
-try:
-    from numba import njit
-except ImportError:  # plain Python then: the same lines, slower
-
-    def njit(**_options):
-        return lambda function: function
-
+from numba import njit
 
 compiled = njit(cache=True, error_model="numpy", forceinline=True)
 EFFECTS = (
