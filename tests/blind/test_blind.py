@@ -82,7 +82,7 @@ def test_the_page_says_what_each_was_called():
     ]
     said = page.text(lines)
     assert "1 unfit" in said and "ZeroDivisionError: oh" in said and "refused: short" in said
-    assert "    gravity: adequate 1\n" in said and "torque_ripple: 1/1, 51 %, 2/2, 0.1" in said
+    assert "    gravity: adequate 1\n" in said and "torque_ripple: 1/1, 2.6 %, 2/2, 0.100" in said
     assert page.text([])
 
 

@@ -1,18 +1,12 @@
 """Friction laws compared on a log: the chosen one, what stays beside it, and the command."""
 
-import importlib
 import json
-import threading
 
 import numpy as np
 import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
-from lugrectl.core.errors import Refused
-from lugrectl.engine.runtime.c_compiler import has_compiler
-
-compare_laws = importlib.import_module("lugrectl.diagnosis.compare_laws")
 
 LAWS = ["viscous", "coulomb", "stribeck", "lugre"]
 
@@ -105,23 +99,3 @@ def test_many_drives_need_a_law_by_name(tmp_path, capsys):
     asked = ["diagnose", str(tmp_path), "--each", "--model", str(tmp_path / "my.toml")]
     assert main([*asked, "--law", "auto"]) == 2
     assert "--law auto" in capsys.readouterr().err
-
-
-@pytest.mark.skipif(not has_compiler(), reason="no C compiler: threads would take turns")
-def test_laws_are_fitted_side_by_side_in_the_order_of_their_names(monkeypatch):
-    """Each waits for the other one: one after the other they would wait in vain."""
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
-    both, said = threading.Barrier(2, timeout=20.0), []
-
-    def fitted(ready, asked, name):
-        both.wait()
-        if name == "dahl":
-            raise Refused("no bristle.")
-        return compare_laws.ComparedLaw(name), np.zeros(3)
-
-    monkeypatch.setattr(compare_laws, "_fit", fitted)
-    names = ["viscous", "dahl"]
-    made = compare_laws._fitted(None, None, names, 60.0, lambda *x: said.append(x))
-    rows = [(row.name, row.reason) for row, _ in made]
-    assert rows == [("viscous", None), ("dahl", "no bristle.")]
-    assert [round(part, 2) for part, _ in said] == [0.1, 0.55, 1.0]

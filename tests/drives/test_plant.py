@@ -83,11 +83,10 @@ def theirs(m, torque, rate, effects):
     friction = {"model": law.name} | {k: v for k, v in own.items() if k in law.parameters}
     model = lg.Model.of(J=m.J, friction=friction, effects=named)
     t, u = np.arange(len(torque) * FINER) / (rate * FINER), np.repeat(torque, FINER)
-    theta, w, _ = lg.simulate(lg.plant(model), t, {"u": u}, hold=True).outputs
-    sensor = lg.sensor(model)
-    seen = lg.simulate(sensor, t, {"w": w, "theta": theta})
-    by_name = dict(zip(sensor.output_labels, seen.outputs, strict=True))
-    return [x[::FINER] for x in (theta, w, by_name["theta_m"], by_name["w_m"])]
+    moved = lg.simulate(lg.plant(model), t, {"u": u}, hold=True).outputs
+    motion = {k: moved[k] for k in ("theta", "w")}
+    seen = lg.simulate(lg.sensor(model), t, motion).outputs
+    return [x[::FINER] for x in (*motion.values(), seen["theta_m"], seen["w_m"])]
 
 
 def agree(machine, effects=(), share=1e-4):

@@ -18,7 +18,8 @@ EVERY = [*rig.CATALOGUE, *rig.STRANGERS]
 SHORT: dict = {"duration": 5.0, "rate": 500.0}
 
 
-def neutral_record(name):
+@pytest.mark.parametrize("name", [n for n in EVERY if find(n).declared == "lugre"])
+def test_neutral_at_nothing_and_alive_at_its_size(name):
     """The same record without the effect, and with the effect at size nothing."""
     m = MACHINES["wrist"]
     if find(name).only == "load":
@@ -26,19 +27,11 @@ def neutral_record(name):
     t, torque = wave(m, 2.0, 500.0)
     setup = open_loop(m, torque, 500.0)
     base = simulate(setup, {})
-    s = base.signals
-    context = Context(
-        m, t, s["u"], s["theta_true"], s["w_true"], base.friction_rms, 0.2, 500.0, FINE
-    )
+    motion = [base.signals[k] for k in ("u", "theta_true", "w_true")]
+    context = Context(m, t, *motion, base.friction_rms, 0.2, 500.0, FINE)
     size = find(name).recipe(context, stream(3, name))
-    limits = dict.fromkeys(("actuator_saturation", "voltage_limit"), 1e9)
-    nothing = {**limits, "hard_stop": -0.01}.get(name, 0.0)
-    return base, simulate(setup, {name: size.build(nothing)}), setup, size
-
-
-@pytest.mark.parametrize("name", [n for n in EVERY if find(n).declared == "lugre"])
-def test_neutral_at_nothing_and_alive_at_its_size(name):
-    base, neutral, setup, size = neutral_record(name)
+    limits = {"actuator_saturation": 1e9, "voltage_limit": 1e9, "hard_stop": -0.01}
+    neutral = simulate(setup, {name: size.build(limits.get(name, 0.0))})
     for key in ("w", "theta", "u"):
         np.testing.assert_allclose(neutral.signals[key], base.signals[key], atol=1e-9)
     assert neutral.effect_rms < 1e-9
