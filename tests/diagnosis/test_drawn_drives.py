@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from scipy.signal import butter, filtfilt, lfilter
 
-from lugrectl import diagnose, identify
+from lugrectl import Model, diagnose, identify
 from tests.drives import make
 
 from ..cases.common import model_of, record_of
+from ..commissioning.drives import draw, log
 
 pytestmark = pytest.mark.slow
 SERVO = {"machine": "servo", "seed": 4104, "rate": 500.0, "duration": 14.0}
@@ -87,3 +88,17 @@ def test_a_ripple_of_another_phase_in_a_held_out_run_is_named():
     assert (result.verdict, [e.name for e in result.effects]) == ("found", ["torque_ripple"])
     for name, true in case.truth["parameters"].items():
         assert result.effects[0].parameters[name].value == pytest.approx(true, rel=0.01)
+
+
+@pytest.mark.parametrize("seed", [pytest.param(9030, marks=pytest.mark.sample), 9015])
+def test_a_load_behind_a_spring_is_no_gap(seed):
+    """Jogs and a multisine through the resonance; with the whole inertia held, a gap explained
+    more."""
+    drive = draw(seed)
+    record = {k: v for k, v in log(drive, 20.0).items() if k != "r"}
+    found = diagnose(record, Model.of(friction="lugre"))
+    assert found.verdict == "found" and found.effects[0].name == "elastic_coupling"
+    assert "backlash" not in [effect.name for effect in found.effects]
+    own = found.effects[0].parameters
+    assert own["load_inertia"].value == pytest.approx(drive.masses[1], rel=0.03)
+    assert own["stiffness"].value == pytest.approx(drive.springs[0], rel=0.03)
