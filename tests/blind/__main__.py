@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from pathlib import Path
 
-from . import kept, page, work
+from . import front, page, work
 from .plan import STRENGTHS, Task, tasks
 
 ROUND = 50  # records for each process before it is replaced: compiled code is never given back
@@ -37,11 +37,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--exported", type=float, default=0.0, help="share of records in other forms")
     p.add_argument("--short", action="store_true", help="records of 20 s at 500 Hz, to try out")
     p.add_argument("--jobs", type=int, default=1)
-    p.add_argument("--trees", action="store_true", help="boosted trees on the residual too")
-    p.add_argument("--no-exact", action="store_true", help="leave the true model out: quicker")
     p.add_argument("--limit", type=int, default=1800, help="most seconds for a record")
     p.add_argument("--out", type=Path, default=Path(tempfile.gettempdir()) / "lugrectl-blind")
-    p.add_argument("--cache", type=Path, help="folder that keeps the records: diagnoses alone")
     p.add_argument("--retry", action="store_true", help="do again what crashed")
     p.add_argument("--summary", type=Path, metavar="FILE", help="print a results file, run nothing")
     return p
@@ -132,28 +129,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     plan = planned(args)
     todo = [t for t in plan if t.key not in done]
     print(f"{len(plan)} records, {len(todo)} to do, results in {path}", file=sys.stderr)
-    do = _judge(args)
+    do = partial(work.line, limit=args.limit)
     with path.open("a") as file:
         for i, line in enumerate(run(todo, do, args.jobs), 1):
             file.write(json.dumps(line) + "\n")
             file.flush()
-            print(f"{i}/{len(todo)} {line['key']}: {_said(line)}", file=sys.stderr, flush=True)
+            print(
+                f"{i}/{len(todo)} {line['key']}: {front.called(line)}", file=sys.stderr, flush=True
+            )
     wanted = {t.key for t in plan}
     lines = [x for x in read(path) if x["key"] in wanted]
     print(page.text(lines))
     return 0
-
-
-def _judge(args: argparse.Namespace) -> Callable[[Task], dict]:
-    if args.cache is not None:
-        return partial(kept.line, cache=args.cache)
-    return partial(work.line, exact=not args.no_exact, trees=args.trees, limit=args.limit)
-
-
-def _said(line: dict) -> str:
-    from .score import called
-
-    return f"{called(line)} {line.get('cpu', float('nan')):.1f} s"
 
 
 if __name__ == "__main__":

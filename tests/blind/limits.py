@@ -1,14 +1,7 @@
-"""What could have been reached on a record: two answers, of different independence.
+"""The least error on a record: that of the rig's own plant, from the state the machine truly had.
 
-``exact`` is the package's own evaluation of the true model with the true values, taken from the
-``declared`` error of `lugrectl.identify`: same windows, same restarts, same state estimate as
-the diagnosis, so that the ratio of the errors says what naming and fitting cost. It cannot be
-had for strangers, and an effect that the package computes wrongly would spoil both alike.
-
-``floor`` shares nothing with the package: the rig runs its own plant over the same windows from
-the state that the machine truly had at each restart, under the torque as recorded. It is less
-than any estimate of the state can reach, for position only by far, and it is there for every
-record. Where ``exact`` is much larger than ``floor``, look at the package's physics first.
+It runs over the windows of the diagnosis under the torque as recorded and shares nothing with the
+package. No estimate of the state can reach it, for position only by far.
 """
 
 from __future__ import annotations
@@ -18,48 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..drives.effects import CATALOGUE
-from ..drives.machines import CONSTANT_LOAD, GRAVITY_LOAD, PARAMETERS
 from ..drives.record import Case
 from ..drives.run import replay
-
-
-def true_model(case: Case) -> dict[str, Any] | None:
-    """The truth, nested like a model file; None where it is not all in the rig's catalogue."""
-    t, effects = case.truth, []
-    kind, size, phase = t["load"]
-    if "d" not in t["channels"]:
-        if kind == GRAVITY_LOAD:
-            effects.append({"name": "gravity", "amplitude": size, "phase": phase})
-        elif kind == CONSTANT_LOAD:
-            effects.append({"name": "constant_torque", "torque": size})
-    for entry in t["effects"]:
-        if entry["effect"] not in CATALOGUE:
-            return None
-        if CATALOGUE[entry["effect"]].declared == "lugre":  # else it is in the friction
-            effects.append({"name": entry["effect"], **entry["parameters"]})
-    friction = {k: t["plant"][k] for k in PARAMETERS if k != "J"}
-    return {
-        "name": "truth",
-        "motion": case.model["motion"],
-        "plant": {"J": t["plant"]["J"]},
-        "friction": {"model": "lugre", **friction},
-        "effects": effects,
-    }
-
-
-def exact(case: Case, records: Sequence[Any], apart: Any) -> dict[str, Any]:
-    """Errors of the true model as it stands, and with its parameters fitted."""
-    import lugrectl as lg
-
-    tree = true_model(case)
-    if tree is None:
-        return {"reason": "outside the catalogue"}
-    try:
-        error = lg.identify(records, tree, holdout=apart).error
-    except (lg.InputError, lg.Refused) as failure:
-        return {"reason": str(failure)}
-    return {"declared": error["declared"], "refitted": error["refitted"]}
 
 
 def floor(case: Case, records: Sequence[Any], found: Any) -> float | None:

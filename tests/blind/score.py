@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 Line = dict[str, Any]
 ANGLES = {"phase"}
-EXACT = {"harmonic", "side"}  # on rotary drives a count
 PLACES = {"rest", "position"}  # relative to the travel, their zero means nothing
 MOST = 3  # names among which the truth may be
 
@@ -66,25 +63,6 @@ def signals(line: Line) -> tuple[bool, bool]:
     true = {s for e in line["truth"]["effects"] for s in e["depends_on"]}
     named = line["answer"]["depends_on"] or []
     return bool(named) and named[0] in true, bool(named) and set(named) <= true
-
-
-def called(line: Line) -> str:
-    """What a record was called, in few words."""
-    what = verdict(line)
-    if what in ("found", "ambiguous"):
-        return " + ".join(sorted("|".join(sorted(o)) for o in options(line)))
-    if what != "unexplained":
-        return what
-    beside = "".join(f" + {'|'.join(sorted(o))}" for o in options(line))
-    return f"unexplained({' '.join(line['answer']['depends_on'] or ['?'])}){beside}"
-
-
-def confusion(lines: Sequence[Line]) -> dict[str, Counter[str]]:
-    """For each truth how often it was called what, in the order of the lines."""
-    table: dict[str, Counter[str]] = {}
-    for line in lines:
-        table.setdefault(" + ".join(line["names"]) or "none", Counter())[called(line)] += 1
-    return table
 
 
 @dataclass(frozen=True)
@@ -142,20 +120,13 @@ def median(values: Iterable[float | None]) -> float:
 
 
 def ratio(line: Line, over: str) -> float | None:
-    """Held-out error of the augmented model over "exact", "floor", "noise", "refitted", "trees"."""
+    """Held-out error of the augmented model over "floor", "noise" or "refitted"."""
     error = line.get("answer", {}).get("error")
     if not error or not error.get("augmented"):
         return None
     below = {
-        "exact": (line.get("exact") or {}).get("declared"),
         "floor": line.get("floor"),
         "noise": error.get("noise_floor"),
         "refitted": error.get("refitted"),
-        "trees": (line.get("trees") or {}).get("trees"),
     }[over]
     return error["augmented"] / below if below else None
-
-
-def at_most(count: int, total: int, level: float = 0.95) -> float:
-    """Upper limit of a rate of which ``count`` in ``total`` were seen (Clopper and Pearson)."""
-    return 1.0 if count >= total else float(stats.beta.ppf(level, count + 1, total - count))

@@ -11,8 +11,7 @@ from typing import Any
 
 from .__main__ import read
 
-TOP = ("key", "kind", "names", "strength", "seed", "at", "problems", "cpu", "wall", "floor",
-       "exact", "trees")  # fmt: skip
+TOP = ("key", "kind", "names", "strength", "seed", "at", "problems", "cpu", "wall", "floor")
 TRUTH = ("travel", "motion", "hard", "machine", "excitation", "rate", "duration", "position_only")
 HIDDEN = ("name", "parameters", "depends_on", "visible")
 ERROR = ("refitted", "augmented", "noise_floor")

@@ -19,10 +19,12 @@ import numpy as np
 from ..drives import exported, problems, sample
 from ..drives.declared import model_text
 from ..drives.record import Case
+from . import limits
 from .plan import STRENGTHS, Task
 
 THREADS = ("OMP", "NUMBA", "OPENBLAS", "MKL")
-TOLD = ("verdict", "depends_on", "experiment", "error", "free_error", "torque_error", "record")
+TOLD = ("verdict", "effects", "depends_on", "experiment", "error", "free_error", "torque_error",
+        "record", "reason", "messages")  # fmt: skip
 
 
 def one_thread() -> None:
@@ -37,7 +39,7 @@ def case_of(task: Task) -> Case:
     return exported(case, task.form) if task.form else case
 
 
-def line(task: Task, *, exact: bool = True, trees: bool = False, limit: int = 1800) -> dict:
+def line(task: Task, *, limit: int = 1800) -> dict:
     """All that is kept of one record. Never raises: what went wrong is in it."""
     told = head(task)
     try:
@@ -45,7 +47,7 @@ def line(task: Task, *, exact: bool = True, trees: bool = False, limit: int = 18
             warnings.simplefilter("ignore")
             case = case_of(task)
             told |= {"truth": truth(case, task), "problems": problems(case)}
-            told |= answer(case, exact, trees)
+            told |= answer(case)
     except Exception:  # one crash must not end the run; it is counted
         told["crash"] = traceback.format_exc(limit=-6)
     return told
@@ -73,47 +75,23 @@ def truth(case: Case, task: Task) -> dict:
     return told
 
 
-def answer(case: Case, exact: bool, trees: bool) -> dict:
-    """Diagnosis of the record's files, and what could have been reached."""
+def answer(case: Case) -> dict[str, Any]:
+    """Diagnosis of the record's files, and the least error on it."""
     import lugrectl as lg
-
-    from . import limits
 
     with tempfile.TemporaryDirectory() as folder:
-        paths, model_path = write(case, Path(folder))
-        told, records, found = diagnosed(paths, model_path, case.model["motion"])
-        if found is None:
-            return told
-        train, apart = cut(records)
-        told["floor"] = limits.floor(case, records, found)
-        if exact:
-            told["exact"] = limits.exact(case, train, apart)
-        if trees:
-            from .trees import trees_error
-
-            refitted = lg.identify(train, lg.read_model(model_path), holdout=apart).model
-            told["trees"] = trees_error(found, refitted.to_dict(), records)
-    return told
-
-
-def diagnosed(paths: list[Path], model: Path, motion: str) -> tuple[dict[str, Any], list, Any]:
-    """What is kept of the answer, the records, and the answer; none where they are refused."""
-    import lugrectl as lg
-
-    wall, cpu = time.perf_counter(), time.process_time()
-    try:
-        records = [lg.read_record(p, motion=motion) for p in paths]
-        train, apart = cut(records)
-        found = lg.diagnose(train, lg.read_model(model), holdout=apart)
-    except lg.Refused as refusal:
-        return {"answer": {"verdict": "refused", "effects": [], "reason": str(refusal)}}, [], None
-    spent = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
-    return {**spent, "answer": _answer(found.summary())}, records, found
-
-
-def cut(records: list) -> tuple[list, Any]:
-    """The records to fit, and the last of several, which is held out."""
-    return (records[:-1], records[-1]) if len(records) > 1 else (records, None)
+        paths, model = write(case, Path(folder))
+        wall, cpu = time.perf_counter(), time.process_time()
+        try:
+            records = [lg.read_record(p, motion=case.model["motion"]) for p in paths]
+            train, apart = (records[:-1], records[-1]) if len(records) > 1 else (records, None)
+            found = lg.diagnose(train, lg.read_model(model), holdout=apart)
+        except lg.Refused as refusal:
+            return {"answer": {"verdict": "refused", "effects": [], "reason": str(refusal)}}
+        spent = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
+    said = found.summary()
+    kept = {k: said.get(k) for k in TOLD} | {"ranking": (said.get("ranking") or [])[:4]}
+    return {**spent, "answer": kept, "floor": limits.floor(case, records, found)}
 
 
 def write(case: Case | Any, folder: Path) -> tuple[list[Path], Path]:
@@ -125,13 +103,6 @@ def write(case: Case | Any, folder: Path) -> tuple[list[Path], Path]:
     model = folder / "model.toml"
     model.write_text(model_text(case.model))
     return paths, model
-
-
-def _answer(summary: dict) -> dict:
-    told = {k: summary.get(k) for k in (*TOLD, "reason", "messages")}
-    told["effects"] = summary["effects"]
-    told["ranking"] = (summary.get("ranking") or [])[:4]
-    return told
 
 
 @contextlib.contextmanager

@@ -56,3 +56,10 @@ def recorded(seconds=10.0, dt=2e-3, seed=0, counts=65536, load=None, **more):
     theta, _ = simulate(u, dt, load=load, **more)
     step = 2 * np.pi / counts
     return log_of(u, dt, np.floor(theta / step) * step)
+
+
+def noisy(seconds=8.0, dt=2e-3, load=None):
+    """A log of u and theta of the drive, theta with white noise of 0.1 mrad."""
+    u = torque(seconds, dt, seed=3)
+    theta, _ = simulate(u, dt, load=load)
+    return log_of(u, dt, theta + np.random.default_rng(0).normal(0.0, 1e-4, len(u)))

@@ -29,9 +29,7 @@ def ripple(value, interval, harmonic=7.0):
         effect("torque_ripple", {"amplitude": (value, interval), "harmonic": (harmonic, None),
                                  "phase": (-3.1, [-3.3, -3.0])}),
         told=[hidden("torque_ripple", **RIPPLE)],
-        exact={"declared": 0.1},
         floor=0.05,
-        trees={"trees": 0.2},
     )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from lugrectl import InputError, Refused, balance, identify, read_record
+from lugrectl import InputError, Refused, identify, read_record
 from lugrectl.cli import main
 from lugrectl.record.files.text import with_remark
 
@@ -57,35 +57,3 @@ def test_a_few_rows_that_rise_are_not_called_noise():
     with pytest.raises(Refused) as no:
         identify({"t": 0.02 * rows, "u": 0.2 + 0.1 * rows, "w": 0.06 + 0.9 * rows}, {})
     assert "noise" not in str(no.value)
-
-
-def coasting():
-    """Two runs of J dw/dt = -Fc sign(w) - Fv w from 30 and -45 rad/s, u = 0 throughout."""
-    runs, dt = [], 1e-3
-    for start in (30.0, -45.0):
-        w = np.empty(1500)
-        w[0] = abs(start)
-        for k in range(1499):
-            w[k + 1] = max(w[k] - dt * (0.12 + 0.006 * w[k]) / 0.004, 0.0)
-        noise = 0.02 * np.random.default_rng(3).standard_normal(1500)
-        t = np.arange(1500) * dt
-        runs.append({"t": t, "u": 0 * t, "w": np.sign(start) * w + noise})
-    return runs
-
-
-def test_a_declared_inertia_gives_the_friction_of_a_drive_that_coasts():
-    plain = balance(coasting(), {"plant": {"J": 0.004}, "friction": {"model": "coulomb"}})
-    assert plain.parameters["Fc"].value == pytest.approx(0.12, rel=0.02)
-    assert plain.parameters["Fv"].value == pytest.approx(0.006, rel=0.02)
-    assert (
-        "J is taken as declared, 0.004 kg m2: this log does not determine it alone." in plain.notes
-    )
-    assert not any("give J" in note for note in plain.notes)
-
-
-def test_without_it_the_ratios_are_certain_and_no_channel_is_called_dead_alone():
-    with pytest.raises(Refused) as no:
-        identify(coasting(), {"friction": {"model": "coulomb"}})
-    sums = {c.text: c.value for c in no.value.plain.combinations}
-    assert sums["Fc / J"] == pytest.approx(30, rel=0.02)
-    assert "or the drive coasts" in str(no.value)

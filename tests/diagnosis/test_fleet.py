@@ -5,7 +5,6 @@ import io
 import json
 import os
 import pickle
-import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -22,14 +21,13 @@ from lugrectl.core import blas_threads
 from lugrectl.core.blas_threads import one_thread_each
 from lugrectl.core.errors import InputError, Refused
 from lugrectl.diagnosis import fleet as fleet_module
-from lugrectl.diagnosis.fleet import Outcome, run_each
+from lugrectl.diagnosis.fleet import Outcome
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.record.as_record import record_files
 from lugrectl.report import fleet_page
 
 from ..cases.html_page import Page
 from ..cases.logs import csv as log
-from ..cases.logs import machine, rows, write
 from ..cases.made_up import HOSTILE, answered, bare
 
 MODEL = lg.Model.of(lg.table1())
@@ -126,11 +124,8 @@ def test_an_interrupt_keeps_what_is_done(logs, job):
     job.answers = {"axis2": KeyboardInterrupt()}
     fleet = lg.diagnose_each(logs, MODEL)
     assert list(fleet.diagnoses) == [str(logs / "axis1.csv")]
-    assert [Path(file).name for file in fleet.unfinished] == [
-        "axis2.csv",
-        "axis10.csv",
-        "empty.csv",
-    ]
+    names = [Path(file).name for file in fleet.unfinished]
+    assert names == ["axis2.csv", "axis10.csv", "empty.csv"]
     assert "3 of 4 not" in str(fleet) and "axis10.csv" in fleet._repr_html_()
 
 
@@ -216,14 +211,6 @@ def test_the_page_is_whole_safe_and_links_what_was_written():
     assert "html" not in fragment.tags and "a" not in fragment.tags
 
 
-def test_the_page_fits_1280_pixels_and_a_table_that_scrolls_shows_it():
-    shown = fleet_page.html(fleet_of("found"))
-    (wide,) = re.findall(r"\.lugrectl\.fleet { max-width: (\d+)rem; }", shown)
-    assert 'class="lugrectl fleet"' in shown and 16 * (int(wide) + 2) <= 1280
-    assert ".fleet td.log { display: table-cell;" in shown  # a log's figures are a grid
-    assert re.search(r"\.table { overflow-x: auto; background:[^}]*local[^}]*scroll", shown)
-
-
 def test_the_csv_has_full_precision_and_a_line_per_log():
     fleet = fleet_of("found", "failed")
     lines = list(csv.DictReader(io.StringIO(fleet_page.table_csv(fleet, {"logs/0.csv": "x"}))))
@@ -252,13 +239,8 @@ def test_each_log_has_a_folder_of_its_own(files):
 
 
 def test_folders_say_which_log():
-    files = [
-        "logs/left/run.csv",
-        "logs/right/run.csv",
-        "logs/right/axis.csv",
-        "logs/right/axis.mat",
-    ]
-    assert fleet_page.folder_names(files) == ["left-run", "right-run", "right-axis", "right-axis-2"]
+    files = [f"logs/{name}" for name in ("left/run.csv", "right/run.csv", "axis.csv", "axis.mat")]
+    assert fleet_page.folder_names(files) == ["left-run", "right-run", "axis", "axis-2"]
     assert fleet_page.folder_names(["/x/a.csv", "b.csv"]) == ["a", "b"]
 
 
@@ -312,12 +294,8 @@ def test_processes_give_what_one_gives_and_read_themselves(logs):
         record.pop("seconds")
         if record["diagnosis"]:
             record["diagnosis"]["plain"].pop("seconds")
-    for provenance in [d["provenance"] for d in (alone, spread)] + [
-        record["diagnosis"]["provenance"]
-        for record in (*alone["records"], *spread["records"])
-        if record["diagnosis"]
-    ]:
-        assert provenance.pop("date")
+            assert record["diagnosis"]["provenance"].pop("date")
+    assert alone["provenance"].pop("date") and spread["provenance"].pop("date")
     assert alone == spread and alone["counts"]["refused"] == 3
 
 
@@ -325,42 +303,6 @@ def test_any_executor_carries_the_work(logs, job):
     with ThreadPoolExecutor(2) as pool:
         fleet = lg.diagnose_each(logs, MODEL, executor=pool)
     assert fleet.counts["found"] == 3 and len(job.calls) == 3
-
-
-def test_what_is_rendered_arrives_log_by_log(logs, job):
-    arrived = []
-
-    def done(outcome, extra):
-        arrived.append((Path(outcome.file).name, extra, len(job.calls)))
-        return outcome
-
-    fleet = run_each(logs, MODEL, {}, OPTIONS, render=lambda d: d.verdict, done=done, keep=False)
-    assert arrived == [
-        ("axis1.csv", "found", 1),
-        ("axis2.csv", "found", 2),
-        ("axis10.csv", "found", 3),
-        ("empty.csv", None, 3),
-    ]
-    assert not fleet.diagnoses and fleet.counts["found"] == 3
-
-
-@pytest.mark.slow
-def test_a_fleet_says_what_each_diagnosis_says(tmp_path):
-    """Two machines without dry friction; the second has more drag than the model says."""
-    for name, Fv in (("a", 0.02), ("b", 0.03)):
-        columns = machine(n=4000, dt=4e-3, Fc=0.0, Fv=Fv)
-        write(tmp_path / f"{name}.csv", "t,u,w,theta\n" + rows(columns.values()))
-    path = tmp_path / "model.toml"
-    path.write_text('[plant]\nJ = 0.002\n[friction]\nmodel = "viscous"\nFv = 0.02\n')
-    model = lg.read_model(path)
-    fleet = lg.diagnose_each(tmp_path, model, jobs=2)
-    good, poor = (row["declared"] for row in fleet.rows)
-    assert poor > 2 * good and fleet.exit_code == 0
-    file, d = next(iter(fleet.diagnoses.items()))
-    alone = lg.diagnose(lg.read_record(file), model)
-    keys = fleet_page.ERRORS
-    assert d.verdict == alone.verdict
-    assert [d.error[k] for k in keys] == pytest.approx([alone.error[k] for k in keys], rel=1e-6)
 
 
 @pytest.mark.parametrize(

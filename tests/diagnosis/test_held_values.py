@@ -10,22 +10,14 @@ from lugrectl.blocks.declared_values import Stated
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
 
-TRUE = {"J": 2e-3, "Fv": 0.02}
+from ..cases import oil
+
+TRUE = {"J": oil.J, "Fv": oil.FV}
 
 
 @pytest.fixture(scope="module")
 def log():
-    """A mass in oil, exactly: J dw/dt = u - Fv w, u held."""
-    rng, dt, n = np.random.default_rng(1), 4e-3, 3000
-    t = np.arange(n) * dt
-    u = 0.3 * np.sin(4.4 * t) + 0.15 * np.sin(14.5 * t + 1.0) + 0.1 * np.sin(44.0 * t)
-    w, theta, still = np.zeros(n), np.zeros(n), np.exp(-TRUE["Fv"] * dt / TRUE["J"])
-    for k in range(n - 1):
-        end = u[k] / TRUE["Fv"]
-        w[k + 1] = end + (w[k] - end) * still
-        theta[k + 1] = theta[k] + end * dt + (w[k] - w[k + 1]) * TRUE["J"] / TRUE["Fv"]
-    w, theta = w + 1e-2 * rng.standard_normal(n), theta + 1e-4 * rng.standard_normal(n)
-    return lg.read_record({"t": t, "u": u, "w": w, "theta": theta})
+    return lg.read_record(oil.log())
 
 
 def fitted(log, **values):

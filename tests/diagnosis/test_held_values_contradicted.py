@@ -1,22 +1,16 @@
 """A held, bounded or declared value that the log contradicts is named, with both values."""
 
-import numpy as np
 import pytest
 
 from lugrectl import Model, Refused, balance, diagnose, identify
 from lugrectl.blocks.model import model_from_dict
 
-from ..cases.balance_drive import FC, FV, J, simulate, torque
-
-DT = 2e-3
+from ..cases.balance_drive import FC, FV, J, noisy
 
 
 @pytest.fixture(scope="module")
 def log():
-    u = torque(8.0, DT, seed=3)
-    theta, _ = simulate(u, DT)
-    noise = np.random.default_rng(0).normal(0.0, 1e-4, len(u))
-    return {"t": DT * np.arange(len(u)), "u": u, "theta": theta + noise}
+    return noisy()
 
 
 def model(J=J, Fc=FC, Fv=FV, **effect):

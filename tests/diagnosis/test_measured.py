@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from lugrectl import diagnose, read_model, read_record
-from lugrectl.blocks.model import model_from_dict
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 pytestmark = pytest.mark.skipif(
@@ -45,27 +44,6 @@ def test_bench(number):
 def test_bench_stranger():
     result, _ = bench("08")
     assert result.verdict == "unexplained" and "theta" in result.depends_on
-
-
-@pytest.mark.slow
-def test_positioning_system():
-    """EMPS: the published model, position only, raw drive command."""
-    record = read_record(
-        DATA / "emps" / "DATA_EMPS.mat",
-        columns={"theta": "qm", "u": "vir"},
-        units={"theta": "m", "u": "N"},
-        scale={"u": 35.15},
-    )
-    published = {
-        "motion": "linear",
-        "plant": {"J": 95.1089},
-        "friction": {"model": "coulomb", "Fc": 20.3935, "Fv": 203.5034},
-        "effects": [{"name": "constant_torque", "torque": -3.1648}],
-    }
-    result = diagnose(record, model_from_dict(published, "published"))
-    assert result.effects and result.error["signal"] == "theta"
-    assert result.error["augmented"] <= 0.5 * result.error["refitted"]
-    assert result.free_error["augmented"] < 6.74e-3
 
 
 @pytest.mark.slow

@@ -81,13 +81,13 @@ def spindle():
             w += DT / 8 * (torque - Fc - Fv * w - drag * w * w) / J
             theta += DT / 8 * w
     step = 2 * np.pi / 65536
-    return {"t": t, "u": u, "theta": np.round(np.array(seen) / step) * step}, (J, Fc, Fv, drag)
+    log = {"t": t, "u": u, "theta": np.round(np.array(seen) / step) * step}
+    return diagnose(log, Model.of(J=J)), (Fc, Fv, drag)
 
 
 def test_a_sum_holds_in_the_model_that_is_shown(spindle):
     """The plain balance has no drag: its sum of Fc and Fv is that of another model."""
-    log, (J, Fc, Fv, drag) = spindle
-    found = diagnose(log, Model.of(J=J))
+    found, (Fc, Fv, drag) = spindle
     assert [e.name for e in found.effects] == ["quadratic_drag"]
     assert found.model.known()["quadratic_drag.coefficient"] == pytest.approx(drag, rel=0.02)
     known = found.estimates
@@ -99,7 +99,7 @@ def test_a_sum_holds_in_the_model_that_is_shown(spindle):
 
 def test_what_never_shows_is_marked_in_the_model_file(spindle):
     """A drive that never rests shows Fs by the fall of friction with speed alone."""
-    found = diagnose(spindle[0], Model.of(J=0.012))
+    found, _ = spindle
     lines = {line.split(" =")[0]: line for line in toml_of(found, None).splitlines()}
     assert lines["Fc"].endswith(f"only {SUM}") and "std" in lines["Fv"]
     assert lines["Fs"].endswith("not determined") and lines["vs"].endswith("not determined")

@@ -4,27 +4,17 @@ import numpy as np
 import pytest
 
 from lugrectl import Model, diagnose
-from lugrectl.core.errors import Refused
-from lugrectl.diagnosis.notes import refusal
-from lugrectl.estimates.balance import Balance
-from lugrectl.report import text
 
-from ..cases.balance_drive import simulate, torque
+from ..cases.balance_drive import noisy, simulate, torque
 
 DT = 1e-3
 
 
-def log(seconds):
-    """A drive with a load that its model does not contain: columns of a log."""
-    u = torque(seconds, DT, seed=3)
-    theta, _ = simulate(u, DT, load=lambda theta, w: 0.06 * np.sin(6.0 * theta))
-    noise = np.random.default_rng(0).normal(0.0, 1e-4, len(u))
-    return {"t": DT * np.arange(len(u)), "u": u, "theta": theta + noise}
-
-
 @pytest.fixture(scope="module")
 def one_second():
-    return diagnose(log(1.0), Model.of(J=0.002, Fc=0.2, Fv=0.02))
+    """With a load that the model does not contain."""
+    log = noisy(1.0, DT, lambda theta, w: 0.06 * np.sin(6.0 * theta))
+    return diagnose(log, Model.of(J=0.002, Fc=0.2, Fv=0.02))
 
 
 def test_a_second_long_record_says_how_long_it_is_and_how_much_was_compared(one_second):
@@ -50,10 +40,3 @@ def test_half_a_second_names_nothing_where_nothing_is_missing(seed, size, channe
     found = diagnose(log, Model.of(J=0.004, Fc=0.11, Fv=0.0065))
     assert found.verdict in ("adequate", "refused") and not found.effects
     assert found.reason or "The record is short" in " ".join(found.messages)
-
-
-def test_a_note_of_the_plain_balance_is_printed_once():
-    plain = Balance(notes=("Fc is taken as declared.",), reading=("t is even.",))
-    no = refusal(Refused("The drive hardly slides."), Model.of(J=0.002), [], plain)
-    assert "Fc is taken as declared." in no.messages
-    assert text(no).count("Fc is taken as declared.") == text(no).count("t is even.") == 1

@@ -97,7 +97,6 @@ class Logger:
         return lose(columns, self.dropped, stream(seed, "dropped" + again))
 
 
-Columns = dict[str, np.ndarray]
 NUISANCES = ("offset", "phase", "temperature")
 ABSOLUTE = {  # effects whose position counts from a fixed place
     *("gravity", "return_spring", "hard_stop", "encoder_eccentricity"),

@@ -10,14 +10,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-
-try:
-    from numba import njit
-except ImportError:  # plain Python then: the same lines, slower
-
-    def njit(**_options):
-        return lambda function: function
-
+from numba import njit
 
 compiled = njit(cache=True, error_model="numpy", forceinline=True)
 EFFECTS = (
@@ -59,8 +52,8 @@ GRIP = 0.6  # share of the longest stretch up to which an elastoplastic bristle 
 # drive
 MODE, KP, KI, KPP, U_MAX, XI_MAX, U_INIT, LAG_WM, NO_TACHO, QUANTUM = range(10)
 OPEN_LOOP, SPEED_LOOP, POSITION_LOOP = 0, 1, 2
-# per sample: as recorded, then the truth (means over the sample, work so far)
-OUT = ("u", "theta", "w", "friction", "effect", "work")
+# per sample: as recorded, then the torque of the effect (its mean over the sample)
+OUT = ("u", "theta", "w", "effect")
 
 
 @compiled
@@ -403,7 +396,7 @@ def same_friction(m, on):
 
 @compiled
 def step(t, h, command, delayed, same, x, m, on, p):
-    """One fine step. Returns friction, friction of the declared structure, effect torque."""
+    """One fine step. Returns friction of the declared structure and effect torque."""
     w = x[W] + 0.5 * h * x[ACC]
     theta = x[TH] + 0.5 * h * x[W]
     torque = actuator(t, delayed, theta, w, x, h, on, p)
@@ -429,7 +422,7 @@ def step(t, h, command, delayed, same, x, m, on, p):
     nominal = friction if same else declared_friction(x, w_m, friction, m, h)
     # what the declared structure cannot account for along the measured motion
     effect = command - m[J] * acc_m - nominal - load_torque(th_m, m)
-    return friction, nominal, effect
+    return nominal, effect
 
 
 @compiled
@@ -464,12 +457,12 @@ def run(m, drive, on, p, refs, noise, stamps, n, theta0):
     torque over all fine steps.
     """
     samples = refs.shape[1]
-    out, states = np.zeros((6, samples)), np.zeros((STATES, samples))
+    out, states = np.zeros((4, samples)), np.zeros((STATES, samples))
     x = np.zeros(STATES)
     x[TH], x[THL], x[UA] = theta0, theta0, drive[U_INIT]
     late, j = (p[DELAY, 0] if on[DELAY] else 0.0), 0
     q, xi, same = drive[QUANTUM], drive[U_INIT], same_friction(m, on)
-    start, theta_old, w_diff, work, sum_f, sum_e = theta0, theta0, 0.0, 0.0, 0.0, 0.0
+    start, theta_old, w_diff, sum_f, sum_e = theta0, theta0, 0.0, 0.0, 0.0
     for k in range(samples):
         period = stamps[k + 1] - stamps[k]
         h = period / n
@@ -484,20 +477,17 @@ def run(m, drive, on, p, refs, noise, stamps, n, theta0):
         speed = w_diff if drive[NO_TACHO] > 0.0 else out[2, k]
         rp = start + refs[1, k]
         u, xi = control(speed, theta_m, refs[0, k], rp, refs[2, k], drive, xi, period)
-        out[0, k], out[5, k] = u, work
+        out[0, k] = u
         states[:, k] = x
-        mean_f, mean_e = 0.0, 0.0
+        mean_e = 0.0
         for i in range(n):
             t = stamps[k] + i * h
             delayed, j = held(out[0], stamps, j, k, t + 0.5 * h - late, drive[U_INIT])
-            before = x[TH]
-            f, f_nominal, e = step(t, h, u, delayed, same, x, m, on, p)
-            work += f * (x[TH] - before)
-            mean_f += f
+            f_nominal, e = step(t, h, u, delayed, same, x, m, on, p)
             mean_e += e
             sum_f += f_nominal * f_nominal
             sum_e += e * e
-        out[3, k], out[4, k] = mean_f / n, mean_e / n
+        out[3, k] = mean_e / n
     return out, states, sum_f / (samples * n), sum_e / (samples * n)
 
 

@@ -43,56 +43,6 @@ def test_few_lines_of_examples_are_not_run():
     assert sum(doc.count("doctest: +SKIP") for doc in docs) <= SKIPPED
 
 
-SOUND = """Twice a.
-
-Parameters
-----------
-a : float
-    In rad.
-**more
-    Other numbers.
-
-Returns
--------
-float
-    In rad.
-
-Examples
---------
->>> 2 * 3
-6
-"""
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "fault"),
-    [
-        ("Twice a.", "Twice a", "the summary does not end with a full stop"),
-        ("Twice a.", "Twice\na.", "the summary is not one line"),
-        ("a : float", "b : float", "a is not in Parameters"),
-        ("**more", "least", "more is not in Parameters"),
-        ("Returns\n-------\n", "Returns\n---\n", "Returns is not underlined"),
-        ("Returns\n-------\n", "Gives\n-----\n", "Gives is no section"),
-        ("Returns\n-------\n", "Notes\n-----\n", "Returns is missing"),
-        ("float\n    In rad.\n\nEx", "\nEx", "Returns is empty"),
-        (">>>", "...", "Examples has no line to run"),
-        ("Examples\n--------\n", "", "Examples has no line to run"),
-        ("Returns\n-------\n", "Raises\n------\n\nReturns\n-------\n", "Returns is out of order"),
-    ],
-)
-def test_a_fault_of_a_docstring_is_found(old, new, fault):
-    def double(a: float, **more: float) -> float:
-        return 2 * a
-
-    assert faults(double, SOUND) == []
-    assert old in SOUND and fault in faults(double, SOUND.replace(old, new, 1))
-
-
-def test_an_example_that_gives_something_else_is_found():
-    assert failures("double", SOUND) == []
-    assert failures("double", SOUND.replace("\n6", "\n7"))
-
-
 def faults(thing: Any, doc: str) -> list[str]:
     """What a docstring does not have of numpydoc's form."""
     first, *rest = doc.splitlines()

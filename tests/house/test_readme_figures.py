@@ -7,20 +7,11 @@ import pytest
 from ..blind import front, readme, slim
 from ..cases.blind_results import effect, line, ripple
 
-TEXT = "before\n<!-- figures:right -->\nold\n<!-- end -->\nbetween\n<!-- demo -->\n<!-- end -->\n"
-
 
 def test_readme_says_what_the_result_files_say():
     text = readme.README.read_text()
     assert sorted(readme.marks(text)) == sorted(readme.BLOCKS)
     assert readme.filled(text, {name: make() for name, make in readme.BLOCKS.items()}) == text
-
-
-def test_only_marked_blocks_are_replaced():
-    made = readme.filled(TEXT, {"right": "new\n"})
-    assert made == TEXT.replace("old", "new")
-    with pytest.raises(KeyError):
-        readme.filled(TEXT.replace("right", "wrong"), {"right": "new\n"})
 
 
 @pytest.fixture
@@ -50,12 +41,6 @@ def test_the_check_fails_until_the_figures_are_written(folder, capsys):
     assert "|one effect, RMS 20 % of friction, named exactly|1 of 1|" in text
     assert "7 to 9 s with nothing missing" in text and "3600 times faster" in text
     assert "commit abc1234" in text
-
-
-def test_a_missing_mark_is_said(folder, capsys):
-    readme.README.write_text("<!-- figures:right -->\n<!-- end -->\n")
-    assert readme.main([]) == 1
-    assert "figures:speed" in capsys.readouterr().err
 
 
 def test_there_are_six_counts():

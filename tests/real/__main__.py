@@ -14,7 +14,6 @@ from pathlib import Path
 
 from . import page
 from .child import LIMIT, ask
-from .own import rows_of
 from .row import Row
 from .rows import all_rows
 from .score import score
@@ -30,8 +29,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--row", action="append", help="a name or a part of it; may be repeated")
     p.add_argument("--group", help="rows of one group: table, map, format")
     p.add_argument("--judge", default="lugrectl", help="lugrectl or MODULE:FUNCTION")
-    p.add_argument("--rows", type=Path, metavar="FILE", help="own rows, a TOML file")
-    p.add_argument("--data", type=Path, help="folder of the logs; with --rows that of the file")
+    p.add_argument("--data", type=Path, default=DATA, help="folder of the logs")
     p.add_argument("--limit", type=float, default=LIMIT, help="most seconds for a row")
     p.add_argument("--keep", nargs="?", type=Path, const=RESULTS, metavar="FILE",
                    help=f"write the results as JSON (default {RESULTS.name})")  # fmt: skip
@@ -41,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
 
 def chosen(args: argparse.Namespace) -> list[Row]:
     """The rows that the options ask for."""
-    rows = rows_of(args.rows) if args.rows else all_rows()
+    rows = all_rows()
     if args.group:
         rows = [row for row in rows if row.group == args.group]
     if args.row:
@@ -59,7 +57,6 @@ def _meant(text: str, row: Row, rows: Sequence[Row]) -> bool:
 def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(argv)
     rows = chosen(args)
-    data = args.data or (args.rows.parent if args.rows else DATA)
     if args.list:
         for row in rows:
             print(f"{row.name:{page.WIDTH}s} {row.group:7s} {len(row.sources):2d} {row.known}")
@@ -68,11 +65,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ[name] = "1"
     lines: list[page.Line] = []
     for row in rows:
-        missing = row.missing(data)
+        missing = row.missing(args.data)
         if missing:
-            print(f"{row.name:{page.WIDTH}s} left out: {data / missing[0]} is not there")
+            print(f"{row.name:{page.WIDTH}s} left out: {args.data / missing[0]} is not there")
             continue
-        answer = ask(row, data, args.judge, args.limit)
+        answer = ask(row, args.data, args.judge, args.limit)
         lines.append((row, answer, score(row, answer)))
         print(page.line(*lines[-1]), flush=True)
     print(page.closing(lines))

@@ -57,8 +57,8 @@ class Row:
     """One or several runs of one drive, and what is known of it.
 
     ``group``: "table" (the rows of the comparison of measured logs), "map" (runs at steady speed),
-    "format" (a log of the table in its second file format), or the user's own. ``right``: any of
-    these ways. ``left``: share of RMS torque that the plain fit by hand leaves on these runs.
+    "format" (a log of the table in its second file format). ``right``: any of these ways.
+    ``left``: share of RMS torque that the plain fit by hand leaves on these runs.
     """
 
     name: str

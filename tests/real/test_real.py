@@ -5,7 +5,6 @@ import os
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 import lugrectl as lg
@@ -13,17 +12,16 @@ from lugrectl.blocks.block import members
 from lugrectl.record import read_log
 
 from ..cases.logs import machine
-from ..real import held_out, page
+from ..real import page
 from ..real.__main__ import chosen, main, parser
 from ..real.along import residual
 from ..real.child import ask
 from ..real.motion import Filter, Run, motion_of, rms
-from ..real.own import rows_of
 from ..real.row import VERDICTS, Row, Source, value, way
 from ..real.rows import all_rows
 from ..real.score import score, wrong_values
 from ..real.sets import SPLITS
-from ..scores.judges import answer_of, values_of
+from ..scores.judges import values_of
 from ..scores.question import Answer
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
@@ -128,54 +126,11 @@ def test_a_refusal_for_a_wrong_reason_is_wrong():
     assert not score(row, Answer("refused", reason="The record is too short.")).named
 
 
-def test_a_diagnosis_becomes_an_answer():
-    Estimate, Candidate = lg.results.Estimate, lg.results.Candidate
-    known = {"Fc": Estimate(0.2, "N m", (0.19, 0.21)), "J": Estimate(1.0, "kg m2")}
-    plain = lg.results.Balance(parameters=known, left=0.05)
-    found = lg.results.Finding("gravity", {}, (Candidate("return_spring", 1.0, 0.1),))
-    result = lg.Diagnosis(
-        "ambiguous", (found,), estimates={"J": Estimate(2.0, "kg m2", (1.9, 2.1))}, plain=plain
-    )
-    answer = answer_of(result)
-    assert answer.effects == ("gravity",) and answer.alternatives == ("return_spring",)
-    assert answer.parameters == {"Fc": (0.2, 0.19, 0.21), "J": (2.0, 1.9, 2.1)}
-    assert answer.left == 0.05
-
-
 def test_a_judge_that_fails_or_hangs_costs_its_own_row_only():
     row = all_rows()[0]
     failed = ask(row, Path(), "time:sleep")
     assert failed.verdict == "crash" and "TypeError" in failed.reason
     assert ask(row, Path(), "time:sleep", limit=0.001).verdict == "timeout"
-
-
-def test_a_users_own_rows_are_read_from_a_file(tmp_path):
-    (tmp_path / "rows.toml").write_text(
-        '[[row]]\nname = "axis 3"\nfiles = ["a.csv"]\nscale = {u = 2.0}\n'
-        'values = {J = [1.2, 1.5]}\nneeded = ["J"]\n'
-        '[[row.right]]\nverdicts = ["found"]\nnames = [["gravity", "return_spring"]]\n'
-    )
-    (row,) = rows_of(tmp_path / "rows.toml")
-    assert row.sources == (Source("a.csv", {"scale": {"u": 2.0}}),)
-    assert score(row, Answer("found", ("gravity",), parameters={"J": (1.3, None, None)})).right
-    assert not score(row, Answer("found", ("gravity",))).right
-    assert row.missing(tmp_path) == ["a.csv"]
-
-
-@pytest.mark.parametrize(
-    "text, words",
-    [
-        ("", "holds no"),
-        ('[[row]]\nname = "a"\n', "files is missing"),
-        ('[[row]]\nname = "a"\ncolour = 1\n', "no key 'colour'"),
-        ('[[row]]\nname = "a"\nfiles = ["b"]\n[[row.right]]\nverdicts = ["good"]\n', "verdicts"),
-    ],
-)
-def test_a_file_of_rows_that_cannot_be_understood_is_named(tmp_path, text, words):
-    (tmp_path / "rows.toml").write_text(text)
-    with pytest.raises(SystemExit, match=words) as caught:
-        rows_of(tmp_path / "rows.toml")
-    assert "rows.toml" in str(caught.value)
 
 
 def test_a_row_is_chosen_by_its_name_or_a_part_of_it():
@@ -236,11 +191,6 @@ def test_states_of_effects_follow_the_motion(run):
 def test_a_declared_delay_shifts_the_torque(run):
     late = coulomb(effects=[{"name": "input_delay", "delay": 0.02}])
     assert share(late, run) > 2 * share(coulomb(), run)
-
-
-def test_a_steady_run_is_one_point():
-    made = held_out.point({"t": np.arange(4.0), "u": np.array([9, 1, 2, 3.0]), "w": np.ones(4)})
-    assert made.u[0] == 2.0 and made.w[0] == 1.0 and made.a[0] == 0.0
 
 
 @measured

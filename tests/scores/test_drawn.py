@@ -24,7 +24,7 @@ def asked():
 
 
 @pytest.mark.parametrize("generator", [messy, questions])
-@pytest.mark.parametrize("seed, kind", [(3, "effect"), (2, "none"), (1, "unknown"), (5, "sound")])
+@pytest.mark.parametrize("seed, kind", [(3, "effect"), (2, "none")])
 def test_a_seed_gives_the_same_question_each_time(generator, seed, kind):
     one, two = generator.draw(seed, kind), generator.draw(seed, kind)
     assert one.record.keys() == two.record.keys()
@@ -49,12 +49,6 @@ def test_the_stated_torque_is_that_of_the_true_parameters(asked):
     amplitude = periodic.values["periodic_disturbance.amplitude"]
     assert periodic.hidden == pytest.approx(amplitude / np.sqrt(2), rel=0.05)
     assert "coulomb_asymmetry" in constant.alike
-
-
-def test_a_sound_drive_hides_nothing_and_dips_are_spread():
-    assert all(messy.draw(seed, "sound").hidden == 0.0 for seed in (1, 2))
-    dips = [messy.draw(seed, "dip") for seed in range(4)]
-    assert all(q.effect == "none" and "Fc" in q.values for q in dips)
 
 
 def test_the_declared_tables_are_a_model(asked):
@@ -194,8 +188,8 @@ def test_a_damage_changes_a_copy(kind):
 
 @pytest.mark.parametrize("kind", bench.KINDS)
 def test_a_bench_test_is_drawn_alike_again_and_recognised(kind):
-    one, two = bench.draw(5, kind), bench.draw(5, kind)
-    assert one.values == two.values and len(one.more) == len(two.more)
-    assert all(np.array_equal(one.record[k], two.record[k]) for k in one.record)
-    row = drawn.judged(5, kind, "bench", "bench")
+    row, again = drawn.judged(5, kind, "bench", "bench"), bench.draw(5, kind)
+    one = row.question
+    assert one.values == again.values and len(one.more) == len(again.more)
+    assert all(np.array_equal(one.record[k], again.record[k]) for k in one.record)
     assert kind in row.answer.effects

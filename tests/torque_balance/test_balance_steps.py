@@ -87,3 +87,49 @@ def test_a_steady_run_is_one_point_of_a_map_however_it_starts():
     plain = lg.balance(runs)
     assert not plain.parameters and not plain.combinations
     assert lg.diagnose(runs, MODEL).verdict == "refused"
+
+
+def test_what_the_steps_do_not_tell_has_no_value():
+    """Exact motions from rest: no value has an interval of zero width."""
+    J, Fc, Fv, dt, runs = 0.004, 0.12, 0.006, 1e-3, []
+    for torque in (0.18, 0.26, 0.34):
+        t = dt * np.arange(3000)
+        s, tau = np.maximum(t - 0.2, 0.0), J / Fv
+        theta = (torque - Fc) / Fv * (s - tau * (1.0 - np.exp(-s / tau)))
+        count = 2.0 * np.pi / 16384
+        log = {"t": t, "u": np.where(t < 0.2, 0.0, torque)}
+        runs.append(log | {"theta": np.floor(theta / count) * count})
+    found = lg.identify(runs, MODEL)
+    for key, true in (("J", J), ("Fc", Fc), ("Fv", Fv)):
+        own = found.estimates.get(key)
+        assert own is None or own.ci95 is None or own.may_be(true)
+    ends = [e.ci95 for e in (*found.estimates.values(), *found.plain.parameters.values()) if e.ci95]
+    assert all(high > low for low, high in ends)
+    (test,) = (one for one in found.plain.bench_tests if one.kind == "steps_and_pulses")
+    assert test.values["J"].value == pytest.approx(J, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        [33, 33, 26, 18, 18, 18, 18, 12, 18, 18, 18, 41, 33, 26, 18, 26, 18, 18, 18, 18],
+        [30, 18, 18, *np.random.default_rng(3).integers(26, 45, 58).tolist()],
+    ],
+    ids=["relay", "bang-bang"],
+)
+def test_a_torque_that_is_switched_at_irregular_times_is_answered(rows):
+    """A cart under a force that changes its sign after each of so many rows: it has no beat."""
+    J, Fc, dt = 6.5, 1.5, 1 / 150
+    u = 10.0 * np.repeat((-1.0) ** np.arange(len(rows) + 1), [*rows, 40])
+    v, x = np.zeros(len(u)), np.zeros(len(u))
+    for i in range(1, len(u)):
+        friction = 3.0 * v[i - 1] + Fc * np.sign(v[i - 1] or u[i - 1])
+        v[i] = v[i - 1] + dt * (u[i - 1] - friction) / J
+        x[i] = x[i - 1] + 0.5 * dt * (v[i] + v[i - 1])
+    x += np.random.default_rng(0).normal(0.0, 1e-5, len(x))
+    log = {"t": dt * np.arange(len(u)), "u": u, "theta": x}
+    found = lg.diagnose(log, {"motion": "linear", "friction": "coulomb"})
+    assert found.verdict == "adequate"
+    assert found.model.J == pytest.approx(J, rel=0.02)
+    assert found.model.friction.values["Fc"] == pytest.approx(Fc, rel=0.1)
+    assert not [m for m in found.messages if "renewed only every" in m]

@@ -1,0 +1,132 @@
+"""A channel of the wrong sign, in another unit or in another's column: said, with the option."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+from lugrectl.report import text
+
+from ..cases.balance_drive import FC, FV, J, noisy, recorded
+from ..cases.logs import machine
+
+MODEL = lg.Model.of(friction="coulomb")
+SWAPPED = "u and {} seem to be swapped: the other way round the balance leaves 0."
+NAMES = ["one.csv", "two.csv", "three.csv"]
+
+
+@pytest.fixture(scope="module")
+def turned():
+    log = noisy()
+    return log | {"u": -log["u"]}
+
+
+def test_a_refusal_names_the_option_and_claims_no_change(turned):
+    no = lg.diagnose(turned, lg.Model.of(J=J, Fc=FC, Fv=FV))
+    assert no.verdict == "refused" and 'wrong sign: give scale="u=-1"' in no.reason
+    assert "was changed" not in " ".join(no.messages)
+    assert "other sign" in text(no)  # whose values the plain answer has
+
+
+def test_a_fit_is_refused_too_and_the_plain_answer_is_that_of_the_other_sign(turned):
+    with pytest.raises(lg.Refused, match='wrong sign.*scale="u=-1"') as no:
+        lg.identify(turned, MODEL)
+    assert no.value.plain.parameters["J"].value == pytest.approx(J, rel=0.01)
+
+
+def exchanged(**columns):
+    """The machine's log, its channels in columns of these names."""
+    made = machine(n=6000)
+    return {"t": made["t"]} | {role: made[name] for role, name in columns.items()}
+
+
+@pytest.mark.parametrize("beside", [{}, {"w": "w"}])
+def test_torque_and_angle_exchanged_are_said_to_be(beside):
+    known = {"J": 0.002, "friction": "coulomb", "Fc": 0.2, "Fv": 0.02}
+    found = lg.diagnose(exchanged(u="theta", theta="u", **beside), known)
+    assert found.verdict == "refused" and found.reason.startswith(SWAPPED.format("theta"))
+    assert 'columns="u=NAME,theta=NAME"' in found.reason
+    assert not any("u has the wrong sign" in m for m in found.messages)
+
+
+@pytest.mark.cases
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("roles", [("theta",), ("w",), ("theta", "w")])
+def test_a_torque_of_either_sign_in_its_own_column_is_not(sign, roles):
+    given = exchanged(u="u", **{role: role for role in roles})
+    found = lg.balance(given | {"u": sign * given["u"]}, MODEL)
+    assert not any("swapped" in said for said in found.said)
+    assert bool(found.refused) == (sign < 0)
+
+
+def test_torque_and_speed_exchanged_are_said_to_be_before_all_else():
+    found = lg.balance(exchanged(u="w", w="u"), MODEL)
+    assert found.said[0].startswith(SWAPPED.format("w"))
+
+
+# One run of several that contradicts the others; the answer is that of the others.
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [recorded(6.0, seed=seed) for seed in range(3)]
+
+
+def scaled(run, u=1.0, theta=1.0, t=1.0):
+    return {"t": t * run["t"], "u": u * run["u"], "theta": theta * run["theta"]}
+
+
+@pytest.fixture
+def written(tmp_path):
+    def of(*runs):
+        for name, run in zip(NAMES, runs, strict=False):
+            head = "t [s],u [N m],theta [rad]"
+            np.savetxt(tmp_path / name, np.c_[*run.values()], "%.9g", ",", header=head, comments="")
+        return [tmp_path / name for name in NAMES[: len(runs)]]
+
+    return of
+
+
+def test_runs_of_one_drive_agree(runs):
+    found = lg.balance(runs, MODEL)
+    assert not found.unlike and not found.notes
+
+
+@pytest.mark.parametrize(
+    "factors, said",
+    [
+        ({"u": -1.0}, 'u has the opposite sign of the other runs: give scale="u=-1"'),
+        ({"u": 1e3}, 'u is 1000 times that of the other runs: give units="u=mN m"'),
+        ({"theta": 180 / np.pi}, "theta is 57.3 times that of the other runs"),
+        ({"theta": 0.5 / np.pi}, 'give units="theta=turn"'),
+        ({"t": 1e3}, 'give units="t=ms"'),
+    ],
+)
+def test_another_unit_or_sign_is_named(runs, factors, said, written):
+    found = lg.balance(written(runs[0], scaled(runs[1], **factors), runs[2]), MODEL)
+    (sentence,) = found.unlike
+    assert sentence.startswith("two.csv: ") and said in sentence
+    assert found.parameters["J"].may_be(J)
+
+
+def test_of_two_runs_the_impossible_one_is_named(runs, written):
+    found = lg.balance(written(scaled(runs[0], u=-1.0), runs[1]), MODEL)
+    (sentence,) = found.unlike
+    assert sentence.startswith("one.csv: ") and "sign of two.csv" in sentence
+
+
+def test_more_friction_is_a_note_and_no_reason_to_leave_a_run_out(runs, written):
+    way = np.sign(np.gradient(runs[2]["theta"]))  # half as much friction again
+    more = runs[2] | {"u": runs[2]["u"] + 0.5 * FC * way}
+    found = lg.balance(written(*runs[:2], more), MODEL)
+    (note,) = (n for n in found.notes if "more friction" in n)
+    assert not found.unlike and note.startswith("three.csv: ")
+
+
+def test_a_diagnosis_is_refused_with_the_name_of_the_run(runs, written):
+    d = lg.diagnose(written(runs[0], scaled(runs[1], u=-1.0), runs[2]), MODEL)
+    assert d.verdict == "refused"
+    assert d.reason == (
+        'two.csv: u has the opposite sign of the other runs: give scale="u=-1" for it, or leave '
+        "it out."
+    )
+    assert d.plain.parameters["J"].may_be(J)

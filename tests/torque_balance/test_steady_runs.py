@@ -1,0 +1,140 @@
+"""Runs at steady speed: each is a point with a scatter of its own, and few leave much open."""
+
+import numpy as np
+import pytest
+
+import lugrectl as lg
+
+FC, FS, FV, VS = 0.3, 0.4, 0.02, 2.0
+STRIBECK = lg.Model.of(friction="stribeck")
+SPEEDS = (-16.0, -8.0, -4.0, -2.0, 2.0, 4.0, 8.0, 16.0)
+MORE = (*SPEEDS, *(1.5 * w for w in SPEEDS))
+
+
+def steady(speeds, fall=0.0, drag=0.0, *, vs=VS, Fv=FV, seed=0, scatter=1e-3, samples=200, dt=5e-3):
+    """Runs at these speeds: friction, the scatter of each run, and noise of the samples."""
+    chance, runs = np.random.default_rng(seed), []
+    for w in speeds:
+        level = FC + fall * np.exp(-((w / vs) ** 2))
+        u = level * np.sign(w) + Fv * w + drag * w * abs(w) + scatter * chance.standard_normal()
+        noise = 1e-3 * chance.standard_normal((2, samples))
+        runs.append({"t": dt * np.arange(samples), "w": w + noise[0], "u": u + noise[1]})
+    return runs
+
+
+def both_ways(speeds, **more):
+    return steady([*speeds, *(-w for w in speeds)], **more)
+
+
+def covers(e, truth):
+    return e.ci95 is not None and e.ci95[0] <= truth <= e.ci95[1]
+
+
+def test_intervals_hold_although_runs_differ_by_more_than_their_noise():
+    """The noise of the samples alone would give a tenth of the width."""
+    found = [lg.balance(steady(SPEEDS, seed=seed, scatter=0.01)) for seed in range(24)]
+    for key, truth in (("Fc", FC), ("Fv", FV), ("constant_torque", 0.0)):
+        held = [covers((plain.parameters | plain.uncertain)[key], truth) for plain in found]
+        assert sum(held) >= 21, key
+
+
+def test_longer_runs_tell_no_more_of_friction():
+    short, long, more = (
+        np.ptp(
+            lg.balance(steady(n * SPEEDS, seed=1, scatter=0.01, samples=s)).parameters["Fc"].ci95
+        )
+        for n, s in ((1, 200), (1, 1600), (4, 200))
+    )
+    assert long > 0.8 * short and more < 0.75 * short
+
+
+def test_each_run_is_a_point_of_the_curve():
+    plain = lg.balance(steady(SPEEDS, scatter=0.01))
+    assert [round(point.w) for point in plain.curve] == [round(w) for w in SPEEDS]
+    held = [covers(point, FC * np.sign(point.w) + FV * point.w) for point in plain.curve]
+    assert sum(held) >= len(SPEEDS) - 1
+
+
+def test_a_fall_at_low_speed_is_none_of_the_level():
+    """Friction falls with speed below 3 rad/s: the level is that of the fast runs."""
+    plain = lg.balance(steady(MORE, fall=0.15, vs=3.0, seed=2))
+    assert covers(plain.parameters["Fc"], FC) and covers(plain.parameters["Fv"], FV)
+    assert plain.left < 0.01
+
+
+def test_a_declared_drag_is_not_counted_twice():
+    model = lg.Model.of().with_effect("quadratic_drag", {"coefficient": 5e-3})
+    found = lg.balance(steady(MORE, drag=5e-3, seed=2), model).parameters
+    drag = found["quadratic_drag.coefficient"]
+    assert covers(drag, 5e-3) and np.ptp(drag.ci95) < 0.1 * 5e-3
+
+
+@pytest.mark.parametrize("scatter", [0.0, 4e-3])
+def test_the_error_table_has_the_scatter_of_the_runs(scatter):
+    runs = both_ways(np.linspace(2.0, 40.0, 12), scatter=scatter, samples=500)
+    error = lg.diagnose(runs, lg.Model.of(friction="coulomb", Fc=0.31, Fv=FV)).error
+    assert error["noise_floor"] <= 1.01 * max(error["augmented"], 1e-4)
+    assert error["noise_floor"] == pytest.approx(max(scatter, 1.2e-4), rel=0.5)
+
+
+SLOWEST_8 = np.linspace(8.0, 30.0, 5)
+
+
+def test_a_fall_below_the_slowest_run_stays_open():
+    found = lg.diagnose(both_ways(SLOWEST_8, fall=FS - FC), STRIBECK)
+    assert found.verdict == "adequate"
+    assert not any(k in found.estimates and found.estimates[k].ci95 for k in ("Fs", "vs"))
+    assert "slower than 8 rad/s" in found.experiment
+    assert covers(found.estimates["Fc"], FC)
+
+
+def test_a_declared_fall_that_no_run_shows_stays_as_declared():
+    model = lg.Model.of(friction="stribeck", Fc=FC, Fs=FS, Fv=FV, vs=VS)
+    found = lg.identify(both_ways(SLOWEST_8, fall=FS - FC), model)
+    assert found.model.friction.values["Fs"] == FS and found.model.friction.values["vs"] == VS
+
+
+def test_a_value_that_was_guessed_may_be_0_without_the_fall_too():
+    found = lg.identify(both_ways(SLOWEST_8, Fv=0.0), STRIBECK)
+    assert found.estimates["Fv"].value < 1e-3
+    assert not any("limit of the range" in said for said in found.messages)
+
+
+@pytest.mark.parametrize("many", [4, 5, 6])
+def test_few_points_have_finite_intervals(many):
+    """Where Akaike's criterion is infinite for both laws neither is preferred."""
+    model = STRIBECK.with_effect("constant_torque", {"torque": 0.01})
+    runs = both_ways(np.linspace(8.0, 30.0, 3), fall=FS - FC)
+    found = lg.identify([runs[i] for i in (0, 5, 3, 2, 1, 4)[:many]], model)
+    ends = [end for e in found.estimates.values() for end in e.ci95 or ()]
+    assert ends and np.all(np.isfinite(ends))
+
+
+def test_means_need_no_fast_log(tmp_path):
+    """A run at steady speed may be logged at 3 Hz, with or without a unit of t in its header."""
+    for i, run in enumerate(both_ways(np.linspace(2.0, 30.0, 5), dt=0.3)):
+        table = np.c_[run["t"], run["u"], run["w"]]
+        np.savetxt(tmp_path / f"run{i}.csv", table, "%.9g", ",", header="t,u,w", comments="")
+    found = lg.balance(sorted(map(str, tmp_path.glob("*.csv"))))
+    assert found.is_map and found.parameters["Fc"].may_be(FC)
+
+
+@pytest.mark.parametrize(
+    "top, drag, model",
+    [(30.0, 4e-4, STRIBECK), (40.0, 8e-4, lg.Model.of(J=0.005, friction="lugre"))],
+)
+def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it(top, drag, model):
+    """Where it is large, a fit without it has little Coulomb friction, and a start of Fs."""
+    found = lg.diagnose(both_ways(np.geomspace(1.5, top, 6), drag=drag), model)
+    assert [e.name for e in found.effects] == ["quadratic_drag"]
+    assert found.estimates["Fc"].value == pytest.approx(FC, abs=0.01)
+    if drag == 8e-4:
+        assert found.effects[0].parameters["coefficient"].value == pytest.approx(drag, rel=0.02)
+        assert found.estimates["Fc"].value == pytest.approx(FC, rel=0.02)
+        assert "Fs" not in found.estimates
+
+
+def test_as_many_values_as_runs_test_nothing():
+    found = lg.diagnose(both_ways([2.0, 8.0, 30.0])[:4], STRIBECK)
+    assert found.verdict == "refused" and "nothing can be tested" in found.reason
+    assert "more speeds" in found.experiment and found.plain.is_map
