@@ -313,7 +313,7 @@ STILL = np.zeros(8000)
     [
         *(({"u": np.full(8000, x)}, "dead torque channel") for x in (0.0, 5.0, -1e-3)),
         ({"u": 0.2 + 1e-3 * NOISE}, "dead torque channel"),
-        ({"w": STILL}, "w is constant .*nothing moves"),
+        ({"w": STILL, "theta": None}, "w is constant .*nothing moves"),
         ({"theta": STILL}, "theta is constant .*nothing moves"),
         ({"w": None, "theta": 1e-4 * (np.arange(8000) // 7 % 2)}, "2 values"),
         ({"w": NOISE, "theta": None}, "nothing moves"),
@@ -322,6 +322,13 @@ STILL = np.zeros(8000)
 def test_a_channel_in_which_nothing_moves_is_refused(channels, words):
     with pytest.raises(Refused, match=words):
         audit(replace(PLAIN, **channels))
+
+
+@pytest.mark.parametrize("value", [0.0, 7.0])
+def test_a_dead_speed_beside_a_position_that_moves_is_left_out(value):
+    found = audit(replace(PLAIN, w=np.full(8000, value)))
+    assert found.w is None and np.array_equal(found.theta, PLAIN.theta)
+    assert found.messages[0].startswith(f"w is not d theta/dt but constant ({value:g})")
 
 
 def test_a_drive_at_its_limit_is_said_and_left():
