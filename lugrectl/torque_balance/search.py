@@ -341,7 +341,7 @@ class Search:
             return
         step, T = v.rows.step, v.motion.duration
         at = np.round(v.rows.t / step).astype(int)
-        n = 1 << int(np.ceil(np.log2(2 * (at[-1] + 1))))
+        n = 1 << int(np.ceil(np.log2(2 * (at.max() + 1))))
         f = np.fft.rfftfreq(n, step)
 
         def spectrum(x: np.ndarray) -> np.ndarray:

@@ -134,3 +134,12 @@ def test_the_memory_of_an_own_effect_may_be_short():
     fit = lg.identify(log, model)
     assert fit.parameters["creeping_hose.tau"].value == pytest.approx(0.4, rel=0.05)
     assert fit.parameters["creeping_hose.k"].value == pytest.approx(0.06, rel=0.1)
+
+
+def test_a_short_fast_run_among_slow_ones():
+    """Runs of one rate stand one after the other: the last row is not the latest."""
+    log = columns(seconds=16.0)
+    parts = [(0, 1000, 2), (1000, 2000, 1), (2000, 16000, 2)]
+    found = lg.diagnose([{k: x[a:b:n] for k, x in log.items()} for a, b, n in parts], MODEL)
+    assert found.verdict == "adequate"
+    holds(found.plain.parameters)
