@@ -274,7 +274,7 @@ def test_an_effect_says_what_it_is_confused_with_and_how_to_tell(made):
     assert declaration.true_spans(made) == dict(made.parameters)
 
 
-@pytest.mark.parametrize("law", ["viscous", "coulomb", "lugre", "leuven"])  # of each kind one
+@every_law
 @every_effect
 def test_at_its_neutral_value_it_changes_nothing(made, law):
     """Same rates at random points, and its own states stay at rest or do not matter."""

@@ -424,3 +424,20 @@ def test_the_command_line_changes_the_law_and_keeps_common_values():
     assert made.held() == {"n", "Fc"}
     with pytest.raises(lg.InputError, match="--law: .*no friction model named 'dal'; did you mean"):
         fixed(model_of("lugre"), Namespace(law="dal"))
+
+
+def test_a_fading_damping_leaves_steady_sliding_and_the_neutral_value_as_they_were():
+    """The vector of a sine of 0.01 rad at 1 Hz, with vd = vs: F at 1 and 1.26 s, area, RMS."""
+    t = np.arange(20001) * 1e-4
+    w = 0.02 * np.pi * np.cos(2.0 * np.pi * t)
+    found = {}
+    for vd in (None, np.inf, VS):
+        F = lg.simulate(lg.friction("lugre", **({} if vd is None else {"vd": vd})), t, w).outputs
+        last = t > 1.0 - 1e-9
+        area = trapezoid((F * w)[last], t[last])
+        found[vd] = [F[10000], F[12600], area, np.sqrt(np.mean(F[last] ** 2))]
+    assert found[np.inf] == found[None]
+    assert found[VS] == pytest.approx([0.28607, 0.27647, 0.010169, 0.26234], rel=2e-4)
+    z = float(FC + (FS - FC) * np.exp(-25.0)) / S0
+    fading, plain = (lg.friction("lugre", **v).output(0, [z], [0.05]) for v in ({"vd": VS}, {}))
+    assert fading[0] == pytest.approx(plain[0], rel=1e-12)
