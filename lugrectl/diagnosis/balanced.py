@@ -82,7 +82,7 @@ class Begun:
         """The values and errors of what the balance answers."""
         asked, model, ready = self.asked, self.asked.model, self.ready
         found = made.last, made.interval, made.values, made.covariance
-        values = model_values(*found, model, made.parts)
+        values = model_values(*found, model, made.sure, made.parts)
         plain = plain_balance(*found, made.sure, asked.stretches)
         sure = "J" in plain.parameters or model.known().get("J") is not None
         judged, noise, why_not = None, None, self.why_not
@@ -224,8 +224,8 @@ def simulated(
     The polish is of a clean log, or of a law with values of which the balance knows nothing.
     """
     model, ready = made.view.model, as_it_acts(ready, made)
-    refitted = completed(made.refitted or made.last, model)
-    trained = completed(made.trained or made.last, model, made.parts)
+    refitted = completed(made.refitted or made.last, model, made.sure)
+    trained = completed(made.trained or made.last, model, made.sure, made.parts)
     clean = made.with_names.stays < 2 * least * made.view.size  # a finer fit may be valid
     try:
         own_law = not told_by_balance(model)
@@ -259,8 +259,8 @@ def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
 def polished_values(ready: Prepared, made: Answer) -> Model:
     """The model of training rows, at its likeliest values by one-step predictions."""
     model = made.view.model
-    trained = completed(made.trained or made.last, model)
-    values = model_values(made.last, made.interval, made.values, made.covariance, model)
+    trained = completed(made.trained or made.last, model, made.sure)
+    values = model_values(made.last, made.interval, made.values, made.covariance, model, made.sure)
     start = _as_logged(values.joint, made)
     return _polished(ready, trained, values, start, not told_by_balance(model))[0]
 

@@ -219,7 +219,7 @@ def _signals(made: Answer) -> tuple[str, ...]:
 def _rivals(work: Ended) -> tuple[Belief, ...]:
     """The models that explain the record as well as the first."""
     made, known = work.made, work.values.estimates
-    models = [completed(last, made.view.model) for last in made.rivals]
+    models = [completed(last, made.view.model, made.sure) for last in made.rivals]
     return tuple(Belief.of(m, None, {k: e for k, e in known.items() if k in m.known()},
                            1.0 / (len(models) + 1)) for m in models)  # fmt: skip
 

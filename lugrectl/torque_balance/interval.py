@@ -29,6 +29,7 @@ SPEEDS = (0.35, 0.6, 1.0, 1.7, 3.0)  # Stribeck speeds that are tried, over the 
 EXPONENTS = (1.0, 2.0)  # of the Stribeck curve
 STEP = 0.3  # standard deviations of a coefficient, for the slopes of what is reported
 PART_OF_SAMPLE = 0.1  # standard deviation of a delay, in samples
+CERTAIN = 0.5  # half-width over value up to which an inertia is given
 WITHOUT_SCALE = ("phase", "harmonic", "side")
 
 Value = tuple[float, float, float]
@@ -184,6 +185,11 @@ class Interval:
         own = self.last.values
         return {k: (own[k], own[k] - h, own[k] + h)
                 for k, h in zip(self.names, half.tolist(), strict=True)}  # fmt: skip
+
+
+def tells(x: Value) -> bool:
+    """Whether the interval of an inertia is narrow enough for it to be an answer."""
+    return x[0] > 0 and x[2] - x[1] < 2 * CERTAIN * x[0]
 
 
 def wrapped(x: float, key: str) -> float:

@@ -13,10 +13,9 @@ from ..estimates.balance import Balance
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from .constants import SCALE
-from .interval import WITHOUT_SCALE, Interval, Value
+from .interval import WITHOUT_SCALE, Interval, Value, tells
 from .last_fit import LastFit
 from .own_law import DIPPED, law_values, means_the_same, static_values
-from .plain import tells
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
 SEEN = 1.05  # times Fc: an Fs that rows show
@@ -58,16 +57,17 @@ class ModelValues:
         return replace(self, model=model, estimates=estimates)
 
 
-def completed(last: LastFit, model: Model, parts: Collection[str] = ()) -> Model:
-    """The declared model and the effects of a last fit, at its values; ``parts`` are effects that
-    the declared law of friction does not have."""
+def completed(last: LastFit, model: Model, sure: bool, parts: Collection[str] = ()) -> Model:
+    """The declared model and the effects of a last fit, at its values; a declared J stays unless
+    the log is ``sure`` of another one. ``parts`` are effects that the declared law of friction does
+    not have."""
     made = model
     for term in last.state.terms:
         if not term.declared:
             made = made.with_effect(term.block, _own(term.key, last.values))
     for name in parts:
-        made = made.with_effect(name, _law_part(name, _plant(last, made.known())))
-    made = made.with_values(made.kept(_inside(made, _values(last, made))))
+        made = made.with_effect(name, _law_part(name, _plant(last, made.known(), sure)))
+    made = made.with_values(made.kept(_inside(made, _values(last, made, sure))))
     if means_the_same(made.friction.block):
         return made
     return made.with_values(made.kept(_inside(made, law_values(last, made))))
@@ -91,11 +91,10 @@ def _own(key: str, values: Mapping[str, float]) -> dict[str, float | None]:
     return {k.removeprefix(f"{key}."): x for k, x in values.items() if k.startswith(f"{key}.")}
 
 
-def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
+def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, float]:
     """Inertia and friction as the fit has them, with what is declared of the bristles."""
     v, own, s = last.view, last.values, last.state
-    declared = known.get("J")  # counts where the log does not tell, or finds nothing of it
-    J = own["J"] if declared is None or v.sure and own["J"] > 0 else declared
+    J = own["J"] if sure else known.get("J", own["J"])
     level = max(own["Fc"], LEAST * v.force)
     static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
     Fs = max(own["Fs"], level) if static is None else max(static, 1.0) * level
@@ -107,10 +106,10 @@ def _plant(last: LastFit, known: Mapping[str, float]) -> dict[str, float]:
     return made | {"sigma1": known.get("sigma1", DAMPING * critical)}
 
 
-def _values(last: LastFit, model: Model) -> dict[str, float]:
+def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
     """A value for each parameter of the model."""
     known = model.known()
-    plant, law = _plant(last, known), model.friction.block
+    plant, law = _plant(last, known, sure), model.friction.block
     if {"Fs", "vs"} <= law.own.keys() - known.keys() and means_the_same(law):
         Fs, vs = static_values(last, plant["Fc"], plant["Fv"])
         if Fs > SEEN * plant["Fc"]:  # else the rows do not show it
@@ -131,11 +130,12 @@ def model_values(
     values: Mapping[str, Value],
     V: np.ndarray,
     model: Model,
+    sure: bool,
     parts: Collection[str] = (),
 ) -> ModelValues:
     """The model of a last fit to all rows with intervals and covariance."""
-    made = completed(last, model, parts)
-    told = _told(last, values, made)
+    made = completed(last, model, sure, parts)
+    told = _told(last, values, made, sure)
     held, own = made.held(), made.declarations()
     estimates: dict[str, Estimate] = {}
     for key, value in made.known().items():
@@ -162,9 +162,9 @@ def model_values(
     return ModelValues(made, estimates, joint, left)
 
 
-def _told(last: LastFit, values: Mapping[str, Value], model: Model) -> dict[str, str]:
+def _told(last: LastFit, values: Mapping[str, Value], model: Model, sure: bool) -> dict[str, str]:
     """The keys of the model that the last fit tells, and its own names for them."""
-    plant = {"J"} if last.view.sure else set()
+    plant = {"J"} if sure else set()
     plant |= {"Fc", "Fv"} if means_the_same(model.friction.block) else set()
     if last.view.motion.one_way:
         plant -= {"Fc"}

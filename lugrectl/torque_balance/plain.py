@@ -13,10 +13,9 @@ from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
 from ..record.stretches import Stretch
 from .constants import FAR_W, SCALE
-from .interval import Interval, Value
+from .interval import Interval, Value, tells
 from .last_fit import LastFit
 
-CERTAIN = 0.5  # half-width over value up to which an inertia is given
 BINS = 8  # of speed in each direction, for the friction curve
 PLAIN = 4  # values of a plain law: Fc, Fs, vs, Fv
 UNITS = {"J": "kg m2", "Fc": "N m", "Fv": "N m s/rad", "Fs": "N m", "constant_torque": "N m",
@@ -131,11 +130,6 @@ def _unit_of(key: str, parameter: str, model: Model) -> str:
     return p.unit if p.angle else unit_for(p.unit, model.motion)
 
 
-def tells(x: Value) -> bool:
-    """Whether the interval of an inertia is narrow enough for it to be an answer."""
-    return x[2] - x[1] < 2 * CERTAIN * abs(x[0])
-
-
 def _certain(
     last: LastFit, known: Mapping[str, Value], values: Mapping[str, Value], sure: bool
 ) -> set[str]:
@@ -148,8 +142,7 @@ def _certain(
         return known[name][2] - known[name][1]
 
     made = set()
-    J = known.get("J", (0.0, 0.0, 0.0))
-    if sure and J[0] > 0 and tells(J):
+    if sure and "J" in known and tells(known["J"]):
         made.add("J")
     if several and wide("Fc") < level and not v.motion.one_way:
         made.add("Fc")

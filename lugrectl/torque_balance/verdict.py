@@ -25,7 +25,7 @@ from .decision import Decision
 from .enough import enough
 from .friction import OFFSET, Term, View, declared_terms, places
 from .held_out import Split, Unseen, gain, lasting
-from .interval import Interval, Value, apart, best_law, other_views
+from .interval import Interval, Value, apart, best_law, other_views, tells
 from .last_fit import LastFit, State, state_of
 from .maps import Still, is_map, map_of
 from .motion import Motion
@@ -115,7 +115,7 @@ class Answer:
     @property
     def sure(self) -> bool:
         """Whether the log determines the inertia."""
-        return self.view.sure
+        return self.view.sure and tells(self.values["J"])
 
 
 class Log(NamedTuple):

@@ -199,3 +199,20 @@ def test_a_map_with_stiction_declared_below_friction_is_answered():
     values = found.model.values()
     assert values["Fs"] >= values["Fc"] and values["Fc"] == pytest.approx(0.2, rel=0.1)
     assert any("Fs = 0.15 is below Fc" in m for m in found.messages)
+
+
+def test_a_declared_inertia_stands_where_the_log_does_not_tell_it():
+    """Slow motion behind a coarse encoder, of which rows are lost: J = 0.002 is hardly seen."""
+    rng = np.random.default_rng(1)
+    t, count = 4e-3 * np.arange(6000), 2 * np.pi / 4096
+    theta = np.sin(np.pi * t)
+    w = np.gradient(theta, t)
+    u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-2) + 0.02 * w
+    u += 0.02 * rng.standard_normal(len(t))
+    kept, late = rng.random(len(t)) > 0.3, rng.uniform(-1.5e-3, 1.5e-3, len(t))
+    log = {"t": np.sort((t + late)[kept]), "u": u[kept]}
+    log["theta"] = (np.round(theta / count) * count)[kept]
+    fit = lg.identify(log, lg.Model.of(J=0.002, friction="coulomb"))
+    assert "J" in fit.plain.uncertain
+    assert fit.model.J == 0.002
+    assert any("J is taken as declared" in note for note in fit.messages)
