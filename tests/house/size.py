@@ -47,7 +47,7 @@ def table() -> dict[str, int]:
         "lines of the package": lines(PACKAGE, {".py"}),
         "lines of the tests, data too": lines(ROOT / "tests", DATA),
         "files of the package": len([*PACKAGE.rglob("*.py")]),
-        "rooms": len({room(p) for p in PACKAGE.rglob("*.py")} - {"__init__"}),
+        "rooms": len({room(p) for p in PACKAGE.glob("*/**/*.py")}),
         "arrows between rooms": len(arrows(".")),
         f"inner functions with more than {MANY} arguments": sum(arguments(n) > MANY for n in own),
         f"bodies over {LONG} lines": sum(body(n) > LONG for _, n in functions()),

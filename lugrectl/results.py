@@ -1,0 +1,44 @@
+"""The classes of all results, for type hints and ``isinstance``: ``lg.results.SprVerdict``."""
+
+from .bench import (
+    Assurance,
+    Compared,
+    Compensation,
+    HuntingChance,
+    ObserverComparison,
+    Recommendation,
+    Run,
+)
+from .bench import Candidate as RankedObserver
+from .commissioning import FrequencyResponse, ResponsePlan, Tuning
+from .design import Certificate, Design, Excitation, ObserverDesign
+from .diagnosis.compare_laws import ComparedLaw, LawComparison
+from .diagnosis.fleet import Fleet, Outcome
+from .diagnosis.identify import Identification
+from .diagnosis.result import Diagnosis
+from .estimates.balance import Balance
+from .estimates.comparison import Comparison
+from .estimates.covariance import Joint, Residuals
+from .estimates.findings import Candidate, Estimate, Finding, FrictionMap, Table, Traces
+from .estimates.fitted import Parameter, ParameterTable
+from .estimates.members import Members
+from .hunting import HuntingMap, LimitCycles, StickSlip
+from .linear.band import BandwidthVerdict
+from .linear.designs import DesignChecks
+from .linear.l2 import L2Verdict
+from .linear.passivity import PassivityVerdict
+from .linear.spr import Repair, SprVerdict
+from .linear.stability import StabilityVerdict
+from .paper.runs import Reproduction
+from .sweeps import Sweep
+
+__all__ = [
+    "Assurance", "Balance", "BandwidthVerdict", "Candidate", "Certificate", "Compared",
+    "ComparedLaw", "Comparison", "Compensation", "Design", "DesignChecks", "Diagnosis", "Estimate",
+    "Excitation", "Finding", "Fleet", "FrequencyResponse", "FrictionMap", "HuntingChance",
+    "HuntingMap", "Identification", "Joint", "L2Verdict", "LawComparison", "LimitCycles", "Members",
+    "ObserverComparison", "ObserverDesign", "Outcome", "Parameter", "ParameterTable",
+    "PassivityVerdict", "RankedObserver", "Recommendation", "Repair", "Reproduction", "Residuals",
+    "ResponsePlan", "Run", "SprVerdict", "StabilityVerdict", "StickSlip", "Sweep", "Table",
+    "Traces", "Tuning",
+]  # fmt: skip
