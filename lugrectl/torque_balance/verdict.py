@@ -602,9 +602,17 @@ class _Judge:
         strange = made.verdict == "unexplained" and bool(d.unknown) and d.unknown[0].gain > 300
         if not J or not made.sure or told or strange or made.values["J"][1] < GROWN * J:
             return
+        if self._scaled(made):
+            return
         made.only_inertia, made.verdict, made.depends_on = True, "ambiguous", []
         made.alternatives = {WHOLE_INERTIA: ["backlash"]}
         made.notes.append("J is that of drive and load together; the drive's own lies below.")
+
+    def _scaled(self, made: Answer) -> bool:
+        """Whether friction is larger by the same factor: then the scale of u is another one."""
+        known = {k: x for k in ("J", "Fc") if (x := self.view.declared.get(k))}
+        ends = np.array([made.values[k][1:] for k in known]) / np.c_[list(known.values())]
+        return len(known) > 1 and bool(ends[1, 0] > 1 and ends[:, 0].max() < ends[:, 1].min())
 
 
 def _names(d: Decision) -> list[str]:
