@@ -20,11 +20,12 @@ from ..record.stretches import Stretch
 from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
 from .friction import View
 from .search import Search, golden
-from .table import KEPT, Contender, Table, proven
+from .table import Contender, Table, proven
 from .unknown import Unknown
 
 OFFSETS = np.geomspace(1e-3, 0.1, 21)  # of top speed, that are tried
 NEAR_BY = 0.1  # of an offset: where its likelihood is compared
+KEPT = 0.5  # of the inertia: what a u that is moved must leave of it
 CURVE = 0.02  # of top speed: the Stribeck speed beside them
 
 

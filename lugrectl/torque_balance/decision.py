@@ -260,7 +260,7 @@ class Decision:
         offset = (v.K @ np.ones(len(v.motion)))[:, None]
         C = offset if c.C is None else np.column_stack([c.C, offset])
         prior = Prior.joined(c.prior, Prior.free(1))
-        made = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost, drop=c.drop)
+        made = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost)
         return self.table.enter(made)
 
     def _extend(self, c: Contender) -> None:

@@ -151,13 +151,13 @@ def model_values(
         if own[key].whole and made.motion == "rotary" and key in told:
             ends = value, value
         estimates[key] = Estimate(value, made.unit(key), ends, held=key in held)
-    sure = [k for k, e in estimates.items() if e.ci95 is not None and e.ci95[1] > e.ci95[0]]
-    at = [interval.names.index(told[k]) for k in sure]
-    found = np.array([estimates[k].value for k in sure])
+    certain = [k for k, e in estimates.items() if e.ci95 is not None and e.ci95[1] > e.ci95[0]]
+    at = [interval.names.index(told[k]) for k in certain]
+    found = np.array([estimates[k].value for k in certain])
     positive = np.array(
-        [own[k].low >= 0.0 and x > 0 for k, x in zip(sure, found, strict=True)], bool
+        [own[k].low >= 0.0 and x > 0 for k, x in zip(certain, found, strict=True)], bool
     )
-    joint = Joint(tuple(sure), found, V[np.ix_(at, at)], positive)
+    joint = Joint(tuple(certain), found, V[np.ix_(at, at)], positive)
     left = tuple(k for k in estimates if k not in told and k not in held)
     return ModelValues(made, estimates, joint, left)
 

@@ -142,7 +142,7 @@ class Search:
         if "input" in block.acts and not linear(block):
             yield from self._of_input(block, keys) if self.sure else ()
         elif not keys:
-            yield from self._plainly(block)
+            yield self._contender(block, {})
         elif any(own[k].whole for k in keys):
             yield from self._of_orders(block, keys)
         elif len(keys) == 1 and own[keys[0]].unit == "Hz":
@@ -243,7 +243,7 @@ class Search:
         assert c.block is not None
         if c.C is None:
             return Contender(c.name, c.q, c.block, u=self.view.changed(c.block, c.q), cost=c.cost)
-        return self._contender(c.block, *c.each, cost=c.cost, drop=c.drop)
+        return self._contender(c.block, *c.each, cost=c.cost)
 
     def _there(self, c: Contender) -> bool:
         """Whether it has joined the base already, at these values."""
@@ -266,13 +266,6 @@ class Search:
         return c.b[0] > 0 and not (told and abs(c.b[1] / c.b[0]) > 0.7 * self.span)
 
     # ---- by what is to be searched
-    def _plainly(self, block: Block) -> Iterator[Contender]:
-        yield self._contender(block, {})
-        if set(block.inputs) == {"w"} and set(block.acts) == {"torque"}:
-            # a long tail of the Stribeck curve bends as a drag does
-            tail = self.view.names.index("long_tail")
-            yield self._contender(block, {}, cost=np.log(2), drop=(tail,))
-
     def _of_orders(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """Waves over theta, all orders at once: what the rows leave of a wave passed at speed w."""
         rows = self.view.rows

@@ -21,7 +21,6 @@ from .friction import IMITATES, Term, View
 
 NEW = 1e-3  # of a column: what must be left of it beside the base
 FAR_BEHIND = 0.03  # of the best gain: what promises less decides nothing beside it
-KEPT = 0.5  # of the inertia: below it, and above its inverse, a term that large is not identified
 
 
 def is_lateness(block: Block | None) -> bool:
@@ -48,10 +47,10 @@ class Contender:
     """One row of the table: an effect with its nonlinear values, or an unknown torque.
 
     ``C`` (m, k) are its columns, ``u`` (n,) what it makes of the torque; one of them is given.
-    ``cost`` are nats for values that were searched, ``drop`` columns of the base that it replaces,
-    ``depends_on`` the signals of an unknown torque, ``each`` the values of several effects of one
-    name at once. Once entered: ``gain`` in nats, ``share`` of friction that it adds to what the
-    declared law can imitate, ``tau`` (m,) that torque, ``J``.
+    ``cost`` are nats for values that were searched, ``depends_on`` the signals of an unknown
+    torque, ``each`` the values of several effects of one name at once. Once entered: ``gain`` in
+    nats, ``share`` of friction that it adds to what the declared law can imitate, ``tau`` (m,) that
+    torque, ``J``.
     """
 
     fit: Fit
@@ -72,14 +71,13 @@ class Contender:
         prior: Prior | None = None,
         cost: float = 0.0,
         depends_on: Collection[str] = (),
-        drop: Collection[int] = (),
         more: Collection[Mapping[str, float]] = (),
     ) -> None:
         self.name, self.q, self.block, self.C, self.u = name, dict(q), block, C, u
         self.each = (self.q, *map(dict, more))
         self.k = 0 if C is None else C.shape[1]
         self.prior = Prior.free(self.k) if prior is None else prior
-        self.cost, self.depends_on, self.drop = cost, set(depends_on), tuple(drop)
+        self.cost, self.depends_on = cost, set(depends_on)
         self.lateness, self.inertial = is_lateness(block), has_inertia(block)
         self.gain, self.share, self.b = 0.0, 0.0, np.zeros(self.k)
 
@@ -113,9 +111,6 @@ class Contender:
             X[:, 1] *= 1e-9 if self.lateness else 1.0
         if self.C is not None:
             X, prior = np.column_stack([X, self.C]), Prior.joined(prior, self.prior)
-        if self.drop:  # it takes the place of what imitates it
-            X = X.copy()
-            X[:, list(self.drop)] = 0.0
         return X, y, prior
 
 
@@ -270,7 +265,6 @@ class Table:
         none = self.e - 1.0 / len(self.e)
         c.e = none if hopeless else self._score(fit, X, prior, c.cost, c.J)
         self._measure(c)
-        c.e = none if self._unidentified(c) else c.e
         c.gain = float(np.sum(c.e - self.e))
         return c
 
@@ -308,15 +302,6 @@ class Table:
             self._laws[key] = U[:, size > np.finfo(float).eps * len(U) * np.max(size, initial=0.0)]
         U = self._laws[key]
         return tau - U @ (U.T @ tau)
-
-    def _unidentified(self, c: Contender) -> bool:
-        """More torque than friction and another inertia: what such a term does is not identified;
-        nor is what takes the inertia through u."""
-        if not self.view.sure:
-            return False
-        load = c.block is not None and c.block.load
-        other = not KEPT < c.J / self.J < 1 / KEPT
-        return c.share > 1 and not load and other or "u" in c.depends_on and c.J < 0.6 * self.J
 
     def extend(self, c: Contender) -> None:
         """The chosen contender becomes part of the base."""

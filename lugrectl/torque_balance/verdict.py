@@ -47,7 +47,6 @@ NO_GAIN = (
     "more than it explains."
 )
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
-MOST_STRUCK = 2  # names that may be struck, each the largest: after more, none has been right
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 COASTS = (
     "u is constant in every row: the torque channel is dead, or the drive coasts.",
@@ -264,7 +263,6 @@ class _Judge:
         self.view, self.train, self.test, self.split = view, train, test, split
         self.decision, self.all = decision, every
         self.struck: set[str] = set()
-        self.large = 0  # how many of these were the largest of theirs
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
@@ -378,16 +376,10 @@ class _Judge:
     def _strike(self, last: LastFit, i: int) -> None:
         name = last.state.terms[i].name
         self.notes.append(f"{name} is not held by the last fit.")
-        if (
-            last.share(i) > 2 * self.decision.least
-        ):  # it is large, but not sure, or more than it explains stays
+        if last.share(i) > 2 * self.decision.least:  # large, but not sure, or more stays
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
         d = self.decision
-        own = [j for j, t in enumerate(last.state.terms) if not t.declared]
-        self.large += last.share(i) == max(last.share(j) for j in own)
-        if self.large > MOST_STRUCK:
-            self.struck |= {c.name for c in d.named}
         if name in {t.name for t in d.joined}:
             alone = self.all is self.view
             self.view, self.train, self.test = (v.rid(name) for v in
