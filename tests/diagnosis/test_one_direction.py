@@ -7,10 +7,9 @@ from lugrectl import Model, balance, diagnose, identify
 from lugrectl.report import text
 from lugrectl.report.wording import toml_of
 
-from ..blind.plan import STRENGTHS
-from ..blind.work import write
 from ..cases.balance_drive import FC, simulate
 from ..drives import sample
+from ..scores.rig import STRENGTHS, write
 
 DT, LOAD = 2e-3, 0.05
 SUM = "Fc + constant_torque"

@@ -11,11 +11,10 @@ from dataclasses import replace
 import pytest
 
 from lugrectl import diagnose, read_model, read_record
-from tests.blind.plan import Task
-from tests.blind.work import case_of, write
-from tests.drives import sample
 
 from ..cases.common import model_of, record_of, verdict
+from ..drives import sample
+from ..scores.rig import Task, write
 
 pytestmark = pytest.mark.slow
 
@@ -87,7 +86,7 @@ BESIDES = {"stribeck": ["presliding"]}  # bristles: not declared, though not cal
 
 
 def called(task: Task):
-    case = case_of(task)
+    case = task.case()
     return diagnose(record_of(case), model_of(case))
 
 
@@ -124,7 +123,7 @@ def test_values_left_open_are_found(seed):
 
 def test_a_stop_that_is_met_once_has_its_values(tmp_path):
     """Read from its files."""
-    case = case_of(drawn("hard_stop", 134000, strength="weak"))
+    case = drawn("hard_stop", 134000, strength="weak").case()
     (path,), model = write(case, tmp_path)
     result = diagnose(read_record(path, motion=case.model["motion"]), read_model(model))
     for name, true in case.truth["parameters"].items():
@@ -133,7 +132,7 @@ def test_a_stop_that_is_met_once_has_its_values(tmp_path):
 
 def test_a_declared_gravity_is_turned_to_the_zero_of_theta():
     """Speeds are summed from zero, of which the declared phase of gravity knows nothing."""
-    case = case_of(drawn("quadratic_drag", 134000, form=A_DIFFERENCE, strength="weak"))
+    case = drawn("quadratic_drag", 134000, form=A_DIFFERENCE, strength="weak").case()
     gravity = verdict(case)[0].estimates["gravity.amplitude"].value
     assert gravity == pytest.approx(case.truth["load"][1], rel=1e-2)
 
@@ -147,7 +146,7 @@ def test_another_zero_of_theta_is_nothing():
 
 def test_only_the_stribeck_effect_is_missing_from_a_slow_axis_that_rests():
     """With a creep of 0.1 mm/s the fit needed 34 times the true stiction to hold the axis."""
-    case = case_of(drawn("stribeck", 99010, strength="weak"))
+    case = drawn("stribeck", 99010, strength="weak").case()
     found, named = verdict(case)
     assert found.verdict == "found" and named == ["stribeck"]
     Fs = case.truth["parameters"]["Fs"]

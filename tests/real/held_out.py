@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from .__main__ import DATA, RESULTS, THREADS
+from ..scores.judges import THREADS
+from .__main__ import DATA, RESULTS
 from .models import MODELS, StandIn
 from .motion import Motion, Run, motion_of, rms
 from .page import WIDTH, commit, keep
@@ -89,8 +90,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     p.add_argument("--data", type=Path, default=DATA)
     p.add_argument("--keep", nargs="?", type=Path, const=RESULTS, metavar="FILE")
     args = p.parse_args(argv)
-    for name in THREADS:
-        os.environ[name] = "1"
+    os.environ |= dict.fromkeys(THREADS, "1")
     models = args.models.split(",")
     print(f"{'set':{WIDTH}s} {'README':>14s} " + " ".join(f"{m:>14s}" for m in models))
     kept = {}

@@ -10,7 +10,7 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from tests.cases.logs import DATA
-from tests.drives.steady import EFFECTS, STRANGERS, draw
+from tests.drives.steady import EFFECTS, STRANGERS, friction_map
 
 SCREW = DATA / "screw-drive/steady_state/0.096kg"
 NAMES = {
@@ -27,7 +27,7 @@ def records(made, motion="rotary"):
 
 @cache
 def case(name, seed, strength=0.2, swing=False):
-    made = draw(name, seed, strength, swing)
+    made = friction_map(name, seed, strength, swing)
     runs, model = records(made), model_from_dict(made.model, "drawn")
     return made, runs, model, lg.diagnose(runs, model)
 
