@@ -86,14 +86,6 @@ def test_a_dead_torque_of_a_drive_that_is_driven_is_no_coasting():
         lg.identify(log, lg.Model.of(J=J, friction="coulomb"))
 
 
-def test_runs_of_one_torque_each():
-    """The offset of a run may differ, but a drive has little of one."""
-    runs = [driven(np.r_[np.zeros(200), np.full(2800, u)]) for u in (0.18, 0.26, 0.34)]
-    fit = lg.identify(runs, MODEL)
-    for key, x in TRUE.items():
-        assert fit.parameters[key].value == pytest.approx(x, rel=0.03), key
-
-
 def test_a_run_at_rest_beside_others():
     log = columns()
     rest = {"t": 2.1e-3 * np.arange(300), "u": np.zeros(300), "theta": np.zeros(300)}

@@ -49,13 +49,6 @@ def test_diagnose_reads_runs_and_what_is_held_out_alike():
     assert found.model.values()["Fc"] == pytest.approx(FC, rel=0.02)
 
 
-def test_a_law_is_chosen_on_a_table_that_is_read_as_stated():
-    laws = lg.compare_laws(table(), {}, ["coulomb", "viscous"], **READING)
-    assert laws.chosen == "coulomb"
-    under = lg.identify(table(), {}, law="coulomb", **READING)
-    assert under.model.J == pytest.approx(J, rel=0.02)
-
-
 def test_the_balance_takes_a_rate_in_place_of_stamps():
     log = {k: x for k, x in table().items() if k != "stamp"}
     how = {"columns": "u=moment,theta=place", "units": "theta=deg", "scale": "u=0.5"}
