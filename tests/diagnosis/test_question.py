@@ -18,7 +18,7 @@ READING = {
 
 def table(offset=0.0):
     """A drive in a table with names, units and a factor of its own."""
-    t = 2e-3 * np.arange(10000)
+    t = 2e-3 * np.arange(4000)
     theta = offset - np.cos(3.0 * t) - 1.5 / 7.3 * np.cos(7.3 * t + 1.0)
     middle = t + 1e-3
     w = 3.0 * np.sin(3.0 * middle) + 1.5 * np.sin(7.3 * middle + 1.0)

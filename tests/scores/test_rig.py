@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from ..cases.blind_results import effect, hidden, line, ripple
-from ..drives import CATALOGUE, STRANGERS, make
-from ..drives.sample import EXPORTS, LATE
+from ..drives import make
 from . import counts, rig
 
 
@@ -60,47 +59,6 @@ def test_parameter_errors_and_cover():
                   told=[hidden("return_spring", rest=0.5)])  # fmt: skip
     (rest,) = counts.parameters(spring)
     assert rest.error == pytest.approx(0.05) and rest.covered is None
-
-
-def test_the_page_says_what_each_was_called():
-    lines = [
-        ripple(0.041, [0.039, 0.042]),
-        line(["gravity"], "adequate"),
-        line([], "refused", kind="none"),
-        line(["torque_bumps"], "unexplained", depends_on=["theta", "t"], kind="stranger"),
-        line(["gravity"], "adequate", problems=["hardly moves"]),
-        line(["gravity"], "found", strength="weak") | {"crash": "Traceback\nZeroDivisionError: oh"},
-    ]
-    said = counts.text(lines)
-    assert "1 unfit" in said and "ZeroDivisionError: oh" in said and "refused: short" in said
-    assert "    gravity: adequate 1\n" in said and "torque_ripple: 1/1, 2.6 %, 2/2, 0.100" in said
-    assert counts.text([])
-
-
-def test_plan():
-    made = rig.planned(rig.parser().parse_args(["--effects", "all,none", "--seeds", "5:7"]))
-    one = [t for t in made if t.kind == "effect"]
-    assert len(one) == 2 * 2 * len(CATALOGUE) and len(made) - len(one) == 4
-    assert len({t.key for t in made}) == len(made)
-    every = len(STRANGERS)
-    made = rig.planned(rig.parser().parse_args(["--unknown", str(every), "--pairs", "9"]))
-    assert [t.kind for t in made] == ["stranger"] * every + ["pair"] * 9
-    assert {t.names[0] for t in made[:every]} == set(STRANGERS)
-    assert all(rig.together(*t.names) for t in made[every:])
-    assert not rig.together("gravity", "dwell_stiction")  # one wants motion, the other rests
-    assert not rig.together("elastic_coupling", "backlash")
-    hard = rig.Plan(["gravity"], ["normal"], range(200), hard=0.3).tasks()
-    assert 30 < sum(t.hard for t in hard) < 90
-
-
-def test_a_share_is_planned_as_other_logs_hold_it():
-    def formed(*names):
-        return rig.Plan(names, ["normal"], range(200), exported=0.5).tasks()
-
-    forms = [t.form for t in formed("gravity", "none")]
-    assert 150 < sum(map(bool, forms)) < 250 and set(forms) - {""} == set(EXPORTS)
-    assert {t.form for t in formed("input_delay")} == set(EXPORTS) - set(LATE) | {""}
-    assert not any(t.form for t in formed("velocity_sensor_lag"))
 
 
 def test_floor_is_the_sensor_noise_where_the_torque_is_known():
