@@ -15,7 +15,7 @@ from lugrectl.cli import main
 
 from ..cases import small_answers
 from ..cases.schema import SCHEMA, jsonschema
-from ..cases.small_answers import DIAGNOSES, DRIVE, FREE, IDENTIFICATIONS, answer, log, ripple
+from ..cases.small_answers import DIAGNOSES, DRIVE, FC, FREE, IDENTIFICATIONS, answer, log, ripple
 
 ALL = [*DIAGNOSES, *IDENTIFICATIONS]
 FITTED = [name for name in ALL if name not in ("refused", "dead")]
@@ -189,6 +189,43 @@ def test_samples_of_the_covariance(name):
     values = np.array([d.parameters[k].value for k in covered.names])
     np.testing.assert_allclose(covered.values, values)
     assert d.rivals or drawn.columns_of().keys() == {f"plant.{k}" for k in drawn.names}
+
+
+def test_samples_have_the_covariance_of_the_fit():
+    d = answer("identified")
+    drawn, names = d.sample(4000, seed=0), list(d.covariance.names)
+    x, C = d.covariance.values, np.asarray(d.covariance)
+    size = np.sqrt(np.diag(C)) / x
+    logs = np.log([drawn[k] for k in names])
+    np.testing.assert_allclose(logs.std(axis=1), size, rtol=0.05)
+    np.testing.assert_allclose(np.corrcoef(logs), C / np.outer(size * x, size * x), atol=0.05)
+    own = drawn[7].known()
+    assert {k: own[k] for k in names} == {k: drawn[k][7] for k in names}
+
+
+def test_samples_stay_inside_stated_bounds():
+    bounds = {"value": FC, "min": 0.9995 * FC, "max": 1.002 * FC}
+    drawn = lg.identify(log(), lg.Model.of(friction="coulomb", Fc=bounds)).sample(500)["Fc"]
+    assert bounds["min"] <= drawn.min() < drawn.max() <= bounds["max"]
+
+
+def test_samples_go_into_a_simulation_a_sweep_and_a_search_for_cycles():
+    drawn, t = answer("identified").sample(4), np.linspace(0.0, 0.1, 11)
+    one = lg.simulate(drawn[0], t, {"u": 1.0}).outputs[1]
+    many = lg.sweep(lg.plant(DRIVE), t, [1.0, 0.0], drawn, outputs=["w"])
+    assert np.allclose(many["w"][0], one, rtol=1e-4)
+    assert lg.limit_cycles(drawn[0], kp=2.0, ki=1.0, kd=0.1)
+
+
+def test_models_are_drawn_by_their_weights():
+    d = answer("ambiguous")
+    drawn = d.sample(1000, seed=3)
+    for rival in d.rivals:
+        (other,) = {e.key for e in rival.model.effects} - {e.key for e in d.model.effects}
+        share = np.mean([other in {e.key for e in m.effects} for m in drawn])
+        assert share == pytest.approx(rival.weight, abs=0.06)
+    with pytest.raises(lg.InputError, match="different models"):
+        drawn.columns_of("plant")
 
 
 def test_rivals_have_their_weights_and_own_models():

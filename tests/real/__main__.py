@@ -16,9 +16,8 @@ from pathlib import Path
 from ..scores.judges import THREADS, apart, judge_named, timed
 from ..scores.question import Answer
 from . import page
-from .row import Row
+from .row import Row, score
 from .rows import all_rows
-from .score import score
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("LUGRECTL_DATA", ROOT.parent / "shared" / "data"))

@@ -12,12 +12,9 @@ from lugrectl.record import read_log
 
 from ..cases.logs import machine
 from ..real.__main__ import ask
-from ..real.along import residual
-from ..real.motion import Filter, Run, motion_of, rms
-from ..real.row import VERDICTS, Row, Source, value, way
+from ..real.held_out import SPLITS, Filter, Run, motion_of, residual, rms
+from ..real.row import VERDICTS, Row, Source, score, value, way, wrong_values
 from ..real.rows import all_rows
-from ..real.score import score, wrong_values
-from ..real.sets import SPLITS
 from ..scores.judges import values_of
 from ..scores.question import Answer
 
