@@ -114,7 +114,7 @@ def cogged():
     """A speed loop on a drive that sticks, with cogging and an offset: the commonest pair."""
     rng, dt, fine = np.random.default_rng(4), 1e-3, 20
     theta, w, rows, h = 0.0, 0.0, [], dt / fine
-    for t in (dt * np.arange(14_000)).tolist():
+    for t in (dt * np.arange(10_000)).tolist():
         goal = 6.0 * math.sin(1.3 * t) + 3.0 * math.sin(3.7 * t + 1.0)
         u = 0.1 * (goal - w) + 0.1 * math.tanh(3.0 * goal)
         rows.append((t, u, theta))
