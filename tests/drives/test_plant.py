@@ -21,6 +21,7 @@ from .run import (
     wave,
 )
 
+pytestmark = pytest.mark.usefixtures("interpreted")  # compiling takes longer than these runs
 SERVO = MACHINES["servo"]
 SLIPPERY = replace(SERVO, Fc=1e-9, Fs=1e-9, Fv=0.0)
 HANGING = replace(SERVO, load=(GRAVITY_LOAD, 0.15, 0.4))
