@@ -104,7 +104,8 @@ class Assurance(Result):
     >>> w = 3.0 * np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
     >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
     >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
-    >>> found = lg.assure(fit, loop="velocity", members=60)
+    >>> own = {"observers": "extended_state", "members": 20, "confidence": 0.8}
+    >>> found = lg.assure(fit, loop="velocity", **own)
     >>> found.observer, bool(found.bound < found.none)
     ('extended_state', True)
     """
@@ -293,9 +294,10 @@ def assure(
     >>> w = 3.0 * np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
     >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
     >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
-    >>> found = lg.assure(fit, loop="velocity", observers="extended_state", members=60)
+    >>> own = {"observers": "extended_state", "members": 20, "confidence": 0.8}
+    >>> found = lg.assure(fit, loop="velocity", **own)
     >>> found.worse.count, found.worse.members
-    (0, 60)
+    (0, 20)
     """
     beliefs, seen = believed(p)
     confidence, model = share(confidence, "confidence"), beliefs[0].model

@@ -97,14 +97,6 @@ def test_a_late_speed_is_a_filter(plain, model):
 
 @pytest.mark.slow
 @pytest.mark.sample
-def test_one_direction_and_one_speed_are_answered(rotary):
-    assert diagnose(driven(2.0 + np.sin(3 * T) + 0.5 * np.sin(7 * T)), rotary).verdict == "adequate"
-    turns = np.clip(40 * np.sin(1.3 * T), -1.0, 1.0) * 2.0
-    assert diagnose(driven(turns), rotary).verdict == "adequate"
-
-
-@pytest.mark.slow
-@pytest.mark.sample
 def test_a_drive_that_coasts_most_of_the_time_is_sound(rotary):
     """Kicked by a held torque, one way and the other, and left alone."""
     rng, dt, w = np.random.default_rng(0), 1 / RATE, 0.0

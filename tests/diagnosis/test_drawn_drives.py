@@ -47,13 +47,6 @@ def test_a_late_speed_that_repeats_theta_is_no_effect_and_its_lag_is_said(case, 
     assert float(said.split()[2]) == pytest.approx(lag, rel=0.05)
 
 
-def test_the_noise_of_an_encoder_is_no_missing_effect(case, counted):
-    result = diagnose(counted, model_of(case))
-    assert result.verdict == "adequate"
-    assert result.error["signal"] == "w"
-    assert result.error["refitted"] < 0.5 * result.error["declared"]
-
-
 @pytest.fixture(scope="module")
 def runs():
     """Two runs of a drive; the second with an offset on its torque and more friction."""
@@ -72,12 +65,6 @@ def test_offset_and_friction_of_a_run_leave_the_values_of_the_drive(runs):
     assert not any("run 2" in m for m in alone.messages)
     assert set(found.estimates) == set(alone.estimates)
     assert found.declared is model and found.provenance.command == "lugrectl.identify"
-
-
-def test_they_are_not_called_a_missing_effect(runs):
-    first, second, model = runs
-    offset = replace(second, u=second.u - 0.05 * np.sign(second.w) * model.friction.values["Fc"])
-    assert diagnose([first, offset], model).verdict == "adequate"
 
 
 def test_a_ripple_of_another_phase_in_a_held_out_run_is_named():

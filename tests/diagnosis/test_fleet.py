@@ -4,9 +4,7 @@ import csv
 import io
 import json
 import os
-import pickle
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,8 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.blocks.block import REGISTRY, P
-from lugrectl.blocks.model import Sent
 from lugrectl.core import blas_threads
 from lugrectl.core.blas_threads import one_thread_each
 from lugrectl.core.errors import InputError, Refused
@@ -219,13 +215,6 @@ def test_the_csv_has_full_precision_and_a_line_per_log():
     assert lines[1]["verdict"] == "failed" and lines[1]["message"] == "logs/1.csv is empty."
 
 
-def test_an_error_keeps_its_value_in_a_readable_unit():
-    errors = {"refitted": 2e-4, "augmented": 3e-5, "noise_floor": 1e-6}
-    small = replace(bare(), error=bare().error | errors)
-    said = str(lg.Fleet((Outcome("a.csv", document=small.summary()),)))
-    assert "0.200     0.0300  0.00100  mrad/s" in said
-
-
 PART = st.sampled_from(["a", "A", "b", "run", "index.html", "..", "a.b", "a-b"])
 FILE = st.lists(PART, min_size=1, max_size=3).map("/".join)
 
@@ -258,30 +247,6 @@ def test_processes_started_inside_have_one_thread(monkeypatch):
     assert "NUMBA_NUM_THREADS" not in os.environ
     with one_thread_each(False):
         assert "NUMBA_NUM_THREADS" not in os.environ
-
-
-def test_models_and_diagnoses_can_be_sent():
-    model = MODEL.with_effect("gravity", {"amplitude": 0.2, "phase": None})
-    assert Sent.of(model).open() == model
-    d = pickle.loads(pickle.dumps(bare()))
-    assert d.summary() == bare().summary() and d.model == bare().model
-
-
-def test_an_effect_that_the_workers_do_not_know_is_said_and_not_left_out():
-    def spring_of_mine(theta, stiffness=P(0.0, "N m/rad", 0.0, neutral=0.0)):
-        """r_e = k theta."""
-        return stiffness * theta
-
-    made = lg.block("effect", out="d", acts="torque")(spring_of_mine)
-    try:
-        sent, whole = Sent.of(MODEL), pickle.dumps(made)
-        assert sent.open() == MODEL and pickle.loads(whole) is made
-    finally:
-        del REGISTRY["effect", "spring_of_mine"]
-    with pytest.raises(InputError, match="spring_of_mine.*jobs=1"):
-        sent.open()
-    with pytest.raises(InputError, match="spring_of_mine"):
-        pickle.loads(whole)
 
 
 def test_processes_give_what_one_gives_and_read_themselves(logs):

@@ -137,13 +137,6 @@ def test_held_values_are_not_fitted_and_are_reported_without_interval(log):
     assert len(said) == 1 and "J is held at 0.0022, but would be 0.00" in said[0]
 
 
-def test_a_diagnosis_says_in_its_headline_that_a_held_value_is_contradicted(log):
-    found = lg.diagnose(log, lg.Model.of(J=held(2.2e-3)))
-    assert "But: The record contradicts held values: J is held at 0.0022" in str(found).replace(
-        "\n  ", " "
-    )
-
-
 def test_everything_may_be_held(log):
     found = fitted(log, **{k: held(v) for k, v in TRUE.items()})
     assert {k: found.model.values()[k] for k in TRUE} == TRUE

@@ -12,7 +12,7 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from tests.drives import make, sample
 
-from ..cases.common import model_of, record_of, verdict
+from ..cases.common import record_of, verdict
 from ..cases.oil import log, read
 
 CASES = {  # hidden effect and seed of short records
@@ -20,7 +20,6 @@ CASES = {  # hidden effect and seed of short records
     "quadratic_drag": (182005, {}),
     "none": (183003, {"duration": 6.0}),
 }
-ODD = {"viscous_asymmetry"}  # its ratio changes its sign with the axis
 TORQUES = ("sigma0", "sigma1", "Fc", "Fs", "Fv")
 
 
@@ -50,39 +49,20 @@ def agrees(found: lg.Diagnosis, name: str, factor: float = 1.0) -> None:
             assert mine.parameters[key].value == pytest.approx(factor * value.value, rel=0.02)
 
 
-each_case = pytest.mark.parametrize("name", CASES)
-
-
 @pytest.mark.cases
-@each_case
-def test_the_direction_that_counts_as_positive_changes_nothing(name):
-    record = record_of(case_of(name))
-    mirrored = {k: -x for k in ("u", "w", "theta") if (x := getattr(record, k)) is not None}
-    found = lg.diagnose(replace(record, **mirrored), model_of(case_of(name)))
-    agrees(found, name, -1.0 if name in ODD else 1.0)
-
-
-@pytest.mark.cases
-@each_case
-def test_the_origin_of_time_and_of_the_angle_changes_nothing(name):
-    record = record_of(case_of(name))
-    moved = {} if record.theta is None else {"theta": record.theta + 0.7}
-    found = lg.diagnose(replace(record, t=record.t + 500.0, **moved), model_of(case_of(name)))
-    agrees(found, name)
-
-
-@pytest.mark.cases
-@each_case
-def test_a_larger_drive_of_the_same_kind_has_the_same_answer(name):
-    """All torques and the inertia 1000 times larger: the equations are the same."""
-    factor = 1000.0
+@pytest.mark.parametrize("name", CASES)
+def test_direction_origin_and_size_change_nothing(name):
+    """Turned round, later, at another zero of theta, and 1000 times larger: the same equations."""
+    record, size = record_of(case_of(name)), 1000.0
     model = {k: dict(v) if isinstance(v, dict) else v for k, v in case_of(name).model.items()}
-    model["plant"]["J"] *= factor
+    model["plant"]["J"] *= size
     for key in {*TORQUES} & {*model["friction"]}:
-        model["friction"][key] *= factor
-    record = record_of(case_of(name))
-    found = lg.diagnose(replace(record, u=factor * record.u), model_from_dict(model, "larger"))
-    agrees(found, name, factor if name == "quadratic_drag" else 1.0)
+        model["friction"][key] *= size
+    changed = {"t": record.t + 500.0, "u": -size * record.u}
+    changed |= {} if record.w is None else {"w": -record.w}
+    changed |= {} if record.theta is None else {"theta": 0.7 - record.theta}
+    found = lg.diagnose(replace(record, **changed), model_from_dict(model, "larger"))
+    agrees(found, name, {"viscous_asymmetry": -1.0, "quadratic_drag": size}.get(name, 1.0))
 
 
 @pytest.mark.slow

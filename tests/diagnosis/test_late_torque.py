@@ -9,7 +9,7 @@ import lugrectl as lg
 
 from ..cases.balance_drive import simulate, torque
 
-DT, SECONDS, TAU = 2e-3, 14.0, 0.008
+DT, SECONDS, TAU = 2e-3, 9.0, 0.008
 EMPTY = {"motion": "rotary", "friction": "lugre"}
 
 
@@ -32,17 +32,13 @@ def log(late, u=None, noise=0.02, viscous=0.0, **columns):
     return {"t": np.arange(len(u)) * DT, "u": u} | {k: made[k] for k in columns}
 
 
-def test_a_clean_log_of_speed_tells_a_lag_of_the_torque():
+@pytest.mark.cases
+@pytest.mark.parametrize("channel, within", [("w", 0.01), ("theta", 0.1)])
+def test_a_lag_of_the_torque_is_told_from_one_of_the_speed(channel, within):
     """Friction near rest is not late: the finer fit shows which of the two it is."""
-    found = lg.diagnose(log(lagged, w=True), EMPTY)
+    found = lg.diagnose(log(lagged, **{channel: True}), EMPTY)
     assert found.verdict == "found" and [e.name for e in found.effects] == ["actuator_lag"]
-    assert found.effects[0].parameters["time_constant"].value == pytest.approx(TAU, rel=0.01)
-
-
-def test_with_an_angle_it_is_that_of_the_torque():
-    found = lg.diagnose(log(lagged, theta=True), EMPTY)
-    assert found.verdict == "found" and [e.name for e in found.effects] == ["actuator_lag"]
-    assert found.effects[0].parameters["time_constant"].value == pytest.approx(TAU, rel=0.1)
+    assert found.effects[0].parameters["time_constant"].value == pytest.approx(TAU, rel=within)
 
 
 def screw(mass=340.0, viscous=1700.0, coulomb=120.0, late=1.1e-3, dt=2.5e-4, seconds=3.0, fine=10):

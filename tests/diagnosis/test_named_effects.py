@@ -28,10 +28,11 @@ def causes(found):
     return {*names(found), *(a.name for e in found.effects for a in e.alternatives)}
 
 
-@pytest.mark.parametrize("half", [0.0, 0.026])
+@pytest.mark.cases
+@pytest.mark.parametrize("half", [0.026, 0.0])
 def test_a_dead_zone_which_looks_like_more_inertia_and_a_late_torque(half):
     """A screw: what its motion needs, and half of the zone more."""
-    J, Fc, rng, t = 3.4e-4, 0.13, np.random.default_rng(0), np.arange(0.0, 12.0, 1e-3)
+    J, Fc, rng, t = 3.4e-4, 0.13, np.random.default_rng(0), np.arange(0.0, 8.0, 1e-3)
     theta, w, a = sines(t, ((6.0, 1.9, 0.0), (9.0, 0.7, 1.0), (16.0, 0.31, 2.0)))
     torque = J * a + Fc * np.sign(w) + 6.5e-4 * w
     u = torque + half * np.sign(torque) + 1e-4 * rng.standard_normal(len(t))
@@ -49,7 +50,7 @@ def test_a_dead_zone_which_looks_like_more_inertia_and_a_late_torque(half):
 
 def test_an_inertia_once_per_turn_is_found_over_a_third_of_a_turn():
     """An arm that swings by 1.1 rad to either side; order 2 explains most of it, too."""
-    J, ratio, rng, t = 1.7, 0.25, np.random.default_rng(0), np.arange(0.0, 15.0, 1e-3)
+    J, ratio, rng, t = 1.7, 0.25, np.random.default_rng(0), np.arange(0.0, 15.0, 2e-3)
     theta, w, a = sines(t, ((0.5, 0.9, 0.0), (0.35, 0.53, 1.0), (0.3, 0.31, 2.0)))
     inertia, slope = J * (1.0 + ratio * np.sin(theta + 0.6)), J * ratio * np.cos(theta + 0.6)
     u = inertia * a + 0.5 * slope * w**2 + 10.0 * np.sign(w) + 4.2 * w
@@ -62,6 +63,7 @@ def test_an_inertia_once_per_turn_is_found_over_a_third_of_a_turn():
     assert found.model.values()["J"] == pytest.approx(J, rel=0.02)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize(
     "law, verdict, named",
     [
@@ -70,7 +72,7 @@ def test_an_inertia_once_per_turn_is_found_over_a_third_of_a_turn():
     ],
 )
 def test_a_stribeck_curve_is_named_where_the_declared_law_has_none(law, verdict, named):
-    rng, t = np.random.default_rng(3), np.arange(0.0, 12.0, 2e-3)
+    rng, t = np.random.default_rng(3), np.arange(0.0, 8.0, 2e-3)
     w = 3 * np.sin(2 * np.pi * 0.7 * t) + 2 * np.sin(2 * np.pi * 1.9 * t + 1)
     friction = (0.3 + 0.15 * np.exp(-((w / 0.6) ** 2))) * np.tanh(w / 1e-3) + 0.02 * w
     log = {"t": t, "u": 0.01 * np.gradient(w, t) + friction}
@@ -83,15 +85,13 @@ def test_a_stribeck_curve_is_named_where_the_declared_law_has_none(law, verdict,
 @pytest.mark.parametrize(
     "instants, length",
     [
-        ((3.1, 8.2, 14.3), 0.2),
-        (np.arange(0.7, 20.0, 1.3), 0.03),
-        ((4.999, 14.599), 2e-3),  # two bad samples
-        ((), 0.0),
+        ((3.1, 8.2), 0.2),
+        ((4.999, 9.599), 2e-3),  # two bad samples
     ],
 )
 def test_torque_that_is_there_seldom_is_no_outlier(instants, length):
     """A drive that is pushed is not called adequate."""
-    t = 2e-3 * np.arange(10_000)
+    t = 2e-3 * np.arange(6_000)
     w = 3.0 * np.sin(2.0 * t) + 2.0 * np.sin(5.3 * t)
     a = 6.0 * np.cos(2.0 * t) + 10.6 * np.cos(5.3 * t)
     u = (
@@ -114,7 +114,7 @@ def cogged():
     """A speed loop on a drive that sticks, with cogging and an offset: the commonest pair."""
     rng, dt, fine = np.random.default_rng(4), 1e-3, 20
     theta, w, rows, h = 0.0, 0.0, [], dt / fine
-    for t in (dt * np.arange(14_000)).tolist():
+    for t in (dt * np.arange(10_000)).tolist():
         goal = 6.0 * math.sin(1.3 * t) + 3.0 * math.sin(3.7 * t + 1.0)
         u = 0.1 * (goal - w) + 0.1 * math.tanh(3.0 * goal)
         rows.append((t, u, theta))
@@ -178,7 +178,8 @@ def test_an_offset_that_matters_is_named_beside_its_own_small_part_in_the_base()
     assert shares[found.effects[0].name] == pytest.approx(0.05, rel=0.4)
 
 
-@pytest.mark.parametrize("counts", [20_000, 500])
+@pytest.mark.cases
+@pytest.mark.parametrize("counts", [500, 20_000])
 def test_an_inertia_far_above_the_declared_one_is_said(counts):
     """Where the record shows no resonance it may be a load on a coupling."""
     found = judged(0.6 * J * A, counts)

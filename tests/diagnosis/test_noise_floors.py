@@ -35,22 +35,16 @@ def noisy(theta):
     return theta + np.resize(NOISE, len(theta))
 
 
-@pytest.fixture(scope="module", params=[rounded, noisy], ids=["counts", "white noise"])
-def found(request):
-    """A drive with an effect that its model does not contain."""
+@pytest.mark.cases
+@pytest.mark.parametrize("seen", [rounded, noisy], ids=["counts", "white noise"])
+def test_the_noise_of_the_torque_is_what_a_right_model_leaves(seen):
+    """With an effect that the declared model does not contain."""
     dt = 2e-3
     u = torque(10.0, dt, seed=3)
     theta, _ = simulate(u, dt, load=lambda theta, w: 0.03 * np.sin(6.0 * theta))
-    log = {"t": dt * np.arange(len(u)), "u": u, "theta": request.param(theta)}
-    return diagnose(log, Model.of(J=0.004, Fc=FC, Fv=0.006))
-
-
-@pytest.mark.cases
-def test_the_noise_of_the_torque_is_what_a_right_model_leaves(found):
+    log = {"t": dt * np.arange(len(u)), "u": u, "theta": seen(theta)}
+    found = diagnose(log, Model.of(J=0.004, Fc=FC, Fv=0.006))
     error = found.torque_error
     assert 0.8 * error["augmented"] < error["noise_floor"] <= error["augmented"]
-
-
-def test_the_report_says_which_noise_is_which(found):
     said = " ".join(text(found).split())
     assert "The torque is that of single samples, and so is its noise." in said

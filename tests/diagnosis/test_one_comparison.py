@@ -38,7 +38,7 @@ def bumps(theta, w):
                for at in (0.7, 2.1))  # fmt: skip
 
 
-def cogged(seconds=20.0, dt=1e-3, J=0.0015, parts=5):
+def cogged(seconds=14.0, dt=1e-3, J=0.0015, parts=5):
     """A light drive with a ripple that is fast at its top speed, on Coulomb friction."""
     t = np.arange(round(seconds / dt)) * dt
     u = 0.5 * np.sin(math.pi * t) + 0.25 * np.sin(2 * math.pi * 1.7 * t + 1.0)

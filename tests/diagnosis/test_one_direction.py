@@ -7,10 +7,9 @@ from lugrectl import Model, balance, diagnose, identify
 from lugrectl.report import text
 from lugrectl.report.wording import toml_of
 
-from ..blind.plan import STRENGTHS
-from ..blind.work import write
 from ..cases.balance_drive import FC, simulate
 from ..drives import sample
+from ..scores.rig import STRENGTHS, write
 
 DT, LOAD = 2e-3, 0.05
 SUM = "Fc + constant_torque"
@@ -52,6 +51,7 @@ def test_json_says_what_the_value_stands_for(identified):
     assert identified.summary()["parameters"]["Fc"]["together"] == SUM
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("model", [declared(), declared(Fc=FC)], ids=["open", "declared"])
 def test_the_other_direction_is_what_to_record_next(model):
     found = diagnose(log(4.0), model)
@@ -116,6 +116,7 @@ def test_runs_in_one_direction_each_show_both_together():
     assert fitted["Fc"].may_be(FC)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("effect", ["viscous_asymmetry", "none"])
 def test_halves_of_a_short_record_show_both_directions(effect, tmp_path):
     """These moves of 10 s have blocks of 2 s of which every other one goes one way."""

@@ -33,35 +33,6 @@ def one_way(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_what_is_certain_stands_beside_a_refusal(one_way):
-    """An inertia in kg cm2 is no drive that this log can be of."""
-    model = lg.Model.of(J={"value": 1e4 * J, "fixed": True}, friction="coulomb")
-    d = lg.diagnose("run.csv", model)
-    assert d.verdict == "refused" and "J is held at" in d.reason
-    low, high = d.plain.parameters["J"].ci95
-    assert low <= J <= high
-    document = json.loads(d.to_json())
-    assert [document[k] for k in ("budget", "comparison", "detectable")] == [None] * 3
-
-
-def test_one_direction_is_answered_as_far_as_it_goes(one_way):
-    d = lg.diagnose("run.csv", "my.toml")
-    assert d.verdict == "adequate"
-    assert "J" in d.plain.parameters and "Fc" not in d.plain.parameters
-    document = json.loads(d.to_json())
-    (both,) = document["plain"]["combinations"]
-    assert both["text"] == "Fc + constant_torque" and "direction" in both["to_separate"]
-    assert both["ci95"][0] <= FC <= both["ci95"][1]
-    assert "Only together: Fc + constant_torque" in str(d)
-
-
-def test_identify_answers_where_anything_is_certain(one_way, capsys):
-    assert main(["identify", "run.csv", "--model", "my.toml", "--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    low, high = document["plain"]["parameters"]["J"]["ci95"]
-    assert low <= J <= high and abs(document["parameters"]["J"]["value"] - J) < 0.01 * J
-
-
 @pytest.mark.cases
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_no_value_is_an_answer_while_the_unit_of_t_is_open(one_way, capsys, command):
@@ -124,11 +95,3 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(one_way, capsys, out, 
     assert main(["plot", "run.csv", "--out", out]) == 2
     said = capsys.readouterr()
     assert said.out == "" and word in said.err and len(said.err.splitlines()) == 1
-
-
-def test_the_balance_alone_in_python(one_way):
-    found = lg.balance("run.csv")
-    assert "J" in found.parameters and "Plain torque balance" in repr(found)
-    known = lg.balance("run.csv", lg.Model.of(Fc=FC))
-    low, high = known.parameters["constant_torque"].ci95
-    assert low <= 0.0 <= high and "Fc is taken as declared" in " ".join(known.notes)

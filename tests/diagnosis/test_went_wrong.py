@@ -6,16 +6,12 @@ numbers that may be wrong are those that were when this was written.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
-from lugrectl import diagnose, read_model, read_record
-from tests.blind.plan import Task
-from tests.blind.work import case_of, write
-from tests.drives import sample
+from lugrectl import diagnose
 
-from ..cases.common import model_of, record_of, verdict
+from ..cases.common import model_of, record_of
+from ..scores.rig import Task
 
 pytestmark = pytest.mark.slow
 
@@ -87,7 +83,7 @@ BESIDES = {"stribeck": ["presliding"]}  # bristles: not declared, though not cal
 
 
 def called(task: Task):
-    case = case_of(task)
+    case = task.case()
     return diagnose(record_of(case), model_of(case))
 
 
@@ -108,48 +104,3 @@ def test_what_has_no_name_is_unexplained_over_its_signals():
     found = {task: called(task) for task in UNNAMED}
     right = [(c.verdict, c.depends_on) == ("unexplained", UNNAMED[t]) for t, c in found.items()]
     assert right.count(False) <= MISSED_UNNAMED
-
-
-@pytest.mark.parametrize("seed", [133041, 136289])
-def test_values_left_open_are_found(seed):
-    """A drive that stops and starts, hardly accelerates and is recorded with noise; and a
-    spindle that stops and starts."""
-    case = sample("none", seed, hard=True)
-    assert case.truth["hard"] == "values missing"
-    result, _ = verdict(case)
-    assert result.verdict == "adequate"
-    for name in ("J", "Fc"):
-        assert result.estimates[name].value == pytest.approx(case.truth["plant"][name], rel=0.02)
-
-
-def test_a_stop_that_is_met_once_has_its_values(tmp_path):
-    """Read from its files."""
-    case = case_of(drawn("hard_stop", 134000, strength="weak"))
-    (path,), model = write(case, tmp_path)
-    result = diagnose(read_record(path, motion=case.model["motion"]), read_model(model))
-    for name, true in case.truth["parameters"].items():
-        assert result.effects[0].parameters[name].value == pytest.approx(true, rel=1e-2)
-
-
-def test_a_declared_gravity_is_turned_to_the_zero_of_theta():
-    """Speeds are summed from zero, of which the declared phase of gravity knows nothing."""
-    case = case_of(drawn("quadratic_drag", 134000, form=A_DIFFERENCE, strength="weak"))
-    gravity = verdict(case)[0].estimates["gravity.amplitude"].value
-    assert gravity == pytest.approx(case.truth["load"][1], rel=1e-2)
-
-
-def test_another_zero_of_theta_is_nothing():
-    case = sample("none", 134006)
-    record = record_of(case)
-    moved = replace(record, theta=record.theta + 1.5)
-    assert diagnose(moved, model_of(case)).verdict == "adequate"
-
-
-def test_only_the_stribeck_effect_is_missing_from_a_slow_axis_that_rests():
-    """With a creep of 0.1 mm/s the fit needed 34 times the true stiction to hold the axis."""
-    case = case_of(drawn("stribeck", 99010, strength="weak"))
-    found, named = verdict(case)
-    assert found.verdict == "found" and named == ["stribeck"]
-    Fs = case.truth["parameters"]["Fs"]
-    assert found.effects[0].parameters["Fs"].value == pytest.approx(Fs, rel=0.01)
-    assert found.error["augmented"] < 0.1 * found.error["refitted"]

@@ -7,9 +7,8 @@ import pytest
 
 import lugrectl as lg
 
-from ..blind.plan import STRENGTHS
-from ..blind.work import write
 from ..drives import sample
+from ..scores.rig import STRENGTHS, write
 
 J, FV, VS = 0.012, 0.03, 0.05  # kg m2, N m s/rad, rad/s
 

@@ -12,6 +12,8 @@ from math import pi
 
 import numpy as np
 
+from ..scores.question import Question
+
 EFFECTS = (
     "constant_torque",
     "coulomb_asymmetry",
@@ -21,6 +23,7 @@ EFFECTS = (
     "stribeck",
 )
 STRANGERS = ("resonance", "knee")
+SWINGS = ("gravity", "torque_ripple", "position_dependent_friction")
 DECLARED = {"coulomb": ("Fc", "Fv"), "stribeck": ("Fc", "Fs", "Fv", "vs"),
             "lugre": ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")}  # fmt: skip
 
@@ -36,7 +39,30 @@ class Map:
     swing: float
 
 
-def draw(name: str, seed: int, strength: float = 0.2, swing: bool | None = None) -> Map:
+def draw(seed: int, kind: str) -> Question:
+    """The friction map of a seed: ``effect``, ``unknown`` or ``none``."""
+    names = {"effect": EFFECTS, "unknown": STRANGERS, "none": ("none",)}[kind]
+    name = names[seed % len(names)]
+    made = friction_map(name, seed)
+    first, *more = made.runs
+    # of a swing over the turn a map says all that it can, whatever its name is
+    swings = frozenset(SWINGS) if made.swing else frozenset()
+    return Question(
+        seed,
+        kind,
+        first,
+        made.model,
+        name,
+        {f"{name}.{k}": v for k, v in made.values.items()},
+        (frozenset({"w"}), frozenset({"w", "theta"})),
+        swings,
+        alike=swings,
+        about={"machine": f"{len(made.runs)} runs"},
+        more=tuple(more),
+    )
+
+
+def friction_map(name: str, seed: int, strength: float = 0.2, swing: bool | None = None) -> Map:
     """A machine with the effect ``name`` ("none" for none) of ``strength`` times its friction."""
     chance = np.random.default_rng([seed, *name.encode()])
     level = 10 ** chance.uniform(-3.0, 0.7)

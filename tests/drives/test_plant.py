@@ -13,18 +13,15 @@ import lugrectl as lg
 
 from .effects import CATALOGUE
 from .machines import GRAVITY_LOAD, MACHINES
-from .plant import SPEED_LOOP
 from .run import (
-    Setup,
-    drive_row,
     open_loop,
     programmed,
     replay,
     simulate,
-    tune,
     wave,
 )
 
+pytestmark = pytest.mark.usefixtures("interpreted")  # compiling takes longer than these runs
 SERVO = MACHINES["servo"]
 SLIPPERY = replace(SERVO, Fc=1e-9, Fs=1e-9, Fv=0.0)
 HANGING = replace(SERVO, load=(GRAVITY_LOAD, 0.15, 0.4))
@@ -153,55 +150,6 @@ def test_the_torque_that_the_declared_structure_lacks():
         np.testing.assert_allclose(s["effect"], at(s), atol=5e-3)
 
 
-STRANGE = {
-    "torque_bumps": (0.05, 0.1, 2 * np.pi, 2.0, 1.0, -2.0, 1.0, -0.5),
-    "contact_pulses": (0.05, 0.2, 2.0, 0.4, 1.3, 1.0, -0.7),
-    "decaying_burst": (0.04, 0.5, 0.3, 8.0),
-    "torque_droop": (0.5,),
-    "hardening_spring": (0.02, 0.3),
-    "cubic_drag": (2e-3,),
-}
-
-
-def strange(name, t, s):
-    """The same torques in NumPy, in the middle of the samples."""
-    th, w, u, middle = s["theta_true"], s["w_true"], s["u"], t + 5e-4
-    age = np.maximum(0.0, middle - 0.5)
-    gaps = [np.angle(np.exp(1j * (th - c))) for c in (1.0, -2.0)]
-    clips = [np.clip((middle - at) / 0.2, 0, 1) for at in (0.4, 1.3)]
-    return {
-        "torque_bumps": 0.05 * np.exp(-((gaps[0] / 0.1) ** 2))
-        - 0.025 * np.exp(-((gaps[1] / 0.1) ** 2)),
-        "contact_pulses": 0.05 * np.sin(np.pi * clips[0]) - 0.035 * np.sin(np.pi * clips[1]),
-        "decaying_burst": 0.04 * np.exp(-age / 0.3) * np.sin(2 * np.pi * 8.0 * age),
-        "torque_droop": 0.5 * u * np.abs(u),
-        "hardening_spring": 0.02 * (th - 0.3) ** 3,
-        "cubic_drag": 2e-3 * w**3,
-    }[name]
-
-
-@pytest.mark.parametrize("name", STRANGE)
-def test_strangers_push_where_and_when_they_should(name):
-    t = np.arange(2000) * 1e-3
-    s = simulate(open_loop(SLIPPERY, 0.1 * np.sin(2 * np.pi * t)), {name: STRANGE[name]}).signals
-    right = strange(name, t, s)
-    np.testing.assert_allclose(s["effect"], right, atol=0.1 * np.max(np.abs(right)))
-    assert np.max(np.abs(right)) > 2e-3
-
-
-def test_cable_drags_behind_and_forgets_what_is_far_back():
-    torque = 0.1 * np.sin(2 * np.pi * np.arange(4000) * 1e-3)
-    s = simulate(open_loop(SLIPPERY, torque), {"dragged_cable": (0.02, 0.4)}).signals
-    th = s["theta_true"]
-    turns = np.flatnonzero(np.diff(np.sign(s["w_true"]))) + 1
-    a, b = turns[1], turns[2]  # one stroke, from a full stretch the other way
-    assert abs(th[b] - th[a]) > 0.8
-    gone = np.abs(th[a:b] - th[a])
-    way = np.sign(th[b] - th[a])
-    stretch = np.array([np.minimum(-d + gone, d) / d for d in (0.1, 0.2, 0.3, 0.4)])
-    np.testing.assert_allclose(s["effect"][a:b], 0.02 * way * stretch.mean(0), atol=5e-4)
-
-
 def test_run_again_from_its_own_states():
     m, rate = MACHINES["wrist"], 500.0
     _, torque = wave(m, 2.0, rate)
@@ -232,24 +180,6 @@ def test_a_program_sees_the_motion_and_chooses_the_torque():
     age = 1e-3 * np.arange(len(w) - top)
     right = np.maximum((w[top] + c / k) * np.exp(-k * age) - c / k, 0.0)
     np.testing.assert_allclose(w[top:], right, atol=1e-3)
-
-
-def test_samples_come_when_their_stamps_say():
-    done = simulate(replace(open_loop(SLIPPERY, np.full(400, 0.1)), jitter=0.1), {})
-    period = np.diff(done.t)
-    assert 0.15e-3 < np.max(np.abs(period - 1e-3)) < 0.2e-3
-    np.testing.assert_allclose(done.signals["w_true"], 0.1 / SLIPPERY.J * done.t, rtol=1e-6)
-
-
-def test_a_load_is_held_from_the_start():
-    m = replace(SERVO, load=(GRAVITY_LOAD, 0.3, 0.0))
-    gains = tune(m, SPEED_LOOP, 1000.0, np.random.default_rng(0), False, False)
-    drive = drive_row(m, gains, 0.0, 1.2)
-    idle = np.zeros((3, 500))
-    setup = Setup(m, SPEED_LOOP, idle, np.zeros((1, 500)), 1000.0, 0.0, 1.2, drive)
-    s = simulate(setup, {}).signals
-    np.testing.assert_allclose(s["theta_true"], 1.2, atol=1e-6)
-    np.testing.assert_allclose(s["u"], 0.3 * np.sin(1.2), rtol=1e-6)
 
 
 @pytest.mark.parametrize("folder", ["drives", "held_out"])

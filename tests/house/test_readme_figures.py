@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from ..blind import front, readme, slim
 from ..cases.blind_results import effect, line, ripple
+from ..scores import counts, readme
 
 
 def test_readme_says_what_the_result_files_say():
@@ -34,7 +34,7 @@ def folder(tmp_path, monkeypatch):
 
 def test_the_check_fails_until_the_figures_are_written(folder, capsys):
     assert readme.main(["--check"]) == 1
-    assert "run python -m tests.blind.readme" in capsys.readouterr().err
+    assert "run python -m tests.scores.readme" in capsys.readouterr().err
     assert readme.main([]) == 0
     assert readme.main(["--check"]) == 0
     text = readme.README.read_text()
@@ -58,7 +58,7 @@ def test_there_are_six_counts():
         line(["gravity"], "adequate", problems=["unfit"]),
     ]
     # the gravity of line() hides no values, the ripple's harmonic is a count
-    assert [said for _, said in front.rows(lines)] == [
+    assert [said for _, said in counts.rows(lines)] == [
         "1 of 2, 1 more ambiguous",
         "1 of 1",
         "2 of 2, 1 alone",
@@ -72,7 +72,7 @@ def test_what_was_wrong_is_said_in_words():
     tied = line(["gravity"], "ambiguous", effect("gravity", ties=["return_spring"]))
     left = line(["torque_bumps"], "unexplained", effect("hard_stop"), depends_on=["t"])
     late = line(["gravity"], "found") | {"crash": "Traceback\nTimeoutError: not done within 9 s"}
-    assert [front.called(x) for x in (tied, left, late, line([], "adequate", kind="none"))] == [
+    assert [counts.called(x) for x in (tied, left, late, line([], "adequate", kind="none"))] == [
         "`gravity` (or `return_spring`)",
         "`unexplained`, depends on `t`, beside `hard_stop`",
         "no answer (TimeoutError: not done within 9 s)",
@@ -80,26 +80,13 @@ def test_what_was_wrong_is_said_in_words():
     ]
     unknown = line(["torque_bumps"], "unexplained", kind="stranger", depends_on=["theta"])
     right = ripple(0.0401, [0.039, 0.041])
-    assert [front.is_right(x) for x in (tied, unknown, right)] == [False, True, True]
+    assert [counts.is_right(x) for x in (tied, unknown, right)] == [False, True, True]
 
 
 def test_what_makes_a_record_harder_is_said():
     one = line(["gravity"], "found", key="gravity normal 1 hard w smoothed")
     one["truth"] |= {"rate": 200.0, "duration": 10.0, "hard": "several runs"}
-    assert front.conditions(one) == "200 Hz, 10 s, several runs, w smoothed"
-
-
-def test_slim_lines_count_the_same():
-    lines = [
-        ripple(0.0401, [0.039, 0.041]),
-        line(["gravity"], "ambiguous", effect("gravity", ties=["return_spring"])),
-        line(["torque_bumps"], "unexplained", kind="stranger", depends_on=["theta"]),
-        {k: v for k, v in line(["gravity"], "found").items() if k not in ("answer", "truth")}
-        | {"crash": "Traceback\n  file\nValueError: no"},
-    ]
-    kept = json.loads(json.dumps([slim.slim(x) for x in lines]))
-    assert front.rows(kept) == front.rows(lines)
-    assert kept[-1]["crash"] == "ValueError: no"
+    assert counts.conditions(one) == "200 Hz, 10 s, several runs, w smoothed"
 
 
 def test_the_kept_results_are_known():

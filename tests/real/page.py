@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..scores.question import Answer
-from .row import Row
-from .score import Score, total
+from .row import Row, Score, total
 
 Line = tuple[Row, Answer, Score]
 WIDTH = 26  # of the names

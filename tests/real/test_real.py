@@ -1,6 +1,5 @@
 """The bench of measured logs: its rows, its rules, and one quick row through the balance."""
 
-import json
 import os
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,15 +11,10 @@ from lugrectl.blocks.block import members
 from lugrectl.record import read_log
 
 from ..cases.logs import machine
-from ..real import page
-from ..real.__main__ import chosen, main, parser
-from ..real.along import residual
-from ..real.child import ask
-from ..real.motion import Filter, Run, motion_of, rms
-from ..real.row import VERDICTS, Row, Source, value, way
+from ..real.__main__ import ask
+from ..real.held_out import SPLITS, Filter, Run, motion_of, residual, rms
+from ..real.row import VERDICTS, Row, Source, score, value, way, wrong_values
 from ..real.rows import all_rows
-from ..real.score import score, wrong_values
-from ..real.sets import SPLITS
 from ..scores.judges import values_of
 from ..scores.question import Answer
 
@@ -131,33 +125,6 @@ def test_a_judge_that_fails_or_hangs_costs_its_own_row_only():
     failed = ask(row, Path(), "time:sleep")
     assert failed.verdict == "crash" and "TypeError" in failed.reason
     assert ask(row, Path(), "time:sleep", limit=0.001).verdict == "timeout"
-
-
-def test_a_row_is_chosen_by_its_name_or_a_part_of_it():
-    def names(*given):
-        return [row.name for row in chosen(parser().parse_args(given))]
-
-    assert names("--row", "odrive impulse2") == ["odrive impulse2"]
-    assert names("--row", "impulse") == ["odrive impulse2", "odrive impulse2, raw"]
-    with pytest.raises(SystemExit, match="--list"):
-        names("--row", "nothing")
-
-
-def test_rows_without_data_are_left_out_and_said(tmp_path, capsys):
-    assert main(["--row", "emps declared", "--data", str(tmp_path)]) == 2
-    assert "left out" in capsys.readouterr().out
-
-
-def test_results_of_one_judge_leave_those_of_another(tmp_path):
-    answer = Answer("found", ("gravity",), parameters=KNOWN, seconds=1.25)
-    lines = [(PENDULUM, answer, score(PENDULUM, answer))]
-    page.keep(tmp_path / "real.json", "one", page.kept(lines))
-    page.keep(tmp_path / "real.json", "two", page.kept([]))
-    data = json.loads((tmp_path / "real.json").read_text())
-    assert data["one"]["rows"]["pendulum"]["right"] and data["two"]["rows"] == {}
-    assert data["one"]["total"]["own"] == {"rows": 1, "named": 1, "right": 1}
-    assert page.closing(lines).startswith("own: 1 of 1 named right")
-    assert "gravity" in page.line(*lines[0]) and "right" in page.line(*lines[0])
 
 
 def coulomb(**changes):

@@ -27,6 +27,7 @@ RESULTS = Path(__file__).parents[2] / "notebooks" / "results"
 GENERATORS = {
     "drives": "tests.drives.messy",
     "bench": "tests.drives.bench",
+    "steady": "tests.drives.steady",
     "held_out": "tests.held_out.questions",
 }
 

@@ -7,15 +7,52 @@ The logs are pairs of a path or columns, and the options of reading it. A judge 
 from __future__ import annotations
 
 import importlib
+import multiprocessing
 import time
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from multiprocessing.connection import Connection
 from typing import Any
 
 from .question import Answer, Estimate
 
 Logs = Sequence[tuple[Any, Mapping[str, Any]]]
 Judge = Callable[[Logs, Mapping[str, Any]], Any]
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def apart(work: Callable[..., Any], *given: Any, limit: float) -> Any:
+    """What ``work(*given)`` returns, in a process of its own: one that fails costs nothing else.
+
+    Raises TimeoutError after ``limit`` seconds, and RuntimeError with what went wrong there.
+    """
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(there, work, given))
+    process.start()
+    there.close()
+    try:
+        if not here.poll(limit):
+            raise TimeoutError(f"{limit:g} s")
+        made, wrong = here.recv()
+    except EOFError:
+        raise RuntimeError("the process died") from None
+    finally:
+        process.kill()
+        process.join()
+    if wrong:
+        raise RuntimeError(wrong)
+    return made
+
+
+def _answer(pipe: Connection, work: Callable[..., Any], given: Sequence[Any]) -> None:
+    try:
+        made, wrong = work(*given), ""
+    except (Exception, SystemExit) as error:
+        print(traceback.format_exc(), flush=True)
+        made, wrong = None, f"{type(error).__name__}: {error}".splitlines()[0]
+    pipe.send((made, wrong))
 
 
 def judge_named(name: str) -> Judge:

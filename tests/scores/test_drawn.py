@@ -13,18 +13,12 @@ from ..held_out import questions
 from . import drawn
 from .judges import of_document
 from .points import false_names, points, table, values
-from .question import EFFECTS, Answer, Question
+from .question import Answer, Question
 
 pytest.importorskip("numba")  # without it a drive takes a minute
 
 
-@pytest.fixture(scope="module")
-def asked():
-    return {seed: messy.draw(seed, "effect") for seed in (0, 9, 12, 18)}
-
-
-@pytest.mark.parametrize("generator", [messy, questions])
-@pytest.mark.parametrize("seed, kind", [(3, "effect"), (2, "none")])
+@pytest.mark.parametrize("generator, seed, kind", [(messy, 3, "effect"), (questions, 2, "none")])
 def test_a_seed_gives_the_same_question_each_time(generator, seed, kind):
     one, two = generator.draw(seed, kind), generator.draw(seed, kind)
     assert one.record.keys() == two.record.keys()
@@ -35,27 +29,6 @@ def test_a_seed_gives_the_same_question_each_time(generator, seed, kind):
     assert {"t", "u"} < one.record.keys() and 9.9 < np.ptp(one.record["t"]) < 60.5
     off = abs(one.model["plant"]["J"] / one.values["J"] - 1)
     assert 0.0999 < off < 0.2001
-
-
-def test_seeds_go_through_the_effects_in_turn(asked):
-    assert [q.effect for q in asked.values()] == [EFFECTS[seed % 20] for seed in asked]
-    for q in asked.values():
-        assert 0.03 <= q.hidden / q.friction <= (0.5 if q.effect == "input_delay" else 0.25)
-
-
-def test_the_stated_torque_is_that_of_the_true_parameters(asked):
-    constant, periodic = asked[0], asked[18]
-    assert constant.hidden == pytest.approx(abs(constant.values["constant_torque.torque"]))
-    amplitude = periodic.values["periodic_disturbance.amplitude"]
-    assert periodic.hidden == pytest.approx(amplitude / np.sqrt(2), rel=0.05)
-    assert "coulomb_asymmetry" in constant.alike
-
-
-def test_the_declared_tables_are_a_model(asked):
-    import lugrectl as lg
-
-    for q in asked.values():
-        assert lg.balance(q.record, q.model).parameters
 
 
 QUESTION = Question(
@@ -168,11 +141,6 @@ def test_the_bench_counts_points_and_coverage_and_keeps_them(tmp_path, monkeypat
     assert '"points": 1.0' in kept and '"coverage_plain": 1.0' in kept and "none/drives/" in kept
 
 
-def test_a_judge_that_fails_is_an_error_of_its_record():
-    row = drawn.judged(0, "none", "drives", "builtins:len")
-    assert row.answer.verdict == "error" and row.points == 0.0
-
-
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_a_damage_changes_a_copy(kind):
     t = np.arange(4000) / 200
@@ -193,3 +161,9 @@ def test_a_bench_test_is_drawn_alike_again_and_recognised(kind):
     assert one.values == again.values and len(one.more) == len(again.more)
     assert all(np.array_equal(one.record[k], again.record[k]) for k in one.record)
     assert kind in row.answer.effects
+
+
+def test_a_friction_map_is_drawn_and_its_answer_scored():
+    row = drawn.judged(18, "effect", "steady", "lugrectl")
+    assert row.question.effect == "constant_torque" and row.points > 0.0
+    assert row.values["constant_torque.torque"]["inside"]

@@ -10,7 +10,7 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from tests.cases.logs import DATA
-from tests.drives.steady import EFFECTS, STRANGERS, draw
+from tests.drives.steady import EFFECTS, friction_map
 
 SCREW = DATA / "screw-drive/steady_state/0.096kg"
 NAMES = {
@@ -27,7 +27,7 @@ def records(made, motion="rotary"):
 
 @cache
 def case(name, seed, strength=0.2, swing=False):
-    made = draw(name, seed, strength, swing)
+    made = friction_map(name, seed, strength, swing)
     runs, model = records(made), model_from_dict(made.model, "drawn")
     return made, runs, model, lg.diagnose(runs, model)
 
@@ -44,23 +44,6 @@ def test_what_hangs_on_speed_is_named(name, seed):
         if estimate.ci95 is not None and key in made.values:
             middle, half = np.mean(estimate.ci95), 0.5 * np.ptp(estimate.ci95)
             assert abs(made.values[key] - middle) < 2.5 * half
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("seed", range(20, 23))
-def test_nothing_is_named_where_nothing_is_missing(seed):
-    _, _, _, found = case("none", seed)
-    assert found.verdict == "adequate" and not found.effects and not found.map.swing
-    assert found.error["augmented"] == found.error["refitted"]
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("name", [name for name in STRANGERS if name != "resonance"])
-@pytest.mark.parametrize("seed", [20, 21])
-def test_a_torque_outside_the_catalogue_is_unexplained(name, seed):
-    _, _, _, found = case(name, seed)
-    assert found.verdict == "unexplained" and "w" in found.depends_on
-    assert "speeds" in found.experiment
 
 
 def test_a_swing_with_the_angle_is_told_with_its_size():

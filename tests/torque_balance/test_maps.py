@@ -66,18 +66,6 @@ def test_the_answer_has_the_face_of_a_map():
     assert "Mean torque of the held-out runs" in str(found)
 
 
-def test_gravity_of_an_arm_and_that_it_may_be_declared():
-    made = runs(lambda w, x: 0.5 * np.sin(x + 0.4))
-    found = lg.diagnose(made, MODEL)
-    assert found.verdict == "found" and named(found) == ["gravity"]
-    own = found.effects[0].parameters
-    assert holds(own["amplitude"], 0.5, 0.05) and holds(own["phase"], 0.4)
-    assert holds(found.estimates["Fc"], FC)
-    declared = MODEL.with_effect("gravity", {"amplitude": 0.45, "phase": 0.5})
-    again = lg.diagnose(made, declared)
-    assert again.verdict == "adequate" and holds(again.estimates["gravity.amplitude"], 0.5, 0.05)
-
-
 @pytest.mark.parametrize(
     "added, name, values",
     [

@@ -1,4 +1,4 @@
-"""``python -m tests.blind.readme``: write README's figures from the result files.
+"""``python -m tests.scores.readme``: write README's figures from the result files.
 
 Between ``<!-- figures:right -->`` and ``<!-- end -->`` stands how often a diagnosis is right, by
 the newest ``notebooks/results/blind-*.jsonl``; between ``<!-- figures:speed -->`` and
@@ -18,8 +18,8 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from . import front
-from .__main__ import read
+from .counts import rows as counted_rows
+from .rig import read
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
@@ -45,7 +45,7 @@ def right() -> str:
         f"{max(x['at'] for x in lines)[:10]}, commit {known[path.name]['commit']}"
         f"{other}."
     )
-    rows = [*front.rows(lines), *messy()]
+    rows = [*counted_rows(lines), *messy()]
     return f"{table(('what is hidden', 'right'), rows)}\n\n{said}\n"
 
 
@@ -173,7 +173,7 @@ def picture(path: Path) -> str:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    p = argparse.ArgumentParser(prog="python -m tests.blind.readme", description=__doc__)
+    p = argparse.ArgumentParser(prog="python -m tests.scores.readme", description=__doc__)
     p.add_argument("--check", action="store_true", help="write nothing, fail where README differs")
     p.add_argument("--picture", action="store_true", help="draw notebooks/demo.png instead")
     args = p.parse_args(argv)
@@ -189,7 +189,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for name in missing:
         print(f"README.md has no block <!-- figures:{name} -->", file=sys.stderr)
     if args.check and made != text:
-        print("README.md: run python -m tests.blind.readme", file=sys.stderr)
+        print("README.md: run python -m tests.scores.readme", file=sys.stderr)
     return int(bool(missing) or (args.check and made != text))
 
 
