@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.sweeps import parameter_table
+from lugrectl.simulation.sweep_members import parameter_columns
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
 from ..cases.own import static, user_block
@@ -80,10 +80,10 @@ def test_every_form_of_a_table_says_the_same(given_columns, shared) -> None:
     rows = [{k: v[i] for k, v in whole.items()} for i in range(3)]
     frame = pandas.DataFrame(whole)
     for form in (whole, given_columns, rows, records, frame, frame.astype(object)):
-        found = parameter_table.columns(form)
+        found = parameter_columns(form)
         assert list(found) == list(whole)
         assert all(np.array_equal(found[k], whole[k]) for k in whole)
-    beside = parameter_table.columns({**whole, "shared": shared})
+    beside = parameter_columns({**whole, "shared": shared})
     assert beside["shared"] == shared and beside["shared"].ndim == 0
 
 
