@@ -17,7 +17,7 @@ from hypothesis import settings  # noqa: E402
 
 from lugrectl.blocks import extending  # noqa: E402
 from lugrectl.blocks.block import REGISTRY, registered  # noqa: E402
-from lugrectl.engine.runtime.c_compiler import has_compiler  # noqa: E402
+from lugrectl.engine.runtime.backend import has_compiler
 
 from .cases.own_blocks import momentum, smooth  # noqa: E402, F401  fixtures
 
@@ -112,8 +112,7 @@ def backend(request: pytest.FixtureRequest) -> str | None:
 @pytest.fixture
 def interpreted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulations run in plain Python, from nothing that was kept: nothing to compile."""
-    for place in ("adaptive_run", "sampled_run"):
-        monkeypatch.setattr(f"lugrectl.engine.runtime.{place}.compiler", lambda: None)
+    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.compiler", lambda: None)
     monkeypatch.setattr("lugrectl.engine.runtime.memo._traced", {})
 
 

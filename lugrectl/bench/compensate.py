@@ -30,7 +30,7 @@ from ..loops.parts import OUTPUTS
 from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
-from ..simulation.recorded_sensing import sensing_of
+from ..simulation.encoder import sensing_of
 from ..simulation.response import simulate
 from .chance import between
 from .gains import controller, observer_gains

@@ -21,13 +21,13 @@ from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.validation import array, shown
-from ..engine.runtime.sampled_run import interpreted
+from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.findings import Table
 from ..loops.parts import MEASURED, OUTPUTS, Control, connected, read_of
 from ..record import Record
 from ..simulation.encoder import Sensing, encoder
+from ..simulation.sampled_block import at_samples
 from ..simulation.sampled_response import COARSE, simulate_sampled
-from ..simulation.stepped_block import at_samples
 
 SAMPLES = 4000
 LONGEST = 30.0  # s of simulated time

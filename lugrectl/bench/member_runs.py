@@ -21,8 +21,7 @@ from ..core.progress import Progress
 from ..estimates.fitted import Fitted
 from ..estimates.members import Belief, refuse_unknown
 from ..record import Record
-from ..simulation.encoder import Sensing
-from ..simulation.recorded_sensing import sensing_of
+from ..simulation.encoder import Sensing, sensing_of
 from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sine, speed_of
 
 

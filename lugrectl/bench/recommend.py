@@ -29,8 +29,7 @@ from ..estimates.fitted import Fitted
 from ..loops.parts import crossing
 from ..record import Record
 from ..record.as_record import as_record, is_record
-from ..simulation.encoder import Sensing
-from ..simulation.recorded_sensing import sensing_of
+from ..simulation.encoder import Sensing, sensing_of
 from .compare import chosen_observers
 from .gains import LUGRE, correction, designed, fastest, unknown
 from .loop import SETTLED, Terms, enough_samples, sine, top_speed, unit_of, wrong

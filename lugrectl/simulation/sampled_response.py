@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.validation import array, whole
-from ..engine.runtime.course import Accuracy, Course
+from ..engine.runtime.adaptive_run import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
-from .block_list import outside
-from .net_run import Run, followed
+from .net_run import Run, followed, outside
 from .wiring_warnings import warn_of_wiring
 
 LATE = " after the delay"

@@ -15,15 +15,14 @@ from ..core.errors import Diverged, InputError
 from ..core.jobs import JobError
 from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Adaptive, Portable
-from ..engine.runtime.course import Accuracy, Course
+from ..engine.runtime.adaptive_run import Accuracy, Adaptive, Course, Portable
 from ..engine.runtime.delays import lates
 from ..engine.runtime.endings import bounded, first_bad
 from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net
 from ..engine.tracing.tracer import widths
 from . import arguments
-from .block_list import net_of
+from .net_run import net_of
 from .response import simulate
 
 _FORMS = "a dict of columns, a list of dicts, a structured array or a DataFrame"

@@ -143,7 +143,7 @@ def test_a_coarser_encoder_inside_the_loop_makes_a_larger_error(sampled):
 
 def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
     """A block whose rates are not affine: 4 Runge-Kutta steps against as many as are needed."""
-    from lugrectl.simulation.stepped_block import at_samples
+    from lugrectl.simulation.sampled_block import at_samples
 
     block, n = lg.temperature_observer(P), 120
     made = at_samples(block, 1e-3, [{"w": 0.1, "zhat": 1e-3}])
@@ -151,7 +151,7 @@ def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
     w = 0.1 * np.sin(20 * t)
     given = np.array([w, 0.3 * np.sign(w)])
     fine, quick = (lg.simulate(b, t, given).outputs[0] for b in (lg.sampled(block, 1e-3), made))
-    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.stepped_block"
+    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.sampled_block"
     assert np.abs(fine).max() > 0.2
     assert np.abs(fine - quick).max() < 1e-3
 

@@ -13,8 +13,8 @@ import pytest
 from lugrectl.core.errors import InputError
 from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
 from lugrectl.engine.codegen.python_source import summed
-from lugrectl.engine.runtime import c_compiler
-from lugrectl.engine.runtime.c_compiler import Native, has_compiler
+from lugrectl.engine.runtime import backend
+from lugrectl.engine.runtime.backend import Native, has_compiler
 
 needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
@@ -100,12 +100,10 @@ def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> No
     source = "def run(a):\n    a[0] = a[0] + 1.5\n"
     made = np.zeros(1)
     Native(source)(made)
-    monkeypatch.setattr(c_compiler, "_build", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr(backend, "_build", lambda *_: pytest.fail("compiled again"))
     Native(source)(made)
     assert made[0] == 3.0
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted(
-        [".c", c_compiler.SUFFIX, ".sha256"]
-    )
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", backend.SUFFIX, ".sha256"])
 
 
 @needs_compiler
@@ -121,11 +119,11 @@ def test_what_the_compiler_refuses_is_one_sentence_and_leaves_nothing(
 @pytest.mark.parametrize("words", ["", "no-such-compiler-anywhere"])
 def test_no_compiler_is_no_error(words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", words)
-    c_compiler._compiler.cache_clear()
+    backend._compiler.cache_clear()
     try:
         assert not has_compiler.__wrapped__()
     finally:
-        c_compiler._compiler.cache_clear()
+        backend._compiler.cache_clear()
 
 
 def test_what_c_has_no_word_for_is_named() -> None:

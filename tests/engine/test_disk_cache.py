@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lugrectl.engine.runtime import backend, c_compiler, disk_cache
-from lugrectl.engine.runtime.c_compiler import SUFFIX, Native, has_compiler
+from lugrectl.engine.runtime import backend
+from lugrectl.engine.runtime.backend import SUFFIX, Native, has_compiler
 
 ROOT = "def run(a):\n    a[0] = sqrt(a[0]) + {}\n"
 USE = """
@@ -45,8 +45,8 @@ def test_a_damaged_library_is_built_again(folder, damage):
     copy = made.with_name("copy")  # what is loaded must not change under the process
     copy.write_bytes(damage(sound))
     os.replace(copy, made)
-    assert not disk_cache.is_sound(made)
-    assert answer(1.5) == 3.5 and disk_cache.is_sound(made)
+    assert not backend.is_sound(made)
+    assert answer(1.5) == 3.5 and backend.is_sound(made)
 
 
 @needs_c
@@ -60,15 +60,14 @@ def test_a_folder_that_others_may_write_is_not_used(folder):
 
 @needs_c
 def test_a_full_disk_costs_the_cache_and_nothing_else(folder, monkeypatch):
-    usual = disk_cache.keep
+    usual = backend.keep
 
     def full(path, text):
         if folder in path.parents:
             raise OSError(28, "No space left on device")
         usual(path, text)
 
-    for module in (backend, c_compiler):
-        monkeypatch.setattr(module, "keep", full)
+    monkeypatch.setattr(backend, "keep", full)
     assert answer(3.5) == 5.5
 
 
@@ -79,8 +78,7 @@ def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypa
     def full(path, text):
         raise OSError(28, "No space left on device")
 
-    for module in (backend, c_compiler):
-        monkeypatch.setattr(module, "keep", full)
+    monkeypatch.setattr(backend, "keep", full)
     backend._say_once.cache_clear()
     with pytest.warns(RuntimeWarning, match=r"plain Python.*No space left on device") as said:
         for number in (3.25, 4.25):
@@ -93,7 +91,7 @@ def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypa
 def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
-    assert disk_cache.cache_dir().is_dir()
+    assert backend.cache_dir().is_dir()
 
 
 def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
@@ -101,7 +99,7 @@ def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
         for file in (f"lugrectl_{name}", f"lugrectl_{name[0]}.so"):
             (tmp_path / file).write_text("")
             os.utime(tmp_path / file, (age, age))
-    disk_cache.make_room(tmp_path, most=4)
+    backend.make_room(tmp_path, most=4)
     left = sorted(p.name for p in tmp_path.iterdir())
     assert left == ["lugrectl_c.c", "lugrectl_c.so", "lugrectl_d.py", "lugrectl_d.so"]
 

@@ -10,8 +10,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine import TraceError, trace
-from lugrectl.engine.expression.derivative import derivatives
-from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
 from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.runtime.adaptive_run import Adaptive
 

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine import Lanes
-from lugrectl.engine.codegen.relay import relays
+from lugrectl.engine.codegen.fixed_step import relays
 from lugrectl.engine.tracing.tracer import trace
 
 from ..conftest import there

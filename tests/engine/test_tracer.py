@@ -12,8 +12,7 @@ import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import InputError
 from lugrectl.engine import AlgebraicLoop, TraceError, trace
-from lugrectl.engine.expression.derivative import derivatives
-from lugrectl.engine.expression.graph import Graph, evaluate
+from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
 from lugrectl.simulation.response import simulate
 
 from ..cases.own import moving, static

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from ..expression.graph import Node, reachable, substitute, symbols_in
-from ..expression.operations import OPS
+from ..expression.numpy_protocol import OPS
 
 SCALAR_HEADER = """from math import (
     acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan,

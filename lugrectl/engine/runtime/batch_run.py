@@ -10,13 +10,11 @@ import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..codegen.fixed_step import lane_code
-from ..codegen.simd import is_wide, wide_code
-from ..expression.operations import WIDTH
+from ..codegen.fixed_step import is_wide, lane_code, wide_code
+from ..expression.numpy_protocol import WIDTH
 from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
-from .backend import compiler, each_beside, load, threads
-from .c_compiler import has_wide
+from .backend import compiler, each_beside, has_wide, load, threads
 
 if TYPE_CHECKING:
     import control as ct

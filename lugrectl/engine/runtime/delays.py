@@ -17,11 +17,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..expression.graph import Node, evaluate, rename
-from ..tracing.equations import Program
 from ..tracing.network import Net
-from ..tracing.tracer import traced_net
-from .adaptive_run import Adaptive
-from .course import Accuracy, Course, Now, Track
+from ..tracing.tracer import Program, traced_net
+from .adaptive_run import Accuracy, Adaptive, Course, Now, Track
 from .memo import ALONE, made_of
 
 SEGMENTS = 50_000  # of a run at most; a shorter delay stays an approximation

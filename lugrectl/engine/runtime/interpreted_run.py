@@ -12,10 +12,8 @@ from ...core.errors import Diverged
 from ..tracing.network import Net
 from ..tracing.pointwise import Answer, Instant, settle
 from ..tracing.tracer import traced_net
-from .adaptive_run import Adaptive
-from .course import Accuracy, Course, Track
+from .adaptive_run import Accuracy, Adaptive, Course, Track, not_finite
 from .endings import Chatter, quiet, said_if_slow, stopped
-from .sampled_run import not_finite
 
 Advance = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, float]]
 
@@ -47,7 +45,7 @@ class Called:
             self.engine = Adaptive(hybrid.flow)
 
     def follow(self, course: Course, x: np.ndarray, q: np.ndarray, accuracy: Accuracy) -> Track:
-        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
+        """As :meth:`lugrectl.engine.runtime.adaptive_run.Held.follow`."""
         how = "at each of its updates" if self.engine is not None else ""
         with said_if_slow(self.why, how), quiet(), np.errstate(all="ignore"):
             for part in self.net.parts:

@@ -10,16 +10,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ...core.errors import Diverged
-from ..expression.affine import affine
-from ..expression.graph import Node
+from ..expression.graph import Node, affine
 from ..expression.numpy_protocol import TraceError
-from ..tracing.equations import Program
-from ..tracing.ingredients import described, is_number
-from ..tracing.tracer import trace
+from ..tracing.tracer import Program, trace
 from .adaptive_run import Adaptive
 from .backend import compiler
 from .endings import warn_unsettled
-from .memo import ALONE
+from .memo import ALONE, described, is_number
 
 RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each state
 FEW = 4000  # samples; compiling takes as long as so many in plain Python

@@ -3,7 +3,7 @@
 The blocks' update and output functions run once, through python-control's own connections, with
 symbolic scalars in place of numbers. Numeric parameters remain arguments; anything else that a
 function reads has its value at the time of tracing. A net has a flow between updates (ticks), and
-the updates; a system alone is a net of one part.
+the updates; a system alone is a net of one part. A trace is compared with the system itself.
 """
 
 from __future__ import annotations
@@ -18,15 +18,169 @@ import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..expression.graph import Graph, Node, rename, symbols_in
+from ..expression.graph import Graph, Node, evaluate, outline, rename, sharp, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
-from .equations import Program
-from .instant import Rows, Unsolved, settled
-from .network import Net, Wires, is_wired
-from .verify import check
+from .network import Net, Rows, Unsolved, Wires, is_wired, settled
+from .pointwise import Instant
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
+
+    ``parameters`` are unique labels, ``keys`` their names in python-control (one key can have
+    different defaults in different blocks), ``defaults`` their values, ``widths`` the largest
+    value up to which each only smooths a sign (0: never). ``fixed`` holds the keys that were
+    needed as numbers during tracing.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    keys: tuple[str, ...]
+    defaults: np.ndarray
+    widths: tuple[float, ...]
+    fixed: Mapping[str, Any]
+    graph: Graph
+    t: Node
+    x: tuple[Node, ...]
+    u: tuple[Node, ...]
+    p: tuple[Node, ...]
+    xdot: tuple[Node, ...]
+    y: tuple[Node, ...]
+
+    def outline(self, *more: tuple[Node, ...]) -> tuple[Any, ...]:
+        """The equations, and other nodes, as a hashable value.
+
+        Programs of the same value differ in nothing but the defaults of their parameters.
+        """
+        names = (self.name, self.states, self.inputs, self.outputs, self.parameters, self.keys)
+        return *names, outline([(self.t,), self.x, self.u, self.p, self.xdot, self.y, *more])
+
+    def sharpened(
+        self, params: Mapping[str, Any] | None = None, *, of: Sequence[Node] | None = None
+    ) -> Program:
+        """The program with sign(x) for tanh(x/p) where p only smooths the sign for solvers.
+
+        ``of`` are the nodes x of which this is done, None: all.
+        """
+        rows = zip(self.p, self.widths, self.arguments(params), strict=True)
+        narrow = [node for node, width, value in rows if 0.0 < value <= width]
+        if not narrow:
+            return self
+        roots, n = sharp([*self.xdot, *self.y], narrow, of), len(self.x)
+        return replace(self, xdot=tuple(roots[:n]), y=tuple(roots[n:]))
+
+    def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""
+        numbers = [t, *x, *u, *(self.defaults if p is None else p)]
+        symbols = [self.t, *self.x, *self.u, *self.p]
+        known = {node.value: v for node, v in zip(symbols, numbers, strict=True)}
+        shape = np.broadcast_shapes(*(np.shape(v) for v in known.values()))
+        rows = [np.broadcast_to(v, shape) for v in evaluate(self.xdot + self.y, known)]
+        rows = np.array(rows, dtype=float).reshape(-1, *shape)
+        return rows[: len(self.x)], rows[len(self.x) :]
+
+    def arguments(self, params: Mapping[str, Any] | None) -> np.ndarray:
+        """The parameter vector with ``params`` in place of defaults."""
+        params = params or {}
+        pairs = zip(self.keys, self.defaults, strict=True)
+        return np.array([float(params.get(k, v)) for k, v in pairs])
+
+
+AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
+NEAR = 1e-11  # of the arguments: how far rounding may move them
+POSITIVE = (1.0, 1e2, 1e4)  # where no other point gives a value: a root or a logarithm
+
+
+class Differs(TraceError):
+    """A trace does not give what the system itself gives."""
+
+
+def check(
+    program: Program,
+    system: ct.NonlinearIOSystem | BareSystem,
+    params: Mapping[str, Any] | None = None,
+    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
+) -> None:
+    """Compare a trace with the system's own functions at random points of these sizes.
+
+    Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
+    computes something else for symbols than for numbers.
+    """
+    random = np.random.default_rng(len(program.graph.nodes))
+    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
+    compared = 0
+    for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
+        if compared and not signed:
+            break
+        pairs = zip(program.keys, program.arguments(params), strict=True)
+        spread = 0.0 if scale == 1.0 else 0.2
+        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
+        t = abs(scale * random.standard_normal())
+        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
+        x, u = (x, u) if signed else (np.abs(x), np.abs(u))
+        own = _own(system, t, x, u, {**(params or {}), **values})
+        if own is not None:
+            p = program.arguments({**(params or {}), **values})
+            ours = np.concatenate(program.values(t, x, u, p))
+            compared += _compare(program, own, ours, (t, x, u, p))
+    system._update_params(params)
+    if not compared and program.xdot + program.y:
+        raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
+
+
+def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
+    """The system's rates and outputs; None if there are none at this point.
+
+    python-control reports some loops that have an answer as algebraic; these are evaluated
+    block by block.
+    """
+    system._update_params(params)
+    try:
+        with np.errstate(all="ignore"):
+            return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
+    except ArithmeticError:
+        return None
+    except RuntimeError:
+        at = Instant(system)
+    try:
+        parts = at.inside_rates(system, t, x, u), at.inside_outputs(system, t, x, u)
+        return np.concatenate(parts)
+    except (RuntimeError, ArithmeticError, ValueError):
+        return None
+
+
+def _slack(program: Program, ours: np.ndarray, at: Sequence[Any]) -> np.ndarray:
+    """What rounding may change, for each value by itself: its change with arguments changed by
+    NEAR of their size, where large terms cancel."""
+    random, slack = np.random.default_rng(0), np.full(len(ours), 1e-300)
+    for _ in range(4):
+        t, x, u, p = (a * (1 + NEAR * random.choice([-1.0, 1.0], np.shape(a))) for a in at)
+        with np.errstate(all="ignore"):
+            moved = np.concatenate(program.values(t, x, u, p))
+            slack = np.fmax(slack, 10 * np.abs(moved - ours))
+    return slack
+
+
+def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
+    """Whether the point is usable: some value is finite."""
+    bad = ~np.isclose(ours, own, rtol=1e-9, atol=0.0, equal_nan=True)
+    if np.any(bad):
+        slack = _slack(program, ours, at)
+        bad = ~np.isclose(ours, own, rtol=1e-9, atol=slack, equal_nan=True)
+    if np.any(bad):
+        label = (program.states + program.outputs)[int(np.flatnonzero(bad)[0])]
+        raise Differs(
+            f"{program.name}: the traced equation of {label} differs from the system's own "
+            "(does a block keep values between calls, or draw random numbers?)"
+        )
+    return bool(np.any(np.isfinite(own)))
 
 
 @dataclass(frozen=True, eq=False)
