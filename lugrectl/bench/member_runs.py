@@ -21,8 +21,8 @@ from ..core.progress import Progress
 from ..estimates.fitted import Fitted
 from ..estimates.members import Belief, refuse_unknown
 from ..record import Record
-from ..simulation.encoder import Sensing, sensing_of
-from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sine, speed_of
+from ..simulation.encoder import Sensing
+from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sensing_of, sine, speed_of
 
 
 def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
@@ -113,21 +113,15 @@ def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last
         return Rest(RESTS, size)
     if min(size, was) > still and (last or size >= SHRINKS * was):
         return Rest(HUNTS, size)
-    stays = not _one_way(u[-2 * third :], range_u) or moved <= SETTLES * np.ptp(u[before])
+    # a torque moves one way along a line, by more than it lies about it, and not too slowly
+    means = np.array([np.mean(part) for part in np.array_split(u[-2 * third :], BLOCKS)])
+    place = np.arange(BLOCKS)
+    line = np.polyval(np.polyfit(place, means, 1), place)
+    least = max(LINE * np.max(np.abs(means - line)), SLOW * range_u)
+    stays = abs(line[-1] - line[0]) <= least or moved <= SETTLES * np.ptp(u[before])
     if max(size, was) <= still and stays:
         return Rest(RESTS, size)
     return Rest(UNDECIDED, max(size, was))
-
-
-def _one_way(u: np.ndarray, range_u: float) -> bool:
-    """Whether the torque moves along a line, by far more than it lies about it, and not too
-    slowly.
-    """
-    means = np.array([np.mean(part) for part in np.array_split(u, BLOCKS)])
-    place = np.arange(BLOCKS)
-    line = np.polyval(np.polyfit(place, means, 1), place)
-    moved = abs(line[-1] - line[0])
-    return bool(moved > max(LINE * np.max(np.abs(means - line)), SLOW * range_u))
 
 
 @dataclass(frozen=True)
@@ -141,9 +135,7 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What is equal for all members: controller, belief, sensor, and a sine of the speed from
-    rest.
-    """
+    """What is equal for all members: controller, belief, sensor, a sine of the speed from rest."""
 
     task: Task
     sensing: Sensing
@@ -205,9 +197,7 @@ def _built(
 
 
 def grows(setting: Setting) -> bool:
-    """Return whether the loop without compensation and dry friction swings ever more after a
-    step.
-    """
+    """Return whether the loop without dry friction swings ever more after a step."""
     known = setting.task.model.known()
     free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
     task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
@@ -251,9 +241,7 @@ class Waiting:
     still: float
 
     def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return a :class:`Rest` of each: after a stop and after a step without noise, the worse
-        of both.
-        """
+        """Return a :class:`Rest` of each, without noise: the worse after a stop and a step."""
         starts = (self.setting.stopped, self.setting.stepped)
         return np.array([max(self._rest(model, start) for start in starts) for model, _ in members])
 

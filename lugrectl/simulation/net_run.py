@@ -87,8 +87,10 @@ def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool
     grid, ticks = t, []
     for dt in periods:
         first, last = np.ceil(t[0] / dt - NEAR), np.floor(t[-1] / dt + NEAR)
-        ticks.append(dt * np.arange(first, last + 1))
-        grid = _joined(grid, ticks[-1], near)
+        ticks.append(more := dt * np.arange(first, last + 1))
+        if len(more):  # those that are not in the grid
+            new = more[np.abs(grid[_nearest(grid, more)] - more) > near]
+            grid = np.sort(np.concatenate([grid, new]))
     flags = np.zeros((len(periods), len(grid)))
     for row, own in zip(flags, ticks, strict=True):
         row[_nearest(grid, own)] = 1.0
@@ -100,14 +102,6 @@ def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool
     else:
         given = np.array([np.interp(grid, t, row) for row in u]).reshape(len(u), len(grid))
     return Course(grid, given, flags, column, hold)
-
-
-def _joined(grid: np.ndarray, more: np.ndarray, near: float) -> np.ndarray:
-    """The grid, with the other times added that are not in it."""
-    if not len(more):
-        return grid
-    new = more[np.abs(grid[_nearest(grid, more)] - more) > near]
-    return np.sort(np.concatenate([grid, new]))
 
 
 def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:

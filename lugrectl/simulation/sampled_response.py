@@ -151,20 +151,15 @@ def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
         return (Part(plant, tuple(plant.input_labels), tuple(plant.output_labels)), *logic)
     late = [k + LATE for k in acting]
     entries = tuple(k + LATE if k in acting else k for k in plant.input_labels)
-    line = _line(len(acting), delay)
+    n, functions = len(acting), [_Delay(len(acting), moves) for moves in (True, False)]
+    line = ct.nlsys(*functions, inputs=n, outputs=n, states=n * delay, dt=True, name="delay")
     first = Part(plant, entries, tuple(plant.output_labels))
     return (first, *logic, Part(line, tuple(acting), tuple(late), 0))
 
 
-def _line(n: int, samples: int) -> Any:
-    """n signals in a row of samples."""
-    functions = _Delay(n, moves=True), _Delay(n, moves=False)
-    return ct.nlsys(*functions, inputs=n, outputs=n, states=n * samples, dt=True, name="delay")
-
-
 @dataclass(frozen=True)
 class _Delay:
-    """How the row moves on, or what leaves it."""
+    """n signals in a row of samples: how the row moves on, or what leaves it."""
 
     n: int
     moves: bool

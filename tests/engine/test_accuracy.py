@@ -7,6 +7,7 @@ from math import exp
 
 import control as ct
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
@@ -17,6 +18,7 @@ from ..benchmarks import item
 from ..conftest import there
 
 
+@pytest.mark.parametrize("way", ["c", "numba", "python"], indirect=True)
 def test_the_work_item_is_right_to_1e_6(way: str) -> None:
     """Against Runge-Kutta on equations written by hand; the two backends agree as closely."""
     ours = lg.simulate(item.loop(), item.t, item.r, item.x0)

@@ -32,6 +32,7 @@ def runs(system, backend: str, count: int = 3, samples: int = 200, **options):
     return lanes.run(x0, start, samples - 10 * count, u, p, dt=DT, **options)
 
 
+@pytest.mark.parametrize("backend", ["numba", "c"], indirect=True)
 @pytest.mark.parametrize(
     "make", [lambda: lg.plant(full_model()), lambda: velocity_loop(lg.plant(lg.table1()))]
 )

@@ -78,7 +78,7 @@ def test_a_coarse_encoder_in_a_loop_is_right():
     assert found == pytest.approx(own.outputs[0], abs=2e-4)
 
 
-@pytest.mark.parametrize("backend", ["python", "numba", "c"])
+@pytest.mark.parametrize("backend", ["python", "c"])
 def test_every_backend_rounds_alike(backend):
     engine = Adaptive(trace(quantised()), there(backend))
     u, start = 0.2 * np.cos(T)[None], np.array([1.0, 0.0])

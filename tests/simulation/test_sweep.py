@@ -49,9 +49,8 @@ def test_members_are_what_simulate_gives_one_by_one() -> None:
         assert np.array_equal(s.y[i], both)
 
 
-@pytest.mark.parametrize("way", ["c", "numba"])
-def test_compiled_on_threads_as_in_plain_python(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    made_by = there(way)
+def test_compiled_on_threads_as_in_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_by = there("c")
     plain = lg.sweep(lag(), T, 1.0, TABLE)
     monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     for jobs, chunk in ((2, 2), (1, None), (3, 1)):

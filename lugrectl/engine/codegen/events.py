@@ -189,7 +189,12 @@ def sliding(
     matrix = [
         [make("where", on[i], gains[i, j], one if i == j else 0.0) for j in apart] for i in apart
     ]
-    right = [make("where", on[i], _rate(program, leads[i], smooth), 0.0) for i in apart]
+    right = []
+    for i in apart:  # the time derivative of the switching function
+        terms = [_along(program, leads[i], smooth), derivatives([leads[i]], program.t)[0]]
+        for k, u in enumerate(program.u):
+            terms.append(derivatives([leads[i]], u)[0] * program.graph.symbol(f"du{k}"))
+        right.append(make("where", on[i], program.graph.total(terms), 0.0))
     parts = dict(zip(apart, SparseLU(program.graph, matrix).solve(right), strict=True))
     rates = list(smooth)
     for i, steps in apart.items():
@@ -209,14 +214,6 @@ def _along(program: Program, lead: Node, motion: Sequence[Node]) -> Node:
     """The change of a switching function with the states."""
     pairs = zip(program.x, motion, strict=False)
     return program.graph.total(derivatives([lead], x)[0] * step for x, step in pairs)
-
-
-def _rate(program: Program, lead: Node, xdot: Sequence[Node]) -> Node:
-    """Time derivative of a switching function."""
-    terms = [_along(program, lead, xdot), derivatives([lead], program.t)[0]]
-    slopes = (program.graph.symbol(f"du{i}") for i in range(len(program.u)))
-    terms += [derivatives([lead], u)[0] * d for u, d in zip(program.u, slopes, strict=True)]
-    return program.graph.total(terms)
 
 
 def _at_zero(gain: Node, lead: Node) -> bool:

@@ -105,8 +105,15 @@ class Relays:
             shares.append(make("where", over, part, 1.0))
             lands = make("logical_and", jumps, make("logical_and", now <= near, now < before))
             made[f"land{relay.place}"] = make("where", lands, 1.0, 0.0)
-            if relay.turning:
-                slips.append(HELD * self._slip(relay) / scale)
+            if relay.turning:  # what the state would have moved since, were it not held
+                h = self._symbol("h")
+                later = {x.index: self._symbol(f"n{i}") for i, x in enumerate(self.program.x)}
+                end = self.program.t + h
+                later |= {self.program.t.index: end, self._symbol("begin").index: end}
+                up, down = rename([relay.up, relay.down], later)
+                pull = h * make("maximum", make("maximum", up, -down), 0.0)
+                free = self._symbol(f"free{relay.place}") > 0.0
+                slips.append(HELD * make("where", free, 0.0, pull) / scale)
         made["share"] = shares[0]
         for share in shares[1:]:
             made["share"] = make("minimum", made["share"], share)
@@ -130,15 +137,6 @@ class Relays:
             "shorten": shorten,
             "landed": "".join(joined.format(land) for land in lands),
         }
-
-    def _slip(self, relay: Relay) -> Node:
-        graph, program = self.program.graph, self.program
-        h, make = graph.symbol("h"), graph.make
-        later = {x.index: graph.symbol(f"n{i}") for i, x in enumerate(program.x)}
-        later |= {program.t.index: program.t + h, graph.symbol("begin").index: program.t + h}
-        up, down = rename([relay.up, relay.down], later)
-        pull = make("maximum", make("maximum", up, -down), 0.0)
-        return make("where", self._symbol(f"free{relay.place}") > 0.0, 0.0, h * pull)
 
     def _symbol(self, name: str) -> Node:
         return self.program.graph.symbol(name)

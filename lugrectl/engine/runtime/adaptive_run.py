@@ -318,35 +318,28 @@ class Held(Adaptive):
             self._signals(t, x, u, b, p, y)
         return y
 
-    def _chosen(self, points: int) -> str:
-        if getattr(_HERE, "plain", False):
-            return "python"
-        self._points += points
-        few = FEW if self.program.x else 25 * FEW
-        return self.backend or (self._points > few and compiler()) or "python"
-
     def _call(self, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
         """Call the generated function; with lists in plain Python, where they are faster."""
         *arrays, hold, p, rtol, floor = fixed
-        backend = self._chosen(len(arrays[0]))
+        self._points += len(arrays[0])
+        few = FEW if self.program.x else 25 * FEW
+        backend = self.backend or (self._points > few and compiler()) or "python"
+        backend = "python" if getattr(_HERE, "plain", False) else backend
         if backend not in self._runs:
             assert self.hybrid.tick is not None
             text = held_code(self.hybrid, self.hybrid.tick, kind_of(backend))
             self._runs[backend] = load_steps(text, backend).alternate
         run = self._runs[backend]
         if backend != "python":
-            arrays = [_plain(a) for a in (*arrays, p)]
+            kinds = [float if a.dtype.kind == "f" else np.int64 for a in (*arrays, p)]
+            pairs = zip((*arrays, p), kinds, strict=True)
+            arrays = [np.require(a, kind, ["C", "W"]) for a, kind in pairs]
             return run(*arrays[:-1], bool(hold), arrays[-1], rtol, floor, *now, *out, status)
         arrays, lists, kept = ([a.tolist() for a in group] for group in (arrays, now, out))
         code = run(*arrays, bool(hold), p.tolist(), rtol, floor, *lists, *kept, status)
         for target, rows in zip([*now, *out], [*lists, *kept], strict=True):
             target[...] = np.array(rows).reshape(target.shape)
         return code
-
-
-def _plain(values: np.ndarray) -> np.ndarray:
-    kind = float if values.dtype.kind == "f" else np.int64
-    return np.require(values, kind, ["C", "W"])
 
 
 def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
@@ -234,7 +234,7 @@ def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ..
     made = path.with_suffix(SUFFIX)
     if not is_sound(made):
         keep(path, text)
-        _build(compiler, path, made, flags)
+        _build([*compiler, *flags], path, made)
         seal(made)
     return made
 
@@ -252,14 +252,14 @@ def _compiler() -> tuple[str, ...]:
     return (found, *words[1:])
 
 
-def _build(compiler: tuple[str, ...], path: Path, made: Path, flags: tuple[str, ...]) -> None:
+def _build(command: Sequence[str], path: Path, made: Path) -> None:
     with whole(made) as part:
-        command = [*compiler, *flags, "-o", str(part), str(path), "-lm"]
+        command = [*command, "-o", str(part), str(path), "-lm"]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
         if done.returncode:
             lines = [k for k in done.stderr.splitlines() if "error" in k] or [done.stderr]
             raise InputError(
-                f"{compiler[0]} cannot compile: {lines[0]} Set CC to nothing to do without it."
+                f"{command[0]} cannot compile: {lines[0]} Set CC to nothing to do without it."
             )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from graphlib import TopologicalSorter
 from itertools import product
 from typing import Any
 
@@ -98,13 +99,7 @@ def _ordered(reads: Sequence[Sequence[int]]) -> list[list[int]]:
     count, of = connected_components(reach, connection="strong")
     members = [np.flatnonzero(of == c).tolist() for c in range(count)]
     needs = [{int(of[m]) for k in group for m in reads[k]} - {c} for c, group in enumerate(members)]
-    order: list[int] = []
-    waiting = list(range(count))
-    while waiting:
-        ready = [c for c in waiting if needs[c] <= {*order}]
-        order += ready
-        waiting = [c for c in waiting if c not in ready]
-    return [members[c] for c in order]
+    return [members[c] for c in TopologicalSorter(dict(enumerate(needs))).static_order()]
 
 
 def _solved(

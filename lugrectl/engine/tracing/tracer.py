@@ -156,23 +156,16 @@ def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np
         return None
 
 
-def _slack(program: Program, ours: np.ndarray, at: Sequence[Any]) -> np.ndarray:
-    """What rounding may change, for each value by itself: its change with arguments changed by
-    NEAR of their size, where large terms cancel."""
-    random, slack = np.random.default_rng(0), np.full(len(ours), 1e-300)
-    for _ in range(4):
-        t, x, u, p = (a * (1 + NEAR * random.choice([-1.0, 1.0], np.shape(a))) for a in at)
-        with np.errstate(all="ignore"):
-            moved = np.concatenate(program.values(t, x, u, p))
-            slack = np.fmax(slack, 10 * np.abs(moved - ours))
-    return slack
-
-
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
     """Whether the point is usable: some value is finite."""
     bad = ~np.isclose(ours, own, rtol=1e-9, atol=0.0, equal_nan=True)
     if np.any(bad):
-        slack = _slack(program, ours, at)
+        slack, random = np.full(len(ours), 1e-300), np.random.default_rng(0)
+        for _ in range(4):  # what rounding may change of each value, where large terms cancel
+            t, x, u, p = (a * (1 + NEAR * random.choice([-1.0, 1.0], np.shape(a))) for a in at)
+            with np.errstate(all="ignore"):
+                moved = np.concatenate(program.values(t, x, u, p))
+                slack = np.fmax(slack, 10 * np.abs(moved - ours))
         bad = ~np.isclose(ours, own, rtol=1e-9, atol=slack, equal_nan=True)
     if np.any(bad):
         label = (program.states + program.outputs)[int(np.flatnonzero(bad)[0])]
@@ -250,10 +243,10 @@ def trace(
     return program
 
 
-def single(system: Any, exact: Sequence[int] = ()) -> Program:
+def single(system: Any) -> Program:
     """The equations of a system in continuous or discrete time, with the parameters that are set,
-    not yet checked. The states ``exact`` of dead times are the delayed signals: :class:`Graph`."""
-    return _Tracer(Net.of(system, sampled=False), exact).program()
+    not yet checked."""
+    return _Tracer(Net.of(system, sampled=False)).hybrid(False, ()).flow
 
 
 def traced_net(
@@ -266,14 +259,14 @@ def traced_net(
     """The equations of a net, not yet checked: :meth:`Hybrid.check`.
 
     Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
-    themselves. Without ``ticks`` the sampled parts are not traced.
+    themselves. Without ``ticks`` the sampled parts are not traced. The states ``exact`` of dead
+    times are the delayed signals: :class:`Graph`.
     """
     for part in net.parts:
         part.block._update_params(params)
     if net.alone and not net.groups:
-        system = net.parts[0].block
-        program = single(system, exact)
-        return Hybrid(net, program, None, ((program, system),))
+        made = _Tracer(net, exact).hybrid(False, ())
+        return replace(made, blocks=((made.flow, net.parts[0].block),))
     own = [part.block for part in net.parts if ticks or not part.sampled]
     blocks = tuple((single(block), block) for block in own)
     return _Tracer(net, exact).hybrid(ticks and net.groups > 0, blocks)
@@ -309,21 +302,18 @@ class _Tracer:
         self.values: dict[int, dict[str, Any]] = {}
         self.answers: dict[Any, list[Node]] = {}
         for part in net.parts:
-            self._collect(list(blocks_in(part.block)))
+            blocks = list(blocks_in(part.block))
+            self.values |= {id(block): dict(block._current_params) for block in blocks}
+            for own in (True, False):  # the blocks' own keys first: overrides change no order
+                for block in blocks:
+                    keys = [k for k in block._current_params if (k in block.params) is own]
+                    self.values[id(block)] |= {k: self._symbol(block, k) for k in keys}
 
     def _symbols(self, letter: str, count: int) -> tuple[Node, ...]:
         return tuple(self.graph.symbol(f"{letter}{i}") for i in range(count))
 
-    def _collect(self, blocks: Sequence[Any]) -> None:
-        """One symbol for each numeric parameter: blocks with equal key and value share it."""
-        for block in blocks:
-            self.values[id(block)] = dict(block._current_params)
-        for own in (True, False):  # the blocks' own keys first: overrides do not change the order
-            for block in blocks:
-                keys = [k for k in block._current_params if (k in block.params) is own]
-                self.values[id(block)] |= {k: self._symbol(block, k) for k in keys}
-
     def _symbol(self, block: Any, key: str) -> Any:
+        """The symbol of a numeric parameter: blocks with equal key and value share it."""
         value = block._current_params[key]
         if not isinstance(value, (int, float, np.number)) or isinstance(value, bool):
             return value
@@ -332,12 +322,6 @@ class _Tracer:
         slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node, width))
         slot.users.append(block.name)
         return slot.node
-
-    def program(self) -> Program:
-        """The equations of a system alone."""
-        system = self.net.parts[0].block
-        xdot, y = (part(system, self.x, self.u) for part in (self._rates, self._outputs))
-        return self._named(system.state_labels, system.input_labels, xdot, y, [*xdot, *y])
 
     def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
         net, held = self.net, self._held()
@@ -357,29 +341,18 @@ class _Tracer:
                 for row, still in zip(outputs, held, strict=True)
             ]
         y = self._linear(net.gather, [*chain(*outputs)])
-        names = [*net.outside, *(net.parts[i].outputs[j] for i, j in net.held)]
-        roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
-        return Hybrid(
-            net, self._named(net.states(sampled=False), names, xdot, y, roots), tick, blocks
-        )
+        return Hybrid(net, self._named(xdot, y, tick), tick, blocks)
 
-    def _named(
-        self,
-        states: Sequence[str],
-        inputs: Sequence[str],
-        xdot: Sequence[Node],
-        y: Sequence[Node],
-        roots: Sequence[Node],
-    ) -> Program:
-        """The program of these equations, without parameters that entered the roots as numbers."""
-        seen = symbols_in(roots)
+    def _named(self, xdot: Sequence[Node], y: Sequence[Node], tick: Tick | None) -> Program:
+        """The program of these equations, without parameters that entered them as numbers."""
+        net, seen = self.net, symbols_in([*xdot, *y, *(tick.new_q + tick.new_h if tick else ())])
         slots = [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
         keys = [slot.key for slot in slots]
         return Program(
-            name=self.net.name,
-            states=tuple(states),
-            inputs=tuple(inputs),
-            outputs=self.net.signals,
+            name=net.name,
+            states=net.states(sampled=False),
+            inputs=(*net.outside, *(net.parts[i].outputs[j] for i, j in net.held)),
+            outputs=net.signals,
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),
@@ -525,7 +498,12 @@ class _Tracer:
         try:
             result = function(self.t, *signals, dict(numbers))
         except Exception as error:
-            raise TraceError(_blame(block, function, error)) from error
+            frames = traceback.extract_tb(error.__traceback__)
+            file = getattr(getattr(function, "__code__", None), "co_filename", None)
+            own = [f for f in frames if f.filename == file]
+            place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
+            kind = "" if isinstance(error, TraceError) else f"{type(error).__name__}: "
+            raise TraceError(f"block {block.name}{place}: {kind}{error}") from error
         needed = dict(numbers)
         for key in [k for k, v in numbers.items() if known[k] is not v]:
             try:
@@ -559,13 +537,3 @@ def smooth_keys(system: Any) -> frozenset[str]:
         for key, width in getattr(block.outfcn, "widths", {}).items()
         if block._current_params[key] > width
     )
-
-
-def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:
-    """A message with the block, the line and the reason."""
-    frames = traceback.extract_tb(error.__traceback__)
-    file = getattr(getattr(function, "__code__", None), "co_filename", None)
-    own = [f for f in frames if f.filename == file]
-    place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
-    kind = "" if isinstance(error, TraceError) else f"{type(error).__name__}: "
-    return f"block {block.name}{place}: {kind}{error}"
