@@ -227,29 +227,6 @@ def test_a_load_is_asked_for_where_the_law_has_no_coulomb_friction():
 NAMES = [k.removesuffix("_observer") for k in members("observer") if k != "no_observer"]
 
 
-AFFINE = [
-    lg.friction_state_observer(P),
-    lg.normal_force_observer(P),
-    lg.lyapunov_observer(P),
-    lg.general_coulomb_observer(P),
-    lg.adaptive_slotine_li(),
-    lg.dual_observer_control(P),
-    lg.backstepping_smc(P),
-    lg.repetitive_control(P),
-]
-
-
-@pytest.mark.parametrize("made", AFFINE, ids=[made.name for made in AFFINE])
-def test_blocks_have_a_sampled_form(made):
-    """With held inputs it is the continuous block at the samples."""
-    t, inputs = STEP * np.arange(40), [0.02, 0.3, 0.1][: made.ninputs]
-    held = lg.sampled(made, STEP)
-    rows = np.repeat(np.array(inputs)[:, None], len(t), axis=1)
-    one = lg.simulate(held, t, rows).outputs
-    two = lg.simulate(made, t, rows, method="LSODA", rtol=1e-9).outputs
-    np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-7)
-
-
 @longer
 @pytest.mark.parametrize("name", NAMES)
 def test_every_observer_compensates(name):

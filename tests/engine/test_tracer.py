@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import InputError
-from lugrectl.engine import AlgebraicLoop, TraceError, trace
+from lugrectl.engine import TraceError, trace
 from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
 from lugrectl.simulation.response import simulate
 
@@ -43,15 +43,6 @@ def _assert_same_equations(system: ct.NonlinearIOSystem) -> None:
         xdot, y = program.values(t, x, u)
         np.testing.assert_allclose(xdot, system.dynamics(t, x, u), rtol=1e-14, atol=1e-14)
         np.testing.assert_allclose(y, system.output(t, x, u), rtol=1e-14, atol=1e-14)
-
-
-def test_parameters_stay_arguments() -> None:
-    plant = lg.plant(lg.table1())
-    program = trace(plant)
-    changed = {"plant.Fc": 0.2, "plant.J": 0.01}
-    x, u = np.array([0.1, 0.3, 1e-3]), np.array([0.5, 0.1])
-    xdot, _ = program.values(0.0, x, u, program.arguments(changed))
-    np.testing.assert_allclose(xdot, plant.dynamics(0.0, x, u, changed), rtol=1e-14)
 
 
 def test_one_key_with_two_defaults_gives_two_parameters() -> None:
@@ -178,15 +169,6 @@ def test_derivative_is_the_limit_of_differences(recipe, a: float, b: float) -> N
     high, low = (build([a + s, b])[-1] for s in (step, -step))
     if abs(high) < 1e3 and abs(exact) < 1e3:
         assert exact == pytest.approx((high - low) / (2 * step), rel=1e-5, abs=1e-5)
-
-
-def test_algebraic_loop_names_its_blocks_only() -> None:
-    def gain(name: str, source: str, target: str) -> ct.NonlinearIOSystem:
-        return static(lambda t, x, u, p: 0.5 * np.tanh(u[0]), source, target, name)
-
-    blocks = [gain("one", "a", "b"), gain("two", "b", "a"), gain("after", "b", "c")]
-    with pytest.raises(AlgebraicLoop, match="through one, two;"):
-        trace(ct.interconnect(blocks, inputs="a", outputs="c", check_unused=False))
 
 
 @pytest.mark.parametrize(
