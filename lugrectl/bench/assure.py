@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..blocks.aliases import name_of
-from ..blocks.model import Model
 from ..blocks.observers import observer_block
 from ..core.display import Row, noticed
 from ..core.display import number as figure
@@ -21,12 +21,12 @@ from ..core.validation import number, positive, share, whole
 from ..core.views import view
 from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
+from . import member_runs
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
 from .gains import controller, designed, fastest, lacking
 from .loop import Task, enough_samples, kind_of, unit_of
-from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, believed, grows
+from .member_runs import HUNTS, RESTS, Choice, Jobs, Pairs, Setting, believed, grows
 
-Pairs = Sequence[tuple[Model, int]]
 NOTHING = Choice()
 NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
 RESTING, UNSURE, BESIDE = RULES = ("rests", "does not hunt", "swings no farther than without")
@@ -330,7 +330,8 @@ def assure(
     ]
     best, rule = chosen(tries, halves, part_of(report, 0.25, 0.9))
     compared = [NOTHING] if best is NOTHING else [NOTHING, best]
-    errors = run(Tracking(setting, compared), part_of(report, 0.9, 1.0), pairs[count:])
+    work = partial(member_runs.tracking, setting, compared)
+    errors = run(work, part_of(report, 0.9, 1.0), pairs[count:])
     return _answer(tries, halves, (best, rule), errors, beliefs)
 
 
@@ -450,7 +451,7 @@ class Standstill:
         rows = self.seen.get(key, np.zeros((0, 2)))
         while len(rows) < len(self.pairs) and (fails is None or fails(rows).sum() <= self.most):
             more = self.pairs[len(rows) : max(FIRST, MORE * len(rows))]
-            work = Waiting(self.setting, choice, self.still)
+            work = partial(member_runs.waiting, self.setting, choice, self.still)
             rows = self.seen[key] = np.vstack([rows, self.run(work, reporter(False), more)])
         return rows
 
@@ -491,7 +492,8 @@ class Tries:
     def add(self, choices: Sequence[Choice], report: Progress) -> None:
         """Try these, too, where they are new."""
         choices = [one for one in choices if one not in self.choices]
-        errors = self.run(Tracking(self.setting, [NOTHING, *choices]), report, self.pairs)
+        work = partial(member_runs.tracking, self.setting, [NOTHING, *choices])
+        errors = self.run(work, report, self.pairs)
         none, self.none = errors[:, 0], self._upper(errors[:, 0])
         self.choices += choices
         for choice, own in zip(choices, errors.T[1:], strict=True):

@@ -94,10 +94,6 @@ class Rest(NamedTuple):
     fate: float
     swing: float
 
-    @classmethod
-    def diverged(cls) -> Rest:
-        return cls(HUNTS, math.inf)
-
 
 def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last: bool) -> Rest:
     """What the last thirds of a run say of a swing above ``still``; ``last``: no longer one comes.
@@ -214,52 +210,39 @@ def grows(setting: Setting) -> bool:
     return now > before and now > NOISE * first
 
 
-@dataclass(frozen=True)
-class Tracking:
-    """The errors of members with several compensations: a function that can be sent."""
-
-    setting: Setting
-    choices: Sequence[Choice]
-
-    def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return RMS errors (members, choices)."""
-        made, columns = self.setting, []
-        rows, counted = made.rows(PERIODS), slice(made.samples(SETTLED), None)
-        for choice in self.choices:
-            loop = made.loop(choice)
-            own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
-            columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
-        return np.array(columns).T
+Pairs = Sequence[tuple[Model, int]]  # drives, each with the seed of its noise
 
 
-@dataclass(frozen=True)
-class Waiting:
-    """What becomes of members at rest with a compensation: a function that can be sent."""
+def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.ndarray:
+    """Return the RMS errors (members, choices) of members with several compensations."""
+    rows, counted, columns = setting.rows(PERIODS), slice(setting.samples(SETTLED), None), []
+    for choice in choices:
+        loop = setting.loop(choice)
+        own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
+        columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+    return np.array(columns).T
 
-    setting: Setting
-    choice: Choice
-    still: float
 
-    def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return a :class:`Rest` of each, without noise: the worse after a stop and a step."""
-        starts = (self.setting.stopped, self.setting.stepped)
-        return np.array([max(self._rest(model, start) for start in starts) for model, _ in members])
+def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> np.ndarray:
+    """Return a :class:`Rest` of each, without noise: the worse after a stop and after a step."""
+    loop, sensing, lengths = setting.loop(choice), setting.sensing.still(), setting.waits()
+    scale: Any = {"compensation.scale": choice.scale}
 
-    def _rest(self, model: Model, start: Any) -> Rest:
-        seen, sensing = Rest(UNDECIDED, math.inf), self.setting.sensing.still()
-        loop = self.setting.loop(self.choice)
-        scale: Any = {"compensation.scale": self.choice.scale}
-        for length in (lengths := self.setting.waits()):
+    def rest(model: Model, start: Any) -> Rest:
+        seen = Rest(UNDECIDED, math.inf)
+        for length in lengths:
             try:
                 done = loop.run(start(length), model, sensing, **scale)
             except Diverged:
-                return Rest.diverged()
-            theta, u = done["theta"][-length:], done["u_fb"]
-            last = length == lengths[-1]
-            seen = at_rest(theta, u[-length:], float(np.ptp(u)), self.still, last)
+                return Rest(HUNTS, math.inf)
+            theta, u, last = done["theta"][-length:], done["u_fb"], length == lengths[-1]
+            seen = at_rest(theta, u[-length:], float(np.ptp(u)), still, last)
             if seen.fate != UNDECIDED:
                 break
         return seen
+
+    starts = setting.stopped, setting.stepped
+    return np.array([max(rest(model, start) for start in starts) for model, _ in members])
 
 
 @dataclass(frozen=True)
@@ -269,9 +252,7 @@ class Jobs:
     executor: Executor | None
     number: int
 
-    def __call__(
-        self, work: Any, report: Progress, pairs: Sequence[tuple[Model, int]]
-    ) -> np.ndarray:
+    def __call__(self, work: Any, report: Progress, pairs: Pairs) -> np.ndarray:
         """Return what comes of all members, in order, done in chunks."""
         chunks = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
         found: dict[int, np.ndarray] = {}
