@@ -229,17 +229,6 @@ def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
     simulate(block, t, 1.0, params={"a": 2.5})
 
 
-def test_a_block_with_a_memory_of_its_own_is_not_trusted() -> None:
-    calls = []
-
-    def update(t, x, u, p):
-        calls.append(1)
-        return -len(calls) * x[0]
-
-    with pytest.raises(TraceError, match="differs"):
-        trace(moving(update, 1, "counter", 0))
-
-
 def test_discrete_time_is_refused() -> None:
     with pytest.raises(InputError, match="discrete"):
         trace(ct.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=0.1))

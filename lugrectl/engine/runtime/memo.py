@@ -57,10 +57,14 @@ def _inside(system: Any, by_trace: bool) -> Any:
         matrices = (system.A, system.B, system.C, system.D)
         parts = [_array(m) for m in matrices] if own_functions(system) else [None]
     else:
-        functions = [system.updfcn] if system.nstates else []
-        parts = [_function(f) for f in (*functions, system.outfcn)]
-        if None in parts:
-            return _equations(system) if by_trace else None
+        functions, parts = [system.updfcn] if system.nstates else [], []
+        for function in (*functions, system.outfcn):  # of this package, and the systems in it
+            ours = str(type(function).__module__).startswith("lugrectl.")
+            systems = function.rests_on() if ours and hasattr(function, "rests_on") else None
+            inside = [described(one, by_trace=False) for one in systems or ()]
+            if systems is None or None in inside:
+                return _equations(system) if by_trace else None
+            parts.append((function, *inside))
     return None if None in parts else tuple(parts)
 
 
@@ -75,16 +79,6 @@ def _equations(block: Any) -> Any:
     except Exception:  # the trace of the whole says which block, and why
         return None
     return None if program.fixed else program.outline()
-
-
-def _function(function: Any) -> Any:
-    """A function of this package and the systems that it works with."""
-    ours = str(type(function).__module__).startswith("lugrectl.")
-    systems = function.rests_on() if ours and hasattr(function, "rests_on") else None
-    if systems is None:
-        return None
-    inside = [described(system, by_trace=False) for system in systems]
-    return None if None in inside else (function, *inside)
 
 
 def _array(value: Any) -> Any:
