@@ -38,7 +38,8 @@ _HOMES = {
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.balance": "balance",
     "diagnosis.diagnose": "diagnose",
-    "sweeps": "Sweep sweep sweep_chunks",
+    "simulation.sweep": "sweep sweep_chunks",
+    "simulation.sweep_result": "Sweep",
     "core.errors": "Diverged InputError Refused",
     "diagnosis.fleet": "Fleet diagnose_each",
     "diagnosis.identify": "identify",
@@ -217,8 +218,5 @@ if TYPE_CHECKING:
     from .simulation.response import simulate  # noqa: F401
     from .simulation.sampled_block import sampled  # noqa: F401
     from .simulation.sampled_response import simulate_sampled  # noqa: F401
-    from .sweeps import (  # noqa: F401
-        Sweep,
-        sweep,
-        sweep_chunks,
-    )
+    from .simulation.sweep import sweep, sweep_chunks  # noqa: F401
+    from .simulation.sweep_result import Sweep  # noqa: F401

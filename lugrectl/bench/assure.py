@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..blocks.aliases import name_of
-from ..blocks.model import Model
 from ..blocks.observers import observer_block
 from ..core.display import Row, noticed
 from ..core.display import number as figure
@@ -21,12 +21,12 @@ from ..core.validation import number, positive, share, whole
 from ..core.views import view
 from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
+from . import member_runs
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
 from .gains import controller, designed, fastest, lacking
 from .loop import Task, enough_samples, kind_of, unit_of
-from .member_runs import HUNTS, RESTS, Choice, Jobs, Setting, Tracking, Waiting, believed, grows
+from .member_runs import HUNTS, RESTS, Choice, Jobs, Pairs, Setting, believed, grows
 
-Pairs = Sequence[tuple[Model, int]]
 NOTHING = Choice()
 NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
 RESTING, UNSURE, BESIDE = RULES = ("rests", "does not hunt", "swings no farther than without")
@@ -332,8 +332,9 @@ def assure(
     ]
     best, rule = chosen(tries, halves, part_of(report, 0.25, 0.9))
     compared = [NOTHING] if best is NOTHING else [NOTHING, best]
-    errors = run(Tracking(setting, compared), part_of(report, 0.9, 1.0), pairs[count:])
-    return Found(tries, halves, best, rule, hunts).answer(errors, beliefs)
+    work = partial(member_runs.tracking, setting, compared)
+    errors = run(work, part_of(report, 0.9, 1.0), pairs[count:])
+    return _answer(tries, halves, (best, rule), errors, beliefs)
 
 
 def _sensing(
@@ -367,79 +368,73 @@ def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str,
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What was chosen, by which of the RULES, and what it was compared with."""
+def _answer(
+    tries: Tries,
+    halves: Sequence[Standstill],
+    chosen: tuple[Choice, str],
+    errors: np.ndarray,
+    beliefs: Sequence[Belief],
+) -> Assurance:
+    """Return the result of a choice by one of the RULES; ``errors`` of members it has not seen."""
+    (best, rule), confidence, (first, last) = chosen, tries.confidence, halves
+    setting, tried = tries.setting, zip(tries.tried, tries.choices, strict=True)
+    none, own, task, sensing = errors[:, 0], errors[:, -1], setting.task, setting.sensing
+    swing, none_swing = (bound(last.rows(k)[:, 1], confidence) for k in (best, NOTHING))
+    return Assurance(
+        kind=task.kind,
+        scale=best.scale,
+        observer=best.observer and best.observer.removesuffix("_observer"),
+        gains=dict(best.gains),
+        controller=dict(task.controller),
+        confidence=confidence,
+        error=float(np.median(own)),
+        band=band(own),
+        bound=bound(own, confidence),
+        none=float(np.median(none)),
+        none_band=band(none),
+        hunts=last.outcomes(best),
+        none_hunts=last.outcomes(NOTHING),
+        swing=swing,
+        none_swing=none_swing,
+        still=last.still,
+        worse=Chance(int(np.sum(own > none)), len(own)),
+        unit=unit_of(task.kind, task.model),
+        tried=tuple(replace(one, hunts=first.share(choice)) for one, choice in tried),
+        errors={"assured": own, "none": none},
+        drive={
+            "rate": 1.0 / sensing.dt,
+            "dead_time": sensing.delay,
+            **{k: getattr(sensing, k) for k in ("resolution", "noise", "speed_noise")},
+            **{k: getattr(setting, k) for k in ("torque", "speed", "frequency")},
+        },
+        models=tuple((b.model.name, b.weight) for b in beliefs),
+        messages=_messages(tries, last, best, rule),
+    )
 
-    tries: Tries
-    halves: Sequence[Standstill]
-    best: Choice
-    rule: str
-    hunts: float
 
-    def answer(self, errors: np.ndarray, beliefs: Sequence[Belief]) -> Assurance:
-        """Return the result; ``errors`` of members that no choice has seen."""
-        best, confidence, (first, last) = self.best, self.tries.confidence, self.halves
-        setting, tried = self.tries.setting, zip(self.tries.tried, self.tries.choices, strict=True)
-        none, own, task, sensing = errors[:, 0], errors[:, -1], setting.task, setting.sensing
-        swing, none_swing = (bound(last.rows(k)[:, 1], confidence) for k in (best, NOTHING))
-        outcomes = last.outcomes(best)
-        return Assurance(
-            kind=task.kind,
-            scale=best.scale,
-            observer=best.observer and best.observer.removesuffix("_observer"),
-            gains=dict(best.gains),
-            controller=dict(task.controller),
-            confidence=confidence,
-            error=float(np.median(own)),
-            band=band(own),
-            bound=bound(own, confidence),
-            none=float(np.median(none)),
-            none_band=band(none),
-            hunts=outcomes,
-            none_hunts=last.outcomes(NOTHING),
-            swing=swing,
-            none_swing=none_swing,
-            still=last.still,
-            worse=Chance(int(np.sum(own > none)), len(own)),
-            unit=unit_of(task.kind, task.model),
-            tried=tuple(replace(one, hunts=first.share(choice)) for one, choice in tried),
-            errors={"assured": own, "none": none},
-            drive={
-                "rate": 1.0 / sensing.dt,
-                "dead_time": sensing.delay,
-                **{k: getattr(sensing, k) for k in ("resolution", "noise", "speed_noise")},
-                **{k: getattr(setting, k) for k in ("torque", "speed", "frequency")},
-            },
-            models=tuple((b.model.name, b.weight) for b in beliefs),
-            messages=self._messages(len(own), outcomes.unsure),
-        )
-
-    def _messages(self, count: int, unsure: float) -> tuple[str, ...]:
-        """Return what the choice does not show."""
-        part, said, setting = f"{100.0 * self.hunts:g} % of the drives", [], self.tries.setting
-        if count < (least := enough_at_rest(self.hunts)):
-            ends = 100.0 * Outcomes(0, count).ci95[1]
-            said.append(f"{count} drives cannot show that at most {part} hunt: if none of them "
-                        f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
-        if self.best is NOTHING and self.tries.better():
-            said.append(f"compensations that track better swing at rest on more than {part}, and "
-                        "farther than without compensation.")  # fmt: skip
-        elif self.best is not NOTHING and self.rule == BESIDE:
-            said.append(f"every compensation hunts on more than {part}; this one swings no farther "
-                        "than without compensation.")  # fmt: skip
-        if unsure:
-            seconds = setting.waits()[-1] * setting.sensing.dt
-            said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
-                        f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
-        return tuple(said)
+def _messages(tries: Tries, last: Standstill, best: Choice, rule: str) -> tuple[str, ...]:
+    """Return what the choice does not show."""
+    part, said, count = f"{100.0 * last.hunts:g} % of the drives", [], len(last.pairs)
+    if count < (least := enough_at_rest(last.hunts)):
+        ends = 100.0 * Outcomes(0, count).ci95[1]
+        said.append(f"{count} drives cannot show that at most {part} hunt: if none of them "
+                    f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
+    if best is NOTHING and tries.better():
+        said.append(f"compensations that track better swing at rest on more than {part}, and "
+                    "farther than without compensation.")  # fmt: skip
+    elif best is not NOTHING and rule == BESIDE:
+        said.append(f"every compensation hunts on more than {part}; this one swings no farther "
+                    "than without compensation.")  # fmt: skip
+    if unsure := last.outcomes(best).unsure:
+        seconds = last.setting.waits()[-1] * last.setting.sensing.dt
+        said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
+                    f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
+    return tuple(said)
 
 
 @dataclass(eq=False)
 class Standstill:
-    """What becomes of one half of the members at rest, with each choice; asked again it is
-    known.
-    """
+    """What becomes of one half of the members at rest, with each choice; each is run once."""
 
     run: Jobs
     pairs: Pairs
@@ -458,7 +453,7 @@ class Standstill:
         rows = self.seen.get(key, np.zeros((0, 2)))
         while len(rows) < len(self.pairs) and (fails is None or fails(rows).sum() <= self.most):
             more = self.pairs[len(rows) : max(FIRST, MORE * len(rows))]
-            work = Waiting(self.setting, choice, self.still)
+            work = partial(member_runs.waiting, self.setting, choice, self.still)
             rows = self.seen[key] = np.vstack([rows, self.run(work, reporter(False), more)])
         return rows
 
@@ -499,7 +494,8 @@ class Tries:
     def add(self, choices: Sequence[Choice], report: Progress) -> None:
         """Try these, too, where they are new."""
         choices = [one for one in choices if one not in self.choices]
-        errors = self.run(Tracking(self.setting, [NOTHING, *choices]), report, self.pairs)
+        work = partial(member_runs.tracking, self.setting, [NOTHING, *choices])
+        errors = self.run(work, report, self.pairs)
         none, self.none = errors[:, 0], self._upper(errors[:, 0])
         self.choices += choices
         for choice, own in zip(choices, errors.T[1:], strict=True):
@@ -517,18 +513,14 @@ class Tries:
         self.add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
 
     def better(self) -> list[Choice]:
-        """Return the choices that track better than none on nearly all drives, by their upper
-        error.
-        """
+        """Return the choices that track better than none on nearly all drives, the best first."""
         most, rows = 1.0 - self.confidence, zip(self.tried, self.choices, strict=True)
         able = [row for row in rows if row[0].worse <= most and row[0].upper < self.none]
         return [choice for _, choice in sorted(able, key=lambda row: row[0].upper)]
 
 
 def chosen(tries: Tries, halves: Sequence[Standstill], report: Progress) -> tuple[Choice, str]:
-    """Return the best choice that holds on both halves by the first of the RULES that has one,
-    and it.
-    """
+    """Return the best choice that holds on both halves, by the first of the RULES with one."""
 
     def holding(rule: str) -> Choice:
         for i, choice in enumerate(every := tries.better()):

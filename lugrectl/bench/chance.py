@@ -95,9 +95,7 @@ class Outcomes(Chance):
 
 
 def hunting_at_most(members: int, part: float) -> int:
-    """How many of them may hunt so that the interval of the chance ends at ``part``; -1: too
-    few.
-    """
+    """How many may hunt so that the interval of the chance ends at ``part``; -1: too few."""
     if part == 1.0:
         return members
     counts = np.arange(members)
@@ -129,9 +127,7 @@ def bound(values: np.ndarray, confidence: float) -> float:
 
 
 def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
-    """The interval in which a new member lies with this probability: below the k-th of n by k/(n
-    + 1).
-    """
+    """The interval of a new member with this probability: below the k-th of n by k/(n + 1)."""
     ordered, last, tail = np.sort(values), len(values) - 1, 0.5 * (1.0 - level)
     low = max(tail * (last + 2) - 1.0, 0.0)
     return between(ordered, low), between(ordered, last - low)

@@ -285,14 +285,19 @@ def compare_observers(
         raise InputError(f"{chosen[0]} cannot be compared: {why[chosen[0]]}")
     refused = {k.removesuffix("_observer"): v for k, v in why.items() if v is not None}
     terms = Terms(model, positive(k, "k", "1/s"), flag(equal, "equal"))
+    tried = rates if isinstance(rates, (list, tuple)) else [rates]
+    if number(resolution, "resolution") < 0.0:
+        raise InputError(f"resolution is {resolution:g}; give the step in rad, or 0 for none.")
+    if not tried:
+        raise InputError("rates is an empty list: give at least one sample rate in Hz.")
     levels = Levels(
         positive(wrong, "wrong", "as a factor of friction"),
         positive(over, "over", "as a factor of friction"),
         share(off, "off"),
         _load(load, model) if "load" in wanted else 0.0,
         positive(noise, "noise", "rad"),
-        _step(resolution),
-        _rates(rates),
+        float(resolution),
+        [positive(rate, "rates", "Hz") for rate in tried],  # pyright: ignore[reportArgumentType]
     )
     report, rows = reporter(progress), []
     for i, name in enumerate(able):
@@ -338,24 +343,9 @@ def _chosen_scenarios(wanted: Any) -> set[str]:
     return set(given)
 
 
-def _rates(wanted: Any) -> list[float]:
-    given = wanted if isinstance(wanted, (list, tuple)) else [wanted]
-    if not given:
-        raise InputError("rates is an empty list: give at least one sample rate in Hz.")
-    return [positive(rate, "rates", "Hz") for rate in given]
-
-
-def _step(resolution: float) -> float:
-    if number(resolution, "resolution") < 0.0:
-        raise InputError(f"resolution is {resolution:g}; give the step in rad, or 0 for none.")
-    return float(resolution)
-
-
 @dataclass(frozen=True)
 class Levels:
-    """How wrong friction is believed, everywhere and in "cycle"; the other parameters of all;
-    SI.
-    """
+    """How wrong friction is believed, everywhere and in "cycle"; how wrong all else is; SI."""
 
     wrong: float
     over: float
@@ -407,7 +397,7 @@ class Bench:
         kind = "velocity" if scenario == "velocity" else "position"
         if kind not in self.loops:
             self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
-        made, known = observer_block(self.name), self.terms.values()
+        made, known = observer_block(self.name), self.terms.model.known()
         factor = self.levels.wrong if factor is None else factor
         levels = (k for k in ("Fc", "Fs") if k in made.parameters)
         values = {f"{made.name}.{k}": factor * known[k] for k in levels}
@@ -464,7 +454,7 @@ class Bench:
     def parameters(self) -> float:
         """Return the largest speed error with one more parameter wrong: "J x0.8"."""
         made, off = observer_block(self.name), dict.fromkeys(OTHERS, self.levels.off)
-        errors, cases = {}, wrong(self.name, self.terms.values(), [(k,) for k in OTHERS], off)
+        errors, cases = {}, wrong(self.name, self.terms.model.known(), [(k,) for k in OTHERS], off)
         for case, values in cases.items():
             own = {f"{made.name}.{k}": v for k, v in values.items()}
             errors[case] = self._error("velocity", _reference(5.0), 1.0, **own)
@@ -495,9 +485,7 @@ class Bench:
         return self._error("velocity", _reference(5.0) | {"d": d}, 2.0)
 
     def delay(self) -> float | None:
-        """Return the largest dead time that keeps the error small; None where a run takes too
-        long.
-        """
+        """Return the largest dead time that keeps the error small; None: a run takes too long."""
         low, high = 0.0, LATEST
         for _ in range(HALVINGS if self.clean is not None else 0):
             middle = (low + high) / 2
@@ -539,7 +527,7 @@ class Bench:
 
     def _at_samples(self, sensing: Sensing) -> tuple[float, float]:
         """Return RMS from 0.5 to 1.5 s, and the largest speed error, of a sampled drive."""
-        rows, known = _reference(1.5, dt=sensing.dt), self.terms.values()
+        rows, known = _reference(1.5, dt=sensing.dt), self.terms.model.known()
         levels = {k: self.levels.wrong * known[k] for k in ("Fc", "Fs") if k in known}
         control = self.terms.control(self.name, "velocity", GAINS["velocity"], levels)
         try:

@@ -30,11 +30,10 @@ from ..loops.parts import OUTPUTS
 from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
-from ..simulation.recorded_sensing import sensing_of
 from ..simulation.response import simulate
 from .chance import between
 from .gains import controller, observer_gains
-from .loop import Course, SampledLoop, Task, course, kind_of, sorted_out, unit_of
+from .loop import Course, SampledLoop, Task, course, kind_of, sensing_of, sorted_out, unit_of
 
 ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {
@@ -460,29 +459,27 @@ class Three:
     ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
         """Return each loop's run and error, and a message for each loop that does not work."""
         runs, errors, messages = {}, dict[str, float](), []
+        rows, start = self.way.rows(self.task.kind), self.start
         for i, (key, system) in enumerate(loops.items()):
             report(i / len(loops), f"simulating the loop {LOOPS[key]}")
+            x0 = [start.get(state, 0.0) for state in system.state_labels]
             try:
                 with warnings.catch_warnings(record=True) as said:
                     warnings.simplefilter("always")
-                    runs[key] = run = self._run(system)
+                    done = simulate(system, self.way.t, np.vstack(list(rows.values())), x0)
             except Diverged as error:
                 errors[key] = math.inf
                 messages.append(
                     f"The loop {LOOPS[key]} is unstable; its simulation diverged ({error})"
                 )
                 continue
-            errors[key] = rms(run.y - run.r)
+            signals: dict[str, Any] = dict(zip(OUTPUTS, done.outputs, strict=True))
+            y = signals[MEASURED[self.task.kind]]
+            runs[key] = Run(self.way.t, rows["r"], y, signals["u"])
+            errors[key] = rms(y - rows["r"])
             messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
-            messages += _trouble(run, LOOPS[key])
+            messages += _trouble(runs[key], LOOPS[key])
         return runs, errors, messages
-
-    def _run(self, system: Any) -> Run:
-        rows, start = self.way.rows(self.task.kind), self.start
-        x0 = [start.get(state, 0.0) for state in system.state_labels]
-        response = simulate(system, self.way.t, np.vstack(list(rows.values())), x0)
-        outputs: dict[str, Any] = dict(zip(OUTPUTS, response.outputs, strict=True))
-        return Run(self.way.t, rows["r"], outputs[MEASURED[self.task.kind]], outputs["u"])
 
     def spread(self, record: Record, drives: Drives, report: Progress) -> Spread:
         """Return the tracking error of each loop on drives like the recorded one."""

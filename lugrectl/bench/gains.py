@@ -96,23 +96,18 @@ def observer_gains(
             f"the {name} observer copies LuGre friction, but {believed.name} has "
             f"'{believed.friction.block.name}' friction; choose observer='disturbance' or None."
         )
-    own |= dict(zip(("K1", "K2"), _placed(believed) if K1 is None else (K1, K2), strict=True))
+    known = believed.known()
+    critical = 2.0 * math.sqrt(known.get("J", 0.0) * known.get("sigma0", 0.0))
+    if K1 is not None:
+        own |= {"K1": K1, "K2": K2}
+    elif known.get("sigma1", math.inf) < LIGHT * critical:
+        # with sigma1 = 0 the errors at rest have the polynomial s^2 + (K2/J) s - K1 sigma0/J:
+        # this puts both poles at -sqrt(sigma0/J)
+        own |= {"K1": -1.0, "K2": critical}
+    else:
+        own |= design_gains(believed).gains
     plain = _plain(own)
     return Chosen(own, plain, certify(believed, own["K1"], own["K2"]) if numbers else None)
-
-
-def _placed(model: Model) -> tuple[Any, Any]:
-    """Return K1, K2 of ``design_gains``; with a small sigma1 those that place both poles at rest.
-
-    With sigma1 = 0 the errors at rest have the characteristic polynomial
-    s^2 + (K2/J) s - K1 sigma0/J: K1 = -1, K2 = 2 sqrt(J sigma0) put both poles at -sqrt(sigma0/J).
-    """
-    known = model.known()
-    critical = 2.0 * math.sqrt(known.get("J", 0.0) * known.get("sigma0", 0.0))
-    if known.get("sigma1", math.inf) < LIGHT * critical:
-        return -1.0, critical
-    design = design_gains(model)
-    return design.K1, design.K2
 
 
 def _plain(gains: Mapping[str, Any]) -> dict[str, Any]:

@@ -21,13 +21,14 @@ from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.validation import array, shown
-from ..engine.runtime.sampled_run import interpreted
+from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.findings import Table
 from ..loops.parts import MEASURED, OUTPUTS, Control, connected, read_of
 from ..record import Record
+from ..record.signal_noise import sensor_noise, smallest_step
 from ..simulation.encoder import Sensing, encoder
+from ..simulation.sampled_block import at_samples
 from ..simulation.sampled_response import COARSE, simulate_sampled
-from ..simulation.stepped_block import at_samples
 
 SAMPLES = 4000
 LONGEST = 30.0  # s of simulated time
@@ -141,6 +142,21 @@ def _range(record: Record | None) -> tuple[float, float, float, float]:
     return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
 
 
+def sensing_of(record: Record) -> Sensing:
+    """Rate, noise and step of the encoder, and the noise of a speed that was recorded."""
+    noise, resolution, speed_noise = 0.0, 0.0, None
+    if record.theta is not None:
+        step = max(record.resolution.get("theta", 0.0), smallest_step(record.theta))
+        size = sensor_noise(record.theta, step)
+        if step < 0.1 * size:  # numbers that are much finer than the noise have no step
+            noise = size
+        else:
+            noise, resolution = float(np.sqrt(max(size**2 - step**2 / 12.0, 0.0))), step
+    if record.w is not None:
+        speed_noise = sensor_noise(record.w, record.resolution.get("w", 0.0))
+    return Sensing(1.0 / record.rate, noise, resolution, speed_noise)
+
+
 _REASONS = (
     ("input", "it acts between the command and the motor"),
     ("sensor", "it acts on the sensor signals only"),
@@ -185,9 +201,7 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
 
 @dataclass(frozen=True)
 class _Resisting:
-    """What ``full`` resists at u = 0 beyond ``bare``; ``idle``: the friction is the same in
-    both.
-    """
+    """What ``full`` resists at u = 0 beyond ``bare``; ``idle``: both have the same friction."""
 
     full: Block
     bare: Block
@@ -224,9 +238,7 @@ TURNS = {"velocity": "rad/s", "position": "rad"}
 
 @dataclass(frozen=True)
 class Task:
-    """What loops share: drive, kind, gains, a table that acts on the drive, noise of the torque
-    or none.
-    """
+    """What loops share: drive, kind, gains, a table on the drive; ``noisy``: its torque is."""
 
     model: Model
     kind: str
@@ -319,9 +331,7 @@ class SampledLoop:
         seed: int = 0,
         **params: float,
     ) -> dict[str, np.ndarray]:
-        """Return the signals of a drive by name; ``torque`` is the noise of u in N m. Raises
-        Diverged.
-        """
+        """Return a drive's signals by name; ``torque``: noise of u in N m. Raises Diverged."""
         model, sensing = model or self.task.model, sensing or self.sensing
         body, names = self._body(model)
         t = sensing.dt * np.arange(len(rows["r"]))
@@ -397,13 +407,9 @@ class Terms:
     ahead: bool = False
     bodies: dict[Any, Any] = field(default_factory=dict)
 
-    def values(self) -> dict[str, float]:
-        """Return the parameters of the drive that have a value."""
-        return {k: v for k, v in self.model.values().items() if v is not None}
-
     def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
         """Return the gains of the controller beside an observer."""
-        known = self.values()
+        known = self.model.known()
         if not self.equal or corrected(name) or "sigma0" not in known:
             return dict(gains)
         extra = {"kp": self.k * known.get("sigma1", 0.0), "ki": self.k * known["sigma0"]}
@@ -426,9 +432,7 @@ class Terms:
         return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
 
     def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
-        """Return the loop in continuous time, with noise of position and velocity and the load
-        torque d.
-        """
+        """Return the loop in continuous time, with noise of position and velocity, and load d."""
         parts = [
             plant(self.model, inputs=["u_late", "d"]),
             dead_time(0.0, inputs=["u"], outputs=["u_late"]),
@@ -464,9 +468,7 @@ def corrected(name: str) -> bool:
 def wrong(
     name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
 ) -> dict[str, dict[str, float]]:
-    """Return what an observer may believe: each group of its parameters wrong together, each
-    way.
-    """
+    """Return what an observer may believe: each group of its parameters wrong, each way."""
     needs, cases = observer_block(name).parameters, {}
     for group in groups:
         keys = [k for k in group if k in needs and known.get(k)]

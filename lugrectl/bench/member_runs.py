@@ -22,8 +22,7 @@ from ..estimates.fitted import Fitted
 from ..estimates.members import Belief, refuse_unknown
 from ..record import Record
 from ..simulation.encoder import Sensing
-from ..simulation.recorded_sensing import sensing_of
-from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sine, speed_of
+from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sensing_of, sine, speed_of
 
 
 def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
@@ -95,10 +94,6 @@ class Rest(NamedTuple):
     fate: float
     swing: float
 
-    @classmethod
-    def diverged(cls) -> Rest:
-        return cls(HUNTS, math.inf)
-
 
 def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last: bool) -> Rest:
     """What the last thirds of a run say of a swing above ``still``; ``last``: no longer one comes.
@@ -114,21 +109,15 @@ def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last
         return Rest(RESTS, size)
     if min(size, was) > still and (last or size >= SHRINKS * was):
         return Rest(HUNTS, size)
-    stays = not _one_way(u[-2 * third :], range_u) or moved <= SETTLES * np.ptp(u[before])
+    # a torque moves one way along a line, by more than it lies about it, and not too slowly
+    means = np.array([np.mean(part) for part in np.array_split(u[-2 * third :], BLOCKS)])
+    place = np.arange(BLOCKS)
+    line = np.polyval(np.polyfit(place, means, 1), place)
+    least = max(LINE * np.max(np.abs(means - line)), SLOW * range_u)
+    stays = abs(line[-1] - line[0]) <= least or moved <= SETTLES * np.ptp(u[before])
     if max(size, was) <= still and stays:
         return Rest(RESTS, size)
     return Rest(UNDECIDED, max(size, was))
-
-
-def _one_way(u: np.ndarray, range_u: float) -> bool:
-    """Whether the torque moves along a line, by far more than it lies about it, and not too
-    slowly.
-    """
-    means = np.array([np.mean(part) for part in np.array_split(u, BLOCKS)])
-    place = np.arange(BLOCKS)
-    line = np.polyval(np.polyfit(place, means, 1), place)
-    moved = abs(line[-1] - line[0])
-    return bool(moved > max(LINE * np.max(np.abs(means - line)), SLOW * range_u))
 
 
 @dataclass(frozen=True)
@@ -142,9 +131,7 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What is equal for all members: controller, belief, sensor, and a sine of the speed from
-    rest.
-    """
+    """What is equal for all members: controller, belief, sensor, a sine of the speed from rest."""
 
     task: Task
     sensing: Sensing
@@ -206,9 +193,7 @@ def _built(
 
 
 def grows(setting: Setting) -> bool:
-    """Return whether the loop without compensation and dry friction swings ever more after a
-    step.
-    """
+    """Return whether the loop without dry friction swings ever more after a step."""
     known = setting.task.model.known()
     free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
     task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
@@ -225,54 +210,39 @@ def grows(setting: Setting) -> bool:
     return now > before and now > NOISE * first
 
 
-@dataclass(frozen=True)
-class Tracking:
-    """The errors of members with several compensations: a function that can be sent."""
-
-    setting: Setting
-    choices: Sequence[Choice]
-
-    def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return RMS errors (members, choices)."""
-        made, columns = self.setting, []
-        rows, counted = made.rows(PERIODS), slice(made.samples(SETTLED), None)
-        for choice in self.choices:
-            loop = made.loop(choice)
-            own: dict[str, Any] = {"torque": made.torque, "compensation.scale": choice.scale}
-            columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
-        return np.array(columns).T
+Pairs = Sequence[tuple[Model, int]]  # drives, each with the seed of its noise
 
 
-@dataclass(frozen=True)
-class Waiting:
-    """What becomes of members at rest with a compensation: a function that can be sent."""
+def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.ndarray:
+    """Return the RMS errors (members, choices) of members with several compensations."""
+    rows, counted, columns = setting.rows(PERIODS), slice(setting.samples(SETTLED), None), []
+    for choice in choices:
+        loop = setting.loop(choice)
+        own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
+        columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+    return np.array(columns).T
 
-    setting: Setting
-    choice: Choice
-    still: float
 
-    def __call__(self, members: Sequence[tuple[Model, int]]) -> np.ndarray:
-        """Return a :class:`Rest` of each: after a stop and after a step without noise, the worse
-        of both.
-        """
-        starts = (self.setting.stopped, self.setting.stepped)
-        return np.array([max(self._rest(model, start) for start in starts) for model, _ in members])
+def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> np.ndarray:
+    """Return a :class:`Rest` of each, without noise: the worse after a stop and after a step."""
+    loop, sensing, lengths = setting.loop(choice), setting.sensing.still(), setting.waits()
+    scale: Any = {"compensation.scale": choice.scale}
 
-    def _rest(self, model: Model, start: Any) -> Rest:
-        seen, sensing = Rest(UNDECIDED, math.inf), self.setting.sensing.still()
-        loop = self.setting.loop(self.choice)
-        scale: Any = {"compensation.scale": self.choice.scale}
-        for length in (lengths := self.setting.waits()):
+    def rest(model: Model, start: Any) -> Rest:
+        seen = Rest(UNDECIDED, math.inf)
+        for length in lengths:
             try:
                 done = loop.run(start(length), model, sensing, **scale)
             except Diverged:
-                return Rest.diverged()
-            theta, u = done["theta"][-length:], done["u_fb"]
-            last = length == lengths[-1]
-            seen = at_rest(theta, u[-length:], float(np.ptp(u)), self.still, last)
+                return Rest(HUNTS, math.inf)
+            theta, u, last = done["theta"][-length:], done["u_fb"], length == lengths[-1]
+            seen = at_rest(theta, u[-length:], float(np.ptp(u)), still, last)
             if seen.fate != UNDECIDED:
                 break
         return seen
+
+    starts = setting.stopped, setting.stepped
+    return np.array([max(rest(model, start) for start in starts) for model, _ in members])
 
 
 @dataclass(frozen=True)
@@ -282,9 +252,7 @@ class Jobs:
     executor: Executor | None
     number: int
 
-    def __call__(
-        self, work: Any, report: Progress, pairs: Sequence[tuple[Model, int]]
-    ) -> np.ndarray:
+    def __call__(self, work: Any, report: Progress, pairs: Pairs) -> np.ndarray:
         """Return what comes of all members, in order, done in chunks."""
         chunks = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
         found: dict[int, np.ndarray] = {}

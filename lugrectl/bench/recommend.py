@@ -30,10 +30,9 @@ from ..loops.parts import crossing
 from ..record import Record
 from ..record.as_record import as_record, is_record
 from ..simulation.encoder import Sensing
-from ..simulation.recorded_sensing import sensing_of
 from .compare import chosen_observers
 from .gains import LUGRE, correction, designed, fastest, unknown
-from .loop import SETTLED, Terms, enough_samples, sine, top_speed, unit_of, wrong
+from .loop import SETTLED, Terms, enough_samples, sensing_of, sine, top_speed, unit_of, wrong
 
 EXACT = "exact parameters"
 HELPS = 0.98  # of the error without an observer: above it an observer does not help
@@ -212,9 +211,24 @@ def reasons(
 ) -> tuple[str, ...]:
     """Sentences on a candidate; the first compares it with the others."""
     place = [one.name for one in order].index(row.name)
-    said = [
-        _leading(row, order, none, units) if place == 0 else _behind(row, order[0], none, units)
-    ]
+    most = f"{quantity(row.worst, units['e'])}{_with(row)}"
+    if place == 0:
+        text = f"Its error is at most {most}"
+        text += f"; without an observer it is {quantity(none, units['e'])}"
+        if len(order) > 1:
+            second = order[1]
+            text += f", with {second.name}, the next, up to {quantity(second.worst, units['e'])}"
+            if row.worst > second.worst or second.worst <= ALIKE * row.worst:
+                text += ", about the same; this one passes less noise to the torque"
+    else:
+        best = order[0]
+        times = row.worst / best.worst if best.worst > 0.0 else float("inf")
+        text = f"Its error is up to {most}, {figure(times, 3)} times that of {best.name}"
+        if row.worst > none:
+            text += " and larger than without an observer"
+        if not row.complete:
+            text += "; too large to try other wrong parameters"
+    said = [text + "."]
     knows = ", ".join(row.knows) or "no parameter of the drive"
     said.append(f"It reads {', '.join(row.reads)} and must know {knows}.")
     share = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level > 0.0 else ""
@@ -226,30 +240,6 @@ def reasons(
         said.append("With a load step the loop diverges.")
     said.append(certified(row.certificate))
     return tuple(said)
-
-
-def _leading(
-    row: Candidate, order: Sequence[Candidate], none: float, units: Mapping[str, str]
-) -> str:
-    text = f"Its error is at most {quantity(row.worst, units['e'])}{_with(row)}"
-    text += f"; without an observer it is {quantity(none, units['e'])}"
-    if len(order) > 1:
-        second = order[1]
-        text += f", with {second.name}, the next, up to {quantity(second.worst, units['e'])}"
-        if row.worst > second.worst or second.worst <= ALIKE * row.worst:
-            text += ", about the same; this one passes less noise to the torque"
-    return text + "."
-
-
-def _behind(row: Candidate, best: Candidate, none: float, units: Mapping[str, str]) -> str:
-    times = row.worst / best.worst if best.worst > 0.0 else float("inf")
-    text = f"Its error is up to {quantity(row.worst, units['e'])}{_with(row)}"
-    text += f", {figure(times, 3)} times that of {best.name}"
-    if row.worst > none:
-        text += " and larger than without an observer"
-    if not row.complete:
-        text += "; too large to try other wrong parameters"
-    return text + "."
 
 
 def _with(row: Candidate) -> str:
@@ -413,7 +403,13 @@ def recommend_observer(
     """
     model_first(p, record, "record")
     said = {k: v for k, v in locals().items() if k in KEYS}
-    model, record = _model(p, record)
+    if isinstance(p, Fitted):
+        own = getattr(p, "model", None)
+        if not isinstance(own, Model):
+            raise InputError("p: this result holds no model; give a model with all values.")
+        record, p = (p.record if record is None else record), own
+    model = as_model(p, "p").with_defaults()
+    plant(model)  # a missing value is named
     stand = _stand(model, drive_spec(record, said, model.motion), given_gains(gains))
     wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
     if not wanted:
@@ -434,18 +430,6 @@ def recommend_observer(
     alike = [row for row in rows if row.worst <= ALIKE * rows[0].worst]
     rows[: len(alike)] = sorted(alike, key=lambda row: row.noise)
     return _answer(rows, refused, none, stand)
-
-
-def _model(p: Any, record: Any) -> tuple[Model, Any]:
-    """Return the drive's model; that of a result with its record."""
-    if isinstance(p, Fitted):
-        model = getattr(p, "model", None)
-        if not isinstance(model, Model):
-            raise InputError("p: this result holds no model; give a model with all values.")
-        record, p = (p.record if record is None else record), model
-    model = as_model(p, "p").with_defaults()
-    plant(model)  # a missing value is named
-    return model, record
 
 
 def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
@@ -541,7 +525,7 @@ def _candidate(name: str, trial: Trial, stand: Stand, certificate: Certificate |
 def _answer(
     rows: Sequence[Candidate], refused: Mapping[str, str], none: float, stand: Stand
 ) -> Recommendation:
-    model, known = stand.terms.model, stand.terms.values()
+    model, known = stand.terms.model, stand.terms.model.known()
     unit = unit_of(stand.kind, model)
     said = {"e": unit, "u": unit_for("N m", model.motion)}
     level = float(max(known.get("Fc", 0.0), known.get("Fs", 0.0)))
@@ -661,7 +645,7 @@ class Stand:
     def _try(
         self, name: str, trial: Trial, groups: Sequence[Sequence[str]], report: Progress
     ) -> None:
-        cases = wrong(name, self.terms.values(), groups, self.spec.uncertainty)
+        cases = wrong(name, self.terms.model.known(), groups, self.spec.uncertainty)
         for i, (case, believed) in enumerate(cases.items()):
             report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
             trial.errors[case] = self.error(name, believed)

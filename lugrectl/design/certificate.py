@@ -234,21 +234,6 @@ class Certificate(Result):
         return matrix
 
 
-def lyapunov(A: float, B: float, C: float) -> np.ndarray:
-    """P of V = e'P e = A e_z^2 + B e_z e_w + C e_w^2."""
-    return np.array([[A, B / 2.0], [B / 2.0, C]])
-
-
-def common(m: Drive, C: float, beta: float) -> tuple[float, float]:
-    """A and B of eq. AB: the only V that is valid for every a >= 0, up to C and beta.
-
-    As a grows without bound -dV/dt >= 0 needs -(P M1 + M1'P) >= 0. M1 has rank one, so its
-    cross term must vanish, which is eq. ineq3: B = 2 C sigma1/J; and beta = 2 A - B sigma1/J.
-    """
-    B = 2.0 * C * m.sigma1 / m.J
-    return B * m.sigma1 / (2.0 * m.J) + beta / 2.0, B
-
-
 def constant_certificate(
     p: Any,
     gains: tuple[float, float],
@@ -257,10 +242,16 @@ def constant_certificate(
     lemma: str,
     conditions: tuple[str, ...],
 ) -> Certificate:
-    """The certificate of constant gains with the V given by C and beta."""
+    """The certificate of constant gains with the V given by C and beta.
+
+    A and B of eq. AB give the only V that is valid for every a >= 0, up to C and beta: as a grows
+    without bound -dV/dt >= 0 needs -(P M1 + M1'P) >= 0. M1 has rank one, so its cross term must
+    vanish, which is eq. ineq3: B = 2 C sigma1/J; and beta = 2 A - B sigma1/J.
+    """
     m, (K1, K2) = drive(p), gains
-    A, B = common(m, C, beta)
-    P = lyapunov(A, B, C)
+    B = 2.0 * C * m.sigma1 / m.J
+    A = B * m.sigma1 / (2.0 * m.J) + beta / 2.0
+    P = np.array([[A, B / 2.0], [B / 2.0, C]])
     M0, M1 = error_matrices(m, K1, K2)
     Q0, Q1 = (-(P @ M + M.T @ P) for M in (M0, M1))
     Q1[0, 1] = Q1[1, 0] = 0.0  # exactly, by the choice of B
@@ -337,11 +328,23 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
     if reason:
         pole = slowest_pole(m, K1, K2)
         return Certificate(False, "certify", (reason, MATCHED), pole)
-    decays = K1 < 0.0 < K2 and m.sigma1 > 0.0
-    first = "K1 < 0 < K2 and sigma1 > 0" if decays else _why_no_rate(m, K1, K2)
+    if K1 < 0.0 < K2 and m.sigma1 > 0.0:
+        first = "K1 < 0 < K2 and sigma1 > 0"
+    elif K1 == 0.0:
+        first = "no rate: with K1 = 0 nothing corrects e_z at w = 0"
+    elif K2 == 0.0:
+        first = "no rate: with K2 = 0 a pole tends to 0 as |w|/h(w) grows"
+    else:
+        first = "no rate: with sigma1 = 0 no V of this form decays in e_z at w = 0"
+    if K1 == 0.0:  # the weight is beta/(2 C) of the best V
+        weight = (m.sigma1 / m.J) ** 2 or 1.0
+    else:
+        d1, d2 = -K1 * m.sigma1 / m.J, K2 / m.J
+        loss = LOSS * min(d1, d2)
+        least = (2.0 * math.sqrt(loss * (abs(d1 - d2) + loss)) / K1) ** 2
+        weight = max(abs(g) / -K1, least)
     sentences = (first, MATCHED, ANY_MOTION)
-    weight = 2.0 * _weight(m, K1, K2, g)
-    return constant_certificate(m, (K1, K2), 1.0, weight, "certify", sentences)
+    return constant_certificate(m, (K1, K2), 1.0, 2.0 * weight, "certify", sentences)
 
 
 def _obstacle(m: Drive, K1: float, K2: float, g: float) -> str:
@@ -358,21 +361,3 @@ def _obstacle(m: Drive, K1: float, K2: float, g: float) -> str:
     if K1 == 0.0 and g != 0.0:
         return "K1 = 0: at w = 0 nothing corrects e_z, which drives e_w: no V of this form exists"
     return ""
-
-
-def _why_no_rate(m: Drive, K1: float, K2: float) -> str:
-    if K1 == 0.0:
-        return "no rate: with K1 = 0 nothing corrects e_z at w = 0"
-    if K2 == 0.0:
-        return "no rate: with K2 = 0 a pole tends to 0 as |w|/h(w) grows"
-    return "no rate: with sigma1 = 0 no V of this form decays in e_z at w = 0"
-
-
-def _weight(m: Drive, K1: float, K2: float, g: float) -> float:
-    """beta/(2 C) of the best V (see :func:`certify`)."""
-    if K1 == 0.0:
-        return (m.sigma1 / m.J) ** 2 or 1.0
-    best = abs(g) / -K1
-    d1, d2 = -K1 * m.sigma1 / m.J, K2 / m.J
-    loss = LOSS * min(d1, d2)
-    return max(best, (2.0 * math.sqrt(loss * (abs(d1 - d2) + loss)) / K1) ** 2)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Literal, NamedTuple, overload
 
@@ -34,7 +34,6 @@ from .certificate import (
     bristle_errors,
     constant_certificate,
     drive,
-    lyapunov,
     slowest_pole,
 )
 
@@ -50,11 +49,16 @@ def common_rate(corners: Sequence[np.ndarray]) -> tuple[float, np.ndarray] | Non
     a bound, the best one or not: r(P) = -max eig(L^-1 (A'P + P A) L'^-1)/2, P = L L', is searched
     for by the method of Nelder and Mead. States are scaled so that the entries have about one size.
     """
-    size = max(float(np.abs(A).max()) for A in corners)
+    size, n = max(float(np.abs(A).max()) for A in corners), len(corners[0])
     scaled = [A / size for A in corners]
-    best, P = -np.inf, np.eye(len(corners[0]))
-    for start in _starts(scaled):
-        rate, made = _improved(scaled, start)
+    starts: list[np.ndarray] = [np.eye(n)]  # and functions of stable corners and their mean
+    for A in (np.mean(scaled, axis=0), *scaled):
+        if (slowest := _slowest(A)) < -LEAST:
+            shifted = A - 0.8 * slowest * np.eye(n)
+            starts.append(np.asarray(solve_continuous_lyapunov(shifted.T, -np.eye(n))))
+    best, P = -np.inf, np.eye(n)
+    for start in starts:
+        rate, made = _improved(scaled, start / np.trace(start))
         if rate > best:
             best, P = rate, made
     return (best * size, P) if best > LEAST else None
@@ -66,18 +70,6 @@ def decay(P: np.ndarray, corners: Sequence[np.ndarray]) -> float:
     inverse = np.linalg.inv(L)
     worst = (inverse @ (A.T @ P + P @ A) @ inverse.T for A in corners)
     return -0.5 * max(float(np.linalg.eigvalsh(0.5 * (M + M.T))[-1]) for M in worst)
-
-
-def _starts(corners: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Functions of single corners and of their mean, where these are stable."""
-    n = len(corners[0])
-    starts: list[np.ndarray] = [np.eye(n)]
-    for A in (np.mean(corners, axis=0), *corners):
-        slowest = float(np.linalg.eigvals(A).real.max())
-        if slowest < -LEAST:
-            shifted = A - 0.8 * slowest * np.eye(n)
-            starts.append(np.asarray(solve_continuous_lyapunov(shifted.T, -np.eye(n))))
-    return [P / np.trace(P) for P in starts]
 
 
 def _improved(corners: Sequence[np.ndarray], P: np.ndarray) -> tuple[float, np.ndarray]:
@@ -113,24 +105,19 @@ DAMPED = ("existing_observer", "lyapunov_observer", "temperature_observer", "nor
 COULOMB = "the drive has F = a sign(w) + Fv w, J and Fv are right, and no load torque acts"
 
 
-@dataclass(frozen=True)
-class Claim:
-    """What gains guarantee: ``valid`` says for which motions; pole at rest and rate in 1/s."""
-
-    conditions: Sequence[str]
-    pole: float = 0.0
-    rate: float | None = None
-    valid: str = "for every motion"
-    holds: bool = True
-
-    def certificate(self, rule: str) -> Certificate:
-        """The claim of a rule in the form of all certificates."""
-        conditions, pole = tuple(self.conditions), self.pole
-        return Certificate(self.holds, rule, conditions, pole, self.rate, valid=self.valid)
-
-
 Choices = Mapping[str, Any]
-Made = tuple[dict[str, float], Claim]
+Made = tuple[dict[str, float], Certificate]
+
+
+def claim(
+    conditions: Sequence[str],
+    pole: float = 0.0,
+    rate: float | None = None,
+    valid: str = "for every motion",
+    holds: bool = True,
+) -> Certificate:
+    """What gains guarantee: ``valid`` says for which motions; pole at rest and rate in 1/s."""
+    return Certificate(holds, "", tuple(conditions), pole, rate, valid=valid)
 
 
 class Rule(NamedTuple):
@@ -171,7 +158,7 @@ def _noise(m: Any, rate: float, bound: str = "") -> str:
 
 @rule("natural", "sigma0 Fc Fs vs")
 def _natural(m: Any, c: Choices) -> Made:
-    return {}, Claim([RELAXES, RIGHT])
+    return {}, claim([RELAXES, RIGHT])
 
 
 def _corrected(m: Any, c: Choices) -> float:
@@ -191,12 +178,12 @@ def _existing(m: Any, c: Choices) -> Made:
         "e tends to 0; " + RELAXES,
         RIGHT,
     ]
-    return {"k": k}, Claim(said, valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s")
+    return {"k": k}, claim(said, valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s")
 
 
 @rule("lyapunov", LUGRE, rate=None, k=None)
 def _lyapunov(m: Any, c: Choices) -> Made:
-    return {"k": _corrected(m, c)}, Claim([FORWARD, "s tends to 0; " + RELAXES, RIGHT])
+    return {"k": _corrected(m, c)}, claim([FORWARD, "s tends to 0; " + RELAXES, RIGHT])
 
 
 @rule("normal_force", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
@@ -211,7 +198,7 @@ def _normal_force(m: Any, c: Choices) -> Made:
         "e tends to 0 for every such factor; the proof gives no rate",
     ]
     gamma = 670.0 / m.Fs if c["gamma"] is None else c["gamma"]
-    return {"k": c["k"], "gamma": gamma}, Claim(said, holds=bool(verdict))
+    return {"k": c["k"], "gamma": gamma}, claim(said, holds=bool(verdict))
 
 
 @rule("temperature", LUGRE, k=0.0, gamma=5.0, M=SPEED)
@@ -225,7 +212,7 @@ def _temperature(m: Any, c: Choices) -> Made:
         f"sliding at {c['M']:g} rad/s, linearised: the errors decay with {-root:.4g} 1/s; zbar "
         f"is right within {m.sigma1 / m.sigma0:.3g} s",
     ]
-    return {"k": k, "gamma": gamma}, Claim(said, 0.0 - k)
+    return {"k": k, "gamma": gamma}, claim(said, 0.0 - k)
 
 
 @rule("friction_state", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
@@ -239,7 +226,7 @@ def _friction_state(m: Any, c: Choices) -> Made:
         _noise(m, 0.5 * p, "up to "),
     ]
     rate, valid = found[0] if found else None, f"for |w| <= {most:g} rad/s"
-    return {"bandwidth": p}, Claim(said, -p, rate, valid, holds=rate is not None)
+    return {"bandwidth": p}, claim(said, -p, rate, valid, holds=rate is not None)
 
 
 @rule("position_lugre", LUGRE, pole=None, M=SPEED, dt=None)
@@ -249,13 +236,13 @@ def _position_lugre(m: Any, c: Choices) -> Made:
     found, slowest = common_rate(corners), max(map(_slowest, corners))
     said = ["|z| <= max(Fc, Fs)/sigma0", RIGHT]
     if found:
-        return gains, Claim(said, -p, found[0], f"for |w| <= {c['M']:g} rad/s")
+        return gains, claim(said, -p, found[0], f"for |w| <= {c['M']:g} rad/s")
     said += [
         "no common quadratic function was found: the triple pole holds at rest only",
         f"sliding at a constant speed, the slowest pole can be {slowest:+.4g} 1/s"
         + ("" if slowest < 0.0 else ": choose a faster pole"),
     ]
-    return gains, Claim(said, -p, valid="linearised at rest only", holds=slowest < 0.0)
+    return gains, claim(said, -p, valid="linearised at rest only", holds=slowest < 0.0)
 
 
 def position_corners(m: Any, p: float, most: float) -> tuple[dict[str, float], list[np.ndarray]]:
@@ -297,14 +284,14 @@ def _position_coulomb(m: Any, c: Choices) -> Made:
         "a - ahat never grows, through reversals and at rest; no rate by itself",
         f"sliding in one direction: the slowest pole is {slow:.4g} 1/s",
     ]
-    return {"k": k, "L": L}, Claim(said)
+    return {"k": k, "L": L}, claim(said)
 
 
 @rule("disturbance", "J", tau=None, dt=None)
 def _disturbance(m: Any, c: Choices) -> Made:
     tau = c["tau"] or 1.0 / _limited(100.0 if c["dt"] is None else math.inf, c)
     said = [f"{CONSTANT} tau sup|dD/dt|", _noise(m, 1.0 / tau)]
-    return {"tau": tau}, Claim(said, -1.0 / tau, 1.0 / tau)
+    return {"tau": tau}, claim(said, -1.0 / tau, 1.0 / tau)
 
 
 @rule("extended_state", "J", bandwidth=None, dt=None)
@@ -315,7 +302,7 @@ def _extended(m: Any, c: Choices) -> Made:
         f"the errors decay as (1 + p t) exp(-p t), which is faster than {SHARE:g} p in the end",
         _noise(m, 0.5 * p, "up to "),
     ]
-    return {"bandwidth": p}, Claim(said, -p, SHARE * p)
+    return {"bandwidth": p}, claim(said, -p, SHARE * p)
 
 
 @rule("general_coulomb", "J Fv", rate=None, w0=0.1, dt=None)
@@ -326,7 +313,7 @@ def _general_coulomb(m: Any, c: Choices) -> Made:
         "a - ahat never grows; at rest it keeps its value",
         f"while |w| >= v it decays with at least {r:.4g} v/sqrt(v^2 + {w0:g}^2) 1/s",
     ]
-    return {"k": m.J * r, "w0": w0}, Claim(said)
+    return {"k": m.J * r, "w0": w0}, claim(said)
 
 
 @rule("friedland_park", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
@@ -338,7 +325,7 @@ def _friedland_park(m: Any, c: Choices) -> Made:
         f"at |w| = {v:g} rad/s it decays with {r:.4g} 1/s, at other speeds with "
         f"{r:.4g} (|w|/{v:g})^{mu - 1:.3g}",
     ]
-    return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, Claim(said)
+    return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, claim(said)
 
 
 @rule("adaptive", LUGRE, gamma=10.0, K2=None, dt=None)
@@ -351,7 +338,7 @@ def _adaptive(m: Any, c: Choices) -> Made:
         "slides; no rate by itself",
         "at rest the factor follows the torque that balances u",
     ]
-    return {"K2": K2, "gamma": gamma}, Claim(said)
+    return {"K2": K2, "gamma": gamma}, claim(said)
 
 
 @dataclass(frozen=True, repr=False)
@@ -419,9 +406,9 @@ def design_observer(p: Any, observer: str, choices: Mapping[str, Any]) -> Observ
             "with lugrectl.compare_observers."
         )
     given = _chosen(short, rule, choices)
-    gains, claim = rule.build(_values(p, made.name, rule), given)
+    gains, certificate = rule.build(_values(p, made.name, rule), given)
     own = {k: v for k, v in given.items() if v is not None}
-    return ObserverDesign(short, gains, own, claim.certificate(short))
+    return ObserverDesign(short, gains, own, replace(certificate, lemma=short))
 
 
 def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any]:
@@ -638,7 +625,10 @@ def design_gains(
     m = drive(p)
     if m.sigma1 == 0.0 and method != "time-varying":
         raise InputError(f"method '{method}' needs sigma1 > 0; use method='time-varying'.")
-    K1, K2, certificate = build(m, {k: positive(v, k) for k, v in choices.items()})
+    given = {k: positive(v, k) for k, v in choices.items()}
+    if method == "bounded" and "M" not in given:
+        raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
+    K1, K2, certificate = build(m, given)
     return Design(method, K1, K2, certificate)
 
 
@@ -649,13 +639,13 @@ def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], flo
 
 
 def _scheduled(
-    m: Drive, given: dict[str, float], M: float | None = None
+    m: Drive, given: dict[str, float]
 ) -> tuple[ScheduledGain, float | ScheduledGain, Certificate]:
     """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M.
 
     V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2.
     """
-    C = given.get("C", 1.0)
+    C, M = given.get("C", 1.0), given.get("M")
     A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
     alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)
     size = C * m.sigma0 / (A * m.J)
@@ -688,17 +678,11 @@ def _scheduled(
             C=C,
             alpha=alpha,
             alpha_unit="N m s/rad",
-            P=lyapunov(A, 0.0, C),
+            P=np.diag([A, C]),
             Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
             Q1=np.diag([2.0 * A, 0.0]),
         ),
     )
-
-
-def _bounded(m: Drive, given: dict[str, float]) -> tuple[Any, Any, Certificate]:
-    if "M" not in given:
-        raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
-    return _scheduled(m, given, given["M"])
 
 
 def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certificate]:
@@ -712,6 +696,6 @@ def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certific
 
 _METHODS: dict[str, tuple[Callable[..., Any], str]] = {
     "time-varying": (_scheduled, "A, C, alpha"),
-    "bounded": (_bounded, "A, C, alpha, M"),
+    "bounded": (_scheduled, "A, C, alpha, M"),
     "constant": (_constant, "C, alpha, beta"),
 }

@@ -4,8 +4,7 @@ from ..core.errors import Diverged
 from .expression.numpy_protocol import TraceError
 from .runtime.adaptive_run import Adaptive
 from .runtime.batch_run import Lanes
-from .tracing.equations import Program
-from .tracing.instant import AlgebraicLoop
-from .tracing.tracer import trace
+from .tracing.network import AlgebraicLoop
+from .tracing.tracer import Program, trace
 
 __all__ = ["Adaptive", "AlgebraicLoop", "Diverged", "Lanes", "Program", "TraceError", "trace"]

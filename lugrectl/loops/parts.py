@@ -273,22 +273,22 @@ class Control:
         measured = MEASURED[controllers.MEASURED[self.kind]]
         seen = [MEASURED.get(s, s) for s in made.inputs]
         own: Any = {"outputs": ["u_fb"]}
+        if self.kind == "velocity":
+            feedback = [controllers.pi(**self.feedback, **own)]
+        else:  # D on the velocity error: on w alone it would act against the reference motion
+            feedback = [
+                controllers.error(name="error_w", inputs=["dr", "w_m"], outputs=["e_w"]),
+                controllers.pid(**self.feedback, inputs=["e", "e_w"], **own),
+            ]
         return [
             controllers.error(self.kind, inputs=["r", measured]),
-            *self._feedback(own),
+            *feedback,
             *[controllers.feedforward(p, self.kind, **own)] * self.ahead,
             observer(made.name, p, inputs=seen, **self.gains),
             controllers.compensation(1.0, **own),
             controllers.compensation(name="drive", inputs=["u_fb"]),
             *([error_s(self.kind, None, MEASURED)] if "s" in made.inputs else []),
         ]
-
-    def _feedback(self, own: Any) -> list[Any]:
-        if self.kind == "velocity":
-            return [controllers.pi(**self.feedback, **own)]
-        # D on the velocity error: on w alone it would act against the reference motion
-        error = controllers.error(name="error_w", inputs=["dr", "w_m"], outputs=["e_w"])
-        return [error, controllers.pid(**self.feedback, inputs=["e", "e_w"], **own)]
 
 
 def read_of(parts: list[Any]) -> list[str]:

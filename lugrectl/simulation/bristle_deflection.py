@@ -15,8 +15,7 @@ from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.validation import array, positive
 from ..engine.codegen.python_source import Emitter, indent
-from ..engine.expression.derivative import derivatives
-from ..engine.expression.graph import Graph, Node, rename, substitute
+from ..engine.expression.graph import Graph, Node, derivatives, rename, substitute
 from ..engine.runtime.backend import compiler, each_beside, load
 
 if TYPE_CHECKING:

@@ -1,9 +1,9 @@
-"""The run of a net, however it can be run, and the check of what came out."""
+"""Nets of continuous and sampled blocks: how one is made of what is given, run, and checked."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,15 +12,104 @@ import control as ct
 import numpy as np
 
 from ..blocks.drive import dead_times
-from ..core.errors import Diverged
+from ..core.errors import Diverged, InputError
 from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.course import Accuracy, Course, Track
+from ..engine.runtime.adaptive_run import Accuracy, Course, Track
 from ..engine.runtime.delays import run_late
 from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
 from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
-from ..engine.tracing.network import Net, Wires
+from ..engine.tracing.network import Net, Part, Wires
 from ..engine.tracing.pointwise import culprit
+from ..simulation import arguments
+
+MOST = 1e8  # updates in a run: an array of them is 0.8 GB
+NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same
+
+
+def net_of(system: Any) -> tuple[Net, list[float]]:
+    """The net of a system, or of a list of blocks with its sample times.
+
+    InputError for an item that is not a block, two blocks of one name, or dt = True without a
+    sample time.
+    """
+    if not isinstance(system, (list, tuple)):
+        return Net.of(arguments.system(system)), []
+    blocks = [arguments.system(b, "a block") for b in system]
+    names = [b.name for b in blocks]
+    twice = [k for k in names if names.count(k) > 1]
+    if twice or not blocks:
+        raise InputError(
+            f"two blocks are called {twice[0]}: give one of them another name="
+            if twice
+            else "the list of blocks is empty."
+        )
+    rates = [_rate(b, blocks) for b in blocks]
+    periods = sorted({rate for rate in rates if rate is not None})
+    parts = [
+        Part(
+            block,
+            tuple(block.input_labels),
+            tuple(block.output_labels),
+            None if rate is None else periods.index(rate),
+        )
+        for block, rate in zip(blocks, rates, strict=True)
+    ]
+    return Net("blocks", tuple(parts), outside(parts), len(periods)), periods
+
+
+def _rate(block: Any, blocks: Sequence[Any]) -> float | None:
+    """The sample time in s, None in continuous time; dt = True takes that of the others."""
+    if not block.isdtime(strict=True):
+        return None
+    if block.dt is not True:
+        return float(block.dt)
+    known = {float(b.dt) for b in blocks if b.isdtime(strict=True) and b.dt is not True}
+    if len(known) != 1:
+        raise InputError(f"{block.name} has dt=True: give it a sample time in s.")
+    return known.pop()
+
+
+def outside(parts: Sequence[Part]) -> tuple[str, ...]:
+    """Signals that a block reads and no block outputs, in the order in which they are read."""
+    made = {k for part in parts for k in part.outputs}
+    return tuple(dict.fromkeys(k for part in parts for k in part.inputs if k not in made))
+
+
+def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool) -> Course:
+    """Updates at the multiples of each sample time, between the first and the last time."""
+    near, updates = NEAR * min(periods), sum((t[-1] - t[0]) / dt for dt in periods)
+    if updates > MOST:
+        raise InputError(
+            f"blocks with dt = {min(periods):g} s are updated {updates:.3g} times until "
+            f"t = {t[-1]:g} s, more than {MOST:g}: is a time in ms?"
+        )
+    grid, ticks = t, []
+    for dt in periods:
+        first, last = np.ceil(t[0] / dt - NEAR), np.floor(t[-1] / dt + NEAR)
+        ticks.append(more := dt * np.arange(first, last + 1))
+        if len(more):  # those that are not in the grid
+            new = more[np.abs(grid[_nearest(grid, more)] - more) > near]
+            grid = np.sort(np.concatenate([grid, new]))
+    flags = np.zeros((len(periods), len(grid)))
+    for row, own in zip(flags, ticks, strict=True):
+        row[_nearest(grid, own)] = 1.0
+        row[0] = max(row[0], 0.5)  # before the first update: the output of the initial state
+    column = np.full(len(grid), -1)
+    column[_nearest(grid, t)] = np.arange(len(t))
+    if hold:
+        given = u[:, np.searchsorted(t, grid + near, side="right") - 1]
+    else:
+        given = np.array([np.interp(grid, t, row) for row in u]).reshape(len(u), len(grid))
+    return Course(grid, given, flags, column, hold)
+
+
+def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:
+    right = np.clip(np.searchsorted(grid, times), 1, max(len(grid) - 1, 1))
+    left = right - 1
+    right = np.minimum(right, len(grid) - 1)
+    return np.where(times - grid[left] <= grid[right] - times, left, right)
+
 
 # a discrete system is traced from this many samples on: python-control takes 12 us each
 LONG = 1000

@@ -10,10 +10,9 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.validation import positive
-from ..engine.runtime.course import Accuracy, Course
+from ..engine.runtime.adaptive_run import Accuracy, Course
 from . import arguments
-from .block_list import course_of, net_of
-from .net_run import Run, followed, response
+from .net_run import Run, course_of, followed, net_of, response
 from .wiring_warnings import warn_of_wiring
 
 

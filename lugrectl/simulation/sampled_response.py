@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..core.errors import InputError
 from ..core.validation import array, whole
-from ..engine.runtime.course import Accuracy, Course
+from ..engine.runtime.adaptive_run import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
-from .block_list import outside
-from .net_run import Run, followed
+from .net_run import Run, followed, outside
 from .wiring_warnings import warn_of_wiring
 
 LATE = " after the delay"
@@ -152,20 +151,15 @@ def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
         return (Part(plant, tuple(plant.input_labels), tuple(plant.output_labels)), *logic)
     late = [k + LATE for k in acting]
     entries = tuple(k + LATE if k in acting else k for k in plant.input_labels)
-    line = _line(len(acting), delay)
+    n, functions = len(acting), [_Delay(len(acting), moves) for moves in (True, False)]
+    line = ct.nlsys(*functions, inputs=n, outputs=n, states=n * delay, dt=True, name="delay")
     first = Part(plant, entries, tuple(plant.output_labels))
     return (first, *logic, Part(line, tuple(acting), tuple(late), 0))
 
 
-def _line(n: int, samples: int) -> Any:
-    """n signals in a row of samples."""
-    functions = _Delay(n, moves=True), _Delay(n, moves=False)
-    return ct.nlsys(*functions, inputs=n, outputs=n, states=n * samples, dt=True, name="delay")
-
-
 @dataclass(frozen=True)
 class _Delay:
-    """How the row moves on, or what leaves it."""
+    """n signals in a row of samples: how the row moves on, or what leaves it."""
 
     n: int
     moves: bool

@@ -85,8 +85,13 @@ def _warn_of_sign(
         row = entries[i] + made.inputs.index("e")
         if _plainly_right(block, blocks, matrix, row, params):
             continue
+        gains, others = [], [k for k in range(len(matrix)) if k != row]
         try:
-            gains = [_loop_gain(blocks, matrix, row, s, params) for s in AT]
+            for s in AT:  # what arrives at this input for 1 put in there
+                H = matrix @ block_diag(*(_gain(each, s, params) for each in blocks))
+                rest = np.eye(len(others)) - H[np.ix_(others, others)]
+                reached = np.linalg.solve(rest, H[others, row])
+                gains.append(float(H[row, row] + H[row, others] @ reached))
         except Exception:  # a block that cannot be evaluated at rest is reported by the simulation
             continue
         if all(np.isfinite(gain) and gain > 0.0 for gain in gains):
@@ -119,15 +124,6 @@ def _plainly_right(
         and not matrix[first].any()
         and bool((matrix[first + 1] >= 0).all() and matrix[first + 1].any())
     )
-
-
-def _loop_gain(blocks: Sequence[Any], matrix: np.ndarray, row: int, s: float, params: Any) -> float:
-    """What arrives at an input for 1 put in there, at the point s of the real axis."""
-    H = matrix @ block_diag(*(_gain(block, s, params) for block in blocks))
-    others = [k for k in range(len(H)) if k != row]
-    rest = np.eye(len(others)) - H[np.ix_(others, others)]
-    reached = np.linalg.solve(rest, H[others, row])
-    return float(H[row, row] + H[row, others] @ reached)
 
 
 def _gain(block: Any, s: float, params: Any) -> np.ndarray:

@@ -143,7 +143,7 @@ def test_a_coarser_encoder_inside_the_loop_makes_a_larger_error(sampled):
 
 def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
     """A block whose rates are not affine: 4 Runge-Kutta steps against as many as are needed."""
-    from lugrectl.simulation.stepped_block import at_samples
+    from lugrectl.simulation.sampled_block import at_samples
 
     block, n = lg.temperature_observer(P), 120
     made = at_samples(block, 1e-3, [{"w": 0.1, "zhat": 1e-3}])
@@ -151,7 +151,7 @@ def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
     w = 0.1 * np.sin(20 * t)
     given = np.array([w, 0.3 * np.sign(w)])
     fine, quick = (lg.simulate(b, t, given).outputs[0] for b in (lg.sampled(block, 1e-3), made))
-    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.stepped_block"
+    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.sampled_block"
     assert np.abs(fine).max() > 0.2
     assert np.abs(fine - quick).max() < 1e-3
 
@@ -225,29 +225,6 @@ def test_a_load_is_asked_for_where_the_law_has_no_coulomb_friction():
 # ---- every observer in the same loops -------------------------------------------------
 
 NAMES = [k.removesuffix("_observer") for k in members("observer") if k != "no_observer"]
-
-
-AFFINE = [
-    lg.friction_state_observer(P),
-    lg.normal_force_observer(P),
-    lg.lyapunov_observer(P),
-    lg.general_coulomb_observer(P),
-    lg.adaptive_slotine_li(),
-    lg.dual_observer_control(P),
-    lg.backstepping_smc(P),
-    lg.repetitive_control(P),
-]
-
-
-@pytest.mark.parametrize("made", AFFINE, ids=[made.name for made in AFFINE])
-def test_blocks_have_a_sampled_form(made):
-    """With held inputs it is the continuous block at the samples."""
-    t, inputs = STEP * np.arange(40), [0.02, 0.3, 0.1][: made.ninputs]
-    held = lg.sampled(made, STEP)
-    rows = np.repeat(np.array(inputs)[:, None], len(t), axis=1)
-    one = lg.simulate(held, t, rows).outputs
-    two = lg.simulate(made, t, rows, method="LSODA", rtol=1e-9).outputs
-    np.testing.assert_allclose(one, two, rtol=1e-5, atol=1e-7)
 
 
 @longer

@@ -202,13 +202,6 @@ def test_what_was_not_considered_is_named(found):
         made["natural"]
 
 
-def test_a_loop_that_diverges_raises_a_public_exception():
-    loop = lg.velocity_loop(P, None, kp=-50.0)
-    t = np.linspace(0.0, 30.0, 200)
-    with pytest.warns(RuntimeWarning, match="wrong sign"), pytest.raises(lg.Diverged):
-        lg.simulate(loop, t, 1.0 + 0.0 * t)
-
-
 def test_what_the_model_says_of_its_sensors_acts_in_the_loop():
     late = lg.Model.of(P).with_effect("velocity_sensor_lag", {"time_constant": 2e-3})
     own = {"rate": 1000, "measured": "w", "speed_noise": 1e-3, "uncertainty": 0.0}

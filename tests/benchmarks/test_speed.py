@@ -23,8 +23,8 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine import Lanes, TraceError
-from lugrectl.engine.runtime import adaptive_run, batch_run, memo, sampled_run
-from lugrectl.engine.runtime.c_compiler import has_wide
+from lugrectl.engine.runtime import adaptive_run, batch_run, memo
+from lugrectl.engine.runtime.backend import has_wide
 from lugrectl.simulation import bristle_deflection
 
 from ..cases.ensembles import lag
@@ -81,7 +81,7 @@ def test_a_simulation_against_python_control_with_lsoda(way, aim, monkeypatch):
 
 @pytest.mark.parametrize("way", WAYS)
 def test_sampled_blocks_against_calling_them_at_their_ticks(way, monkeypatch):
-    compiled_by(way, sampled_run, monkeypatch)
+    compiled_by(way, adaptive_run, monkeypatch)
     low = replace(P, sigma0=0.9 * P.sigma0, Fc=0.9 * P.Fc, Fs=0.9 * P.Fs)
     parts = [lg.sampled(b, 1e-3) for b in (lg.pi(1.6, 0.16), lg.proposed_observer(low))]
     net, t = [lg.plant(P), lg.error(), lg.compensation(), *parts], 1e-3 * np.arange(10_001)

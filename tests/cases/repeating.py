@@ -17,7 +17,7 @@ import control as ct
 import numpy as np
 
 import lugrectl as lg
-from lugrectl.engine.runtime import adaptive_run, sampled_run
+from lugrectl.engine.runtime import adaptive_run
 
 NEAR = 1e-5  # of the largest value of a row, or of 1
 TIGHT = {"rtol": 1e-9, "atol": 1e-11}
@@ -103,8 +103,7 @@ def _write(kind: str, why: str) -> None:
         file.write(json.dumps(line) + "\n")
 
 
-for _module in (adaptive_run, sampled_run):  # many short runs: compiling would take longer
-    _module.compiler = lambda: None  # type: ignore[attr-defined]
+adaptive_run.compiler = lambda: None  # many short runs: compiling would take longer
 for _name, _loaded in list(sys.modules.items()):
     if _name.split(".")[0] == "control" and vars(_loaded).get("input_output_response") is _original:
         _loaded.input_output_response = repeated  # type: ignore[attr-defined]

@@ -12,7 +12,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.cli import output
 from lugrectl.core import writing
-from lugrectl.engine.runtime.disk_cache import keep
+from lugrectl.engine.runtime.backend import keep
 from lugrectl.report import FILES, check_folder
 
 from ..cases.made_up import bare

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import time
 import warnings
 
@@ -32,6 +29,7 @@ def runs(system, backend: str, count: int = 3, samples: int = 200, **options):
     return lanes.run(x0, start, samples - 10 * count, u, p, dt=DT, **options)
 
 
+@pytest.mark.parametrize("backend", ["numba", "c"], indirect=True)
 @pytest.mark.parametrize(
     "make", [lambda: lg.plant(full_model()), lambda: velocity_loop(lg.plant(lg.table1()))]
 )
@@ -193,34 +191,3 @@ def test_wrong_shapes_are_said() -> None:
         lanes.run(np.zeros((1, 3)), 0, 5, u[:, :1], p, dt=DT)
     with pytest.raises(InputError, match="no output 'q'"):
         Lanes(lg.plant(lg.table1()), outputs=["q"])
-
-
-CHILD = """
-import sys, numpy as np, control as ct
-from lugrectl.engine import Lanes
-block = ct.nlsys(lambda t, x, u, p: -p["a"] * x[0], None, inputs=0, outputs="x", states="x",
-                 params={"a": 1.0}, name="decay")
-lanes = Lanes(block, backend="numba")
-lanes.run(np.ones((1, 1)), 0, 5, np.zeros((5, 0)), np.ones((1, 1)), dt=0.1)
-print(sum(lanes._run.stats.cache_hits.values()), sum(lanes._run.stats.cache_misses.values()))
-"""
-
-
-def test_a_second_process_finds_the_compiled_code(tmp_path) -> None:
-    pytest.importorskip("numba")
-    environment = os.environ | {
-        "LUGRECTL_CACHE": str(tmp_path),
-        "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
-    }
-    counts = [
-        subprocess.run(
-            [sys.executable, "-c", CHILD],
-            env=environment,
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split()
-        for _ in range(2)
-    ]
-    assert counts == [["0", "1"], ["1", "0"]]
-    assert [path.suffix for path in tmp_path.glob("*.p*")] == [".py"]

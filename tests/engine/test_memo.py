@@ -44,16 +44,6 @@ def ours(system: Any, u: Any = U, **options: Any) -> np.ndarray:
     return np.atleast_2d(lg.simulate(system, T, u, **options).outputs)
 
 
-class Schedule:
-    """A block's function as an object that is called."""
-
-    def __init__(self, limit: float) -> None:
-        self.limit = limit
-
-    def __call__(self, t: Any, x: Any, u: Any, p: Any) -> Any:
-        return np.clip(u[0], -self.limit, self.limit) - x
-
-
 def called(function: Any) -> Any:
     return moving(function, "y", "called")
 
@@ -62,18 +52,6 @@ def by_dictionary() -> Any:
     """As by a list, a global or a closure: what a function reads is not looked at."""
     values = {"limit": 1.0}
     return lag(lambda: values["limit"]), lambda: values.update(limit=2.0)
-
-
-def by_default_argument() -> Any:
-    def rate(t, x, u, p, limit=1.0):
-        return np.clip(u[0], -limit, limit) - x
-
-    return called(rate), lambda: setattr(rate, "__defaults__", (2.0,))
-
-
-def by_callable_object() -> Any:
-    schedule = Schedule(1.0)
-    return called(schedule), lambda: setattr(schedule, "limit", 2.0)
 
 
 def by_update_function() -> Any:
@@ -123,8 +101,6 @@ def by_a_sampled_block() -> Any:
 
 WAYS = {
     "dictionary": by_dictionary,
-    "default argument": by_default_argument,
-    "callable object": by_callable_object,
     "update function": by_update_function,
     "matrix": by_matrix,
     "parameters": by_parameters,
@@ -279,7 +255,7 @@ def test_blocks_of_the_package_are_not_traced_again(monkeypatch):
     """Nothing that they read can change: the second call costs no trace."""
     loop = lg.velocity_loop(lg.table1(), "proposed")
     lg.simulate(loop, T, 0.1)
-    for name in ("runtime.memo.traced_net", "tracing.ingredients.single"):
+    for name in ("runtime.memo.traced_net", "runtime.memo.single"):
         monkeypatch.setattr(f"lugrectl.engine.{name}", None)
     lg.simulate(loop, T, 0.2)
 

@@ -7,9 +7,9 @@ import pytest
 
 from lugrectl.core.errors import InputError
 from lugrectl.engine import Lanes
-from lugrectl.engine.codegen.simd import is_wide
-from lugrectl.engine.runtime import batch_run, c_compiler
-from lugrectl.engine.runtime.c_compiler import has_wide
+from lugrectl.engine.codegen.fixed_step import is_wide
+from lugrectl.engine.runtime import backend, batch_run
+from lugrectl.engine.runtime.backend import has_wide
 
 from ..cases.own import moving
 from ..cases.systems import DT, torque
@@ -74,7 +74,7 @@ def test_a_compiler_that_does_not_know_the_library_is_noticed(monkeypatch) -> No
     def refuse(*given: object) -> None:
         raise InputError("cannot compile")
 
-    monkeypatch.setattr(c_compiler, "_loaded", refuse)
+    monkeypatch.setattr(backend, "_loaded", refuse)
     has_wide.cache_clear()
     try:
         assert not has_wide()

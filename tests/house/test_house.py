@@ -19,7 +19,7 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
         {"core"},
         {"blocks", "engine", "record"},
         {"linear", "loops", "estimates", "simulation"},
-        {"design", "hunting", "sweeps", "torque_balance"},
+        {"design", "hunting", "torque_balance"},
         {"bench", "bench_tests", "report"},
         {"commissioning", "diagnosis", "paper"},
         {"cli"},

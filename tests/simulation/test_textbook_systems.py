@@ -1,8 +1,7 @@
-"""Textbook systems of other fields through simulate(), as users write them.
+"""A textbook system of another field through simulate(), as users write it.
 
-The models are those of Astrom and Murray, Feedback Systems, chapters 3 to 5: speed control of a
-car, a balanced pendulum. Reference: python-control's own
-simulation at tight tolerance.
+Speed control of a car, Astrom and Murray, Feedback Systems, chapters 3 to 5. Reference:
+python-control's own simulation at tight tolerance.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import pytest
 
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import moving, static, user_block
+from ..cases.own import moving, user_block
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -136,50 +135,3 @@ def test_what_cannot_be_followed_is_said_and_still_right(rate):
         loop, t, u, x0, solve_ivp_method="DOP853", solve_ivp_kwargs=TIGHT
     )
     np.testing.assert_allclose(ours.outputs, theirs.outputs, rtol=1e-6, atol=1e-8)
-
-
-def test_a_map_by_interpolation():
-    """A torque map as a table is followed, its kinks met; a periodic one is left to python-control,
-    with the warning."""
-    speeds, torques = [0.0, 150.0, 300.0, 420.0, 600.0], [100.0, 150.0, 180.0, 190.0, 170.0]
-
-    def rate(t, x, u, params):
-        return [0.01 * u[0] * np.interp(12 * x[0], speeds, torques) - 0.02 * x[0]]
-
-    def turning(t, x, u, params):
-        return [0.01 * u[0] * np.interp(12 * x[0], speeds, torques, period=600.0) - 0.02 * x[0]]
-
-    t = np.linspace(0, 5, 21)
-    agrees(car(rate), t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
-    with pytest.warns(
-        RuntimeWarning, match=r"block car, .*test_textbook_systems.py line \d+: .*LSODA"
-    ):
-        agrees(car(turning), t, [0.5 + 0 * t, 0 * t], [20.0], within=1e-6)
-
-
-# A balanced pendulum: (J + m l^2) th'' = m g l sin(th) - g th' + l cos(th) u.
-
-
-def pendulum(sine=np.sin, cosine=np.cos):
-    def rate(t, x, u, params):
-        m, length, J, damping = 0.2, 0.3, 0.006, params.get("damping", 0.01)
-        total = J + m * length**2
-        swing = m * 9.8 * length * sine(x[0]) - damping * x[1] + length * cosine(x[0]) * u[0]
-        return [x[1], swing / total]
-
-    return user_block(rate, None, ["u"], ["th", "om"], 2, "pendulum")
-
-
-def balanced(body):
-    control = static(
-        lambda t, x, u, params: np.clip(-8.0 * (u[0] - u[2]) - 1.0 * u[1], -2.0, 2.0),
-        ["th", "om", "goal"],
-        ["u"],
-        "control",
-    )
-    return ct.interconnect([body, control], inputs=["goal"], outputs=["th", "u"], params={})
-
-
-def test_a_pendulum_is_balanced():
-    t = np.linspace(0, 3, 61)
-    agrees(balanced(pendulum()), t, 0.1 + 0 * t, [0.6, 0.0], within=1e-6)

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..expression.graph import Node, rename, symbols_in
-from ..tracing.equations import Program
-from .filippov import Sliding, exactly_at_zero, names, settle, sliding
-from .python_source import Section, early_first, indent, reciprocals, summed
+from ..tracing.tracer import Hybrid, Program, Tick
+from .events import Sliding, exactly_at_zero, freeze_modes, names, settle, sliding
+from .python_source import Emitter, Section, early_first, indent, reciprocals, summed
 from .rosenbrock import Equations, step
-from .switching import freeze_modes
 
 HELPERS = """
 @small
@@ -402,3 +401,210 @@ def turns(parts: Parts, *, at_start: bool) -> list[str]:
             turn = [f"if passed(m{i}, l{i}, r{i}):", *count, f"m{i} = turned(m{i}, l{i}, r{i})"]
             lines += _unless_resting(parts, i, turn)
     return lines
+
+
+# The intermediate results of a block fit into the processor's cache.
+_BLOCKS = """
+def outputs(t, x, u, p, y):
+    {scales}
+    for first in range(0, len(t), 4096):
+        part = slice(first, first + 4096)
+        block(t[part], x[:, part], u[:, part], p, y[:, part], scales)
+
+
+def block(t, x, u, p, y, scales):
+{code}
+"""
+
+_LEADS = """
+
+def leads(t, x, u, p):
+{code}
+"""
+
+
+def output_code(program: Program) -> str:
+    """The function ``outputs(t, x, u, p, y)``.
+
+    A sign or comparison that rests (``sliding``) has the value that keeps it at rest: the
+    friction of a drive held by Coulomb friction is the torque on it, not sign(0). If its
+    switching function depends on an input it has NumPy's value.
+    """
+    roots, fixed = [*program.xdot, *program.y], {node.value for node in program.p}
+    smooth, leads, jumps = freeze_modes(roots, fixed)
+    inputs = {node.value for node in program.u}
+    wanted = [
+        jump and not symbols_in([lead]) & inputs for lead, jump in zip(leads, jumps, strict=True)
+    ]
+    slides = sliding(program, smooth, leads, wanted)
+    seen, n = symbols_in(smooth[len(program.x) :]), len(program.x)
+    code, targets = unpacked(program), [f"y[{i}]" for i in range(len(program.y))]
+    if not any(f"m{i}" in seen for i in slides.parts):
+        code += _write(program.y, "v", targets)
+        return _BLOCKS.format(scales="scales = ()", code=indent(code, 1))
+    for i, lead in enumerate(leads):  # all sides by NumPy's rules
+        code += _write([lead], f"lead{i}_", [f"a{i}"]) + [f"m{i} = np.sign(a{i})"]
+    values = "".join(f"a{i}, " for i in slides.parts)
+    own = [*code, *_resting(program, slides), *_write(slides.rates[n:], "v", targets)]
+    return _BLOCKS.format(
+        scales="scales = [np.nanmax(abs(a)) for a in leads(t, x, u, p)]", code=indent(own, 1)
+    ) + _LEADS.format(code=indent([*code, f"return {values}"], 1))
+
+
+def unpacked(program: Program) -> list[str]:
+    """Code that gives the rows of the arguments their names."""
+    rows = (("x", program.x), ("u", program.u), ("p", program.p))
+    return [f"{node.value} = {name}[{i}]" for name, nodes in rows for i, node in enumerate(nodes)]
+
+
+def _write(nodes: Sequence[Node], prefix: str, targets: Sequence[str]) -> list[str]:
+    emitter = Emitter("array", prefix)
+    codes = emitter.write(nodes)
+    return emitter.body + [f"{name} = {code}" for name, code in zip(targets, codes, strict=True)]
+
+
+def _resting(program: Program, made: Sliding) -> list[str]:
+    """The code of ``settle``, for all samples at once."""
+    lines = [f"du{i} = 0.0" for i in range(len(program.u))]
+    for scale, i in enumerate(made.parts):
+        lines += [f"on{i} = 1.0 * (abs(a{i}) <= 1e-11 * scales[{scale}])"]
+        lines += [f"m{i} = np.where(on{i} > 0.0, 1.0, m{i})"]
+    turn = _write([*made.parts.values(), *made.steps.values()], "rest", names(made))
+    for i in made.parts:
+        off = f"np.where(step{i} < 0.0, np.maximum(-part{i}, part{i} - 1.0), inf)"
+        turn += [f"off{i} = np.where(on{i} > 0.0, {off}, -1.0)"]
+    turn += [f"worst = np.maximum.reduce([{', '.join(f'off{i}' for i in made.parts)}])"]
+    for i in made.parts:
+        turn += [
+            f"leaves = ~(off{i} < 0.0) & (off{i} >= worst)",
+            f"side = np.where(off{i} < inf, np.where(part{i} < 0.5, 1.0, -1.0), np.sign(a{i}))",
+            f"m{i}, on{i} = np.where(leaves, side, m{i}), np.where(leaves, 0.0, on{i})",
+        ]
+    return lines + [f"for _ in range({len(made.parts) + 1}):", *("    " + line for line in turn)]
+
+
+# x are the continuous states, q the sampled ones, u the external inputs followed by the values
+# held between updates (ticks). column[k] is where the grid point is stored, -1: not stored.
+_ALTERNATE = """
+import numpy as np
+
+{robust}
+@fast
+def alternate(
+    grid, given, ticks, flags, column, held, p, rtol, floor, x, q, h, x_out, q_out, h_out, b_out,
+    status
+):
+{unpack}
+{head}
+    last, k = len(grid) - 1, 0
+    while True:
+        c = column[k]
+        if c >= 0:
+{before}
+        if ticks[k]:
+            t = grid[k]
+{read}
+{tick}
+            if not isfinite({total}):
+{keep}
+                status[1] = t
+                return 2
+        if c >= 0:
+{store}
+        if k == last:
+{keep_last}
+            return 0
+        j = k + 1
+        while j < last and not ticks[j]:
+            j += 1
+{flow}
+        k = j
+"""
+
+_COMPILED_FLOW = """
+size = j - k + 1
+times, rows, part = np.empty(size), np.empty(({inputs}, size)), np.empty(({states}, size))
+for i in range(size):
+    times[i] = grid[k + i]
+{rows}
+"""
+
+_PYTHON_FLOW = """
+size = j - k + 1
+times, part = grid[k : j + 1], [[0.0] * size for _ in range({states})]
+rows = [{rows}]
+"""
+
+_ADVANCE = """
+if not run(times, rows, held, x, p, rtol, floor, part, status):
+    return 1
+for i in range(1, size - 1):
+    c = column[k + i]
+    if c >= 0:
+{store}
+{end}
+"""
+
+
+def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
+    """The function ``alternate``, with the ``run`` of the flow; ``kind`` "compiled" or
+    "python"."""
+    flow, outside, guarded = hybrid.flow, range(len(hybrid.net.outside)), kind == "python"
+    fixed = [] if guarded else [node.value for node in flow.p]
+    held, own = [node.value for node in flow.u[len(outside) :]], [q.value for q in tick.q]
+    updates = Section([*own, *held], hybrid.ticked, "k", fixed, at_once=True)
+    given = [f"given{i} = given[{i}]" for i in outside]
+    unpack = [f"{p.value} = p[{i}]" for i, p in enumerate(flow.p)] + given
+    unpack += _each("{1} = q[{0}]", own) + _each("{1} = h[{0}]", held)
+    keep = indent(_each("q[{0}] = {1}", own) + _each("h[{0}] = {1}", held), 3)
+    states = [x.value for x in flow.x]
+    read = _each("{1} = x[{0}]", states) + [f"u{i} = given{i}[k]" for i in outside]
+    store_q, store_h = _each("q_out[{0}][c] = {1}", own), _each("h_out[{0}][c] = {1}", held)
+    store_b = _each("b_out[{0}][c] = {1}", held) if hybrid.net.earlier else []
+    text = _ALTERNATE.format(
+        robust=updates.robust() if guarded else "",
+        unpack=indent(unpack, 1),
+        head=indent(updates.emitter.head, 1),
+        before=indent(store_q + store_b, 3),
+        read=indent(read + [f"{g.value} = flags[{i}][k]" for i, g in enumerate(tick.g)], 3),
+        tick=indent(updates.lines(guarded), 3),
+        total=summed([f"0.0 * {name}" for name in (*own, *held)]),
+        keep=indent(keep.split("\n"), 1),
+        keep_last=keep,
+        store=indent(_each("x_out[{0}][c] = x[{0}]", states) + store_h, 3),
+        flow=indent(_flow(hybrid, kind, held, store_q + store_h + store_b), 2),
+    )
+    return (adaptive_code(flow, kind) if states else "") + text
+
+
+def _each(line: str, names: Sequence[str]) -> list[str]:
+    return [line.format(i, name) for i, name in enumerate(names)]
+
+
+def _flow(hybrid: Hybrid, kind: str, held: Sequence[str], kept: Sequence[str]) -> list[str]:
+    states, outside = [x.value for x in hybrid.flow.x], range(len(hybrid.net.outside))
+    if not states:
+        lines = ["for i in range(1, j - k):", "    c = column[k + i]", "    if c >= 0:"]
+        return lines + ["        " + line for line in kept or ["pass"]]
+    if kind == "compiled":
+        rows = [f"rows[{i}, i] = given{i}[k + i]" for i in outside]
+        rows += [f"rows[{len(outside) + i}, i] = {name}" for i, name in enumerate(held)]
+        inputs = len(hybrid.flow.u)
+        text = _COMPILED_FLOW.format(inputs=inputs, states=len(states), rows=indent(rows, 1))
+    else:
+        rows = [f"given{i}[k : j + 1]" for i in outside]
+        rows += [f"[{name}] * size" for name in held]
+        text = _PYTHON_FLOW.format(states=len(states), rows=", ".join(rows))
+    inside = _each("x_out[{0}][c] = part[{0}][i]", states)
+    end = "\n".join(_each("x[{0}] = part[{0}][size - 1]", states))
+    return (text + _ADVANCE.format(store=indent(inside + [*kept], 2), end=end)).strip().split("\n")
+
+
+def signal_code(hybrid: Hybrid) -> str:
+    """The function ``signals``: all signals along the kept grid points."""
+    flow, emitter = hybrid.flow, Emitter("array")
+    codes = emitter.write(flow.y)
+    count = len(hybrid.net.held) if hybrid.net.earlier else 0
+    lines = unpacked(flow) + [f"b{i} = b[{i}]" for i in range(count)]
+    lines += emitter.body + [f"y[{i}] = {code}" for i, code in enumerate(codes)]
+    return f"def signals(t, x, u, b, p, y):\n{indent(lines, 1)}\n"

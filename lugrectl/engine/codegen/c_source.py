@@ -97,16 +97,6 @@ def lengths(place: int, axes: int) -> tuple[str, ...]:
     return tuple(f"n{place}_{i}" for i in range(axes))
 
 
-def _depend(pairs: Sequence[tuple[ast.expr, ast.expr]]) -> bool:
-    """Whether a value reads what an earlier one of the same assignment has set."""
-    done: set[str] = set()
-    for to, value in pairs:
-        if done & {n.id for n in ast.walk(value) if isinstance(n, ast.Name)}:
-            return True
-        done |= {to.id} if isinstance(to, ast.Name) else set()
-    return False
-
-
 class _Writer:
     """Writes statements and expressions; keeps the kinds of the names seen so far."""
 
@@ -130,14 +120,10 @@ class _Writer:
     def _inner(self, statements: list[ast.stmt]) -> list[str]:
         return ["{", *self.block(statements, 1), "}"]
 
-    def _pass(self, node: ast.Pass) -> list[str]:
-        return []
+    def _word(self, node: ast.Pass | ast.Continue | ast.Break) -> list[str]:
+        return [] if isinstance(node, ast.Pass) else [f"{type(node).__name__.lower()};"]
 
-    def _continue(self, node: ast.Continue) -> list[str]:
-        return ["continue;"]
-
-    def _break(self, node: ast.Break) -> list[str]:
-        return ["break;"]
+    _pass = _continue = _break = _word
 
     def _return(self, node: ast.Return) -> list[str]:
         assert node.value is not None
@@ -172,13 +158,13 @@ class _Writer:
             return lines + [line for other in others for line in self._set(other, target)]
         assert isinstance(node.value, ast.Tuple)
         pairs = list(zip(target.elts, node.value.elts, strict=True))
-        if _depend(pairs):
-            return self._at_once(pairs)
-        return [line for to, value in pairs for line in self._set(to, value)]
-
-    def _at_once(self, pairs: Sequence[tuple[ast.expr, ast.expr]]) -> list[str]:
-        """Numbers of which one is computed from another one's value before the assignment."""
-        lines, moves = [], []
+        done, depend = set[str](), False  # whether a value reads what an earlier one has set
+        for to, value in pairs:
+            depend |= bool(done & {n.id for n in ast.walk(value) if isinstance(n, ast.Name)})
+            done |= {to.id} if isinstance(to, ast.Name) else set()
+        if not depend:
+            return [line for to, value in pairs for line in self._set(to, value)]
+        lines, moves = [], []  # all are computed from the values before the assignment
         for i, (to, value) in enumerate(pairs):
             code, kind = self.of(value)
             assert isinstance(to, ast.Name) and not kind.shape
@@ -258,21 +244,17 @@ class _Writer:
         assert isinstance(node.func, ast.Name)
         if node.func.id == "len":
             return self.of(node.args[0])[1].shape[0], WHOLE
-        if node.func.id in self.unit.functions:
-            return self._own(node.func.id, [self.of(a) for a in node.args])
-        given = [self.of(a)[0] for a in node.args]
-        name = _CALLS.get(node.func.id, node.func.id)
+        values, name = [self.of(a) for a in node.args], node.func.id
+        if name in self.unit.functions:  # of the text: it takes every number as a double
+            if name not in self.unit.returns:
+                kinds = [Kind(v.of, lengths(i, len(v.shape))) for i, (_, v) in enumerate(values)]
+                self.unit.add(name, [kind if kind.shape else NUMBER for kind in kinds])
+            parts = ", ".join(part for code, kind in values for part in (code, *kind.shape))
+            return f"{name}_({parts})", self.unit.returns[name]
+        given, name = [code for code, _ in values], _CALLS.get(name, name)
         while name in ("most", "least") and len(given) > 2:
             given[:2] = [f"{name}({given[0]}, {given[1]})"]
         return f"{name}({', '.join(given)})", WHOLE if name == "isfinite" else NUMBER
-
-    def _own(self, name: str, values: Sequence[Value]) -> Value:
-        """A call of a function of the text, which takes every number as a double."""
-        if name not in self.unit.returns:
-            kinds = [Kind(v.of, lengths(i, len(v.shape))) for i, (_, v) in enumerate(values)]
-            self.unit.add(name, [kind if kind.shape else NUMBER for kind in kinds])
-        given = ", ".join(part for code, kind in values for part in (code, *kind.shape))
-        return f"{name}_({given})", self.unit.returns[name]
 
     def _subscript(self, node: ast.Subscript) -> Value:
         if isinstance(node.value, ast.Attribute):  # array.shape[axis]

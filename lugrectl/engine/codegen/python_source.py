@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from ..expression.graph import Node, reachable, substitute, symbols_in
-from ..expression.operations import OPS
+from ..expression.numpy_protocol import OPS
 
 SCALAR_HEADER = """from math import (
     acos, asin, atan, atan2, cos, cosh, exp, expm1, inf, isfinite, log, log10, log1p, nan,
@@ -58,9 +58,17 @@ class Emitter:
                 uses.setdefault(argument.index, []).extend([node.index] * often)
         text: dict[int, str] = {}
         for node in nodes:
-            text[node.index] = code = self._code(node, text)
-            if not node.args:
+            if node.op == "symbol":
+                text[node.index] = node.value
                 continue
+            if node.op == "constant":
+                positive = node.value >= 0
+                text[node.index] = repr(node.value) if positive else f"({node.value!r})"
+                continue
+            op = OPS[node.op]
+            template = op.array if self.kind == "array" else op.scalar
+            template = _OWN.get((self.kind, node.op), template)
+            code = template.format(*(text[a.index] for a in node.args))
             users = uses[node.index]  # once, and only once in the user's code
             inline = len(users) == 1 and still[users[0]] == still[node.index]
             if inline and node.op in _INFIX and len(code) < _LONGEST:
@@ -69,16 +77,6 @@ class Emitter:
             text[node.index] = name = f"{self.prefix}{node.index}"
             (self.head if still[node.index] else self.body).append(f"{name} = {code}")
         return [text[root.index] for root in roots]
-
-    def _code(self, node: Node, text: dict[int, str]) -> str:
-        if node.op == "symbol":
-            return node.value
-        if node.op == "constant":
-            return repr(node.value) if node.value >= 0 else f"({node.value!r})"
-        op = OPS[node.op]
-        template = op.array if self.kind == "array" else op.scalar
-        template = _OWN.get((self.kind, node.op), template)
-        return template.format(*(text[a.index] for a in node.args))
 
 
 class Section:

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..expression.derivative import derivatives, jacobian
-from ..expression.graph import Graph, Node, rename
+from ..expression.graph import Graph, Node, derivatives, jacobian, rename
 
 GAMMA = 0.57282
 STAGES = (  # weights of the earlier stages in the argument, time of the argument
@@ -60,11 +59,18 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
         for i, row in enumerate(jacobian(system.xdot, system.x))
     ]
     lu = SparseLU(graph, matrix)
-    drift = _time_derivative(system)
+    drift = derivatives(system.xdot, system.t)  # also through changing inputs
+    slopes = [] if system.slopes is None else list(zip(system.u, system.slopes, strict=True))
+    for u, slope in slopes:
+        drift = [a + b * slope for a, b in zip(drift, derivatives(system.xdot, u), strict=True)]
     rates, stages = list(system.xdot), []
     for number, ((weights, instant), coupling) in enumerate(zip(STAGES, COUPLING, strict=True)):
         if 0 < number < 3:  # the last stage shares its right-hand side with the one before
-            rates = _rates_at(system, _combine(system.x, weights, stages), h * instant)
+            state, later = _combine(system.x, weights, stages), h * instant
+            to: dict[int, Node] = {x.index: new for x, new in zip(system.x, state, strict=True)}
+            to |= {system.t.index: system.t + later}
+            to |= {u.index: u + later * slope for u, slope in slopes}
+            rates = rename(system.xdot, to)
         time_gain = gain * (h * TIME_WEIGHTS[number])
         couple = [unit * (GAMMA * c) for c in coupling]
         # known terms are added first: this shortens the longest chain of operations
@@ -75,26 +81,6 @@ def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[
         stages.append(lu.solve(right))
     zero = [graph.constant(0.0)] * len(system.x)
     return _combine(system.x, SOLUTION, stages), _combine(zero, ERROR, stages)
-
-
-def _time_derivative(system: Equations) -> list[Node]:
-    """Partial derivative of the rates by time, also through changing inputs."""
-    total = derivatives(system.xdot, system.t)
-    if system.slopes is not None:
-        for u, slope in zip(system.u, system.slopes, strict=True):
-            by_input = derivatives(system.xdot, u)
-            total = [a + b * slope for a, b in zip(total, by_input, strict=True)]
-    return total
-
-
-def _rates_at(system: Equations, state: Sequence[Node], later: Node) -> list[Node]:
-    """The rates at another state and at a later time within the step."""
-    to: dict[int, Node] = {x.index: new for x, new in zip(system.x, state, strict=True)}
-    to[system.t.index] = system.t + later
-    if system.slopes is not None:
-        for u, slope in zip(system.u, system.slopes, strict=True):
-            to[u.index] = u + later * slope
-    return rename(system.xdot, to)
 
 
 def _terms(weights: Sequence[Any], stages: Sequence[Sequence[Node]], i: int) -> list[Node]:
@@ -122,27 +108,21 @@ class SparseLU:
         self.inverse: dict[int, Node] = {}
         self.order: list[int] = []
         rest = set(range(len(matrix)))
+
+        def fill(k: int) -> int:
+            """Markowitz count: entries right of the pivot times entries below it."""
+            row = sum((k, j) in self.upper for j in rest if j != k)
+            return row * sum((i, k) in self.upper for i in rest if i != k)
+
         while rest:
-            pivot = min(sorted(rest), key=lambda k: self._fill(k, rest))
+            pivot = min(sorted(rest), key=fill)
             rest.remove(pivot)
-            self._eliminate(pivot, rest)
-
-    def _fill(self, k: int, rest: set[int]) -> int:
-        """Markowitz count: entries right of the pivot times entries below it."""
-        row = sum((k, j) in self.upper for j in rest if j != k)
-        column = sum((i, k) in self.upper for i in rest if i != k)
-        return row * column
-
-    def _eliminate(self, pivot: int, rest: set[int]) -> None:
-        self.order.append(pivot)
-        self.inverse[pivot] = 1.0 / self.upper[pivot, pivot]
-        for i in rest:
-            if (i, pivot) not in self.upper:
-                continue
-            factor = self.upper.pop((i, pivot)) * self.inverse[pivot]
-            self.lower[i, pivot] = factor
-            for j in rest:
-                if (pivot, j) in self.upper:
+            self.order.append(pivot)
+            self.inverse[pivot] = 1.0 / self.upper[pivot, pivot]
+            for i in [i for i in rest if (i, pivot) in self.upper]:
+                factor = self.upper.pop((i, pivot)) * self.inverse[pivot]
+                self.lower[i, pivot] = factor
+                for j in [j for j in rest if (pivot, j) in self.upper]:
                     old = self.upper.get((i, j), self.graph.constant(0.0))
                     self.upper[i, j] = old - factor * self.upper[pivot, j]
 

@@ -1,21 +1,104 @@
-"""One run of a traced system with error control and located events."""
+"""One run of a traced net: flow with error control and located events, and sampled updates."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+import threading
+from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ...core.errors import InputError
-from ..codegen.adaptive_step import adaptive_code
-from ..codegen.outputs import output_code
-from ..tracing.equations import Program
+from ...core.errors import Diverged, InputError
+from ..codegen.adaptive_step import adaptive_code, held_code, output_code, signal_code
+from ..tracing.network import Net
+from ..tracing.tracer import Hybrid, Program
 from .backend import compiler, kind_of, load, load_steps
-from .course import Accuracy, Course, Now, Track
 from .endings import no_bound
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """The error allowed in a step: relative to the size of a state, and near zero in its unit."""
+
+    rtol: float
+    atol: float | None = None
+
+    @property
+    def floor(self) -> float:
+        """The value of a state below which its error is absolute."""
+        return 1e-9 if self.atol is None else float(self.atol) / float(self.rtol)
+
+    @property
+    def scipy(self) -> dict[str, float]:
+        """The options of ``solve_ivp``."""
+        return {"rtol": self.rtol, "atol": 1e-4 * self.rtol if self.atol is None else self.atol}
+
+
+@dataclass(frozen=True)
+class Course:
+    """The times at which a net is stepped, the updates there, and the points to keep.
+
+    ``grid`` (N,) are updates and requested times, ``given`` (m, N) the external inputs, which
+    ``hold`` holds between grid points. ``flags`` (groups, N) are 1 for an update of a sample time,
+    0.5 if only its outputs are requested. ``column`` (N,) is the place among the kept points, -1:
+    not kept; None: all are kept.
+    """
+
+    grid: np.ndarray
+    given: np.ndarray
+    flags: np.ndarray
+    column: np.ndarray | None
+    hold: bool
+
+    @classmethod
+    def along(cls, t: np.ndarray, u: np.ndarray, groups: int, hold: bool) -> Course:
+        """Return a course with updates of all sample times at each time, all of them kept."""
+        return cls(t, u, np.ones((groups, len(t))), None, hold)
+
+    @property
+    def ticks(self) -> np.ndarray:
+        return np.asarray((self.flags > 0.0).any(axis=0))
+
+    @property
+    def columns(self) -> np.ndarray:
+        return np.arange(len(self.grid)) if self.column is None else self.column
+
+    @property
+    def kept(self) -> Any:
+        """The kept points, as an index of the grid."""
+        return slice(None) if self.column is None else np.flatnonzero(self.column >= 0)
+
+
+@dataclass(frozen=True)
+class Track:
+    """Continuous states, sampled states and signals at the kept points; ``unsettled`` is the last
+    time at which the error test was given up because a relay did not come to rest (nan: never)."""
+
+    x: np.ndarray
+    q: np.ndarray
+    y: np.ndarray
+    unsettled: float
+
+
+@dataclass(frozen=True)
+class Now:
+    """Where a run is: continuous states, sampled states, held values, and the sizes of the
+    continuous states (``Adaptive.run``)."""
+
+    x: np.ndarray
+    q: np.ndarray
+    h: np.ndarray
+    sizes: np.ndarray
+
+    @classmethod
+    def start(cls, x: np.ndarray, q: np.ndarray, held: int) -> Now:
+        return cls(x.copy(), q.copy(), np.zeros(held), np.zeros(3 * len(x)))
+
+    def copy(self) -> Now:
+        return Now(self.x.copy(), self.q.copy(), self.h.copy(), self.sizes.copy())
 
 
 @dataclass(frozen=True)
@@ -184,3 +267,94 @@ def chosen_outputs(program: Program, outputs: Sequence[str] | None) -> Program:
         raise InputError(f"{program.name} has no output '{unknown[0]}'; it has {has}.")
     y = tuple(program.y[program.outputs.index(name)] for name in outputs)
     return replace(program, outputs=tuple(outputs), y=y)
+
+
+_HERE = threading.local()
+FEW = 2000  # grid points; 25 times as many if there are no continuous states
+
+
+@contextlib.contextmanager
+def interpreted() -> Iterator[None]:
+    """Nets that this thread runs meanwhile stay in plain Python: for short runs of many nets."""
+    before, _HERE.plain = getattr(_HERE, "plain", False), True
+    try:
+        yield
+    finally:
+        _HERE.plain = before
+
+
+class Held(Adaptive):
+    """Compiled run and signals of a net, with a backend of "c", "numba" or "python"; None: plain
+    Python for up to FEW grid points, because compiling would take longer than running."""
+
+    def __init__(self, hybrid: Hybrid, backend: str | None = None) -> None:
+        self.hybrid, self.program, self.held = hybrid, hybrid.flow, len(hybrid.net.held)
+        self.backend, self._points = backend, 0
+        self._runs: dict[str, Any] = {}
+        self._signals = load(signal_code(hybrid), "numpy").signals
+
+    def part(
+        self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy
+    ) -> tuple[list[np.ndarray], float]:
+        net, columns = self.hybrid.net, course.columns
+        counts = (len(now.x), len(now.q), self.held, self.held if net.earlier else 0)
+        out = [np.empty((count, np.count_nonzero(columns >= 0))) for count in counts]
+        status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], now.sizes)
+        fixed = (course.grid, course.given, course.ticks, course.flags, columns)
+        given = (*fixed, course.hold, p, float(accuracy.rtol), accuracy.floor)
+        code = self._call(given, [now.x, now.q, now.h], out, status)
+        now.sizes[:] = status[5:]
+        if code == 1:
+            raise no_bound(net.name, self.program.states, status)
+        if code == 2:
+            raise Diverged(not_finite(net, now.q, now.h, status[1]))
+        return out, float(status[3])
+
+    def signals(
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, b: np.ndarray, p: np.ndarray
+    ) -> np.ndarray:
+        y = np.empty((len(self.program.outputs), len(t)))
+        with np.errstate(all="ignore"):
+            self._signals(t, x, u, b, p, y)
+        return y
+
+    def _call(self, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
+        """Call the generated function; with lists in plain Python, where they are faster."""
+        *arrays, hold, p, rtol, floor = fixed
+        self._points += len(arrays[0])
+        few = FEW if self.program.x else 25 * FEW
+        backend = self.backend or (self._points > few and compiler()) or "python"
+        backend = "python" if getattr(_HERE, "plain", False) else backend
+        if backend not in self._runs:
+            assert self.hybrid.tick is not None
+            text = held_code(self.hybrid, self.hybrid.tick, kind_of(backend))
+            self._runs[backend] = load_steps(text, backend).alternate
+        run = self._runs[backend]
+        if backend != "python":
+            kinds = [float if a.dtype.kind == "f" else np.int64 for a in (*arrays, p)]
+            pairs = zip((*arrays, p), kinds, strict=True)
+            arrays = [np.require(a, kind, ["C", "W"]) for a, kind in pairs]
+            return run(*arrays[:-1], bool(hold), arrays[-1], rtol, floor, *now, *out, status)
+        arrays, lists, kept = ([a.tolist() for a in group] for group in (arrays, now, out))
+        code = run(*arrays, bool(hold), p.tolist(), rtol, floor, *lists, *kept, status)
+        for target, rows in zip([*now, *out], [*lists, *kept], strict=True):
+            target[...] = np.array(rows).reshape(target.shape)
+        return code
+
+
+def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:
+    """The sampled block with an output or a state that is not a number."""
+    what = "a sampled signal is not a number"
+    states = [
+        (f"state {label} of block {part.block.name}", value)
+        for part, place in zip(net.parts, net.places, strict=True)
+        if part.sampled
+        for label, value in zip(part.block.state_labels or (), q[place], strict=False)
+    ]
+    parts = [(net.parts[i], j) for i, j in net.held]
+    outputs = [f"output {part.outputs[j]} of block {part.block.name}" for part, j in parts]
+    for label, value in [*zip(outputs, h, strict=True), *states]:
+        if not np.isfinite(value):
+            what = f"{label} is {value}"
+            break
+    return f"{net.name}: {what} at t = {t:.6g} s."

@@ -1,26 +1,267 @@
-"""Loads generated source as a module: a file in the cache directory, so that numba can keep its
-machine code there for the next process."""
+"""Generated source made a module: compiled, kept in a cache directory, and checked before use."""
 
 from __future__ import annotations
 
+import atexit
 import contextlib
+import ctypes
 import hashlib
 import importlib
 import importlib.util
 import os
+import platform
+import shlex
+import shutil
+import subprocess
 import sys
+import tempfile
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
 
+import numpy as np
+
 from ...core.errors import InputError
+from ...core.writing import whole as written_whole
+from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code, lengths
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
-from .c_compiler import FUSED, PLAIN, WIDE, Native, has_compiler, has_wide
-from .disk_cache import cache_dir, keep, temporary
+from ..expression.numpy_protocol import LIBRARY, WIDTH
+
+
+def cache_dir() -> Path:
+    """The directory of generated code: $LUGRECTL_CACHE, else the user's cache directory.
+
+    Where others can write to it, one of its own beside it; a temporary directory of this process
+    if none can be written.
+    """
+    if os.name == "nt":
+        base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return _usable(os.environ.get("LUGRECTL_CACHE") or str(Path(base) / "lugrectl"))
+
+
+@cache
+def temporary() -> Path:
+    """A directory that ends with this process, for when the cache's disk is full."""
+    made = tempfile.TemporaryDirectory(prefix="lugrectl-", ignore_cleanup_errors=True)
+    atexit.register(made.cleanup)
+    return Path(made.name)
+
+
+@cache
+def _usable(wanted: str) -> Path:
+    for path in (Path(wanted), Path(f"{wanted}-own")):
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.mkdir(mode=0o700, exist_ok=True)
+            found = path.stat()
+            # only this user (and the administrator) may put code into it
+            if os.name != "posix" or (found.st_uid == os.getuid() and not found.st_mode & 0o022):
+                with tempfile.TemporaryFile(dir=path):
+                    return path
+    return temporary()
+
+
+def whole(path: Path) -> contextlib.AbstractContextManager[Path]:
+    """A temporary file that is renamed at the end: other processes see all of it or nothing."""
+    return written_whole(path, 0o600)
+
+
+def keep(path: Path, text: str) -> None:
+    """Write generated code to a file of the cache, where it is not there already."""
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        if path.read_text(encoding="utf-8") == text:
+            return
+    make_room(path.parent)
+    with whole(path) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def _seal(path: Path) -> tuple[Path, str]:
+    """The file beside a compiled one that says what it is, and what that is now."""
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    return path.with_suffix(path.suffix + ".sha256"), digest
+
+
+def seal(path: Path) -> None:
+    """Write down what a compiled file is now."""
+    place, digest = _seal(path)
+    with whole(place) as part:
+        part.write_text(digest)
+
+
+def is_sound(path: Path) -> bool:
+    """Whether a compiled file is what it was when it was made."""
+    try:
+        place, digest = _seal(path)
+        return place.read_text() == digest
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def make_room(folder: Path, most: int = 500) -> None:
+    """Delete the older half of a full cache, compiled code included."""
+    sources = [*folder.glob("lugrectl_*.py"), *folder.glob("lugrectl_*.c")]
+    if len(sources) < most:
+        return
+    with contextlib.suppress(OSError):
+        for old in sorted(sources, key=lambda path: path.stat().st_mtime)[: most // 2]:
+            for place in (folder, folder / "__pycache__"):
+                for made in place.glob(f"{old.stem}.*"):
+                    made.unlink()
+
+
+PLAIN = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
+PLAIN += ("-Werror=implicit-function-declaration",)
+# FUSED and WIDE may round a product and a sum once: values then depend on the machine
+FUSED = (*PLAIN, "-mfma", "-fno-tree-slp-vectorize")  # pairs of numbers cost more than they save
+# for several numbers at once; sine and cosine of one angle would become one call, which the
+# library has for one number only
+WIDE = ("-O3", *PLAIN[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
+_ABLE = """
+#if defined(__clang__) || !defined(__GNUC__)
+#error another compiler does not know the library
+#endif
+static double able(void) {
+    __builtin_cpu_init();
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+}
+"""
+_KNOWN = '__attribute__((simd("notinbranch"), const, nothrow, leaf)) double {}(double{});'
+SUFFIX = ".dll" if sys.platform == "win32" else ".so"
+_LEAST = "def run(a):\n    a[0] = sqrt(a[0])\n"
+_SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
+
+
+class Native:
+    """The last function of a source text, compiled at its first call for the arguments' kinds.
+
+    It may take floats, whole numbers and arrays in C order, as :func:`c_code` reads them.
+    ``flags`` are PLAIN, or, with :func:`has_wide`, FUSED, or WIDE to vectorise its innermost loops.
+    """
+
+    def __init__(self, source: str, flags: tuple[str, ...] = PLAIN) -> None:
+        self.source, self.flags = source, flags
+        self._lock, self._made = threading.Lock(), dict[tuple[Any, ...], Any]()
+
+    def __call__(self, *arguments: Any) -> int:
+        forms = tuple(
+            [(a.dtype, a.ndim) if isinstance(a, np.ndarray) else type(a) for a in arguments]
+        )
+        passed = [part for i, a in enumerate(arguments) for part in _passed(i, a)]
+        run = self._made.get(forms)
+        if run is None:
+            kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
+            pairs = [(name, ", double" * (name == "pow")) for name in LIBRARY]
+            known = "\n".join(_KNOWN.format(*pair) for pair in pairs) if self.flags == WIDE else ""
+            with self._lock:
+                run = _loaded(c_code(self.source, kinds, known), kinds, self.flags)
+                self._made[forms] = run
+        return run(*passed)
+
+
+@cache
+def has_compiler() -> bool:
+    """Whether there is a C compiler ($CC, else cc) and its output can be loaded."""
+    there = np.array([4.0])
+    try:
+        Native(_LEAST)(there)
+    except (InputError, OSError):
+        return False
+    return bool(there[0] == 2.0)
+
+
+@cache
+def has_wide() -> bool:
+    """Whether compiler, processor and library can compute several numbers at once."""
+    there, several = np.zeros(1), np.linspace(-700.0, 1.0, WIDTH)
+    want = np.exp(several)
+    try:
+        able = c_code("def run(a):\n    a[0] = able()\n", (_kind(0, there),), _ABLE)
+        _loaded(able, (_kind(0, there),), PLAIN)(*_passed(0, there))
+        if there[0] == 1.0:
+            Native(_SEVERAL.format(WIDTH), WIDE)(several)
+    except (InputError, OSError):
+        return False
+    return bool(there[0] == 1.0 and np.allclose(several, want, rtol=1e-14, atol=0.0))
+
+
+def _kind(place: int, value: Any) -> Kind:
+    if not isinstance(value, np.ndarray):
+        return NUMBER if isinstance(value, float) else WHOLE
+    if value.dtype.str[1:] not in ("f8", "i8"):
+        raise TypeError(f"argument {place}: {value.dtype}")
+    return Kind("i" if value.dtype.kind == "i" else "d", lengths(place, value.ndim))
+
+
+def _passed(place: int, value: Any) -> list[Any]:
+    if not isinstance(value, np.ndarray):
+        return [value]
+    if not value.flags.c_contiguous:
+        raise TypeError(f"argument {place}: in another order")
+    if value.size and value.flags.writeable:  # a tenth of the time of value.ctypes
+        return [ctypes.addressof(ctypes.c_char.from_buffer(value.data)), *value.shape]
+    return [value.ctypes.data, *value.shape]
+
+
+def _loaded(text: str, kinds: tuple[Kind, ...], flags: tuple[str, ...]) -> Any:
+    compiler = _compiler()
+    key = repr((text, compiler, flags, platform.machine(), platform.libc_ver()))
+    name = f"lugrectl_{hashlib.sha256(key.encode()).hexdigest()[:20]}.c"
+    try:
+        made = _made(cache_dir() / name, text, compiler, flags)
+    except OSError:  # the disk is full
+        made = _made(temporary() / name, text, compiler, flags)
+    run = ctypes.CDLL(str(made)).run
+    run.restype, run.argtypes = ctypes.c_int64, []
+    for kind in kinds:
+        number = ctypes.c_double if kind == NUMBER else ctypes.c_int64
+        run.argtypes += [ctypes.c_void_p if kind.shape else number]
+        run.argtypes += [ctypes.c_int64] * len(kind.shape)
+    return run
+
+
+def _made(path: Path, text: str, compiler: tuple[str, ...], flags: tuple[str, ...]) -> Path:
+    """The library of a source, built where it is not there or not what it was."""
+    made = path.with_suffix(SUFFIX)
+    if not is_sound(made):
+        keep(path, text)
+        _build([*compiler, *flags], path, made)
+        seal(made)
+    return made
+
+
+@cache
+def _compiler() -> tuple[str, ...]:
+    words = shlex.split(os.environ.get("CC", "cc"))
+    found = shutil.which(words[0]) if words else None
+    if found == "/usr/bin/cc" and sys.platform == "darwin":
+        # without developer tools the cc of a Mac opens a window that offers to install them
+        if subprocess.run(["xcode-select", "-p"], capture_output=True).returncode:
+            found = None
+    if found is None:
+        raise InputError("there is no C compiler; set the environment variable CC to name one.")
+    return (found, *words[1:])
+
+
+def _build(command: Sequence[str], path: Path, made: Path) -> None:
+    with whole(made) as part:
+        command = [*command, "-o", str(part), str(path), "-lm"]
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace")
+        if done.returncode:
+            lines = [k for k in done.stderr.splitlines() if "error" in k] or [done.stderr]
+            raise InputError(
+                f"{command[0]} cannot compile: {lines[0]} Set CC to nothing to do without it."
+            )
+
 
 # a b + c may be rounded once; the other options of fastmath would change the meaning of the code
 NUMBA_HEADER = """from numba import njit

@@ -10,13 +10,11 @@ import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..codegen.fixed_step import lane_code
-from ..codegen.simd import is_wide, wide_code
-from ..expression.operations import WIDTH
+from ..codegen.fixed_step import is_wide, lane_code, wide_code
+from ..expression.numpy_protocol import WIDTH
 from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
-from .backend import compiler, each_beside, load, threads
-from .c_compiler import has_wide
+from .backend import compiler, each_beside, has_wide, load, threads
 
 if TYPE_CHECKING:
     import control as ct
@@ -105,11 +103,13 @@ class Lanes:
         function of the parameters, has noise of about 1e-7 of its range: finite differences need
         much larger steps.
         """
-        x0, p = self._rows(x0, self.states, "x0"), self._rows(p, self.parameters, "p")
+        x0, p = _plain(np.atleast_2d(x0)), _plain(np.atleast_2d(p))
         u, n, ny = np.asarray(u, dtype=float), len(self.states), len(self.outputs)
         u = _plain(u if u.ndim == 3 else u[None])
-        if u.ndim != 3 or u.shape[2] != len(self.inputs):
-            raise InputError(f"u needs the columns {', '.join(self.inputs)}, not {u.shape}.")
+        tables = ("x0", x0, self.states), ("p", p, self.parameters), ("u", u, self.inputs)
+        for label, rows, names in tables:
+            if rows.ndim != 2 + (rows is u) or rows.shape[-1] != len(names):
+                raise InputError(f"{label} needs the columns {', '.join(names)}, not {rows.shape}.")
         count, samples = len(x0), u.shape[1]
         if len(p) != count:
             raise InputError(f"p has {len(p)} rows for {count} lanes.")
@@ -123,16 +123,16 @@ class Lanes:
         given = (*given, _plain(dull), _plain(half), _repeated(t0, count), *steps, y_hat, x_end)
         wide = self._wide if count >= LEAST_WIDE and length else None
         large = self.backend != "numpy" and count * length * substeps > MANY
+        loop, block = wide or self._run, WIDTH if wide else 1
+        # in one call, or in whole blocks on threads: compiled code releases the GIL
+        blocks = -(-count // block)
+        parts = 4 * threads() if large and min(threads(), blocks) > 1 else 1
+        edges = block * np.linspace(0, blocks, min(blocks, parts) + 1).astype(int)
+        edges = np.minimum(edges, count).tolist()
         with np.errstate(all="ignore"):
-            workers = threads() if large else 1
-            _spread(wide or self._run, given, count, WIDTH if wide else 1, workers)
+            for _ in each_beside(lambda k: loop(*given, *edges[k : k + 2]), range(len(edges) - 1)):
+                pass
         return y_hat, x_end
-
-    def _rows(self, values: np.ndarray, names: Sequence[str], label: str) -> np.ndarray:
-        rows = _plain(np.atleast_2d(values))
-        if rows.ndim != 2 or rows.shape[1] != len(names):
-            raise InputError(f"{label} needs the columns {', '.join(names)}, not {rows.shape}.")
-        return rows
 
     def _correction(
         self, y: np.ndarray | None, gain: np.ndarray | None, count: int, samples: int
@@ -156,21 +156,6 @@ def _plain(values: np.ndarray, kind: type = float) -> np.ndarray:
 
 def _repeated(values: np.ndarray | float, count: int) -> np.ndarray:
     return _plain(np.broadcast_to(np.asarray(values, dtype=float), (count,)))
-
-
-def _spread(
-    loop: Callable[..., None], given: tuple[Any, ...], count: int, block: int, workers: int
-) -> None:
-    """All lanes in one call, or in chunks of whole blocks on threads (compiled code releases the
-    GIL)."""
-    blocks = -(-count // block)
-    if min(workers, blocks) < 2:
-        loop(*given, 0, count)
-        return
-    edges = block * np.linspace(0, blocks, min(blocks, 4 * workers) + 1).astype(int)
-    edges = np.minimum(edges, count).tolist()
-    for _ in each_beside(lambda part: loop(*given, *part), zip(edges, edges[1:], strict=False)):
-        pass
 
 
 def _indices(values: Any, count: int, highest: int, label: str) -> np.ndarray:

@@ -17,11 +17,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ..expression.graph import Node, evaluate, rename
-from ..tracing.equations import Program
 from ..tracing.network import Net
-from ..tracing.tracer import traced_net
-from .adaptive_run import Adaptive
-from .course import Accuracy, Course, Now, Track
+from ..tracing.tracer import Program, traced_net
+from .adaptive_run import Accuracy, Adaptive, Course, Now, Track
 from .memo import ALONE, made_of
 
 SEGMENTS = 50_000  # of a run at most; a shorter delay stays an approximation
@@ -205,7 +203,11 @@ class _Run:
         columns = np.vstack([self._panels(edges), *rows, edges[None, :-1]])
         inputs = np.append(np.repeat(columns, 4, axis=1), self._last(edges), axis=1)
         grid = np.append(nodes(edges)[:, :-1].ravel(), edges[-1])
-        at, own = self._places(edges)
+        t = self.course.grid
+        at = np.minimum(np.searchsorted(t, edges), len(t) - 1)
+        new = t[at] == edges  # the edges that are grid points
+        new[0] &= not self.begun  # the last segment ended there, after its update
+        at, own = at[new], np.flatnonzero(new)
         flags = np.zeros((len(self.course.flags), len(grid)))
         flags[:, 4 * own] = self.course.flags[:, at]
         after = self.now.copy()
@@ -227,14 +229,6 @@ class _Run:
         before = held if self.net.earlier else np.empty((0, 5 * count))
         y = self.engine.signals(nodes(edges).ravel(), out[0][:, places], u, before, self.p)
         return y[len(self.net.signals) :].reshape(-1, count, 5), accept
-
-    def _places(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The grid points among the edges, and the places of these edges."""
-        grid = self.course.grid
-        at = np.minimum(np.searchsorted(grid, edges), len(grid) - 1)
-        new = grid[at] == edges
-        new[0] &= not self.begun  # the last segment ended there, after its update
-        return at[new], np.flatnonzero(new)
 
     def _inputs(self, k: Any) -> np.ndarray:
         given = self.course.given[:, k]

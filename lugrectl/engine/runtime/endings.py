@@ -45,25 +45,15 @@ def bounded(
         group = rows[i]
         found = []
         for row, label in zip(group if large[i] else (), names, strict=False):
-            k = _beyond(t, row, BOUND * size)
-            if k is not None:
+            beyond = ~(np.abs(row) <= BOUND * size)
+            k, early = int(np.argmax(beyond)), np.abs(row[t <= 0.5 * (t[0] + t[-1])]).max()
+            grows = early <= HALVED * np.abs(row).max()  # like an exponential
+            if beyond.any() and (grows or not np.isfinite(row).all()):
                 found.append((k, label, row[k]))
         if found:
             k, label, value = min(found, key=lambda one: one[0])
             said = f"{name}: {label} grows without bound: it is {value:.3g} at t = {t[k]:.6g} s."
             raise Diverged(said + (SIGN if looped else ""))
-
-
-def _beyond(t: np.ndarray, row: np.ndarray, bound: float) -> int | None:
-    """The first sample beyond the bound, of a row that grows like an exponential."""
-    beyond = ~(np.abs(row) <= bound)
-    if not beyond.any():
-        return None
-    k = int(np.argmax(beyond))
-    if not np.isfinite(row).all():
-        return k
-    early = np.abs(row[t <= 0.5 * (t[0] + t[-1])]).max()
-    return k if early <= HALVED * np.abs(row).max() else None
 
 
 def no_bound(name: str, states: Sequence[str], status: np.ndarray) -> Diverged:
@@ -72,15 +62,6 @@ def no_bound(name: str, states: Sequence[str], status: np.ndarray) -> Diverged:
         f"{name}: state {states[int(status[2])]} grows without bound, is not a number, or changes "
         f"faster than steps can follow, at t = {status[1]:.6g} s."
     )
-
-
-def stopped(
-    name: str, labels: Sequence[str], t: float, x: np.ndarray, message: str, *, looped: bool
-) -> Diverged:
-    """Return the error where a solver of SciPy gives up: its largest state, the time and why."""
-    i = int(np.argmax(np.where(np.isfinite(x), np.abs(x), np.inf)))
-    said = f"{name}: the solver stops at t = {t:.6g} s, where state {labels[i]} is {x[i]:.3g}: "
-    return Diverged(said + message.rstrip(".") + "." + (SIGN if looped else ""))
 
 
 def first_bad(t: np.ndarray, y: np.ndarray) -> tuple[int, int, str] | None:
@@ -100,14 +81,6 @@ def warn_unsettled(name: str, when: float, stacklevel: int) -> None:
             RuntimeWarning,
             stacklevel=stacklevel + 1,
         )
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Without the warnings of LSODA on convergence: the error names state and time."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "lsoda", UserWarning)
-        yield
 
 
 class Chatter:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,10 +13,8 @@ from ...core.errors import Diverged
 from ..tracing.network import Net
 from ..tracing.pointwise import Answer, Instant, settle
 from ..tracing.tracer import traced_net
-from .adaptive_run import Adaptive
-from .course import Accuracy, Course, Track
-from .endings import Chatter, quiet, said_if_slow, stopped
-from .sampled_run import not_finite
+from .adaptive_run import Accuracy, Adaptive, Course, Track, not_finite
+from .endings import SIGN, Chatter, said_if_slow
 
 Advance = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, float]]
 
@@ -47,9 +46,12 @@ class Called:
             self.engine = Adaptive(hybrid.flow)
 
     def follow(self, course: Course, x: np.ndarray, q: np.ndarray, accuracy: Accuracy) -> Track:
-        """As :meth:`lugrectl.engine.runtime.sampled_run.Held.follow`."""
+        """As :meth:`lugrectl.engine.runtime.adaptive_run.Held.follow`."""
         how = "at each of its updates" if self.engine is not None else ""
-        with said_if_slow(self.why, how), quiet(), np.errstate(all="ignore"):
+        slow, loud = said_if_slow(self.why, how), warnings.catch_warnings()
+        with slow, loud, np.errstate(all="ignore"):
+            # LSODA warns of convergence; the error names state and time
+            warnings.filterwarnings("ignore", "lsoda", UserWarning)
             for part in self.net.parts:
                 part.block._update_params(self.params)
             return self._followed(course, x, q, self._advance(course, x, accuracy))
@@ -171,6 +173,10 @@ class Called:
         done = solve_ivp(rates, (t[0], t[-1]), x, t_eval=t, **given)
         end = done.y[:, -1] if done.y.size else x
         if not done.success or not np.isfinite(end).all():
-            labels, looped = self.net.states(sampled=False), self.net.looped
-            raise stopped(self.net.name, labels, done.t[-1], end, done.message, looped=looped)
+            i = int(np.argmax(np.where(np.isfinite(end), np.abs(end), np.inf)))
+            label, why = self.net.states(sampled=False)[i], done.message.rstrip(".")
+            raise Diverged(
+                f"{self.net.name}: the solver stops at t = {done.t[-1]:.6g} s, where state {label} "
+                f"is {end[i]:.3g}: {why}.{SIGN if self.net.looped else ''}"
+            )
         return done.y

@@ -1,4 +1,4 @@
-"""Compiled code, kept for the next call, and the check that it is still right."""
+"""What a system consists of, where nothing in it can change without being seen."""
 
 from __future__ import annotations
 
@@ -6,14 +6,93 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
+import control as ct
+import numpy as np
+
+from ...core.block_system import BlockSystem, own_functions
 from ...core.errors import InputError
 from ..expression.graph import symbols_in
-from ..tracing.ingredients import described, is_number, numbers_alone
 from ..tracing.network import Net
-from ..tracing.tracer import Hybrid, smooth_keys, traced_net
-from ..tracing.verify import AGAIN
-from .adaptive_run import Adaptive, chosen_backend
-from .sampled_run import Held
+from ..tracing.tracer import AGAIN, Differs, Hybrid, check, single, smooth_keys, traced_net
+from .adaptive_run import Adaptive, Held, chosen_backend
+
+PLAIN = (
+    BlockSystem,
+    ct.NonlinearIOSystem,
+    ct.StateSpace,
+    ct.InterconnectedSystem,
+    ct.LinearICSystem,
+)
+
+
+def described(system: Any, *, by_trace: bool = True) -> Any:
+    """All that decides what a system does, as a hashable value; None where it cannot be known.
+
+    Of blocks of this package and of matrices it is known at once. A function of a user may read
+    anything: a global, an entry of a dictionary, an array. Such a block is described by the
+    equations that a trace of it gives now, or not at all without ``by_trace``. Parameters that
+    are no numbers, and those that decide which equations there are, leave a system undescribed.
+
+    The system's ``_update_params`` was called before. Raises TraceError for a block that keeps
+    values between calls.
+    """
+    if type(system) not in PLAIN or "_rhs" in vars(system) or "_out" in vars(system):
+        return None
+    if not numbers_alone(system.params):
+        return None
+    inside = _inside(system, by_trace)
+    if inside is None:
+        return None
+    labels = (system.input_labels, system.output_labels, system.state_labels)
+    values = np.array([float(v) for v in system.params.values()]).tobytes()
+    params = (tuple(system.params), values)
+    return type(system), system.name, system.dt, *map(tuple, labels), params, inside
+
+
+def _inside(system: Any, by_trace: bool) -> Any:
+    if isinstance(system, ct.InterconnectedSystem):
+        parts = [described(block, by_trace=by_trace) for block in system.syslist]
+        parts += map(_array, (system.connect_map, system.input_map, system.output_map))
+    elif isinstance(system, ct.StateSpace):
+        matrices = (system.A, system.B, system.C, system.D)
+        parts = [_array(m) for m in matrices] if own_functions(system) else [None]
+    else:
+        functions, parts = [system.updfcn] if system.nstates else [], []
+        for function in (*functions, system.outfcn):  # of this package, and the systems in it
+            ours = str(type(function).__module__).startswith("lugrectl.")
+            systems = function.rests_on() if ours and hasattr(function, "rests_on") else None
+            inside = [described(one, by_trace=False) for one in systems or ()]
+            if systems is None or None in inside:
+                return _equations(system) if by_trace else None
+            parts.append((function, *inside))
+    return None if None in parts else tuple(parts)
+
+
+def _equations(block: Any) -> Any:
+    """What a trace of a single block gives, compared with the block itself."""
+    params = dict(block._current_params)
+    try:
+        program = single(block)
+        check(program, block, params, AGAIN)
+    except Differs:  # by itself: among other blocks an even number of calls may hide it
+        raise
+    except Exception:  # the trace of the whole says which block, and why
+        return None
+    return None if program.fixed else program.outline()
+
+
+def _array(value: Any) -> Any:
+    array = np.asarray(value)
+    return (array.shape, array.dtype.str, array.tobytes()) if array.dtype.kind in "biuf" else None
+
+
+def numbers_alone(given: Mapping[str, Any]) -> bool:
+    return all(is_number(v) for v in given.values())
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+
 
 MOST = 400  # compiled codes that are kept
 ALONE = threading.RLock()  # a system holds the parameters that it is asked with

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,16 +10,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from ...core.errors import Diverged
-from ..expression.affine import affine
-from ..expression.graph import Node
+from ..expression.graph import Node, affine
 from ..expression.numpy_protocol import TraceError
-from ..tracing.equations import Program
-from ..tracing.ingredients import described, is_number
-from ..tracing.tracer import trace
+from ..tracing.tracer import Program, trace
 from .adaptive_run import Adaptive
 from .backend import compiler
 from .endings import warn_unsettled
-from .memo import ALONE
+from .memo import ALONE, described, is_number
 
 RTOL = 1e-6  # error allowed in a substep, relative to the largest value of each state
 FEW = 4000  # samples; compiling takes as long as so many in plain Python
@@ -70,7 +67,12 @@ class Substeps:
 
     def _kind(self, params: Mapping[str, Any]) -> _Kind:
         for known in self._kinds:
-            if all(_equal(params[k], v) for k, v in known.fixed.items()):
+            given = [(params[k], v) for k, v in known.fixed.items()]
+            if any(isinstance(one, Node) for one, _ in given):
+                raise TraceError(
+                    "a parameter decides which equations there are: it is needed as a number"
+                )
+            if all(one is other or np.array_equal(one, other) for one, other in given):
                 return known
         own = {
             k: v for k, v in params.items() if k in self.system.params and not isinstance(v, Node)
@@ -97,22 +99,19 @@ class Substeps:
         kind = self._kind(own)
         values = tuple(v if is_number(v) else id(v) for v in own.values())
         asked = (id(kind), x.tobytes(), before.tobytes(), now.tobytes(), values)
-        last = self._last  # output and update of a block ask for the same step
-        if last[0] != asked:
-            self._last = last = asked, self._stepped(kind, x, before, now, own)
-        return last[1].copy()
-
-    def _stepped(
-        self, kind: _Kind, x: np.ndarray, before: np.ndarray, now: np.ndarray, own: Any
-    ) -> np.ndarray:
+        if self._last[0] == asked:  # output and update of a block ask for the same step
+            return self._last[1].copy()
         count = int(np.ceil((now[0] - before[0]) / self.longest - 1e-9))
         grid = before[:, None] + (now - before)[:, None] * (np.arange(count + 1) / count)
         if kind.program is None:
-            return self._by_scipy(x, grid, own)
-        engine, p = kind.engine(kind.program), kind.program.arguments(own)
-        run = engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL)
-        warn_unsettled(self.system.name, run.unsettled, 2)
-        return run.states[:, -1]
+            after = self._by_scipy(x, grid, own)
+        else:
+            engine, p = kind.engine(kind.program), kind.program.arguments(own)
+            run = engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL)
+            warn_unsettled(self.system.name, run.unsettled, 1)
+            after = run.states[:, -1]
+        self._last = asked, after
+        return after.copy()
 
     def _by_scipy(self, x: np.ndarray, grid: np.ndarray, own: Mapping[str, Any]) -> np.ndarray:
         t, inputs = grid[0], grid[1:]
@@ -133,19 +132,18 @@ class Substeps:
         return last
 
 
-def _equal(one: Any, other: Any) -> bool:
-    if isinstance(one, Node):
-        raise TraceError("a parameter decides which equations there are: it is needed as a number")
-    return one is other or bool(np.array_equal(one, other))
-
-
 def affine_by_probes(system: Any) -> bool:
     """Whether f(a + b) + f(0) = f(a) + f(b) at states of all sizes and at other parameters.
 
     False also if no point gives finite values.
     """
-    random, seen = np.random.default_rng(0), False
-    for params in _variants(system.params, random):
+    random, seen, variants = np.random.default_rng(0), False, [dict(system.params)]
+    for size in (0.3, 3.0, 30.0):  # all numbers changed
+        numbers = {k: v for k, v in system.params.items() if is_number(v)}
+        moved = {k: v * (1.0 + size * random.random()) for k, v in numbers.items()}
+        shifted = {k: v if v else size * random.standard_normal() for k, v in moved.items()}
+        variants += [{**system.params, **shifted}] if numbers else []
+    for params in variants:
         for size in np.repeat(SIZES, 4):
             u = random.standard_normal(system.ninputs) * 10.0 ** random.uniform(-3.0, 3.0)
             u = np.abs(u) if random.random() < 0.5 else u
@@ -165,12 +163,3 @@ def affine_by_probes(system: Any) -> bool:
                 return False
             seen = True
     return seen
-
-
-def _variants(params: Mapping[str, Any], random: Any) -> Iterator[dict[str, Any]]:
-    """The parameters as they are, then with all numbers changed."""
-    yield dict(params)
-    for size in (0.3, 3.0, 30.0) if any(map(is_number, params.values())) else ():
-        moved = {k: v * (1.0 + size * random.random()) for k, v in params.items() if is_number(v)}
-        shifted = {k: v if v else size * random.standard_normal() for k, v in moved.items()}
-        yield {**params, **shifted}

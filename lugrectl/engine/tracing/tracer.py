@@ -3,7 +3,7 @@
 The blocks' update and output functions run once, through python-control's own connections, with
 symbolic scalars in place of numbers. Numeric parameters remain arguments; anything else that a
 function reads has its value at the time of tracing. A net has a flow between updates (ticks), and
-the updates; a system alone is a net of one part.
+the updates; a system alone is a net of one part. A trace is compared with the system itself.
 """
 
 from __future__ import annotations
@@ -18,15 +18,162 @@ import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..expression.graph import Graph, Node, rename, symbols_in
+from ..expression.graph import Graph, Node, evaluate, outline, rename, sharp, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
-from .equations import Program
-from .instant import Rows, Unsolved, settled
-from .network import Net, Wires, is_wired
-from .verify import check
+from .network import Net, Rows, Unsolved, Wires, is_wired, settled
+from .pointwise import Instant
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """The equations of a system: xdot = f(t, x, u, p), y = g(t, x, u, p) as graph nodes.
+
+    ``parameters`` are unique labels, ``keys`` their names in python-control (one key can have
+    different defaults in different blocks), ``defaults`` their values, ``widths`` the largest
+    value up to which each only smooths a sign (0: never). ``fixed`` holds the keys that were
+    needed as numbers during tracing.
+    """
+
+    name: str
+    states: tuple[str, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    keys: tuple[str, ...]
+    defaults: np.ndarray
+    widths: tuple[float, ...]
+    fixed: Mapping[str, Any]
+    graph: Graph
+    t: Node
+    x: tuple[Node, ...]
+    u: tuple[Node, ...]
+    p: tuple[Node, ...]
+    xdot: tuple[Node, ...]
+    y: tuple[Node, ...]
+
+    def outline(self, *more: tuple[Node, ...]) -> tuple[Any, ...]:
+        """The equations, and other nodes, as a hashable value.
+
+        Programs of the same value differ in nothing but the defaults of their parameters.
+        """
+        names = (self.name, self.states, self.inputs, self.outputs, self.parameters, self.keys)
+        return *names, outline([(self.t,), self.x, self.u, self.p, self.xdot, self.y, *more])
+
+    def sharpened(
+        self, params: Mapping[str, Any] | None = None, *, of: Sequence[Node] | None = None
+    ) -> Program:
+        """The program with sign(x) for tanh(x/p) where p only smooths the sign for solvers.
+
+        ``of`` are the nodes x of which this is done, None: all.
+        """
+        rows = zip(self.p, self.widths, self.arguments(params), strict=True)
+        narrow = [node for node, width, value in rows if 0.0 < value <= width]
+        if not narrow:
+            return self
+        roots, n = sharp([*self.xdot, *self.y], narrow, of), len(self.x)
+        return replace(self, xdot=tuple(roots[:n]), y=tuple(roots[n:]))
+
+    def values(self, t: Any, x: Any, u: Any, p: Any | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """(xdot, y) by interpretation; x (n, ...), u (m, ...), p (q, ...) may be batches."""
+        numbers = [t, *x, *u, *(self.defaults if p is None else p)]
+        symbols = [self.t, *self.x, *self.u, *self.p]
+        known = {node.value: v for node, v in zip(symbols, numbers, strict=True)}
+        shape = np.broadcast_shapes(*(np.shape(v) for v in known.values()))
+        rows = [np.broadcast_to(v, shape) for v in evaluate(self.xdot + self.y, known)]
+        rows = np.array(rows, dtype=float).reshape(-1, *shape)
+        return rows[: len(self.x)], rows[len(self.x) :]
+
+    def arguments(self, params: Mapping[str, Any] | None) -> np.ndarray:
+        """The parameter vector with ``params`` in place of defaults."""
+        params = params or {}
+        pairs = zip(self.keys, self.defaults, strict=True)
+        return np.array([float(params.get(k, v)) for k, v in pairs])
+
+
+AGAIN = (1.0, 30.0)  # for equations that were checked at all scales before
+NEAR = 1e-11  # of the arguments: how far rounding may move them
+POSITIVE = (1.0, 1e2, 1e4)  # where no other point gives a value: a root or a logarithm
+
+
+class Differs(TraceError):
+    """A trace does not give what the system itself gives."""
+
+
+def check(
+    program: Program,
+    system: ct.NonlinearIOSystem | BareSystem,
+    params: Mapping[str, Any] | None = None,
+    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
+) -> None:
+    """Compare a trace with the system's own functions at random points of these sizes.
+
+    Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
+    computes something else for symbols than for numbers.
+    """
+    random = np.random.default_rng(len(program.graph.nodes))
+    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
+    compared = 0
+    for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
+        if compared and not signed:
+            break
+        pairs = zip(program.keys, program.arguments(params), strict=True)
+        spread = 0.0 if scale == 1.0 else 0.2
+        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
+        t = abs(scale * random.standard_normal())
+        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
+        x, u = (x, u) if signed else (np.abs(x), np.abs(u))
+        own = _own(system, t, x, u, {**(params or {}), **values})
+        if own is not None:
+            p = program.arguments({**(params or {}), **values})
+            ours = np.concatenate(program.values(t, x, u, p))
+            compared += _compare(program, own, ours, (t, x, u, p))
+    system._update_params(params)
+    if not compared and program.xdot + program.y:
+        raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
+
+
+def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
+    """The system's rates and outputs; None if there are none at this point.
+
+    python-control reports some loops that have an answer as algebraic; these are evaluated
+    block by block.
+    """
+    system._update_params(params)
+    try:
+        with np.errstate(all="ignore"):
+            return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
+    except ArithmeticError:
+        return None
+    except RuntimeError:
+        at = Instant(system)
+    try:
+        parts = at.inside_rates(system, t, x, u), at.inside_outputs(system, t, x, u)
+        return np.concatenate(parts)
+    except (RuntimeError, ArithmeticError, ValueError):
+        return None
+
+
+def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
+    """Whether the point is usable: some value is finite."""
+    bad = ~np.isclose(ours, own, rtol=1e-9, atol=0.0, equal_nan=True)
+    if np.any(bad):
+        slack, random = np.full(len(ours), 1e-300), np.random.default_rng(0)
+        for _ in range(4):  # what rounding may change of each value, where large terms cancel
+            t, x, u, p = (a * (1 + NEAR * random.choice([-1.0, 1.0], np.shape(a))) for a in at)
+            with np.errstate(all="ignore"):
+                moved = np.concatenate(program.values(t, x, u, p))
+                slack = np.fmax(slack, 10 * np.abs(moved - ours))
+        bad = ~np.isclose(ours, own, rtol=1e-9, atol=slack, equal_nan=True)
+    if np.any(bad):
+        label = (program.states + program.outputs)[int(np.flatnonzero(bad)[0])]
+        raise Differs(
+            f"{program.name}: the traced equation of {label} differs from the system's own "
+            "(does a block keep values between calls, or draw random numbers?)"
+        )
+    return bool(np.any(np.isfinite(own)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +243,10 @@ def trace(
     return program
 
 
-def single(system: Any, exact: Sequence[int] = ()) -> Program:
+def single(system: Any) -> Program:
     """The equations of a system in continuous or discrete time, with the parameters that are set,
-    not yet checked. The states ``exact`` of dead times are the delayed signals: :class:`Graph`."""
-    return _Tracer(Net.of(system, sampled=False), exact).program()
+    not yet checked."""
+    return _Tracer(Net.of(system, sampled=False)).hybrid(False, ()).flow
 
 
 def traced_net(
@@ -112,14 +259,14 @@ def traced_net(
     """The equations of a net, not yet checked: :meth:`Hybrid.check`.
 
     Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
-    themselves. Without ``ticks`` the sampled parts are not traced.
+    themselves. Without ``ticks`` the sampled parts are not traced. The states ``exact`` of dead
+    times are the delayed signals: :class:`Graph`.
     """
     for part in net.parts:
         part.block._update_params(params)
     if net.alone and not net.groups:
-        system = net.parts[0].block
-        program = single(system, exact)
-        return Hybrid(net, program, None, ((program, system),))
+        made = _Tracer(net, exact).hybrid(False, ())
+        return replace(made, blocks=((made.flow, net.parts[0].block),))
     own = [part.block for part in net.parts if ticks or not part.sampled]
     blocks = tuple((single(block), block) for block in own)
     return _Tracer(net, exact).hybrid(ticks and net.groups > 0, blocks)
@@ -155,21 +302,18 @@ class _Tracer:
         self.values: dict[int, dict[str, Any]] = {}
         self.answers: dict[Any, list[Node]] = {}
         for part in net.parts:
-            self._collect(list(blocks_in(part.block)))
+            blocks = list(blocks_in(part.block))
+            self.values |= {id(block): dict(block._current_params) for block in blocks}
+            for own in (True, False):  # the blocks' own keys first: overrides change no order
+                for block in blocks:
+                    keys = [k for k in block._current_params if (k in block.params) is own]
+                    self.values[id(block)] |= {k: self._symbol(block, k) for k in keys}
 
     def _symbols(self, letter: str, count: int) -> tuple[Node, ...]:
         return tuple(self.graph.symbol(f"{letter}{i}") for i in range(count))
 
-    def _collect(self, blocks: Sequence[Any]) -> None:
-        """One symbol for each numeric parameter: blocks with equal key and value share it."""
-        for block in blocks:
-            self.values[id(block)] = dict(block._current_params)
-        for own in (True, False):  # the blocks' own keys first: overrides do not change the order
-            for block in blocks:
-                keys = [k for k in block._current_params if (k in block.params) is own]
-                self.values[id(block)] |= {k: self._symbol(block, k) for k in keys}
-
     def _symbol(self, block: Any, key: str) -> Any:
+        """The symbol of a numeric parameter: blocks with equal key and value share it."""
         value = block._current_params[key]
         if not isinstance(value, (int, float, np.number)) or isinstance(value, bool):
             return value
@@ -178,12 +322,6 @@ class _Tracer:
         slot = self.slots.setdefault((key, float(value)), _Slot(key, float(value), node, width))
         slot.users.append(block.name)
         return slot.node
-
-    def program(self) -> Program:
-        """The equations of a system alone."""
-        system = self.net.parts[0].block
-        xdot, y = (part(system, self.x, self.u) for part in (self._rates, self._outputs))
-        return self._named(system.state_labels, system.input_labels, xdot, y, [*xdot, *y])
 
     def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
         net, held = self.net, self._held()
@@ -203,29 +341,18 @@ class _Tracer:
                 for row, still in zip(outputs, held, strict=True)
             ]
         y = self._linear(net.gather, [*chain(*outputs)])
-        names = [*net.outside, *(net.parts[i].outputs[j] for i, j in net.held)]
-        roots = [*xdot, *y, *(tick.new_q + tick.new_h if tick else ())]
-        return Hybrid(
-            net, self._named(net.states(sampled=False), names, xdot, y, roots), tick, blocks
-        )
+        return Hybrid(net, self._named(xdot, y, tick), tick, blocks)
 
-    def _named(
-        self,
-        states: Sequence[str],
-        inputs: Sequence[str],
-        xdot: Sequence[Node],
-        y: Sequence[Node],
-        roots: Sequence[Node],
-    ) -> Program:
-        """The program of these equations, without parameters that entered the roots as numbers."""
-        seen = symbols_in(roots)
+    def _named(self, xdot: Sequence[Node], y: Sequence[Node], tick: Tick | None) -> Program:
+        """The program of these equations, without parameters that entered them as numbers."""
+        net, seen = self.net, symbols_in([*xdot, *y, *(tick.new_q + tick.new_h if tick else ())])
         slots = [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
         keys = [slot.key for slot in slots]
         return Program(
-            name=self.net.name,
-            states=tuple(states),
-            inputs=tuple(inputs),
-            outputs=self.net.signals,
+            name=net.name,
+            states=net.states(sampled=False),
+            inputs=(*net.outside, *(net.parts[i].outputs[j] for i, j in net.held)),
+            outputs=net.signals,
             parameters=tuple(slot.label(keys) for slot in slots),
             keys=tuple(keys),
             defaults=np.array([slot.value for slot in slots]),
@@ -371,7 +498,12 @@ class _Tracer:
         try:
             result = function(self.t, *signals, dict(numbers))
         except Exception as error:
-            raise TraceError(_blame(block, function, error)) from error
+            frames = traceback.extract_tb(error.__traceback__)
+            file = getattr(getattr(function, "__code__", None), "co_filename", None)
+            own = [f for f in frames if f.filename == file]
+            place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
+            kind = "" if isinstance(error, TraceError) else f"{type(error).__name__}: "
+            raise TraceError(f"block {block.name}{place}: {kind}{error}") from error
         needed = dict(numbers)
         for key in [k for k, v in numbers.items() if known[k] is not v]:
             try:
@@ -405,13 +537,3 @@ def smooth_keys(system: Any) -> frozenset[str]:
         for key, width in getattr(block.outfcn, "widths", {}).items()
         if block._current_params[key] > width
     )
-
-
-def _blame(block: Any, function: Callable[..., Any], error: Exception) -> str:
-    """A message with the block, the line and the reason."""
-    frames = traceback.extract_tb(error.__traceback__)
-    file = getattr(getattr(function, "__code__", None), "co_filename", None)
-    own = [f for f in frames if f.filename == file]
-    place = f", {own[-1].filename} line {own[-1].lineno}" if own else ""
-    kind = "" if isinstance(error, TraceError) else f"{type(error).__name__}: "
-    return f"block {block.name}{place}: {kind}{error}"

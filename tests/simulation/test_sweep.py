@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import tracemalloc
 import warnings
+from collections.abc import Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 
 import control as ct
 import numpy as np
@@ -16,7 +20,7 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.sweeps import parameter_table
+from lugrectl.simulation.sweep_members import parameter_columns
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
 from ..cases.own import static, user_block
@@ -49,9 +53,8 @@ def test_members_are_what_simulate_gives_one_by_one() -> None:
         assert np.array_equal(s.y[i], both)
 
 
-@pytest.mark.parametrize("way", ["c", "numba"])
-def test_compiled_on_threads_as_in_plain_python(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    made_by = there(way)
+def test_compiled_on_threads_as_in_plain_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_by = there("c")
     plain = lg.sweep(lag(), T, 1.0, TABLE)
     monkeypatch.setattr(adaptive_run, "compiler", lambda: made_by)
     for jobs, chunk in ((2, 2), (1, None), (3, 1)):
@@ -80,10 +83,10 @@ def test_every_form_of_a_table_says_the_same(given_columns, shared) -> None:
     rows = [{k: v[i] for k, v in whole.items()} for i in range(3)]
     frame = pandas.DataFrame(whole)
     for form in (whole, given_columns, rows, records, frame, frame.astype(object)):
-        found = parameter_table.columns(form)
+        found = parameter_columns(form)
         assert list(found) == list(whole)
         assert all(np.array_equal(found[k], whole[k]) for k in whole)
-    beside = parameter_table.columns({**whole, "shared": shared})
+    beside = parameter_columns({**whole, "shared": shared})
     assert beside["shared"] == shared and beside["shared"].ndim == 0
 
 
@@ -351,3 +354,93 @@ def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setitem(__import__("sys").modules, name, None)
         with pytest.raises(InputError, match=f"pip install {name}"):
             getattr(s, f"to_{name}")()
+
+
+# Sweeps that other processes and a cluster carry: the same numbers, nothing lost.
+
+
+GAINS, TAUS = np.linspace(0.5, 2, 7), np.linspace(0.05, 0.5, 7)
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[ProcessPoolExecutor]:
+    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as made:
+        yield made
+
+
+def leave(member: int) -> float:
+    if member == 4:
+        os._exit(1)
+    return 1.0
+
+
+def test_processes_of_the_users(pool: ProcessPoolExecutor) -> None:
+    here = lg.sweep(lag(), T, 1.0, TABLE, states=True)
+    there = lg.sweep(lag(), T, 1.0, TABLE, states=True, executor=pool, chunk=2)
+    assert np.array_equal(here.y, there.y) and np.array_equal(here.x, there.x)
+    assert np.allclose(there["y"], step_response(GAINS, TAUS), atol=1e-5)
+    short = lg.sweep(lag(), T, 1.0, TABLE, reduce=last, executor=pool, chunk=3)
+    assert np.array_equal(short.reduced, here.y[:, :, -1])
+
+
+def test_random_inputs_do_not_depend_on_who_works(pool: ProcessPoolExecutor) -> None:
+    here = lg.sweep(lag(), T, noise, seeds=9)
+    assert np.array_equal(lg.sweep(lag(), T, noise, seeds=9, executor=pool, chunk=4).y, here.y)
+    with ThreadPoolExecutor(3) as threads:
+        assert np.array_equal(lg.sweep(lag(), T, noise, seeds=9, executor=threads).y, here.y)
+
+
+def test_failures_come_home(pool: ProcessPoolExecutor) -> None:
+    with pytest.warns(RuntimeWarning, match="1 of 7 members failed; member 3: inputs: Lookup"):
+        s = lg.sweep(lag(), T, ramp, TABLE, executor=pool, chunk=3)
+    assert set(s.failed) == {3} and np.isfinite(s.y[s.ok]).all() and s.ok.sum() == 6
+
+
+@pytest.mark.slow
+def test_a_worker_that_dies_without_numba_costs_its_task() -> None:
+    with pytest.warns(
+        RuntimeWarning, match="1 of 7 members failed; member 4: its worker process died"
+    ):
+        s = lg.sweep(lag(), T, leave, TABLE, jobs=2, chunk=1)
+    assert np.allclose(s["y"][s.ok], step_response(GAINS, TAUS)[s.ok], atol=1e-5)
+
+
+def test_functions_that_cannot_be_sent_are_said_at_once(pool: ProcessPoolExecutor) -> None:
+    for how in ({"executor": pool}, {"jobs": 2}):
+        with pytest.raises(InputError, match="inputs cannot be sent .* top of a module"):
+            lg.sweep(lag(), T, lambda i: 1.0, TABLE, **how)
+        with pytest.raises(InputError, match="reduce cannot be sent"):
+            lg.sweep_chunks(lag(), T, 1.0, TABLE, reduce=lambda t, y: 0, **given)
+
+
+class Interrupted(Executor):
+    """Two tasks are done; then Ctrl-C is pressed."""
+
+    def __init__(self) -> None:
+        self.futures: list[Future] = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        if len(self.futures) == 4:
+            raise KeyboardInterrupt
+        future: Future = Future()
+        self.futures.append(future)
+        if len(self.futures) <= 2:
+            future.set_result(fn(*args))
+        return future
+
+
+def test_an_interrupt_keeps_what_the_executor_has_done() -> None:
+    executor = Interrupted()
+    with pytest.warns(RuntimeWarning, match="interrupted: 2 of 7 members are done"):
+        s = lg.sweep(lag(), T, 1.0, TABLE, executor=executor, chunk=1)
+    assert s.done.tolist() == [True] * 2 + [False] * 5
+    assert np.isfinite(s.y[:2]).all() and np.isnan(s.y[2:]).all()
+    assert all(f.cancelled() for f in executor.futures[2:])
+
+
+def test_a_stream_that_is_interrupted_ends_with_the_interrupt() -> None:
+    parts = []
+    with pytest.raises(KeyboardInterrupt):
+        for part in lg.sweep_chunks(lag(), T, 1.0, TABLE, executor=Interrupted(), chunk=1):
+            parts.append(part.members.tolist())
+    assert parts == [[0], [1]]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
+import pickle
 import warnings
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -16,13 +17,15 @@ from numpy.typing import ArrayLike
 from ..core import validation
 from ..core.errors import InputError
 from ..core.jobs import JobError, Progress, run_jobs
-from ..core.progress import Bar, Wanted, bar_for, reporter, shows_progress
+from ..core.progress import Wanted, bar_for, reporter, shows_progress
 from ..engine.runtime.backend import threads
-from .prepare import Asked, Prepared, prepare, sendable
+from .sweep_members import Asked, Block, Prepared, prepare, work
 from .sweep_result import Sweep
-from .worker import Block, Traced, work
 
 _ASKED_AHEAD = 16  # number of workers assumed for an executor that does not give it
+_SENT = ("inputs", "reduce")  # functions of the user, which other processes may need
+
+Blocks = Generator[tuple[range, Block | JobError]]  # the members of each task with their answers
 
 
 @shows_progress
@@ -129,7 +132,7 @@ def sweep(
     """
     asked = Asked(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
     made = prepare(asked)
-    gathered = Gathered(made)
+    gathered = _Gathered(made, range(made.count))
     blocks = _blocks(made, _How(executor, jobs, chunk, reporter(progress)), gathered)
     try:
         for index, block in blocks:
@@ -200,20 +203,20 @@ def sweep_chunks(
     True
     """
     asked = Asked(system, t, inputs, params, x0, seeds, outputs, states, hold, rtol, reduce)
-    made = prepare(asked)
-    bar = bar_for(progress)
-    return _parts(made, _blocks(made, _How(executor, jobs, chunk, bar)), bar)
+    made, bar = prepare(asked), bar_for(progress)
+    blocks = _blocks(made, _How(executor, jobs, chunk, bar))
 
+    def parts() -> Iterator[Sweep]:
+        try:
+            for index, block in blocks:
+                part = _Gathered(made, index)
+                part.take(index, block)
+                yield replace(part.result(), message=None)
+        finally:
+            blocks.close()
+            bar.close()
 
-def _parts(made: Prepared, blocks: Generator[tuple[range, Any]], bar: Bar) -> Iterator[Sweep]:
-    try:
-        for index, block in blocks:
-            part = Gathered(made, index)
-            part.take(index, block)
-            yield replace(part.result(), message=None)
-    finally:
-        blocks.close()
-        bar.close()
+    return parts()
 
 
 @dataclass(frozen=True)
@@ -226,10 +229,8 @@ class _How:
     progress: Progress | None
 
 
-def _blocks(
-    made: Prepared, how: _How, whole: Gathered | None = None
-) -> Generator[tuple[range, Block | JobError]]:
-    """Check the arguments at once; then yield each task's members with their answers."""
+def _blocks(made: Prepared, how: _How, whole: _Gathered | None = None) -> Blocks:
+    """Check at once how the work is to be shared out; then yield each task's answers."""
     executor, jobs = how.executor, how.jobs
     for name, number in (("jobs", jobs), ("chunk", how.chunk)):
         if number is not None:
@@ -238,63 +239,57 @@ def _blocks(
         raise InputError(
             f"executor must be a concurrent.futures.Executor, not {validation.shown(executor)}."
         )
-    solver = made.plan.solver
-    compiled = isinstance(solver, Traced) and solver.portable.backend != "python"
-    if not made.carried:
+    if not made.plan.carried:
         executor, jobs = None, 1
     elif executor is None:
-        jobs = jobs or (min(threads(), os.cpu_count() or 1) if compiled else 1)
-    sendable(made, executor, processes=executor is None and not compiled and (jobs or 1) > 1)
-    places: dict[str, Any] = {}
-    if whole is not None and executor is None and (compiled or jobs == 1):
-        places = whole.places()
-    return _run(made, replace(how, executor=executor, jobs=jobs), compiled, places)
+        jobs = jobs or (min(threads(), os.cpu_count() or 1) if made.compiled else 1)
+    alone = executor is None and (made.compiled or jobs == 1)  # in this process
+    for what in () if alone or not isinstance(executor, ProcessPoolExecutor | None) else _SENT:
+        try:
+            pickle.dumps(getattr(made.plan, what))
+        except Exception as error:
+            raise InputError(
+                f"{what} cannot be sent to another process ({error}); "
+                "define the function at the top of a module."
+            ) from None
+    places = whole.arrays if whole is not None and alone else {}
+    return _run(made, replace(how, executor=executor, jobs=jobs), places)
 
 
-def _run(
-    made: Prepared, how: _How, by_threads: bool, places: dict[str, Any]
-) -> Generator[tuple[range, Block | JobError]]:
-    executor, own = how.executor, None
+def _run(made: Prepared, how: _How, places: dict[str, np.ndarray]) -> Blocks:
+    executor, pool = how.executor, None
     workers = how.jobs or getattr(executor, "_max_workers", None) or _ASKED_AHEAD
-    alone = executor is None and workers == 1
-    size = how.chunk or (1 if alone and not by_threads else made.chunk(workers))
-    if by_threads and executor is None and workers > 1:
-        own = executor = ThreadPoolExecutor(workers)
-    function, done = partial(work, made.plan), 0
-    found = run_jobs(function, made.tasks(size, places), executor=executor, jobs=workers)
+    one_by_one = executor is None and workers == 1 and not made.compiled
+    size = how.chunk or (1 if one_by_one else made.chunk(workers))
+    if made.compiled and executor is None and workers > 1:
+        pool = executor = ThreadPoolExecutor(workers)
+    done, tasks = 0, made.tasks(size, places)
+    answers = run_jobs(partial(work, made.plan), tasks, executor=executor, jobs=workers)
     try:
-        for number, block in found:
+        for number, block in answers:
             index = range(number * size, min((number + 1) * size, made.count))
             yield index, block
             done += len(index)
             if how.progress is not None:
                 how.progress(done / made.count, f"{done} of {made.count} members")
     finally:
-        getattr(found, "close", lambda: None)()
-        if own is not None:
-            own.shutdown(cancel_futures=True)
+        getattr(answers, "close", lambda: None)()
+        if pool is not None:
+            pool.shutdown(cancel_futures=True)
 
 
-class Gathered:
-    """Arrays for the members of a range, filled as answers arrive."""
+class _Gathered:
+    """Arrays for the members of a range, filled as answers arrive, or by workers themselves."""
 
-    def __init__(self, made: Prepared, index: range | None = None) -> None:
-        self.made, self.index = made, range(made.count) if index is None else index
-        plan = made.plan
-        self.shapes = {} if plan.reduce is not None else {"y": plan.shape}
-        self.shapes |= {} if plan.keep is None else {"x": (len(plan.keep), plan.shape[1])}
-        self.arrays: dict[str, np.ndarray] = {}
+    def __init__(self, made: Prepared, index: range) -> None:
+        self.made, self.index, plan = made, index, made.plan
+        shapes = {} if plan.reduce is not None else {"y": plan.shape}
+        shapes |= {} if plan.keep is None else {"x": (len(plan.keep), len(plan.t))}
+        self.arrays = {name: np.empty((len(index), *shape)) for name, shape in shapes.items()}
         self.reduced: np.ndarray | None = None
-        self.done = np.zeros(len(self.index), dtype=bool)
-        self.failed: dict[int, str] = {}
-        self.coarse: dict[int, float] = {}
+        self.done = np.zeros(len(index), dtype=bool)
+        self.failed, self.coarse = dict[int, str](), dict[int, float]()
         self.interrupted = False
-
-    def places(self) -> dict[str, np.ndarray]:
-        """Arrays for workers in this process to write to."""
-        count = len(self.index)
-        self.arrays = {name: np.empty((count, *shape)) for name, shape in self.shapes.items()}
-        return self.arrays
 
     def take(self, index: range, block: Block | JobError) -> None:
         here = slice(index.start - self.index.start, index.stop - self.index.start)
@@ -304,46 +299,40 @@ class Gathered:
             return
         self.failed |= block.failed
         self.coarse |= block.coarse
-        for name, shape in self.shapes.items():
-            part = getattr(block, name)
-            if len(part) == len(self.index):
-                self.arrays[name] = part
-                continue
-            if name not in self.arrays:
-                self.arrays[name] = np.empty((len(self.index), *shape))
-            if not np.may_share_memory(self.arrays[name], part):
-                self.arrays[name][here] = part
+        for name, whole in self.arrays.items():
+            if not np.may_share_memory(whole, part := getattr(block, name)):
+                whole[here] = part
         for member, value in zip(index, block.reduced or (), strict=False):
             if value is None:
                 continue
             if self.reduced is None:
                 self.reduced = np.full((len(self.index), *value.shape), np.nan)
-            if value.shape == self.reduced.shape[1:]:
+            shape = self.reduced.shape[1:]
+            if value.shape == shape:
                 self.reduced[member - self.index.start] = value
             else:
-                wanted = self.reduced.shape[1:]
-                said = f"reduce: gave the shape {value.shape}, for another member {wanted}."
-                self.failed[member] = said
+                self.failed[member] = (
+                    f"reduce: gave the shape {value.shape}, for another member {shape}."
+                )
 
     def result(self) -> Sweep:
-        made, count = self.made, len(self.index)
+        made, first, last = self.made, self.index.start, self.index.stop
         lost = ~self.done  # members not run, tasks that failed entirely
-        lost[[member - self.index.start for member in self.failed]] = True
-        for name, shape in self.shapes.items():
-            self.arrays.setdefault(name, np.empty((count, *shape)))[lost] = np.nan
+        lost[[member - first for member in self.failed]] = True
+        for values in self.arrays.values():
+            values[lost] = np.nan
         if made.plan.reduce is not None and self.reduced is None:
-            self.reduced = np.full(count, np.nan)
-        here = slice(self.index.start, self.index.stop)
+            self.reduced = np.full(len(self.index), np.nan)
         return Sweep(
             made.plan.name,
-            made.t,
-            made.outputs,
+            made.plan.t,
+            made.plan.outputs,
             made.states,
             self.arrays.get("y"),
             self.arrays.get("x"),
             self.reduced,
-            {k: v[here] for k, v in made.params.items()},
-            np.arange(self.index.start, self.index.stop),
+            {k: v[first:last] for k, v in made.params.items()},
+            np.arange(first, last),
             self.done,
             dict(sorted(self.failed.items())),
             dict(sorted(self.coarse.items())),

@@ -1,0 +1,319 @@
+"""Generated loops in C against the same text run as Python, and what is kept and said."""
+
+from __future__ import annotations
+
+import gc
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lugrectl.core.errors import InputError
+from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
+from lugrectl.engine.codegen.python_source import summed
+from lugrectl.engine.runtime import backend
+from lugrectl.engine.runtime.backend import (
+    SUFFIX,
+    Native,
+    compiler,
+    each_beside,
+    has_compiler,
+    threads,
+)
+
+needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
+
+# one of everything that the emitters write
+TEXT = """
+import numpy as np
+
+FAR = 40
+
+
+def farther(a, far):
+    half = 0.5 * a
+    return half if abs(half) > far else far
+
+
+def longest(rows):
+    most = -inf
+    for i in range(len(rows)):
+        most = max(most, rows[i][1], -2.0)
+        if most > 1.5:
+            break
+    if most < 0.0:
+        return False
+    return 2
+
+
+def run(table, places, scale, often, wanted, out, first, last):
+    n, least = table.shape[1], scale / often
+    own, sums = np.zeros((2, 3)), np.empty(len(places))
+    total = 0
+    for i in range(first, last):
+        row = table[i]
+        sums[i] = 0.0
+        for c in range(n):
+            value = row[c]
+            if value != value:
+                continue
+            sums[i] += max(value, -1.5) + min(abs(value), 2.0) * (1.0 if c < 2 else 0.5)
+        left, sign = scale, 1.0 if sums[i] > 0.0 else (-1.0 if sums[i] < 0.0 else 0.0)
+        while left > least and not (left > 1e3 or left != left):
+            left = left * 0.5
+        own[1, 1 + 1] = left
+        total = total + sign * i / often
+        if wanted:
+            out[places[i], 0] = sums[i] + sqrt(left) + exp(-left) + own[1, 2] + own[0, 1]
+        else:
+            out[places[i], 0] = -sums[i]
+        out[places[i], 1] = total
+        out[places[i], 1] -= inf if (left < 0.0 and wanted) else 0.0
+    before = now = 1.0
+    while True:
+        often += 1
+        before, now = now, before + now
+        if now > FAR:
+            break
+    out[0, 0] = before + farther(-now, 3) + often % 4 + longest(table)
+    return often
+"""
+
+
+def given(wanted: bool) -> list:
+    random = np.random.default_rng(4)
+    table = random.standard_normal((6, 5))
+    table[2, 3] = np.nan
+    return [table, np.array([5, 3, 1, 0, 2, 4]), 8.0, 7, wanted, np.zeros((6, 2)), 1, 6]
+
+
+@needs_compiler
+@pytest.mark.parametrize("wanted", [True, False])
+def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
+    names = {"sqrt": math.sqrt, "exp": math.exp, "inf": math.inf}
+    exec(TEXT, names)
+    plain, compiled = given(wanted), given(wanted)
+    often = names["run"](*plain)  # type: ignore[operator]
+    assert Native(TEXT)(*compiled) == often > 7
+    np.testing.assert_allclose(compiled[5], plain[5], rtol=1e-14)
+    assert np.all(plain[5][[5]] == 0.0) and np.all(plain[5][[0, 1, 2, 3, 4], 0] != 0.0)
+
+
+@needs_compiler
+def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path))
+    source = "def run(a):\n    a[0] = a[0] + 1.5\n"
+    made = np.zeros(1)
+    Native(source)(made)
+    monkeypatch.setattr(backend, "_build", lambda *_: pytest.fail("compiled again"))
+    Native(source)(made)
+    assert made[0] == 3.0
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", backend.SUFFIX, ".sha256"])
+
+
+@needs_compiler
+def test_what_the_compiler_refuses_is_one_sentence_and_leaves_nothing(
+    tmp_path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path))
+    with pytest.raises(InputError, match="cannot compile.*unknown"):
+        Native("def run(a):\n    a[0] = unknown(a[0])\n")(np.zeros(1))
+    assert not [p for p in tmp_path.iterdir() if p.suffix != ".c"]
+
+
+@pytest.mark.parametrize("words", ["", "no-such-compiler-anywhere"])
+def test_no_compiler_is_no_error(words: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", words)
+    backend._compiler.cache_clear()
+    try:
+        assert not has_compiler.__wrapped__()
+    finally:
+        backend._compiler.cache_clear()
+
+
+def test_what_c_has_no_word_for_is_named() -> None:
+    with pytest.raises(ValueError, match="cannot be translated to C: with"):
+        c_code("def run(a):\n    with a:\n        pass\n", [NUMBER])
+
+
+def test_a_long_sum_is_not_deep() -> None:
+    """The state of a long dead time has thousands of numbers: Python and C nest no sum of them."""
+    text = summed([f"{i}.0" for i in range(20000)])
+    assert eval(text) == sum(range(20000))  # noqa: S307
+    assert "+ 19999.0" in c_code(f"def run(a):\n    return a + {text}\n", [NUMBER])
+
+
+def test_arrays_in_another_order_are_refused() -> None:
+    with pytest.raises(TypeError, match="argument 0"):
+        Native("def run(a):\n    pass\n")(np.zeros((3, 2)).T)
+
+
+def test_threads_write_c_at_the_same_time(often_interrupted) -> None:
+    source = "def run(a):\n" + "    a[0] = a[0] * 2.0 + (1.0 - a[0])\n" * 50
+    kind = [Kind("d", ("n",))]
+    with ThreadPoolExecutor(4) as pool:
+        made = list(pool.map(lambda _: c_code(source, kind), range(8)))
+    assert len(set(made)) == 1
+
+
+@pytest.fixture
+def often_interrupted():
+    """Garbage collection that hands over to other threads, as a long run has it now and then."""
+    before = gc.get_threshold()
+
+    def pause(phase: str, info: object) -> None:
+        time.sleep(1e-4)
+
+    gc.callbacks.append(pause)
+    gc.set_threshold(50)
+    yield
+    gc.set_threshold(*before)
+    gc.callbacks.remove(pause)
+
+
+# Work side by side.
+
+
+@pytest.mark.skipif(compiler() is None, reason="all is done in turn without compiled code")
+def test_work_runs_at_once_and_starts_no_more_threads(monkeypatch):
+    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
+    meeting = threading.Barrier(2, timeout=20.0)
+
+    def work(item: int) -> int:
+        meeting.wait()
+        return threads()
+
+    assert [*each_beside(work, [0, 1])] == [1, 1]
+    assert threads() == 2
+
+
+# What is loaded from the cache is checked: damaged code is built again, planted code never run.
+
+
+ROOT = "def run(a):\n    a[0] = sqrt(a[0]) + {}\n"
+USE = """
+import numpy as np, lugrectl as lg
+z = lg.deflection(np.sin(np.arange(5000) * 1e-3), 1e-3, lg.table1())
+r = lg.simulate(lg.velocity_loop(lg.table1()), np.arange(0, 0.1, 1e-3), 0.1)
+print(float(z[-1]), float(r.outputs[1, -1]))
+"""
+needs_c = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    path = tmp_path / "cache"
+    monkeypatch.setenv("LUGRECTL_CACHE", str(path))
+    return path
+
+
+def answer(number):
+    there = np.array([4.0])
+    Native(ROOT.format(number))(there)
+    return there[0]
+
+
+@needs_c
+@pytest.mark.parametrize("damage", [lambda b: b[: len(b) // 3], lambda b: b"", lambda b: b[::-1]])
+def test_a_damaged_library_is_built_again(folder, damage):
+    assert answer(1.5) == 3.5
+    made = next(folder.glob(f"*{SUFFIX}"))
+    sound = made.read_bytes()
+    copy = made.with_name("copy")  # what is loaded must not change under the process
+    copy.write_bytes(damage(sound))
+    os.replace(copy, made)
+    assert not backend.is_sound(made)
+    assert answer(1.5) == 3.5 and backend.is_sound(made)
+
+
+@needs_c
+@pytest.mark.skipif(os.name != "posix", reason="folders have no owner here")
+def test_a_folder_that_others_may_write_is_not_used(folder):
+    folder.mkdir()
+    folder.chmod(0o777)
+    assert answer(2.5) == 4.5
+    assert not list(folder.iterdir()) and list(Path(f"{folder}-own").glob("*.c"))
+
+
+@needs_c
+def test_a_full_disk_costs_the_cache_and_nothing_else(folder, monkeypatch):
+    usual = backend.keep
+
+    def full(path, text):
+        if folder in path.parents:
+            raise OSError(28, "No space left on device")
+        usual(path, text)
+
+    monkeypatch.setattr(backend, "keep", full)
+    assert answer(3.5) == 5.5
+
+
+@pytest.mark.parametrize("kind", [pytest.param("c", marks=needs_c), "numba"])
+def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypatch, kind):
+    """Cache and temporary folder full: one warning for as many loops as there are."""
+
+    def full(path, text):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(backend, "keep", full)
+    backend._say_once.cache_clear()
+    with pytest.warns(RuntimeWarning, match=r"plain Python.*No space left on device") as said:
+        for number in (3.25, 4.25):
+            there = np.array([4.0])
+            backend.load(f"@fast\n{ROOT.format(number)}", kind).run(there)
+            assert there[0] == 2.0 + number
+    assert len(said) == 1
+
+
+def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
+    assert backend.cache_dir().is_dir()
+
+
+def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
+    for age, name in enumerate("a.c b.py c.c d.py".split()):
+        for file in (f"lugrectl_{name}", f"lugrectl_{name[0]}.so"):
+            (tmp_path / file).write_text("")
+            os.utime(tmp_path / file, (age, age))
+    backend.make_room(tmp_path, most=4)
+    left = sorted(p.name for p in tmp_path.iterdir())
+    assert left == ["lugrectl_c.c", "lugrectl_c.so", "lugrectl_d.py", "lugrectl_d.so"]
+
+
+def run(folder):
+    there = dict(os.environ) | {"LUGRECTL_CACHE": str(folder)}
+    return subprocess.Popen([sys.executable, "-c", USE], env=there, stdout=subprocess.PIPE)
+
+
+@pytest.mark.slow
+def test_code_of_numba_that_was_cut_off_is_compiled_again(folder):
+    pytest.importorskip("numba")
+    wanted = run(folder).communicate()[0]
+    kept = list(folder.glob("__pycache__/*.nb?"))
+    assert kept and wanted
+    for file in kept:
+        file.write_bytes(file.read_bytes()[:3000])
+    assert run(folder).communicate()[0] == wanted
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name != "posix", reason="there is no SIGKILL here")
+def test_a_killed_compilation_leaves_nothing_that_is_wrong(folder):
+    start = time.monotonic()
+    wanted = run(folder.with_name("other")).communicate()[0]
+    whole = time.monotonic() - start
+    for part in np.linspace(0.3, 0.98, 10):
+        process = run(folder)
+        time.sleep(part * whole)
+        process.send_signal(signal.SIGKILL)
+        process.communicate()
+    assert run(folder).communicate()[0] == wanted
