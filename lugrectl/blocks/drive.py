@@ -21,7 +21,7 @@ from .effects import actuator_lag, actuator_saturation, input_delay
 from .factories import Names, factory
 
 if TYPE_CHECKING:
-    import control as ct
+    pass
 
 TURN = 2.0 * np.pi
 KV: Any = P(20.0, "1/s")
@@ -223,18 +223,9 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     step = positive(dt, "dt", "seconds")
     if late > MOST * step:
         raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
-    return _shifted(late / step, step, names)
-
-
-def _commanded(names: Names) -> Names:
-    """The names with the input u_cmd where none is given."""
-    return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
-
-
-def _shifted(samples: float, dt: float, names: Names) -> ct.NonlinearIOSystem:
     import control as ct
 
-    name = one_name(names.get("name"))
+    name, samples = one_name(names.get("name")), late / step
     samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
     made = _Late(int(samples), samples % 1.0)
     many = made.whole + (made.part > 0.0)
@@ -245,8 +236,13 @@ def _shifted(samples: float, dt: float, names: Names) -> ct.NonlinearIOSystem:
         outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
         states=[f"late{k + 1}" for k in range(many)] or None,
         name=name,
-        dt=dt,
+        dt=step,
     )
+
+
+def _commanded(names: Names) -> Names:
+    """The names with the input u_cmd where none is given."""
+    return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
 
 
 class _Steady:

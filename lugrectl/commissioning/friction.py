@@ -63,15 +63,7 @@ def load_motion(run: Run, mechanics: Mechanics, friction: float, distance: float
     """Compute the motion of the load, with about so much friction (N m or N) on it."""
     wa, za, ratio, _ = np.exp(mechanics.pairs[0]).tolist()
     share = 1.0 - 1.0 / (1.0 + ratio) ** 2  # of the inertia, on the load
-    steps, speed = _integrated(run, wa, za, friction / (share * mechanics.inertia[0]), distance)
-    s = 1j * run.w
-    return LoadMotion(strokes(steps), speed, (2.0 * za * s / wa + 1.0) / quadratic(s, wa, za))
-
-
-def _integrated(
-    run: Run, wa: float, za: float, braking: float, distance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Steps and speed of the load; ``braking`` is its friction over its inertia."""
+    braking = friction / (share * mechanics.inertia[0])
     path, first, _ = run.strokes
     distance = max(distance, SHORTEST * path[-1] / max(len(first), 1))
     part = run.dt / FINER
@@ -90,7 +82,9 @@ def _integrated(
             x += h * v
         steps.append(x - begin)
         speeds.append(v)
-    return np.array([*steps, 0.0]), np.array([*speeds, v])
+    s, seen = 1j * run.w, np.array([*speeds, v])
+    H = (2.0 * za * s / wa + 1.0) / quadratic(s, wa, za)
+    return LoadMotion(strokes(np.array([*steps, 0.0])), seen, H)
 
 
 def _terms(

@@ -11,7 +11,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.model import as_model
+from ..blocks.model import Model, Part, as_model
+from ..blocks.plant import STAGES, stage
 from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
@@ -20,7 +21,7 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from .effects import Known, known_effects
+from ..torque_balance.driven_states import driven
 from .friction import Friction, fit_friction, load_motion, problem_of
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
 from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows
@@ -220,6 +221,95 @@ def _shown(mode: Mode) -> tuple[str, str, str]:
     low, high = (x / (2.0 * np.pi) for x in mode.ci95)
     hertz = f"({mode.frequency / (2.0 * np.pi):.4g} Hz, {low:.4g} to {high:.4g})"
     return f"{mode.frequency:.4g}", "rad/s", f"{hertz}, damping {mode.damping:.2g}"
+
+
+# What a model knows besides friction and inertia, along the measured motion, to be taken out.
+# Torques of position, speed and time go off the torque; what acts on the torque itself is applied
+# to it; what changes the level of friction scales its terms, and a change of Fv is a torque. A
+# delay or lag of the torque and the lag of a sensor are linear: they stay in the response. So does
+# the load behind a gap: taken out is what its torque differs by from that of a load without it.
+
+LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
+GAP = "backlash"
+TIGHT = {"gap": 0.0, "load_friction": 0.0}
+LEFT = "{} is not taken out: {}."
+ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """The runs with the torque that acts, and for each run the known torque (n,) on the resisting
+    side and the level of friction (n,) as a share; ``said`` of what stays in the response."""
+
+    runs: tuple[Run, ...]
+    resisting: tuple[np.ndarray, ...]
+    scales: tuple[np.ndarray, ...]
+    said: tuple[str, ...]
+
+
+def known_effects(runs: Sequence[Run], model: Model) -> Known:
+    """Take the effects of a model along the runs; InputError for a value that it leaves open."""
+    parts, said, friction = [], [], model.friction.values
+    for part in model.effects:
+        why = _why_left(part, friction)
+        if why:
+            said.append(LEFT.format(part.key, why))
+        elif why is None:
+            if missing := [k for k, v in part.values.items() if v is None]:
+                raise InputError(
+                    f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, "
+                    "and give the model with its value."
+                )
+            parts.append(part)
+    parts.sort(key=lambda part: STAGES.index(stage(part.block)))
+    made = [_along(run, parts, friction) for run in runs]
+    driven_runs, resisting, scales = zip(*made, strict=True)
+    return Known(driven_runs, resisting, scales, tuple(said))
+
+
+def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
+    """Why an effect stays; "" where it is a part of the response, None where it is taken out."""
+    block = part.block
+    if block.name in LINEAR:
+        return ""
+    if block.states and block.name != GAP:
+        return "it remembers the motion"
+    if any(p.shared for p in block.parameters.values()):
+        return "it depends on other values of the drive"
+    if not {*block.acts} <= ACTS:
+        return f"it changes {', '.join(block.acts)}"
+    needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in block.acts]
+    open_ = [k for k in needed if friction.get(k, 0.0) is None]
+    return f"{open_[0]} is not declared" if open_ else None
+
+
+def _along(
+    run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]
+) -> tuple[Run, np.ndarray, np.ndarray]:
+    """A run with the torque that acts on it, the resisting torque, and the level of friction."""
+    middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
+    signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
+    signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
+    for part in parts:
+        block, known = part.block, dict(part.values)
+        if block.name == GAP:
+            known = block.defaults() | known
+            motion, spans = (
+                {k: signals[k] for k in ("theta", "w")},
+                [(slice(0, len(run.u)), run.dt)],
+            )
+            (made,) = driven(block, [known, known | TIGHT], motion, spans)
+            acts = {"torque": made[:, 0] - made[:, 1]}
+        else:
+            acts = dict(block.deeds(block(*(signals[name] for name in block.reads), **known)))
+        if "input" in acts:
+            signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
+        torque, viscous = acts.get("torque", 0.0), friction.get("Fv") or 0.0
+        resisting = resisting + torque + acts.get("Fv", 0.0) * viscous * run.speed
+        if part.block.load:
+            signals["load"] = signals["load"] + torque
+        level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
+    return replace(run, u=signals["u"]), resisting, level
 
 
 HIGHEST = 0.4  # of half the sampling rate

@@ -139,6 +139,14 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
 
     Half a count of play is taken out: a resting axis does not chatter.
     """
+
+    def without_play(x: np.ndarray, half: float) -> np.ndarray:
+        made, c = [], float(x[0])
+        for one in x.tolist():
+            c = one - half if one > c + half else one + half if one < c - half else c
+            made.append(c)
+        return np.array(made)
+
     n = len(theta)
     line = np.linspace(theta[0], theta[-1], n)
     about = theta - line
@@ -146,20 +154,10 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
     spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(2 * n)) / SMOOTH) ** 2))
     smooth = FINER * np.asarray(irfft(spectrum, 2 * n * FINER))[: n * FINER]
     smooth += theta[0] + (theta[-1] - theta[0]) / (n - 1) * np.arange(n * FINER) / FINER
-    steps = np.diff(_without_play(smooth, 0.5 * count), append=smooth[-1])
+    moved = without_play(smooth, 0.5 * count) if count else smooth
+    steps = np.diff(moved, append=smooth[-1])
     steps[-FINER:] = 0.0  # beyond the last sample
     return steps
-
-
-def _without_play(x: np.ndarray, half: float) -> np.ndarray:
-    """The position behind a play of ``half`` to either side."""
-    if not half:
-        return x
-    made, c = [], float(x[0])
-    for one in x.tolist():
-        c = one - half if one > c + half else one + half if one < c - half else c
-        made.append(c)
-    return np.array(made)
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,13 @@ def critical(hunts: Hunts, vary: Mapping[str, tuple[float, float]], what: str) -
     for name, ends in vary.items():
         changes, first = _changes(cache(lambda v, name=name: hunts(**{name: v})), *ends)
         values[name] = tuple(value for value, _ in changes)
-        said.append(f"as {name} rises, {what} {_in_words(changes, first, *ends)}")
+        where = {True: "every value", False: "no value", None: "no value that is decided"}[first]
+        words = [
+            f"{'begins' if begins else 'ends'} "
+            + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
+            for v, begins in changes
+        ] or ["neither begins nor ends: it is there at {} from {:g} to {:g}".format(where, *ends)]
+        said.append(f"as {name} rises, {what} {', '.join(words)}")
     return {"critical": values, "messages": tuple(said)}
 
 
@@ -101,27 +107,15 @@ def _changes(
 ) -> tuple[list[tuple[Any, bool]], bool | None]:
     """Scan in even ratios, then bisect to each change, and whether something begins there; and
     the first answer. Two ends where it is None, undecided, between them."""
+
+    def change(a: float, b: float) -> Any:
+        """Where the answer at a ends, and that at b begins if it is later."""
+        a, middle = edge(lambda v: at(v) == at(a), a, b)
+        if at(middle) == at(b):
+            return float(np.sqrt(a * middle))
+        return a, edge(lambda v: at(v) == at(b), b, middle)[0]
+
     sure = [v for v in map(float, np.geomspace(low, high, SCANNED)) if at(v) is not None]
     pairs = zip(sure, sure[1:], strict=False)
-    changes = [(_change(at, a, b), bool(at(b))) for a, b in pairs if at(a) != at(b)]
+    changes = [(change(a, b), bool(at(b))) for a, b in pairs if at(a) != at(b)]
     return changes, at(sure[0]) if sure else None
-
-
-def _change(at: Callable[[float], bool | None], a: float, b: float) -> Any:
-    """Where the answer at a ends, and that at b begins if it is later."""
-    a, middle = edge(lambda v: at(v) == at(a), a, b)
-    if at(middle) == at(b):
-        return float(np.sqrt(a * middle))
-    return a, edge(lambda v: at(v) == at(b), b, middle)[0]
-
-
-def _in_words(changes: list[tuple[Any, bool]], first: bool | None, low: float, high: float) -> str:
-    if not changes:
-        where = {True: "every value", False: "no value", None: "no value that is decided"}
-        return f"neither begins nor ends: it is there at {where[first]} from {low:g} to {high:g}"
-    said = [
-        f"{'begins' if begins else 'ends'} "
-        + (f"at {v:.4g}" if np.isscalar(v) else "between {:.4g} and {:.4g}".format(*v))
-        for v, begins in changes
-    ]
-    return ", ".join(said)

@@ -70,19 +70,18 @@ def curve_of(model: Model) -> Curve:
     if unknown:
         raise InputError(f"{model.name}: hunting needs {', '.join(unknown)}: give a value.")
     if block.states:
-        return Curve(_level_of(values, block.name))
+        if "Fc" not in values:
+            raise InputError(
+                f"the law {block.name} has states and no Fc: its sliding curve is not known."
+            )
+        Fc, delta, Fv = values["Fc"], values.get("delta"), values.get("Fv", 0.0)
+        shape = Fc, values.get("Fs", Fc), values.get("vs", 1.0)
+        if delta is None:
+            return Curve(lambda w: level(w, *shape) + Fv * w)
+        return Curve(lambda w: free_level(w, *shape, delta) + Fv * w)
     values |= {k: SHARP for k, p in block.parameters.items() if p.smooths}
     values = block.defaults() | values  # bound once: it is asked at each stage of each step
     return Curve(lambda w: block(w, **values)[0] + 0.0 * w)
-
-
-def _level_of(v: Mapping[str, Any], name: str) -> Callable[[Any], Any]:
-    if "Fc" not in v:
-        raise InputError(f"the law {name} has states and no Fc: its sliding curve is not known.")
-    shape, Fv = (v["Fc"], v.get("Fs", v["Fc"]), v.get("vs", 1.0)), v.get("Fv", 0.0)
-    if "delta" in v:
-        return lambda w: free_level(w, *shape, v["delta"]) + Fv * w
-    return lambda w: level(w, *shape) + Fv * w
 
 
 @dataclass(frozen=True)

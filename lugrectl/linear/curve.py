@@ -31,7 +31,17 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     if is_measured(source):
         return response(source)
     if isinstance(source, DelayedTransfer):
-        return _delayed(source, *marks)
+        late = max(source.dead_times, default=0.0)
+        own = [w for w in marks if 0 < w < math.inf]
+        both = [p for q in (source.num, source.den) for _, p in q.terms]
+        sizes = [abs(root) for p in both for root in roots(p) if root]
+        places = [*own, *sizes, *([1.0 / late] if late else [])] or [1.0]
+        low, top = min(places) / BEYOND, max(places) * BEYOND
+        if late:  # steps that follow the phase of the dead times
+            top = max(min(top, TURNS / late), *(3.0 * w for w in own), 3.0 / late)
+        steps = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late) if late else []
+        w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), steps, own]))
+        return w[w >= low], source(1j * w[w >= low])
     T: Any = source
     if not isinstance(T, ct.TransferFunction | ct.StateSpace):
         T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
@@ -47,7 +57,9 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         places = np.ones(1) if dt is None else np.array([end / BEYOND])
     top = places.max() * BEYOND if dt is None else NEAR * end
     low = places.min() / BEYOND
-    peaks = _about(poles)
+    poles = poles[np.isfinite(poles)]  # so close about them that a resonance is a round curve
+    width = np.abs(np.real(poles))[:, None] * np.tan(np.linspace(-1.5, 1.5, ROUND))
+    peaks = (np.abs(np.imag(poles))[:, None] + width).ravel()
     peaks = peaks[(peaks > low) & (peaks < top)]
     w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), places, peaks]))
     with np.errstate(all="ignore"):
@@ -56,29 +68,6 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     if values.ndim == 3:  # of several channels the largest singular value
         values = np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
     return w, np.ravel(values)
-
-
-def _delayed(T: DelayedTransfer, *marks: float) -> tuple[np.ndarray, np.ndarray]:
-    """The exact response, at steps that follow the phase of the dead times."""
-    late = max(T.dead_times, default=0.0)
-    own = [w for w in marks if 0 < w < math.inf]
-    sizes = [abs(root) for q in (T.num, T.den) for _, p in q.terms for root in roots(p) if root]
-    places = [*own, *sizes, *([1.0 / late] if late else [])] or [1.0]
-    low, top = min(places) / BEYOND, max(places) * BEYOND
-    if late:
-        top = max(min(top, TURNS / late), *(3.0 * w for w in own), 3.0 / late)
-    steps = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late) if late else []
-    w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), steps, own]))
-    w = w[w >= low]
-    return w, T(1j * w)
-
-
-def _about(poles: Any) -> np.ndarray:
-    """Frequencies about the poles, so close that a resonance is a round curve."""
-    poles = poles[np.isfinite(poles)]
-    real, imag = np.abs(np.real(poles)), np.abs(np.imag(poles))
-    steps = np.tan(np.linspace(-1.5, 1.5, ROUND))
-    return (imag[:, None] + real[:, None] * steps).ravel()
 
 
 def name(source: Any, of: str = "T") -> str:

@@ -29,9 +29,8 @@ from .axis import WINDOWS, Signs, largest, level_signs, limits, settled, signs, 
 from .border import Axis, is_sampled
 from .delayed import DelayedTransfer
 from .exact import Quasi
-from .exact_system import ExactSystem
 from .state_system import StateSystem
-from .systems import has_many_states
+from .systems import ExactSystem, has_many_states
 from .transfer import cleared, is_measured, require_siso, response, span
 from .verdict import NONE, UNKNOWN, Margin, Verdict, show_poles
 
@@ -493,27 +492,24 @@ class StateLoop(Loop):
         return value.real if slack < abs(value) else math.nan
 
     def crossovers(self) -> list[tuple[float, complex]]:
-
-        def above(w: float) -> tuple[float, float]:
-            t, slack = self.L.at(w)
-            return abs(t) - 1.0, slack
-
-        return self._changes(above, self.L.level_zeros(1.0))
+        return self._changes(lambda L: abs(L) - 1.0, self.L.level_zeros(1.0))
 
     def real_crossings(self) -> list[tuple[float, float]]:
-
-        def part(w: float) -> tuple[float, float]:
-            t, slack = self.L.at(w)
-            return t.imag, slack
-
-        found = [(w, L.real) for w, L in self._changes(part, self.L.mirrored_zeros(-1.0))]
+        places = self.L.mirrored_zeros(-1.0)
+        found = [(w, L.real) for w, L in self._changes(lambda L: L.imag, places)]
         for v in (0.0, math.inf):
             value, slack = self.L.at(v)
             if abs(value) > slack:
                 found.append((self.border.frequency(v), value.real))
         return [(w, x) for w, x in found if x < 0]
 
-    def _changes(self, function: Any, zeros: np.ndarray) -> list[tuple[float, complex]]:
+    def _changes(self, part: Any, zeros: np.ndarray) -> list[tuple[float, complex]]:
+        """Where a part of L changes its sign, and L there."""
+
+        def function(v: float) -> tuple[float, float]:
+            value, slack = self.L.at(v)
+            return part(value), slack
+
         edges = self.L.signs(function, self.L.places(zeros)).edges
         return [(self.border.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
 

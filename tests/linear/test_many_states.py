@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.linear.exact_system import ExactSystem
 from lugrectl.linear.state_system import SureSigns
+from lugrectl.linear.systems import ExactSystem
 
 from ..cases.structures import structure
 
