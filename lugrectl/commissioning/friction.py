@@ -135,13 +135,12 @@ class Friction:
 class Problem:
     """What stays the same while the shapes are searched.
 
-    ``advance`` (M,) of each run takes a torque in force to the command; ``scales`` (n,) are the
-    known changes of the level of friction; ``loads`` the motion of the load, if it has friction.
+    ``advance`` (M,) of each run takes a torque in force to the command; ``loads`` the motion of the
+    load, if it has friction.
     """
 
     runs: Sequence[Run]
     advance: Sequence[np.ndarray]
-    scales: Sequence[np.ndarray]
     shapes: Sequence[Shape]
     windows: Sequence[Window]
     bases: Sequence[np.ndarray]
@@ -161,7 +160,7 @@ class Problem:
             load = self.loads[i]
             far = _terms(load.path, load.speed, distance, vs)[1]
             made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
-        share = self.scales[i] * ~run.stands
+        share = run.scale * ~run.stands
         return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
@@ -188,7 +187,6 @@ class Problem:
 def problem_of(
     runs: Sequence[Run],
     advance: Sequence[np.ndarray],
-    scales: Sequence[np.ndarray],
     shapes: Sequence[Shape],
     torques: Sequence[np.ndarray],
 ) -> Problem:
@@ -202,7 +200,7 @@ def problem_of(
         linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
         bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
     left = [_without(Q, one.rows(driven)) for Q, one in zip(bases, every, strict=True)]
-    return Problem(runs, advance, scales, shapes, every, bases, left)
+    return Problem(runs, advance, shapes, every, bases, left)
 
 
 def fit_friction(problem: Problem, before: Friction | None = None) -> Friction:

@@ -236,19 +236,9 @@ LEFT = "{} is not taken out: {}."
 ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
-    """The runs with the torque that acts, and for each run the known torque (n,) on the resisting
-    side and the level of friction (n,) as a share; ``said`` of what stays in the response."""
-
-    runs: tuple[Run, ...]
-    resisting: tuple[np.ndarray, ...]
-    scales: tuple[np.ndarray, ...]
-    said: tuple[str, ...]
-
-
-def known_effects(runs: Sequence[Run], model: Model) -> Known:
-    """Take the effects of a model along the runs; InputError for a value that it leaves open."""
+def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[str]]:
+    """The runs with the effects of a model along them, and what stays in the response, in words;
+    InputError for a value that it leaves open."""
     parts, said, friction = [], [], model.friction.values
     for part in model.effects:
         why = _why_left(part, friction)
@@ -262,9 +252,7 @@ def known_effects(runs: Sequence[Run], model: Model) -> Known:
                 )
             parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
-    made = [_along(run, parts, friction) for run in runs]
-    driven_runs, resisting, scales = zip(*made, strict=True)
-    return Known(driven_runs, resisting, scales, tuple(said))
+    return [_along(run, parts, friction) for run in runs], said
 
 
 def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
@@ -283,9 +271,7 @@ def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
     return f"{open_[0]} is not declared" if open_ else None
 
 
-def _along(
-    run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]
-) -> tuple[Run, np.ndarray, np.ndarray]:
+def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]) -> Run:
     """A run with the torque that acts on it, the resisting torque, and the level of friction."""
     middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
@@ -309,7 +295,7 @@ def _along(
         if part.block.load:
             signals["load"] = signals["load"] + torque
         level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
-    return replace(run, u=signals["u"]), resisting, level
+    return replace(run, u=signals["u"], load=resisting, scale=level)
 
 
 HIGHEST = 0.4  # of half the sampling rate
@@ -408,11 +394,11 @@ def frequency_response(
         raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
     runs = runs_of(records)
     _refuse_short(runs)
-    known = known_effects(runs, made)
+    runs, left = known_effects(runs, made)
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
-    found = _answer(known, dry and reverses, made.motion)
-    said = [*known.said, *(message for one in records for message in one.messages)]
+    found = _answer(runs, dry and reverses, made.motion)
+    said = [*left, *(message for one in records for message in one.messages)]
     said = [*_verdict(found, dry, reverses), *said]
     return replace(found, messages=tuple(dict.fromkeys(said)))
 
@@ -453,13 +439,13 @@ def _slow(w: np.ndarray) -> float:
     return max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
 
 
-def _answer(known: Known, dry: bool, motion: str) -> FrequencyResponse:
+def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
-    runs, dt = known.runs, known.runs[0].dt
+    dt = runs[0].dt
     longest = max(len(run.u) * run.dt for run in runs)
     ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
     every = windows(runs, *ends, NARROW)
-    stage = _Stage(known, every, np.array([one.centre for one in every]))
+    stage = _Stage(runs, every, np.array([one.centre for one in every]))
     friction, taken = None, None
     for _ in range(1 + ROUNDS):
         if dry:
@@ -524,19 +510,15 @@ def _governed(raw: Response, taken: Response) -> np.ndarray:
 class _Stage:
     """Runs with their windows, and what is known of the mechanics so far."""
 
-    known: Known
+    runs: Sequence[Run]
     windows: Sequence[Window]
     w: np.ndarray
     mechanics: Mechanics | None = None
 
-    @property
-    def runs(self) -> Sequence[Run]:
-        return self.known.runs
-
     def torques(self) -> list[np.ndarray]:
         """The spectra of the commands, less what the known torques cost."""
-        every = zip(self.runs, self.known.resisting, self.advance(), strict=True)
-        return [run.U - run.spectrum(d) * a for run, d, a in every]
+        both = zip(self.runs, self.advance(), strict=True)
+        return [run.U - run.spectrum(run.load) * a for run, a in both]
 
     def moving(self) -> list[np.ndarray]:
         """The same with rests filled in."""
@@ -572,8 +554,7 @@ class _Stage:
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and of load, each where the residual falls clearly with it."""
         shapes = [self.shape(run.w) for run in self.runs]
-        advance, scales = self.advance(), self.known.scales
-        problem = problem_of(self.runs, advance, scales, shapes, self.moving())
+        problem = problem_of(self.runs, self.advance(), shapes, self.moving())
         found = fit_friction(problem, before)
         none = problem.without(found)
         if found.cost > none.cost - SURE:

@@ -42,7 +42,7 @@ class Run:
 
     ``steps`` (FINER n,) is the smoothed motion of each part of an interval, rad or m.
     ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
-    the measured load torque, 0 without one.
+    the known torque on the resisting side, ``scale`` that of the level of friction.
     """
 
     dt: float
@@ -55,6 +55,7 @@ class Run:
     E: np.ndarray | None
     load: np.ndarray
     steps: np.ndarray
+    scale: np.ndarray | float = 1.0
 
     @cached_property
     def U(self) -> np.ndarray:

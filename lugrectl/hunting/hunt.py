@@ -16,8 +16,7 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
 from .bristles import bristle_cycles, known
-from .gains import critical, ranges, varied
-from .loop import Loop
+from .loop import Loop, critical, ranges, varied
 from .result import LimitCycles
 from .rigid import rigid_cycles
 from .search import Budget, Search, continuous_run, errors, loop_run, sampled_run, sampled_starts

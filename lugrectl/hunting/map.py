@@ -15,8 +15,7 @@ from ..core.errors import InputError
 from ..core.result import Result, picked
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from .gains import pid_gains, ranges
-from .loop import Loop, curve_of, together
+from .loop import Loop, curve_of, pid_gains, ranges, together
 from .rigid import HIGH, LOW, kept, proven
 from .stick_map import NEVER, excess_on
 

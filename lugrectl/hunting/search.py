@@ -22,8 +22,7 @@ from ..simulation.encoder import Sensing, encoder, rounded
 from ..simulation.response import simulate
 from ..simulation.sampled_block import sampled
 from ..simulation.sampled_response import simulate_sampled
-from .gains import edge
-from .loop import Loop
+from .loop import Loop, edge
 from .result import Cycle, LimitCycles
 
 RESTS, HUNTS, GROWS, OPEN = "rests", "hunts", "grows", "open"

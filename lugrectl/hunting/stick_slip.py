@@ -20,8 +20,7 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..simulation.response import simulate
 from .bristles import SPEEDS, Bristles
-from .gains import critical, ranges, varied
-from .loop import Lanes, Loop
+from .loop import Lanes, Loop, critical, ranges, varied
 from .search import quietly
 from .stick_map import STICKS, next_stick
 
