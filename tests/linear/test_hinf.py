@@ -63,7 +63,7 @@ def response(T, w):
 
 def test_the_norm_is_that_of_an_independent_dense_maximisation():
     rng = np.random.default_rng(1)
-    for k in range(80):
+    for k in range(40):
         T = draw(rng, bool(k % 2))
         found, wanted = lg.l2_check(T), maximised(T)
         assert found.gain == pytest.approx(wanted, rel=1e-9), (k, T)

@@ -204,7 +204,7 @@ def test_bandwidth_lists_every_crossing_and_skips_a_touch():
 positives = st.integers(1, 40).map(lambda k: Q(k, 4))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.lists(positives, min_size=1, max_size=4), st.lists(positives, max_size=3), positives)
 def test_bandwidth_agrees_with_control_on_stable_systems(poles, zeros, gain):
     assume(len(zeros) < len(poles))
