@@ -18,7 +18,7 @@ import copy
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
@@ -202,12 +202,6 @@ class Block(Shown):
 
     def defaults(self) -> dict[str, float]:
         return {k: p.value for k, p in self.parameters.items()}
-
-    def with_inputs(self, names: Sequence[str]) -> Block:
-        """The same block with some parameters as additional inputs."""
-        rest = {k: p for k, p in self.parameters.items() if k not in names}
-        function = WithInputs(self, tuple(names))
-        return replace(self, function=function, inputs=(*self.inputs, *names), parameters=rest)
 
     def check(self, values: Mapping[str, Any]) -> None:
         """Raise InputError for an unknown parameter or one outside its bounds."""
@@ -408,22 +402,6 @@ class Outputs(Called):
         return np.array([out[o] for o in self.block.outputs])
 
 
-@dataclass(frozen=True)
-class WithInputs:
-    """The function of a block some of whose parameters are inputs, after its own."""
-
-    of: Block
-    names: tuple[str, ...]
-
-    def __call__(self, *signals: Any, **values: Any) -> tuple[Any, ...]:
-        own, many = len(self.of.inputs) + self.of.timed, len(self.names)
-        given = dict(zip(self.names, signals[own : own + many], strict=True))
-        return self.of(*signals[:own], *signals[own + many :], **values, **given)
-
-    def block(self) -> Block:
-        return self.of.with_inputs(self.names)
-
-
 def is_steady(value: Any) -> bool:
     """Whether neither a value nor what it reads can change: numbers, texts, what is of this
     package.
@@ -445,12 +423,10 @@ def is_steady(value: Any) -> bool:
 
 def described(system: Any, block: Block) -> Any:
     """The system, with a sentence for control.describing_function where it can say nothing."""
-    why = ""
+    why = f"has {len(block.inputs)} inputs"
     if block.states:
         why = f"has the states {', '.join(block.states)}, so its output depends on the past"
-    elif len(block.inputs) != 1:
-        why = f"has {len(block.inputs)} inputs"
-    if why:
+    if block.states or len(block.inputs) != 1:
         system.describing_function = NoDescribingFunction(f"{system.name} {why}")
     return system
 

@@ -125,7 +125,12 @@ class Entry:
     def _parameter_lines(self) -> list[str]:
         lines = ["parameters:"] if self.parameters else ["parameters: none"]
         for name, p in self.parameters.items():
-            said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {_bounds(p)}"
+            low, high = _number(p.low), _number(p.high)
+            bounds = f"at least {low}" if p.high == math.inf else f"{low} to {high}"
+            if p.low == -math.inf:
+                bounds = "any value" if p.high == math.inf else f"at most {high}"
+            bounds = " or ".join(f"{c:g}" for c in p.choices) or bounds
+            said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {bounds}"
             said += ", a whole number on a rotary drive" if p.whole else ""
             said += f", {_number(p.value)} unless given" if p.usual else ""
             said += f", no effect at {_number(p.neutral)}" if p.neutral is not None else ""
@@ -201,7 +206,12 @@ class Catalogue(NamedRows[Entry]):
         head, rows = self._cells()
         columns = min(max(shutil.get_terminal_size((120, 24)).columns, _TABLE[0]), _TABLE[1])
         table = [row[: 4 if columns >= _SOURCED else 3] for row in (head, *rows)]
-        widths = _widths(table, columns)
+        # of each column its longest word at least, and what is left shared out
+        words = [_kept(" ".join(cells)).split(" ") for cells in zip(*table, strict=True)]
+        least = [max(map(len, each)) for each in words]
+        parts = _PARTS[: len(least)]
+        left = max(columns - sum(least) - 2 * (len(least) - 1), 0)
+        widths = [w + left * part // sum(parts) for w, part in zip(least, parts, strict=True)]
         return "\n".join(_row(cells, widths) for cells in table)
 
     __repr__ = __str__
@@ -325,7 +335,12 @@ def _listed(kind: str, about: str) -> Catalogue:
     if not isinstance(about, str):
         raise InputError(f"about = {shown(about)} must be words, such as an author's name.")
     own = [made for name, made in members(kind).items() if name not in VARIANTS]
-    rows = [Entry.of(made) for made in sorted(own, key=_place)]
+
+    def place(made: Block) -> int:
+        module = made.home.removeprefix(f"{__package__}.").split(".")[0]
+        return DECLARING.index(module) if module in DECLARING else len(DECLARING)
+
+    rows = [Entry.of(made) for made in sorted(own, key=place)]
     found = [row for row in rows if row.has(_bare(about).split())]
     if not found:
         plain = "law" if kind == "friction" else kind
@@ -338,22 +353,8 @@ def _bare(text: str) -> str:
     return "".join(c for c in unicodedata.normalize("NFD", text.lower()) if c.isascii())
 
 
-def _place(made: Block) -> int:
-    module = made.home.removeprefix(f"{__package__}.").split(".")[0]
-    return DECLARING.index(module) if module in DECLARING else len(DECLARING)
-
-
 def _labels(entry: Entry) -> list[str]:
     return [f"{k} [{p.unit}]" for k, p in entry.parameters.items()]
-
-
-def _bounds(p: P) -> str:
-    if p.choices:
-        return " or ".join(f"{c:g}" for c in p.choices)
-    low, high = _number(p.low), _number(p.high)
-    if p.low == -math.inf:
-        return "any value" if p.high == math.inf else f"at most {high}"
-    return f"at least {low}" if p.high == math.inf else f"{low} to {high}"
 
 
 def _number(value: float) -> str:
@@ -371,15 +372,6 @@ def _filled(text: str, first: str, later: str | None = None) -> str:
 def _kept(cell: str) -> str:
     """The text with a name kept beside its unit by no-break spaces."""
     return re.sub(r"\w+ \[[^]]*\]", lambda name: name[0].replace(" ", "\xa0"), cell)
-
-
-def _widths(table: Sequence[Sequence[str]], columns: int) -> list[int]:
-    """Of each column its longest word at least, and what is left shared out."""
-    words = [_kept(" ".join(cells)).split(" ") for cells in zip(*table, strict=True)]
-    least = [max(map(len, each)) for each in words]
-    parts = _PARTS[: len(least)]
-    left = columns - sum(least) - 2 * (len(least) - 1)
-    return [w + max(left, 0) * part // sum(parts) for w, part in zip(least, parts, strict=True)]
 
 
 def _row(cells: Sequence[str], widths: Sequence[int]) -> str:

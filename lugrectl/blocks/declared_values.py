@@ -57,7 +57,14 @@ def stated(
     fixed, std = given.get("fixed", False), given.get("std")
     if not isinstance(fixed, bool):
         raise InputError(f"{where}: fixed must be true or false, not {fixed!r}.")
-    low, high = (_bound(given.get(end), check, f"{where}: {end}") for end in ("min", "max"))
+
+    def bound(end: str) -> float | None:
+        if given.get(end) is None:
+            return None
+        made = number(given[end], f"{where}: {end}")
+        return made and check(made, where=f"{where}: {end}")  # 0 is a bound of a value above 0
+
+    low, high = bound("min"), bound("max")
     std = None if std is None else positive(std, f"{where}: std")
     if value is None and (fixed or std is not None):
         raise InputError(f"{where}: {'fixed' if fixed else 'std'} needs a value beside it.")
@@ -70,13 +77,6 @@ def stated(
             f"{Stated(low=low, high=high).words()}."
         )
     return made
-
-
-def _bound(given: Any, check: Callable[..., Any], where: str) -> float | None:
-    if given is None:
-        return None
-    bound = number(given, where)
-    return bound if bound == 0.0 else check(bound, where=where)  # 0 is a bound of a value above 0
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
@@ -120,21 +120,16 @@ def refuse_crossed(
     values: Mapping[str, float | None], said: Mapping[str, Stated], where: str
 ) -> None:
     """Raise InputError if no Fs that is allowed lies above an Fc that is allowed."""
-    most, least = _end(values, said, "Fs", "high"), _end(values, said, "Fc", "low")
+
+    def end(key: str, side: str, none: float) -> float:
+        """The farthest value that a parameter may have; infinite if nothing limits it."""
+        one, value = said.get(key, Stated()), values.get(key)
+        far = value if one.fixed and value is not None else getattr(one, side)
+        return none if far is None else far
+
+    most, least = end("Fs", "high", math.inf), end("Fc", "low", -math.inf)
     if most < least:
         raise InputError(
             f"{where}: Fs is at most {most:g} and Fc at least {least:g}, but stiction cannot be "
             "less than Coulomb friction: hold one of them at most, or give other bounds."
         )
-
-
-def _end(
-    values: Mapping[str, float | None], said: Mapping[str, Stated], key: str, end: str
-) -> float:
-    """The farthest value that a parameter may have; infinite if nothing limits it."""
-    none = math.inf if end == "high" else -math.inf
-    one, value = said.get(key, Stated()), values.get(key)
-    if one.fixed and value is not None:
-        return value
-    bound = getattr(one, end)
-    return none if bound is None else bound

@@ -21,7 +21,7 @@ from .effects import actuator_lag, actuator_saturation, input_delay
 from .factories import Names, factory
 
 if TYPE_CHECKING:
-    import control as ct
+    pass
 
 TURN = 2.0 * np.pi
 KV: Any = P(20.0, "1/s")
@@ -223,7 +223,20 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     step = positive(dt, "dt", "seconds")
     if late > MOST * step:
         raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
-    return _shifted(late / step, step, names)
+    import control as ct
+
+    name, samples = one_name(names.get("name")), late / step
+    samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
+    many = math.ceil(samples)
+    return ct.nlsys(
+        _Late() if many else None,
+        _Late(int(samples), samples % 1.0),
+        inputs=renamed(name, "inputs", ("u_cmd",), names.get("inputs")),
+        outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
+        states=[f"late{k + 1}" for k in range(many)] or None,
+        name=name,
+        dt=step,
+    )
 
 
 def _commanded(names: Names) -> Names:
@@ -231,47 +244,22 @@ def _commanded(names: Names) -> Names:
     return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
 
 
-def _shifted(samples: float, dt: float, names: Names) -> ct.NonlinearIOSystem:
-    import control as ct
+@dataclass(frozen=True)
+class _Late:
+    """The command of ``whole`` samples ago, mixed with the one before by ``part``; None: the update
+    of the states, each of which takes the value of the one before."""
 
-    name = one_name(names.get("name"))
-    samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
-    made = _Late(int(samples), samples % 1.0)
-    many = made.whole + (made.part > 0.0)
-    return ct.nlsys(
-        _Shift() if many else None,
-        made,
-        inputs=renamed(name, "inputs", ("u_cmd",), names.get("inputs")),
-        outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
-        states=[f"late{k + 1}" for k in range(many)] or None,
-        name=name,
-        dt=dt,
-    )
+    whole: int | None = None
+    part: float = 0.0
 
-
-class _Steady:
     def rests_on(self) -> tuple[Any, ...]:
         """Nothing but its arguments decides the answer."""
         return ()
 
-
-@dataclass(frozen=True)
-class _Shift(_Steady):
-    """The update of a delay: each state takes the value of the one before."""
-
-    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
-        return np.array([u[0], *x[:-1]])
-
-
-@dataclass(frozen=True)
-class _Late(_Steady):
-    """The command of ``whole`` samples ago, mixed with the one before by ``part``."""
-
-    whole: int
-    part: float
-
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
         known = [u[0], *x]
+        if self.whole is None:
+            return np.array(known[:-1])
         late = known[self.whole]
         if self.part:
             late = (1.0 - self.part) * late + self.part * known[self.whole + 1]

@@ -68,7 +68,10 @@ def load_blocks(path: str | Path) -> list[str]:
     ['stiff']
     """
     file, text = _read(path)
-    name, digest = _module_name(file), sha256(text).hexdigest()
+    stem = "".join(c if c.isalnum() else "_" for c in file.stem)
+    # a name that no other file has; without a dot, so that what it holds pickles
+    name = f"blocks_{stem}_{sha256(str(file).encode('utf-8', 'replace')).hexdigest()[:8]}"
+    digest = sha256(text).hexdigest()
     if LOADED.get(file) != (name, digest):
         with _all_or_none():
             _run(file, text, name)
@@ -150,12 +153,6 @@ def _read(path: str | Path) -> tuple[Path, bytes]:
         raise InputError(f"{path} cannot be read ({error.strerror or error}).") from None
 
 
-def _module_name(file: Path) -> str:
-    """A name that no other file has; without a dot, so that what it holds pickles."""
-    stem = "".join(c if c.isalnum() else "_" for c in file.stem)
-    return f"blocks_{stem}_{sha256(str(file).encode('utf-8', 'replace')).hexdigest()[:8]}"
-
-
 def _run(file: Path, text: bytes, name: str) -> None:
     module = ModuleType(name)
     module.__file__ = str(file)
@@ -200,24 +197,18 @@ def _all_or_none() -> Iterator[None]:
 
 def _sentence(file: Path, error: BaseException) -> str:
     """File, line and what went wrong there."""
-    line, what = _line(file, error), " ".join(f"{error}".split())
+    line, what, frame = None, " ".join(f"{error}".split()), error.__traceback__
+    while frame is not None:
+        line = frame.tb_lineno if frame.tb_frame.f_code.co_filename == str(file) else line
+        frame = frame.tb_next
+    if isinstance(error, SyntaxError) and error.filename == str(file):
+        line = error.lineno
     where = f"{file}, line {line}" if line else str(file)
     if isinstance(error, InputError):
         return f"{where}: {what}"
     if isinstance(error, SyntaxError):
         return f"{where}: {type(error).__name__}: {error.msg}."
     return f"{where}: {type(error).__name__}: {what or 'no message'}."
-
-
-def _line(file: Path, error: BaseException) -> int | None:
-    if isinstance(error, SyntaxError) and error.filename == str(file):
-        return error.lineno
-    frame, line = error.__traceback__, None
-    while frame is not None:
-        if frame.tb_frame.f_code.co_filename == str(file):
-            line = frame.tb_lineno
-        frame = frame.tb_next
-    return line
 
 
 def _declared_by(name: str) -> list[str]:

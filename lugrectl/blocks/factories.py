@@ -60,12 +60,17 @@ def factory(
         written: Callable[Arguments, Any],
     ) -> Callable[Arguments, ct.NonlinearIOSystem]:
         signature = _with_names(written)
-        bound = _binding(written.__name__, signature)
         body: Callable[..., Any] = written
 
         @wraps(written)
         def build(*args: Arguments.args, **given: Arguments.kwargs) -> ct.NonlinearIOSystem:
-            values = bound(args, given)
+            try:
+                bound = signature.bind(*args, **given)
+            except TypeError as error:
+                raise TypeError(f"{written.__name__}() {error}") from None
+            bound.apply_defaults()
+            values = bound.arguments
+            values.update(values.pop("gains", {}))
             if made is None:
                 return body(**values)
             return believed(made, **values) if "p" in values else made.system(**values)
@@ -88,27 +93,6 @@ def _with_names(written: Callable[..., Any]) -> inspect.Signature:
     ]
     own += [] if more.name == "names" else [more]
     return signature.replace(parameters=own, return_annotation=RETURNED)
-
-
-def _binding(name: str, signature: inspect.Signature) -> Callable[[Any, Any], dict[str, Any]]:
-    """Return what gives the arguments of a call by name, as ``Signature.bind`` does but faster."""
-    own = {k: p for k, p in signature.parameters.items() if p.kind is not p.VAR_KEYWORD}
-    positional = [k for k, p in own.items() if p.kind is p.POSITIONAL_OR_KEYWORD]
-    defaults = {k: p.default for k, p in own.items() if p.default is not p.empty}
-    free = len(own) < len(signature.parameters)  # further gains by name
-
-    def bound(args: tuple[Any, ...], given: dict[str, Any]) -> dict[str, Any]:
-        first = dict(zip(positional, args, strict=False))
-        values = defaults | first | given
-        exact = values.keys() >= own.keys() if free else values.keys() == own.keys()
-        if not exact or len(args) > len(positional) or not first.keys().isdisjoint(given):
-            try:
-                signature.bind(*args, **given)
-            except TypeError as error:
-                raise TypeError(f"{name}() {error}") from None
-        return values
-
-    return bound
 
 
 def _completed(written: Callable[..., Any], made: Block | None) -> str:

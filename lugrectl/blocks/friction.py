@@ -513,11 +513,23 @@ class Leuven(Elements):
 
 def _by_elements(law: type[Elements]) -> Form:
     def build(entry: Mapping[str, Any], where: str) -> tuple[Block, Mapping[str, Any]]:
-        made, total = _elements(law, entry, where)
-        rest = {k: v for k, v in entry.items() if k not in KEYS}
-        if total is not None and rest.get("sigma0") is None:
-            rest["sigma0"] = total
-        return made.block(), rest
+        k, nu = (_list(entry.get(key), f"{where}: {key}") for key in ("stiffness", "share"))
+        many = entry.get("elements")
+        N = len(k or nu) or FEW if many is None else whole(many, f"{where}: elements", 1)
+        if N > MANY:
+            raise InputError(f"{where}: {N} elements; give {MANY} at most.")
+        for key, given in (("stiffness", k), ("share", nu)):
+            if given and len(given) != N:
+                raise InputError(
+                    f"{where}: {key} has {len(given)} numbers, but there are {N} elements."
+                )
+        if nu and abs(sum(nu) - 1.0) > SUM:
+            raise InputError(f"{where}: share adds up to {sum(nu):g}; the shares must add up to 1.")
+        rest = {key: v for key, v in entry.items() if key not in KEYS}
+        if k and rest.get("sigma0") is None and abs(sum(k) - 1.0) > SUM:
+            rest["sigma0"] = sum(k)
+            k = tuple(one / sum(k) for one in k)
+        return law(N, k, nu).block(), rest
 
     def written(made: Block) -> dict[str, Any]:
         own: Any = made.function
@@ -525,27 +537,6 @@ def _by_elements(law: type[Elements]) -> Form:
         return {k: v for k, v in lists.items() if v} or {"elements": own.elements}
 
     return Form(KEYS, build, written)
-
-
-def _elements(
-    law: type[Elements], entry: Mapping[str, Any], where: str
-) -> tuple[Elements, float | None]:
-    """The law of an entry, and its stiffness where the entry's list gives it."""
-    k, nu = (_list(entry.get(key), f"{where}: {key}") for key in ("stiffness", "share"))
-    many = entry.get("elements")
-    N = len(k or nu) or FEW if many is None else whole(many, f"{where}: elements", 1)
-    if N > MANY:
-        raise InputError(f"{where}: {N} elements; give {MANY} at most.")
-    for key, given in (("stiffness", k), ("share", nu)):
-        if given and len(given) != N:
-            raise InputError(
-                f"{where}: {key} has {len(given)} numbers, but there are {N} elements."
-            )
-    if nu and abs(sum(nu) - 1.0) > SUM:
-        raise InputError(f"{where}: share adds up to {sum(nu):g}; the shares must add up to 1.")
-    if not k or entry.get("sigma0") is not None or abs(sum(k) - 1.0) <= SUM:
-        return law(N, k, nu), None
-    return law(N, tuple(one / sum(k) for one in k), nu), sum(k)
 
 
 def _list(given: Any, where: str) -> tuple[float, ...]:

@@ -399,24 +399,6 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
     return model
 
 
-def check_values(model: Model, where: str) -> None:
-    """Raise InputError if a model was given a value that none of a file could have."""
-    declared = model.declarations()
-    for key, value in model.values().items():
-        _number(value, declared[key], f"{where}: {key}")
-    refuse_crossed(model.values(), model.stated, where)
-
-
-def restated(model: Model, tables: Mapping[str, Any], where: str) -> Model:
-    """The model with what tables state of its values, by key, as ``Model.statements`` has it."""
-    values, declared = model.values(), model.declarations()
-    check_keys(tables, values, f"{where}: stated")
-    whole = {k: {"value": values[k], **_table(tables, k, where)} for k in tables}
-    made = replace(model, stated=_statements(whole, declared, where))
-    refuse_crossed(values, made.stated, where)
-    return made
-
-
 def _with_entry(model: Model, entry: Any, where: str) -> Model:
     """The model with the effect of one entry of a file."""
     if not isinstance(entry, Mapping):
@@ -589,7 +571,8 @@ def model_toml(
         return rows(values, {k: ", ".join(filter(None, both)) for k, both in notes.items()})
 
     lines += [f"name = {quoted(data['name'])}", f'motion = "{data["motion"]}"']
-    if files := [seen_from(folder, file) for file in own_files(model)]:
+    used = files_of_blocks(p.block.home for p in (model.friction, *model.effects))
+    if files := [seen_from(folder, file) for file in dict.fromkeys([*model.blocks, *used])]:
         lines += [f"blocks = [{', '.join(map(quoted, files))}]"]
     lines += ["", "[plant]", *noted(data["plant"]), "", "[friction]", *_needs(model.friction)]
     lines += [f"model = {quoted(data['friction'].pop('model'))}", *noted(data["friction"])]
@@ -597,12 +580,6 @@ def model_toml(
         lines += ["", "[[effects]]", *_needs(part), f"name = {quoted(entry.pop('name'))}"]
         lines += noted(entry, f"{part.key}.")
     return "\n".join(lines) + "\n"
-
-
-def own_files(model: Model) -> list[str]:
-    """The files with blocks of the user's own that a model names or uses."""
-    used = files_of_blocks(p.block.home for p in (model.friction, *model.effects))
-    return [*dict.fromkeys([*model.blocks, *used])]
 
 
 def _needs(part: Part) -> list[str]:
@@ -620,8 +597,11 @@ def _needs(part: Part) -> list[str]:
 
 def as_model(given: Any, what: str = "model") -> Model:
     """The model that is meant; InputError names the argument ``what``."""
-    if isinstance(given, Model):
-        check_values(given, what)
+    if isinstance(given, Model):  # it may have been given values that none of a file could have
+        declared = given.declarations()
+        for key, value in given.values().items():
+            _number(value, declared[key], f"{what}: {key}")
+        refuse_crossed(given.values(), given.stated, what)
         return given
     if isinstance(given, Parameters):
         values = {"model": "lugre", **given.friction()}
@@ -638,8 +618,14 @@ def as_model(given: Any, what: str = "model") -> Model:
 def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
     """A dict nested like a model file, or one of values by name, ``{"J": 0.002}``."""
     if isinstance(given.get("stated"), Mapping):  # the model of a JSON document
-        plain = _from_dict({k: v for k, v in given.items() if k != "stated"}, what)
-        return restated(plain, given["stated"], what)
+        tables = given["stated"]
+        model = _from_dict({k: v for k, v in given.items() if k != "stated"}, what)
+        values, declared = model.values(), model.declarations()
+        check_keys(tables, values, f"{what}: stated")
+        whole = {k: {"value": values[k], **_table(tables, k, what)} for k in tables}
+        model = replace(model, stated=_statements(whole, declared, what))
+        refuse_crossed(values, model.stated, what)
+        return model
     flat = set(given) - {*_FILE}
     if "plant" in given or not (flat or isinstance(given.get("friction"), (str, Block))):
         return model_from_dict({**given, "effects": _effects(given.get("effects"))}, what)
@@ -684,13 +670,11 @@ def _effects(given: Any) -> list[Any]:
         given = [given]
     if not isinstance(given, Iterable):
         raise InputError(f"effects must be a list of names or dicts, not {shown(given)}.")
-    return [_entry(name_of("effect", one)) for one in given]
-
-
-def _entry(given: Any) -> Any:
-    if isinstance(given, Part):
-        return {"name": given.block.name, **given.values}
-    return {"name": given} if isinstance(given, str) else given
+    made = []
+    for one in (name_of("effect", one) for one in given):
+        one = {"name": one.block.name, **one.values} if isinstance(one, Part) else one
+        made.append({"name": one} if isinstance(one, str) else one)
+    return made
 
 
 def values_of(p: Any, what: str = "p") -> Any:

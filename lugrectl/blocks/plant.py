@@ -157,7 +157,11 @@ class _Motion:
         measured = through_sensors(self.sensors, signals, values, rates) if self.sensed else ()
         dw = acceleration(signals["u"], law[0], torque, values["J"])
         flat = [rate for part in self.parts for rate in rates[part.prefix]]
-        beyond = (x for part in self.couplings for x in _load_side(part, signals, values))
+        beyond: list[Any] = []  # position and speed of the load of each coupling
+        for part in self.couplings:
+            own = dict(zip(part.block.states, (signals[k] for k in part.states), strict=True))
+            turn, inertia = (own["twist"], own["w_load"]), values[f"{part.prefix}load_inertia"]
+            beyond += load_motion(signals["theta"], signals["w"], *turn, inertia)
         return law[0], *measured, *beyond, signals["w"], dw, *flat
 
     def block(self) -> Block:
@@ -175,15 +179,6 @@ class _Motion:
             },
             timed=True,
         )
-
-
-def _load_side(
-    part: Part, signals: Mapping[str, Any], values: Mapping[str, Any]
-) -> tuple[Any, Any]:
-    """Position and speed of the load of a coupling."""
-    own = dict(zip(part.block.states, (signals[name] for name in part.states), strict=True))
-    inertia = values[f"{part.prefix}load_inertia"]
-    return load_motion(signals["theta"], signals["w"], own["twist"], own["w_load"], inertia)
 
 
 STAGES = ("command", "motor", "load", "level", "torque")  # along the signals of a drive

@@ -533,10 +533,10 @@ def repetitive_memory(
             f"period = {period:g} s is {period / dt:.3g} samples of {dt:g} s, more than {MOST}."
         )
     count = max(2, round(period / dt))
-    made = _Memory(name, count, float(limit), flag(smooth, "smooth"))
+    made = _Memory(name, float(limit), flag(smooth, "smooth"), updates=False)
     return BlockSystem(
-        _Remembered(made),
-        _Learnt(made),
+        replace(made, updates=True),
+        made,
         inputs=renamed(name, "inputs", ("s", "ar"), names.get("inputs")),
         outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
         states=[f"v{j}" for j in range(count + 1)],
@@ -548,40 +548,23 @@ def repetitive_memory(
 
 @dataclass(frozen=True)
 class _Memory:
-    """The remembered v of the last count + 1 samples, the oldest first."""
+    """The remembered v of the last samples, the oldest first, at the next one, or the torque u."""
 
     name: str
-    count: int
     limit: float
     smooth: bool
-
-    def at(self, x: Any, s: Any, ar: Any, params: Any) -> Any:
-        """u and v at this sample."""
-        before = np.clip(x[:3], -self.limit, self.limit)
-        old = 0.25 * before[0] + 0.5 * before[1] + 0.25 * before[2] if self.smooth else before[1]
-        gains = {k: params[f"{self.name}.{k}"] for k in ("J", "K", "gamma")}
-        return _memory.function(s, ar, old, limit=self.limit, **gains)
-
-
-@dataclass(frozen=True)
-class _Remembered:
-    memory: _Memory
+    updates: bool
 
     def __call__(self, t: Any, x: Any, v: Any, params: Any) -> np.ndarray:
         # float refuses a symbolic state: thousands of them are called faster than compiled
-        x = np.asarray(x, dtype=float)
-        return np.append(x[1:], self.memory.at(x, v[0], v[1], params)[1])
-
-
-@dataclass(frozen=True)
-class _Learnt:
-    memory: _Memory
-
-    def __call__(self, t: Any, x: Any, v: Any, params: Any) -> np.ndarray:
-        return np.array([self.memory.at(x, v[0], v[1], params)[0]])
+        x = np.asarray(x, dtype=float) if self.updates else x
+        before = np.clip(x[:3], -self.limit, self.limit)
+        old = 0.25 * before[0] + 0.5 * before[1] + 0.25 * before[2] if self.smooth else before[1]
+        gains = {k: params[f"{self.name}.{k}"] for k in ("J", "K", "gamma")}
+        u, new = _memory.function(v[0], v[1], old, limit=self.limit, **gains)
+        return np.append(x[1:], new) if self.updates else np.array([u])
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
         """As :meth:`lugrectl.blocks.block.Called.renamed`."""
-        memory, old = replace(self.memory, name=name), self.memory.name
-        keys = {f"{old}.{k}": f"{name}.{k}" for k in ("J", "K", "gamma")}
-        return _Remembered(memory), _Learnt(memory), keys
+        keys = {f"{self.name}.{k}": f"{name}.{k}" for k in ("J", "K", "gamma")}
+        return replace(update, name=name), replace(self, name=name), keys

@@ -137,7 +137,16 @@ def tabulated(
     """
     if signal not in SIGNALS:
         raise InputError(f"{name}: no table over {shown(signal)}; known: {', '.join(SIGNALS)}.")
-    x, rows = _checked(name, points, values)
+    x, rows = array(points, f"{name}: points"), np.atleast_2d(array(values, f"{name}: values"))
+    if x.ndim != 1 or len(x) < 2 or not np.all(np.isfinite(x)) or np.any(np.diff(x) <= 0.0):
+        raise InputError(f"{name}: points must be at least two increasing numbers.")
+    if rows.ndim != 2 or len(rows) not in (1, 2) or rows.shape[1] != len(x):
+        raise InputError(
+            f"{name}: values have the shape {rows.shape}; give one for each of the "
+            f"{len(x)} points, or two rows of them for the two directions of w."
+        )
+    if not np.all(np.isfinite(rows)):
+        raise InputError(f"{name}: values must be finite numbers.")
     if rows.shape[0] == 2 and signal == "w":
         raise InputError(f"{name}: a table over w covers both directions; give one row of values.")
     if periodic:
@@ -169,17 +178,3 @@ class _Lines:
         inputs = (*(() if timed else (self.signal,)), *(("w",) if two else ()))
         parameters = {"scale": SCALE} | ({"eps": EPS} if two else {})
         return Block("table", "effect", self, inputs, ("d",), (), parameters, timed=timed)
-
-
-def _checked(name: str, points: ArrayLike, values: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    x, rows = array(points, f"{name}: points"), np.atleast_2d(array(values, f"{name}: values"))
-    if x.ndim != 1 or len(x) < 2 or not np.all(np.isfinite(x)) or np.any(np.diff(x) <= 0.0):
-        raise InputError(f"{name}: points must be at least two increasing numbers.")
-    if rows.ndim != 2 or len(rows) not in (1, 2) or rows.shape[1] != len(x):
-        raise InputError(
-            f"{name}: values have the shape {rows.shape}; give one for each of the "
-            f"{len(x)} points, or two rows of them for the two directions of w."
-        )
-    if not np.all(np.isfinite(rows)):
-        raise InputError(f"{name}: values must be finite numbers.")
-    return x, rows

@@ -63,15 +63,7 @@ def load_motion(run: Run, mechanics: Mechanics, friction: float, distance: float
     """Compute the motion of the load, with about so much friction (N m or N) on it."""
     wa, za, ratio, _ = np.exp(mechanics.pairs[0]).tolist()
     share = 1.0 - 1.0 / (1.0 + ratio) ** 2  # of the inertia, on the load
-    steps, speed = _integrated(run, wa, za, friction / (share * mechanics.inertia[0]), distance)
-    s = 1j * run.w
-    return LoadMotion(strokes(steps), speed, (2.0 * za * s / wa + 1.0) / quadratic(s, wa, za))
-
-
-def _integrated(
-    run: Run, wa: float, za: float, braking: float, distance: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Steps and speed of the load; ``braking`` is its friction over its inertia."""
+    braking = friction / (share * mechanics.inertia[0])
     path, first, _ = run.strokes
     distance = max(distance, SHORTEST * path[-1] / max(len(first), 1))
     part = run.dt / FINER
@@ -90,7 +82,9 @@ def _integrated(
             x += h * v
         steps.append(x - begin)
         speeds.append(v)
-    return np.array([*steps, 0.0]), np.array([*speeds, v])
+    s, seen = 1j * run.w, np.array([*speeds, v])
+    H = (2.0 * za * s / wa + 1.0) / quadratic(s, wa, za)
+    return LoadMotion(strokes(np.array([*steps, 0.0])), seen, H)
 
 
 def _terms(
@@ -141,13 +135,12 @@ class Friction:
 class Problem:
     """What stays the same while the shapes are searched.
 
-    ``advance`` (M,) of each run takes a torque in force to the command; ``scales`` (n,) are the
-    known changes of the level of friction; ``loads`` the motion of the load, if it has friction.
+    ``advance`` (M,) of each run takes a torque in force to the command; ``loads`` the motion of the
+    load, if it has friction.
     """
 
     runs: Sequence[Run]
     advance: Sequence[np.ndarray]
-    scales: Sequence[np.ndarray]
     shapes: Sequence[Shape]
     windows: Sequence[Window]
     bases: Sequence[np.ndarray]
@@ -167,7 +160,7 @@ class Problem:
             load = self.loads[i]
             far = _terms(load.path, load.speed, distance, vs)[1]
             made = np.c_[made, run.signal(run.spectrum(far) * load.seen[:, None])]
-        share = self.scales[i] * ~run.stands
+        share = run.scale * ~run.stands
         return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
@@ -194,7 +187,6 @@ class Problem:
 def problem_of(
     runs: Sequence[Run],
     advance: Sequence[np.ndarray],
-    scales: Sequence[np.ndarray],
     shapes: Sequence[Shape],
     torques: Sequence[np.ndarray],
 ) -> Problem:
@@ -208,7 +200,7 @@ def problem_of(
         linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
         bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
     left = [_without(Q, one.rows(driven)) for Q, one in zip(bases, every, strict=True)]
-    return Problem(runs, advance, scales, shapes, every, bases, left)
+    return Problem(runs, advance, shapes, every, bases, left)
 
 
 def fit_friction(problem: Problem, before: Friction | None = None) -> Friction:

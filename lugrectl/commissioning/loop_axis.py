@@ -23,9 +23,8 @@ from ..core.option_names import option
 from ..core.validation import number, positive
 from ..linear import linearize
 from ..linear.transfer import response
-from .effects import LINEAR
 from .mechanics import Mechanics
-from .of_record import UNIT, FrequencyResponse
+from .of_record import LINEAR, UNIT, FrequencyResponse
 from .runs import hold
 
 FINER = 4  # steps between two measured frequencies
@@ -80,7 +79,12 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
         raise InputError(f"dead_time = {delay:g} is negative.")
     dt = None if rate is None else 1.0 / positive(rate, "rate", "Hz")
     if isinstance(given, FrequencyResponse):
-        return _of_response(given, delay, dt)
+        sure, f = given.certain, given.frequency / (2.0 * np.pi)
+        if not sure.any():
+            raise Refused(GOVERNED, " ".join(given.messages[:1]))
+        made, f = _discs(given).axis(delay, dt), f[~sure]
+        said = [OPEN.format(len(f), len(sure), f[0], f[-1])] if len(f) else []
+        return replace(made, said=(*said, *made.said))
     if isinstance(given, ct.FrequencyResponseData):
         w, P = response(given, "P")
         P, w = P[w > 0], w[w > 0]
@@ -91,17 +95,6 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
     own = sum(p.values["delay"] or 0.0 for p in model.effects if p.block.name == "input_delay")
     made = _of_system(_free(model), delay + own, dt)
     return replace(made, motion=model.motion, model=model, dead_time=delay)
-
-
-def _of_response(found: FrequencyResponse, delay: float, dt: float | None) -> Axis:
-    sure = found.certain
-    if not sure.any():
-        raise Refused(GOVERNED, " ".join(found.messages[:1]))
-    made = _discs(found).axis(delay, dt)
-    if sure.all():
-        return made
-    f = found.frequency[~sure] / (2.0 * np.pi)
-    return replace(made, said=(OPEN.format(len(f), len(sure), f[0], f[-1]), *made.said))
 
 
 def _discs(found: FrequencyResponse) -> _Measured:

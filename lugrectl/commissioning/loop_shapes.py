@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import control as ct
 import numpy as np
 
-from ..hunting.gains import cascade_as_pid, edge
+from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check
 from .loop_axis import Axis
 

@@ -11,7 +11,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.model import as_model
+from ..blocks.model import Model, Part, as_model
+from ..blocks.plant import STAGES, stage
 from ..core.display import Row, between, noticed, number
 from ..core.errors import InputError, Refused
 from ..core.provenance import Provenance, stamped
@@ -20,7 +21,7 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from .effects import Known, known_effects
+from ..torque_balance.driven_states import driven
 from .friction import Friction, fit_friction, load_motion, problem_of
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
 from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows
@@ -222,6 +223,81 @@ def _shown(mode: Mode) -> tuple[str, str, str]:
     return f"{mode.frequency:.4g}", "rad/s", f"{hertz}, damping {mode.damping:.2g}"
 
 
+# What a model knows besides friction and inertia, along the measured motion, to be taken out.
+# Torques of position, speed and time go off the torque; what acts on the torque itself is applied
+# to it; what changes the level of friction scales its terms, and a change of Fv is a torque. A
+# delay or lag of the torque and the lag of a sensor are linear: they stay in the response. So does
+# the load behind a gap: taken out is what its torque differs by from that of a load without it.
+
+LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
+GAP = "backlash"
+TIGHT = {"gap": 0.0, "load_friction": 0.0}
+LEFT = "{} is not taken out: {}."
+ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
+
+
+def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[str]]:
+    """The runs with the effects of a model along them, and what stays in the response, in words;
+    InputError for a value that it leaves open."""
+    parts, said, friction = [], [], model.friction.values
+    for part in model.effects:
+        why = _why_left(part, friction)
+        if why:
+            said.append(LEFT.format(part.key, why))
+        elif why is None:
+            if missing := [k for k, v in part.values.items() if v is None]:
+                raise InputError(
+                    f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, "
+                    "and give the model with its value."
+                )
+            parts.append(part)
+    parts.sort(key=lambda part: STAGES.index(stage(part.block)))
+    return [_along(run, parts, friction) for run in runs], said
+
+
+def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
+    """Why an effect stays; "" where it is a part of the response, None where it is taken out."""
+    block = part.block
+    if block.name in LINEAR:
+        return ""
+    if block.states and block.name != GAP:
+        return "it remembers the motion"
+    if any(p.shared for p in block.parameters.values()):
+        return "it depends on other values of the drive"
+    if not {*block.acts} <= ACTS:
+        return f"it changes {', '.join(block.acts)}"
+    needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in block.acts]
+    open_ = [k for k in needed if friction.get(k, 0.0) is None]
+    return f"{open_[0]} is not declared" if open_ else None
+
+
+def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]) -> Run:
+    """A run with the torque that acts on it, the resisting torque, and the level of friction."""
+    middle = np.append(0.5 * (run.theta[1:] + run.theta[:-1]), run.theta[-1])
+    signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
+    signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
+    for part in parts:
+        block, known = part.block, dict(part.values)
+        if block.name == GAP:
+            known = block.defaults() | known
+            motion, spans = (
+                {k: signals[k] for k in ("theta", "w")},
+                [(slice(0, len(run.u)), run.dt)],
+            )
+            (made,) = driven(block, [known, known | TIGHT], motion, spans)
+            acts = {"torque": made[:, 0] - made[:, 1]}
+        else:
+            acts = dict(block.deeds(block(*(signals[name] for name in block.reads), **known)))
+        if "input" in acts:
+            signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
+        torque, viscous = acts.get("torque", 0.0), friction.get("Fv") or 0.0
+        resisting = resisting + torque + acts.get("Fv", 0.0) * viscous * run.speed
+        if part.block.load:
+            signals["load"] = signals["load"] + torque
+        level = level + acts.get("Fc", 0.0) + acts.get("+Fc", 0.0) / (friction.get("Fc") or np.inf)
+    return replace(run, u=signals["u"], load=resisting, scale=level)
+
+
 HIGHEST = 0.4  # of half the sampling rate
 LOWEST = 30  # periods in the longest run
 ROUNDS = 2  # with the mechanics that the round before showed
@@ -318,11 +394,11 @@ def frequency_response(
         raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
     runs = runs_of(records)
     _refuse_short(runs)
-    known = known_effects(runs, made)
+    runs, left = known_effects(runs, made)
     reverses = any(len(run.strokes[1]) > 1 for run in runs)
     dry = "Fc" in made.friction.values
-    found = _answer(known, dry and reverses, made.motion)
-    said = [*known.said, *(message for one in records for message in one.messages)]
+    found = _answer(runs, dry and reverses, made.motion)
+    said = [*left, *(message for one in records for message in one.messages)]
     said = [*_verdict(found, dry, reverses), *said]
     return replace(found, messages=tuple(dict.fromkeys(said)))
 
@@ -363,13 +439,13 @@ def _slow(w: np.ndarray) -> float:
     return max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
 
 
-def _answer(known: Known, dry: bool, motion: str) -> FrequencyResponse:
+def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     """The whole chain; ``dry``: whether the model has friction that reverses with the motion."""
-    runs, dt = known.runs, known.runs[0].dt
+    dt = runs[0].dt
     longest = max(len(run.u) * run.dt for run in runs)
     ends = 2.0 * np.pi * LOWEST / longest, np.pi * HIGHEST / dt
     every = windows(runs, *ends, NARROW)
-    stage = _Stage(known, every, np.array([one.centre for one in every]))
+    stage = _Stage(runs, every, np.array([one.centre for one in every]))
     friction, taken = None, None
     for _ in range(1 + ROUNDS):
         if dry:
@@ -434,19 +510,15 @@ def _governed(raw: Response, taken: Response) -> np.ndarray:
 class _Stage:
     """Runs with their windows, and what is known of the mechanics so far."""
 
-    known: Known
+    runs: Sequence[Run]
     windows: Sequence[Window]
     w: np.ndarray
     mechanics: Mechanics | None = None
 
-    @property
-    def runs(self) -> Sequence[Run]:
-        return self.known.runs
-
     def torques(self) -> list[np.ndarray]:
         """The spectra of the commands, less what the known torques cost."""
-        every = zip(self.runs, self.known.resisting, self.advance(), strict=True)
-        return [run.U - run.spectrum(d) * a for run, d, a in every]
+        both = zip(self.runs, self.advance(), strict=True)
+        return [run.U - run.spectrum(run.load) * a for run, a in both]
 
     def moving(self) -> list[np.ndarray]:
         """The same with rests filled in."""
@@ -482,8 +554,7 @@ class _Stage:
     def friction(self, before: Friction | None) -> Friction:
         """The friction of motor and of load, each where the residual falls clearly with it."""
         shapes = [self.shape(run.w) for run in self.runs]
-        advance, scales = self.advance(), self.known.scales
-        problem = problem_of(self.runs, advance, scales, shapes, self.moving())
+        problem = problem_of(self.runs, self.advance(), shapes, self.moving())
         found = fit_friction(problem, before)
         none = problem.without(found)
         if found.cost > none.cost - SURE:

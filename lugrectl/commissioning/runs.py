@@ -42,7 +42,7 @@ class Run:
 
     ``steps`` (FINER n,) is the smoothed motion of each part of an interval, rad or m.
     ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
-    the measured load torque, 0 without one.
+    the known torque on the resisting side, ``scale`` that of the level of friction.
     """
 
     dt: float
@@ -55,6 +55,7 @@ class Run:
     E: np.ndarray | None
     load: np.ndarray
     steps: np.ndarray
+    scale: np.ndarray | float = 1.0
 
     @cached_property
     def U(self) -> np.ndarray:
@@ -139,6 +140,14 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
 
     Half a count of play is taken out: a resting axis does not chatter.
     """
+
+    def without_play(x: np.ndarray, half: float) -> np.ndarray:
+        made, c = [], float(x[0])
+        for one in x.tolist():
+            c = one - half if one > c + half else one + half if one < c - half else c
+            made.append(c)
+        return np.array(made)
+
     n = len(theta)
     line = np.linspace(theta[0], theta[-1], n)
     about = theta - line
@@ -146,20 +155,10 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
     spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(2 * n)) / SMOOTH) ** 2))
     smooth = FINER * np.asarray(irfft(spectrum, 2 * n * FINER))[: n * FINER]
     smooth += theta[0] + (theta[-1] - theta[0]) / (n - 1) * np.arange(n * FINER) / FINER
-    steps = np.diff(_without_play(smooth, 0.5 * count), append=smooth[-1])
+    moved = without_play(smooth, 0.5 * count) if count else smooth
+    steps = np.diff(moved, append=smooth[-1])
     steps[-FINER:] = 0.0  # beyond the last sample
     return steps
-
-
-def _without_play(x: np.ndarray, half: float) -> np.ndarray:
-    """The position behind a play of ``half`` to either side."""
-    if not half:
-        return x
-    made, c = [], float(x[0])
-    for one in x.tolist():
-        c = one - half if one > c + half else one + half if one < c - half else c
-        made.append(c)
-    return np.array(made)
 
 
 @dataclass(frozen=True, eq=False)

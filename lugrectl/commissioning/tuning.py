@@ -20,7 +20,7 @@ from ..core.unit_names import unit_for
 from ..core.validation import flag, positive
 from ..core.views import view
 from ..hunting import LimitCycles, limit_cycles
-from ..hunting.gains import edge
+from ..hunting.loop import edge
 from ..linear import stability_check
 from ..linear.stability import StabilityVerdict
 from .loop_axis import axis_of, endless

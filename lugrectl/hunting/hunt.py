@@ -16,8 +16,7 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.validation import number, positive, whole
 from ..simulation.encoder import Sensing
 from .bristles import bristle_cycles, known
-from .gains import critical, ranges, varied
-from .loop import Loop
+from .loop import Loop, critical, ranges, varied
 from .result import LimitCycles
 from .rigid import rigid_cycles
 from .search import Budget, Search, continuous_run, errors, loop_run, sampled_run, sampled_starts
@@ -178,14 +177,6 @@ def _sensing(rate: Any, dead_time: Any, counts: Any, motion: str) -> Sensing | N
     return Sensing(1.0 / positive(rate, "rate", "Hz"), resolution=step, delay=late)
 
 
-def _effects_in(model: Model) -> list[str]:
-    """Which effects of a model a search includes: those of :func:`plant`."""
-    sensors = [p.key for p in model.effects if "sensor" in p.block.acts]
-    inside = [p.key for p in model.effects if p.key not in sensors]
-    both = ((INCLUDED, inside), (LEFT_OUT, sensors))
-    return [text.format(", ".join(keys)) for text, keys in both if keys]
-
-
 @dataclass(frozen=True)
 class _Task:
     """A drive with all of a controller but its gains, and what a search may cost."""
@@ -213,7 +204,14 @@ class _Task:
                 said = BELOW.format(shown(loop.curve.Fs))
                 found = replace(found, messages=(said, *found.messages))
         about = {**gains, "J": loop.J, "law": law.name, "model": model.name, **about}
-        said = (*found.messages, *_effects_in(model))
+        sensors = [p.key for p in model.effects if "sensor" in p.block.acts]
+        inside = [p.key for p in model.effects if p.key not in sensors]
+        said = [
+            text.format(", ".join(keys))
+            for text, keys in ((INCLUDED, inside), (LEFT_OUT, sensors))
+            if keys
+        ]
+        said = (*found.messages, *said)
         return replace(found, loop=about, motion=model.motion, messages=said)
 
     def _waited(self, run: Any, starts: np.ndarray) -> LimitCycles:

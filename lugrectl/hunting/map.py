@@ -15,8 +15,7 @@ from ..core.errors import InputError
 from ..core.result import Result, picked
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from .gains import pid_gains, ranges
-from .loop import Loop, curve_of, together
+from .loop import Loop, curve_of, pid_gains, ranges, together
 from .rigid import HIGH, LOW, kept, proven
 from .stick_map import NEVER, excess_on
 
@@ -221,16 +220,12 @@ def _regions(loops: list[Loop]) -> list[int]:
 
 
 def _region(D: np.ndarray) -> int:
-    if not np.any(D > 0.0):
-        return UNDECIDED if _touches(D) else QUIET
+    if not np.any(D > 0.0):  # a parabola through three points may reach 0 between them
+        a, b, c = D[:-2], D[1:-1], D[2:]
+        bend, slope = 2.0 * b - a - c, 0.5 * (c - a)
+        top = (b >= a) & (b >= c) & (bend > 0.0) & (np.minimum(a, c) > -NEVER)
+        touches = np.any(b[top] + 0.5 * slope[top] ** 2 / bend[top] > 0.0)
+        return UNDECIDED if touches else QUIET
     if not np.any(D >= NEVER) and not len(kept(ERRORS, D)):
         return UNDECIDED
     return HUNTING if D[0] > 0.0 else STARTED
-
-
-def _touches(D: np.ndarray) -> bool:
-    """Whether a parabola through three points reaches 0 between them."""
-    a, b, c = D[:-2], D[1:-1], D[2:]
-    bend, slope = 2.0 * b - a - c, 0.5 * (c - a)
-    top = (b >= a) & (b >= c) & (bend > 0.0) & (np.minimum(a, c) > -NEVER)
-    return bool(np.any(b[top] + 0.5 * slope[top] ** 2 / bend[top] > 0.0))

@@ -135,18 +135,15 @@ class LimitCycles(Result):
         return view("loop_plots.growth")(self, ax)
 
     def _title(self) -> str:
-        rest = self._at_rest()
-        return f"{self.stick_slip._title()}; at rest {rest}" if self.stick_slip else rest
-
-    def _at_rest(self) -> str:
+        rest = f"no limit cycle: {'proven' if self.proof else 'none found'}"
         if self.outcome == "undecided":
-            return "undecided: some starts neither came to rest nor repeated"
-        if self.outcome == "hunts":
-            grows = not any(c.stable for c in self.cycles)
-            return "the loop diverges" if grows else "the loop hunts"
-        if self.cycles:
-            return "every start comes to rest, past an unstable cycle"
-        return f"no limit cycle: {'proven' if self.proof else 'none found'}"
+            rest = "undecided: some starts neither came to rest nor repeated"
+        elif self.outcome == "hunts":
+            swings = any(c.stable for c in self.cycles)
+            rest = "the loop hunts" if swings else "the loop diverges"
+        elif self.cycles:
+            rest = "every start comes to rest, past an unstable cycle"
+        return f"{self.stick_slip._title()}; at rest {rest}" if self.stick_slip else rest
 
     def _rows(self) -> Iterable[Row]:
         unit = unit_for("rad", self.motion)

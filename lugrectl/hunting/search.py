@@ -22,8 +22,7 @@ from ..simulation.encoder import Sensing, encoder, rounded
 from ..simulation.response import simulate
 from ..simulation.sampled_block import sampled
 from ..simulation.sampled_response import simulate_sampled
-from .gains import edge
-from .loop import Loop
+from .loop import Loop, edge
 from .result import Cycle, LimitCycles
 
 RESTS, HUNTS, GROWS, OPEN = "rests", "hunts", "grows", "open"
@@ -128,13 +127,12 @@ def cycles_of(seen: Iterable[Seen]) -> tuple[Cycle, ...]:
         far = one.amplitude - last.amplitude > max(SAME * last.amplitude, 2.0 * last.scatter)
         made += [[]] if far or not made else []
         made[-1].append(one)
-    return tuple(_mean(group) for group in made)
-
-
-def _mean(group: list[Seen]) -> Cycle:
-    rows = [(s.amplitude, s.period, s.scatter, *s.sides.values()) for s in group]
-    size, period, scatter, *sides = np.mean(rows, axis=0).tolist()
-    return Cycle(size, period, True, (), None, scatter, *sides)
+    cycles = []
+    for group in made:
+        rows = [(s.amplitude, s.period, s.scatter, *s.sides.values()) for s in group]
+        size, period, scatter, *sides = np.mean(rows, axis=0).tolist()
+        cycles.append(Cycle(size, period, True, (), None, scatter, *sides))
+    return tuple(cycles)
 
 
 @dataclass(frozen=True)
@@ -170,8 +168,12 @@ class Search:
         seen = self._settled(falling[::-1])
         ends = where.format(*map(number, (self.starts[0], self.starts[-1])))
         grows, undecided = (sum(s.fate == fate for s in seen) for fate in (GROWS, OPEN))
-        basin, said = self._border(seen), (_words(seen, ends),)
-        return LimitCycles(cycles_of(seen), basin, None, bool(grows), {}, said, undecided=undecided)
+        fates = [HUNTS if s.fate == JOINS else s.fate for s in seen]
+        every = ", ".join(f"{fates.count(k)} {verb}" for k, verb in VERBS.items() if k in fates)
+        said = f"searched by simulation from {count} starts, {ends}, not proven: {every}"
+        return LimitCycles(
+            cycles_of(seen), self._border(seen), None, bool(grows), {}, (said,), undecided=undecided
+        )
 
     def _fate(self, start: float) -> Seen:
         one = Seen(OPEN)
@@ -182,22 +184,18 @@ class Search:
                 one = judged(self.run(start, length), self.small, self.large)
             except Diverged:
                 one = Seen(GROWS)
-            if one.fate == OPEN and self._joins(one):
+            # changes, so that it is near no cycle of its own, where another goes on
+            near = any(a <= one.size <= b for a, b in self.passed)
+            if one.fate == OPEN and near and abs(one.ratio - 1.0) > STEADY:
                 one = one._replace(fate=JOINS)
-            if one.fate != OPEN and (one.sure or self._known(one)):
+            # one that scatters as it does has been seen for long
+            seen = any(abs(one.size - s.size) <= 2.0 * s.scatter for s in self.sure)
+            if one.fate != OPEN and (one.sure or seen):
                 break
         if one.fate in AWAKE:
             self.passed.append((min(start, one.size), max(start, one.size)))
             self.sure += [one] * (one.fate == HUNTS)
         return one
-
-    def _known(self, one: Seen) -> bool:
-        """Whether one that scatters as it does has been seen for long."""
-        return any(abs(one.size - s.size) <= 2.0 * s.scatter for s in self.sure)
-
-    def _joins(self, one: Seen) -> bool:
-        """Whether it changes, so that it is near no cycle of its own, where another goes on."""
-        return abs(one.ratio - 1.0) > STEADY and any(a <= one.size <= b for a, b in self.passed)
 
     def _settled(self, seen: Sequence[Seen]) -> list[Seen]:
         """What still shrinks at the end of the budget, below starts that all rest, rests too."""
@@ -221,13 +219,6 @@ class Search:
             return self._fate(start).fate not in AWAKE
 
         return edge(sleeps, low, high, BORDER, self.budget.is_over)[1]
-
-
-def _words(seen: Sequence[Seen], where: str) -> str:
-    """What was searched, and what became of the starts."""
-    fates = [HUNTS if s.fate == JOINS else s.fate for s in seen]
-    every = ", ".join(f"{fates.count(k)} {verb}" for k, verb in VERBS.items() if k in fates)
-    return f"searched by simulation from {len(seen)} starts, {where}, not proven: {every}"
 
 
 SMALLEST, LARGEST, COUNT = 0.05, 30.0, 14  # units: errors at breakaway from which it starts

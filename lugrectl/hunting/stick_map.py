@@ -65,7 +65,9 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     own, now, step, slope = lanes, state.copy(), h.copy(), _rates(lanes, state)
     for k in range(1, steps + 1):
         new, slopes = _stepped(own, now, step, slope)
-        worst = _worst(now, new, step, slopes) * (RTOL / rtol)
+        missed = step * (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
+        size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
+        worst = np.max(np.abs(missed) / (rtol * size), axis=0)  # by what is allowed
         good = worst <= 1.0
         stops = good & (new[1] <= 0.0)
         crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
@@ -104,13 +106,6 @@ def _stepped(
         new = state + h * (row[:k] @ rows[:k]).reshape(state.shape)
         slopes[k] = _rates(lanes, new)
     return new, slopes
-
-
-def _worst(now: np.ndarray, new: np.ndarray, h: np.ndarray, slopes: np.ndarray) -> np.ndarray:
-    """The largest error of a step by what is allowed."""
-    size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
-    missed = (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
-    return np.max(np.abs(h * missed) / (RTOL * size), axis=0)
 
 
 def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:

@@ -20,8 +20,7 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..simulation.response import simulate
 from .bristles import SPEEDS, Bristles
-from .gains import critical, ranges, varied
-from .loop import Lanes, Loop
+from .loop import Lanes, Loop, critical, ranges, varied
 from .search import quietly
 from .stick_map import STICKS, next_stick
 
@@ -160,8 +159,10 @@ def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndar
         repeats = sticks & (np.abs(change) <= close)
         made[place[repeats]] = new[repeats]
         goes = sticks & np.isnan(made[place])
-        if k == 0:
-            goes &= _some(place, new, goes)
+        for one in np.unique(place[goes]) if k == 0 else ():  # a few, from the least error on
+            own = np.flatnonzero(goes & (place == one))
+            goes[own], own = False, own[np.argsort(new[own])]
+            goes[own[np.linspace(0, len(own) - 1, FOLLOWED).astype(int)]] = True
         slow = np.abs(nearing) < SLOW
         stride = np.where(slow, STRIDE / np.maximum(np.abs(nearing), SLOWEST), 1.0)[goes]
         was = change[goes]
@@ -170,16 +171,6 @@ def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndar
             break
     made[place] = x
     return made
-
-
-def _some(place: np.ndarray, x: np.ndarray, among: np.ndarray) -> np.ndarray:
-    """A few of the lanes at each speed, from the smallest error to the largest."""
-    chosen = np.zeros(len(x), bool)
-    for one in np.unique(place[among]):
-        own = np.flatnonzero(among & (place == one))
-        own = own[np.argsort(x[own])]
-        chosen[own[np.linspace(0, len(own) - 1, FOLLOWED).astype(int)]] = True
-    return chosen
 
 
 LOWEST, RATIO = 1e-5, 1.1  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search

@@ -139,7 +139,15 @@ def zeros(q: Quasi) -> Zeros:
         return _exact_zeros(q)
     end = reach(q)
     if end is None:
-        return Zeros(_without_end(q), q.order())
+        last = q.leading
+        own, late = abs(last.pop(0, Fraction(0))), sorted(map(abs, last.values()))
+        # Of one dead time and equal sizes, a chain of zeros comes as near to the axis as any.
+        if own and len(late) > 1 and late[-1] <= own + sum(late[:-1]):
+            raise InputError(
+                "stability is undecided: several dead times act on the highest power of s; add "
+                "the lag that the drive has."
+            )
+        return Zeros(math.inf, q.order())
     unit = _power_of_2(end)
     p = _sized(q.stretched(unit))
     low, m = _start(p)
@@ -153,20 +161,6 @@ def zeros(q: Quasi) -> Zeros:
     at_end = p.at(np.array([1j * max(low, 1.0)]))[0]
     top = float(np.angle(at_end / (float(p.leading[0]) * 1j**p.degree)))
     return Zeros(round((p.degree - m) / 2 + (top - turned) / math.pi), m)
-
-
-def _without_end(q: Quasi) -> float:
-    """inf where infinitely many zeros lie right of the axis; InputError where that is open."""
-    last = q.leading
-    own = abs(last.pop(0, Fraction(0)))
-    late = sorted(map(abs, last.values()))
-    # Of one dead time and equal sizes, a chain of zeros comes as near to the axis as any.
-    if not own or len(late) == 1 or late[-1] > own + sum(late[:-1]):
-        return math.inf
-    raise InputError(
-        "stability is undecided: several dead times act on the highest power of s; add the lag "
-        "that the drive has."
-    )
 
 
 def _exact_signs(F: Quasi) -> Signs:
@@ -204,8 +198,9 @@ def _signs(F: Quasi, end: float) -> Signs:
     changes = [
         _between(f, a[k], b[k], ends[k], ends[k + 1]) * float(unit) for k in np.flatnonzero(changed)
     ]
-    touches = 0.5 * (a + b)[undecided & ~changed] * float(unit)
-    return Signs(first, tuple(changes), _apart(touches))
+    touches = (0.5 * (a + b)[undecided & ~changed] * float(unit)).tolist()
+    apart = [w for k, w in enumerate(touches) if not k or w > touches[k - 1] * (1 + 1e-5)]
+    return Signs(first, tuple(changes), tuple(apart))
 
 
 def _between(f: Quasi, a: float, b: float, at_a: float, at_b: float) -> float:
@@ -216,11 +211,6 @@ def _between(f: Quasi, a: float, b: float, at_a: float, at_b: float) -> float:
         return float(a if abs(at_a) < abs(at_b) else b)
     found: Any = brentq(value, a, b, xtol=1e-300, rtol=np.float64(1e-14))
     return float(found)
-
-
-def _apart(w: np.ndarray) -> tuple[float, ...]:
-    """The first of each group of frequencies that are one within rounding."""
-    return tuple(float(x) for k, x in enumerate(w) if not k or x > w[k - 1] * (1 + 1e-5))
 
 
 def _start(f: Quasi) -> tuple[float, int]:

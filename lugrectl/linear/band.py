@@ -14,7 +14,7 @@ from ..core.views import view
 from .state_system import UNDECIDED, StateSystem
 from .systems import System, system_of
 from .transfer import number
-from .verdict import Falls, Verdict
+from .verdict import Verdict
 
 HERTZ = re.compile(r" \([^()]* Hz\)")
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
@@ -133,7 +133,11 @@ def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVe
     start = f"{name} of |{falls.base}| = {falls.dc:.6g}" if falls.base else name
     size = f"|T({system.border.argument})|"
     if math.isnan(width):
-        reason = _no_dc(falls)
+        value, more = (
+            ("infinite", "; of an open loop check T/(1 + T)") if falls.dc else ("zero", "")
+        )
+        reason = f"{falls.base} is {value}{falls.said}, so there is no DC gain to measure a "
+        reason += f"bandwidth from{more}"
     elif math.isinf(width):
         never = "never falls" if falls.base else "does not fall"  # at frequencies that are known
         reason = f"{size} {never} below {start}{falls.said}"
@@ -145,17 +149,6 @@ def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVe
     reason += f"; {system.hidden}" if system.hidden else ""
     poles, stable = tuple(map(complex, system.poles)), bool(system.stable)
     return BandwidthVerdict(width, hertz, falls.crossings, stable, poles, reason)
-
-
-def _no_dc(falls: Falls) -> str:
-    """Why there is no bandwidth: one clause, with what to check instead of an integrator."""
-    value, open_loop = "zero", ""
-    if falls.dc:
-        value, open_loop = "infinite", "; of an open loop check T/(1 + T)"
-    return (
-        f"{falls.base} is {value}{falls.said}, so there is no DC gain to measure a bandwidth "
-        f"from{open_loop}"
-    )
 
 
 def bandwidth(T: Any, level: str | float = "-3dB") -> float:

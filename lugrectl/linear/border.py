@@ -47,11 +47,7 @@ class Axis:
         return np.real(poles)
 
     def order(self, poles: np.ndarray) -> np.ndarray:
-        return poles[np.lexsort((np.imag(poles), -np.asarray(self.size(poles))))]
-
-    def size(self, poles: np.ndarray) -> np.ndarray:
-        """Return what poles are compared by."""
-        return np.real(poles)
+        return poles[np.lexsort((np.imag(poles), -np.asarray(self.beyond(poles))))]
 
     def rates(self, poles: np.ndarray) -> np.ndarray:
         return poles
@@ -115,9 +111,6 @@ class Circle(Axis):
 
     def beyond(self, poles: np.ndarray) -> np.ndarray:
         return np.abs(poles) - 1
-
-    def size(self, poles: np.ndarray) -> np.ndarray:
-        return np.abs(poles)
 
     def rates(self, poles: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):

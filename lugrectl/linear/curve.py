@@ -30,26 +30,31 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
         raise InputError("this verdict was not made by a check, so there is nothing to draw.")
     if is_measured(source):
         return response(source)
-    if isinstance(source, DelayedTransfer):
-        return _delayed(source, *marks)
     T: Any = source
-    if not isinstance(T, ct.TransferFunction | ct.StateSpace):
-        T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
-    dt = border_of(T).dt
-    with np.errstate(all="ignore"):
-        poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
-        poles, zeros = (x if dt is None else np.log(x) / dt for x in (poles, zeros))
-    places = np.abs(np.concatenate([poles, zeros]))
+    dt, late, poles = None, 0.0, np.zeros(0, complex)
+    if isinstance(T, DelayedTransfer):
+        late = max(T.dead_times, default=0.0)
+        both = [p for q in (T.num, T.den) for _, p in q.terms]
+        places = np.abs([root for p in both for root in roots(p)] + [1.0 / late] * bool(late))
+    else:
+        if not isinstance(T, ct.TransferFunction | ct.StateSpace):
+            T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
+        dt = border_of(T).dt
+        with np.errstate(all="ignore"):
+            poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
+            poles, zeros = (x if dt is None else np.log(x) / dt for x in (poles, zeros))
+        places = np.abs(np.concatenate([poles, zeros]))
     end = math.inf if dt is None else math.pi / dt
     places = np.append(places[places <= NEAR * end], marks)
     places = places[np.isfinite(places) & (places > 0)]
     if not len(places):
         places = np.ones(1) if dt is None else np.array([end / BEYOND])
-    top = places.max() * BEYOND if dt is None else NEAR * end
-    low = places.min() / BEYOND
-    peaks = _about(poles)
-    peaks = peaks[(peaks > low) & (peaks < top)]
-    w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), places, peaks]))
+    low, top = places.min() / BEYOND, min(places.max() * BEYOND, NEAR * end)
+    if late:
+        top = max(min(top, TURNS / late), 3.0 / late, *(3.0 * w for w in marks if w < math.inf))
+    top = top if dt is None else NEAR * end
+    w = np.concatenate([np.geomspace(low, top, POINTS), places, _about(poles, late, top)])
+    w = np.unique(w[(w >= low) & (w <= top)])
     with np.errstate(all="ignore"):
         at = 1j * w if dt is None else np.exp(1j * w * dt)
         values = np.asarray(T(at, warn_infinite=False))
@@ -58,27 +63,14 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     return w, np.ravel(values)
 
 
-def _delayed(T: DelayedTransfer, *marks: float) -> tuple[np.ndarray, np.ndarray]:
-    """The exact response, at steps that follow the phase of the dead times."""
-    late = max(T.dead_times, default=0.0)
-    own = [w for w in marks if 0 < w < math.inf]
-    sizes = [abs(root) for q in (T.num, T.den) for _, p in q.terms for root in roots(p) if root]
-    places = [*own, *sizes, *([1.0 / late] if late else [])] or [1.0]
-    low, top = min(places) / BEYOND, max(places) * BEYOND
-    if late:
-        top = max(min(top, TURNS / late), *(3.0 * w for w in own), 3.0 / late)
-    steps = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late) if late else []
-    w = np.unique(np.concatenate([np.geomspace(low, top, POINTS), steps, own]))
-    w = w[w >= low]
-    return w, T(1j * w)
-
-
-def _about(poles: Any) -> np.ndarray:
-    """Frequencies about the poles, so close that a resonance is a round curve."""
+def _about(poles: np.ndarray, late: float, top: float) -> np.ndarray:
+    """So close about the poles that a resonance is a round curve, and steps that follow the phase
+    of a dead time."""
     poles = poles[np.isfinite(poles)]
-    real, imag = np.abs(np.real(poles)), np.abs(np.imag(poles))
-    steps = np.tan(np.linspace(-1.5, 1.5, ROUND))
-    return (imag[:, None] + real[:, None] * steps).ravel()
+    width = np.abs(np.real(poles))[:, None] * np.tan(np.linspace(-1.5, 1.5, ROUND))
+    near = np.abs(np.imag(poles))[:, None] + width
+    steps = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late) if late else []
+    return np.append(near.ravel(), steps)
 
 
 def name(source: Any, of: str = "T") -> str:

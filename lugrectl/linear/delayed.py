@@ -222,18 +222,13 @@ def reduced(num: Quasi, den: Quasi, cancelled: Poly = (1,)) -> DelayedTransfer:
 
 def _written(q: Quasi) -> str:
     """A quasi-polynomial in s."""
-    parts = [_with_delay(p, float(late)) for late, p in q.terms]
+    parts = []
+    for late, p in q.terms:
+        powers = {i: "" if not i else "s" if i == 1 else f"s^{i}" for i, c in enumerate(p) if c}
+        terms = [
+            s if s and p[i] == 1 else f"{float(p[i]):g} {s}".strip() for i, s in powers.items()
+        ]
+        text = " + ".join(terms[::-1])
+        text = f"({text})" if late and len(terms) > 1 else text
+        parts.append(f"{text} exp(-{float(late):g} s)" if late else text)
     return " + ".join(parts).replace("+ -", "- ") or "0"
-
-
-def _with_delay(p: Poly, late: float) -> str:
-    terms = [_term(float(c), i) for i, c in reversed(list(enumerate(p))) if c]
-    text = " + ".join(terms).replace("+ -", "- ")
-    if not late:
-        return text
-    return (f"({text})" if len(terms) > 1 else text) + f" exp(-{late:g} s)"
-
-
-def _term(c: float, power: int) -> str:
-    s = "" if not power else "s" if power == 1 else f"s^{power}"
-    return s if s and c == 1 else f"{c:g} {s}".strip()

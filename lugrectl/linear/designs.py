@@ -128,18 +128,6 @@ def check_designs(
     except ValueError:
         shapes = ", ".join(f"{n} {a.shape}" for n, a in zip(NAMES, parts, strict=True) if a.ndim)
         raise InputError(f"The designs' arrays do not fit together: {shapes}.") from None
-    _in_range(parts, loop)
-    return _all_chunks(parts, shape, loop, level)
-
-
-def _array(value: Any, name: str) -> NDArray[np.float64]:
-    array = numbers(value, name)
-    if not np.all(np.isfinite(array)):
-        raise InputError(f"{name} holds a value that is not a finite number.")
-    return array
-
-
-def _in_range(parts: list[Any], loop: str) -> None:
     J, sigma0, sigma1, _, _, kd, _ = parts
     for name, wrong in (
         ("J is not above 0", np.any(J <= 0)),
@@ -149,17 +137,20 @@ def _in_range(parts: list[Any], loop: str) -> None:
     ):
         if wrong:
             raise InputError(f"{name} in a design; use the check of a single design for it.")
-
-
-def _all_chunks(parts: list[Any], shape: Any, loop: str, level: str | float) -> DesignChecks:
     flat = [a if a.size == 1 else np.broadcast_to(a, shape).ravel() for a in parts]
     size = int(np.prod(shape))
     out = DesignChecks(*(np.empty(size, kind) for kind in (float, float, np.int8, float, np.bool_)))
     for start in range(0, size, CHUNK):
         here = slice(start, min(start + CHUNK, size))
-        chunk = [a.reshape(1) if a.size == 1 else a[here] for a in flat]
-        _chunk(chunk, here, loop, level, out)
+        _chunk([a.reshape(1) if a.size == 1 else a[here] for a in flat], here, loop, level, out)
     return DesignChecks(*(getattr(out, f).reshape(shape) for f in out.__dataclass_fields__))
+
+
+def _array(value: Any, name: str) -> NDArray[np.float64]:
+    array = numbers(value, name)
+    if not np.all(np.isfinite(array)):
+        raise InputError(f"{name} holds a value that is not a finite number.")
+    return array
 
 
 def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: DesignChecks) -> None:
@@ -169,9 +160,8 @@ def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: De
     mass, damping = (J, kd) if loop == "position" else (0.0, J + kd)
     out.classification[here] = error_class(mass, sigma0, sigma1, kp, ki, damping)
     out.stable[here] = is_stable(mass, kp, ki, damping)
-    width = position_bandwidth if loop == "position" else velocity_bandwidth
     with np.errstate(all="ignore"):
-        out.bandwidth[here], doubt = width(J, kp, ki, kd, float(level_power(level)))
+        out.bandwidth[here], doubt = bandwidths(mass, kp, ki, damping, float(level_power(level)))
     for i in np.nonzero(np.broadcast_to(doubt, out.bandwidth[here].shape))[0]:
         own, *gains = (float(a[i if a.size > 1 else 0]) for a in (J, kp, ki, kd))
         made = position_loop_tf if loop == "position" else velocity_loop_tf
@@ -227,49 +217,38 @@ def is_stable(J: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.bool_]:
     return np.greater(kd, 0) & np.greater(kp, 0) & np.greater_equal(ki, 0) & routh
 
 
-def velocity_bandwidth(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Floats, Any]:
-    """First w with |T(jw)|^2 = c |T(0)|^2, T = (kp s + ki)/((J + kd) s^2 + kp s + ki).
-
-    With x = w^2 the only positive root of
-    c (J + kd)^2 x^2 + (c (kp^2 - 2 (J + kd) ki) - kp^2) x - (1 - c) ki^2,
-    whose last two coefficients move up by one x for ki = 0. Also returns which answers are
-    uncertain: those of a loop without inertia or beyond the range of floats.
-    """
-    M, square = np.add(J, kd), np.multiply(kp, kp)
-    half = 0.5 * ((c - 1) * square - 2 * c * M * ki)
-    first, last = c * M * M, (1 - c) * np.multiply(ki, ki)
-    x = positive_root(first, half, last)
-    return _frequency(x, kp, ki, ~(np.isfinite(x) & (x > 0)))
-
-
 def positive_root(a: Any, half: Any, last: Any) -> Floats:
     """The positive root of a x^2 + 2 half x - last, a > 0, last >= 0, without cancellation."""
     root = np.sqrt(half * half + a * last)
     return np.where(half > 0, last / (half + root), (root - half) / a)
 
 
-def position_bandwidth(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Floats, Any]:
+def bandwidths(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Floats, Any]:
     """First w with |T(jw)|^2 = c |T(0)|^2, T = (kp s + ki)/(J s^3 + kd s^2 + kp s + ki).
 
-    With x = w^2 the least positive root of x^3 + p x^2 + q x + r, where
-    p = (kd^2 - 2 J kp)/J^2, q = -((1 - c) kp^2/c + 2 ki kd)/J^2, r = -(1 - c) ki^2/(c J^2);
-    the only one unless p < 0 < q. By Cardano's formula, or the quadratic that remains for x far
-    below p, and two Newton steps. Also returns which answers are uncertain, such as those where
-    the level is almost touched.
+    With x = w^2 the least positive root of J^2 x^3 + a x^2 + b x + r, where a = kd^2 - 2 J kp,
+    b = -((1 - c) kp^2/c + 2 ki kd), r = -(1 - c) ki^2/c; without J the only one. Else the
+    only one unless a < 0 < b, by Cardano's formula, or the quadratic that remains for x far below
+    a/J^2, and two Newton steps. Also returns which answers are uncertain, such as those where the
+    level is almost touched. T(0) = 0 is nan, and certain.
     """
-    inertia = 1 / np.multiply(J, J)
-    rest = (1 - c) / c
-    p = (np.multiply(kd, kd) - 2 * np.multiply(J, kp)) * inertia
-    q = -(rest * np.multiply(kp, kp) + 2 * np.multiply(ki, kd)) * inertia
-    r = -rest * np.multiply(ki, ki) * inertia
-    p, q, r = np.broadcast_arrays(p, q, r)
-    start, doubt = _least_positive(p, q, r)
-    x = start
-    for _ in range(2):
-        step = (((x + p) * x + q) * x + r) / ((3 * x + 2 * p) * x + q)
-        x = x - step
-    good = (np.abs(step) < SETTLED * x) & (np.abs(x - start) < 1e-3 * x)
-    return _frequency(x, kp, ki, ~good | doubt)
+    rest, none = (1 - c) / c, np.equal(kp, 0) & np.equal(ki, 0)
+    a = np.multiply(kd, kd) - 2 * np.multiply(J, kp)
+    b = -(rest * np.multiply(kp, kp) + 2 * np.multiply(ki, kd))
+    r = -rest * np.multiply(ki, ki)
+    if not np.any(J):
+        x = positive_root(a, b / 2, -r)
+        good = np.isfinite(x) & (x > 0)
+    else:
+        inertia = 1 / np.multiply(J, J)
+        p, q, r = np.broadcast_arrays(a * inertia, b * inertia, r * inertia)
+        start, doubt = _least_positive(p, q, r)
+        x = start
+        for _ in range(2):
+            step = (((x + p) * x + q) * x + r) / ((3 * x + 2 * p) * x + q)
+            x = x - step
+        good = (np.abs(step) < SETTLED * x) & (np.abs(x - start) < 1e-3 * x) & ~doubt
+    return np.where(none, np.nan, np.sqrt(x)), ~good & ~none
 
 
 def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
@@ -289,9 +268,3 @@ def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
     without_cube = positive_root(p, q / 2, -r)
     x = np.where((p > 0) & (p > 1e4 * without_cube), without_cube, x)
     return x, several & (np.abs(disc) < 1e-9 * (np.abs(P3) + Q2))
-
-
-def _frequency(x: Any, kp: Any, ki: Any, doubt: Any) -> tuple[Floats, Any]:
-    """sqrt(x); nan, and certain, where T(0) is zero."""
-    no_dc = np.equal(kp, 0) & np.equal(ki, 0)
-    return np.where(no_dc, np.nan, np.sqrt(x)), doubt & ~no_dc

@@ -109,7 +109,16 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     if is_measured(p) or isinstance(p, LINEAR):
         if K2 is not None:
             raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
-        return _own_gain(p).of(p)
+        several = isinstance(p, ct.StateSpace) and p.ninputs * p.noutputs != 1
+        system = StateSystem.of(p).shown() if several else system_of(p)
+        if no_gain := system.no_gain():
+            meaning = "nothing follows for the output of an input in L2"
+            return L2Verdict(float("inf"), no_gain.at, no_gain.why, meaning).of(p)
+        gain, w = system.largest()
+        where = f"at w = {w:.6g} rad/s" if np.isfinite(w) else "as w grows"
+        reason = f"{system.size} is largest {where}: {gain:.6g}{system.said}"
+        reason += f"; {system.hidden}" if system.hidden else ""
+        return L2Verdict(gain, w, reason, system.meaning.format(gain)).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     model_first(p, K2, "K2")
@@ -118,20 +127,6 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)
     verdict = L2Verdict(gain, frequency, reason, _meaning(gain, J, sigma0, sigma1))
     return verdict.of(([J, number(K2, "K2")], [sigma1, sigma0]))
-
-
-def _own_gain(T: Any) -> L2Verdict:
-    """The L2 gain of a linear system, continuous or sampled."""
-    several = isinstance(T, ct.StateSpace) and T.ninputs * T.noutputs != 1
-    system = StateSystem.of(T).shown() if several else system_of(T)
-    if no_gain := system.no_gain():
-        meaning = "nothing follows for the output of an input in L2"
-        return L2Verdict(float("inf"), no_gain.at, no_gain.why, meaning)
-    gain, w = system.largest()
-    where = f"at w = {w:.6g} rad/s" if np.isfinite(w) else "as w grows"
-    reason = f"{system.size} is largest {where}: {gain:.6g}{system.said}"
-    reason += f"; {system.hidden}" if system.hidden else ""
-    return L2Verdict(gain, w, reason, system.meaning.format(gain))
 
 
 def _gain(J: Fraction, K2: Fraction, s0: Fraction, s1: Fraction) -> tuple[float, float, str]:

@@ -14,10 +14,9 @@ import control as ct
 from ..core.display import Shown
 from ..core.errors import InputError
 from ..core.views import view
-from .exact_system import classify
 from .loops import Loop, LoopT, rounded
 from .state_system import StateSystem
-from .systems import EXACT, system_of
+from .systems import EXACT, classify, system_of
 from .transfer import lowest_terms, read_transfer, to_float
 from .verdict import Realness, Verdict
 

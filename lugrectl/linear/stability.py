@@ -9,6 +9,7 @@ w = 0); its margins and Nyquist's criterion are exact for these.
 
 from __future__ import annotations
 
+import cmath
 import math
 import warnings
 from abc import ABC, abstractmethod
@@ -28,9 +29,8 @@ from .axis import WINDOWS, Signs, largest, level_signs, limits, settled, signs, 
 from .border import Axis, is_sampled
 from .delayed import DelayedTransfer
 from .exact import Quasi
-from .exact_system import ExactSystem
 from .state_system import StateSystem
-from .systems import has_many_states
+from .systems import ExactSystem, has_many_states
 from .transfer import cleared, is_measured, require_siso, response, span
 from .verdict import NONE, UNKNOWN, Margin, Verdict, show_poles
 
@@ -217,7 +217,9 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     phase = delay = below = above = UNKNOWN
     disks = [UNKNOWN] * 3
     if loop.cause:
-        reason = f"the closed loop is not stable: {loop.cause}{_which_gains(gains)}"
+        shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
+        reason = f"the closed loop is not stable: {loop.cause}; "
+        reason += f"with L times {shown} it is" if gains else "no factor on L makes it stable"
     else:
         phase, delay = _lags(loop, crossovers)
         factors = [Margin(-1.0 / x, w) for w, x in turns]
@@ -254,20 +256,13 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
 
 def _lags(loop: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
-    angles = [(lag(value), w) for w, value in crossovers]
+    # the lag above 0 and up to 2 pi that turns L(jw) to the negative real axis
+    angles = [(cmath.phase(-L) % (2 * math.pi) or 2 * math.pi, w) for w, L in crossovers]
     phase = min((Margin(math.degrees(angle), w) for angle, w in angles), default=NONE)
     delays = [Margin(angle / w, w) for angle, w in angles]
     if loop.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
         delays.append(Margin(loop.border.dt or 0.0, loop.border.frequency(math.inf)))
     return phase, min(delays, default=NONE)
-
-
-def _which_gains(gains: Intervals) -> str:
-    """With which factors on L a loop that is not stable would be."""
-    if not gains:
-        return "; no factor on L makes it stable"
-    shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
-    return f"; with L times {shown} it is"
 
 
 def _reason(delay: Margin, turns: float, open_poles: float) -> str:
@@ -497,27 +492,24 @@ class StateLoop(Loop):
         return value.real if slack < abs(value) else math.nan
 
     def crossovers(self) -> list[tuple[float, complex]]:
-
-        def above(w: float) -> tuple[float, float]:
-            t, slack = self.L.at(w)
-            return abs(t) - 1.0, slack
-
-        return self._changes(above, self.L.level_zeros(1.0))
+        return self._changes(lambda L: abs(L) - 1.0, self.L.level_zeros(1.0))
 
     def real_crossings(self) -> list[tuple[float, float]]:
-
-        def part(w: float) -> tuple[float, float]:
-            t, slack = self.L.at(w)
-            return t.imag, slack
-
-        found = [(w, L.real) for w, L in self._changes(part, self.L.mirrored_zeros(-1.0))]
+        places = self.L.mirrored_zeros(-1.0)
+        found = [(w, L.real) for w, L in self._changes(lambda L: L.imag, places)]
         for v in (0.0, math.inf):
             value, slack = self.L.at(v)
             if abs(value) > slack:
                 found.append((self.border.frequency(v), value.real))
         return [(w, x) for w, x in found if x < 0]
 
-    def _changes(self, function: Any, zeros: np.ndarray) -> list[tuple[float, complex]]:
+    def _changes(self, part: Any, zeros: np.ndarray) -> list[tuple[float, complex]]:
+        """Where a part of L changes its sign, and L there."""
+
+        def function(v: float) -> tuple[float, float]:
+            value, slack = self.L.at(v)
+            return part(value), slack
+
         edges = self.L.signs(function, self.L.places(zeros)).edges
         return [(self.border.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
 
@@ -644,7 +636,7 @@ class MeasuredLoop(Loop):
         late, rise = self._before()
         # From w = 0 the short way to the first point; at the last, 1 + L goes the short way to 1.
         first = complex(1 + self.L[0])
-        turned = _angle(first / late) - _angle(first)
+        turned = cmath.phase(first / late) - cmath.phase(first)
         turned += 2 * math.pi * sum(way for _, L, way in self._half_turns() if L.real < -1)
         return round(self.open_poles + rise / 2 - turned / math.pi)
 
@@ -679,18 +671,8 @@ def _through(line: np.ndarray, level: float) -> list[tuple[int, float]]:
     return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
 
 
-def _angle(value: complex) -> float:
-    return math.atan2(value.imag, value.real)
-
-
 def _places(found: Signs) -> list[float]:
     return sorted({*found.changes, *found.touches})
-
-
-def lag(value: complex) -> float:
-    """The phase lag in rad, above 0 and up to 2 pi, that turns L(jw) to the negative real axis."""
-    angle = math.atan2(-value.imag, -value.real)
-    return angle if angle > 0 else angle + 2 * math.pi
 
 
 def _between(low: float, high: float) -> float:

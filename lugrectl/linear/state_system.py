@@ -113,11 +113,6 @@ class SureSigns:
         at, above = np.append(self.at, math.inf), np.append(self.above, False)
         return SureSigns(at, above, edges, self.touches)
 
-    def first_band(self) -> tuple[Edge, Edge | None, int]:
-        """Where it is below 0 first: from, to (None: without end), and how often again later."""
-        starts = self.edges if self.above[0] else (Edge(0.0, 0.0, 0.0), *self.edges)
-        return starts[0], starts[1] if len(starts) > 1 else None, (len(starts) - 1) // 2
-
 
 def _touches(
     function: Function, x: np.ndarray, sure: np.ndarray, above: np.ndarray
@@ -313,7 +308,11 @@ class StateSystem:
 
         Without such a part (a pole that is not stable shows), the system itself and no poles.
         """
-        found: Any = schur(self.A, output="complex", sort=self._is_stable)
+
+        def is_stable(pole: Any) -> bool:
+            return bool(self.border.beyond(np.asarray(pole)) < -self.rounding)
+
+        found: Any = schur(self.A, output="complex", sort=is_stable)
         S, Q, many = found
         A1, A2, A12 = S[:many, :many], S[many:, many:], S[:many, many:]
         X = solve_sylvester(A1, -A2, -A12)  # the coordinates in which the two do not meet
@@ -327,9 +326,6 @@ class StateSystem:
         if not many or max(np.abs(m).max() for m in seen) > UNSEEN * size:
             return self, np.zeros(0)
         return StateSystem(A1, B1, C1, self.D, self.border), np.diag(A2)
-
-    def _is_stable(self, pole: Any) -> bool:
-        return bool(self.border.beyond(np.asarray(pole)) < -self.rounding)
 
     # --- values ---
 
@@ -564,7 +560,8 @@ class StateSystem:
         """
         if signs.above.all():
             return touch.first if touch else math.inf, ""
-        low, high, later = signs.first_band()
+        ends = signs.edges if signs.above[0] else (Edge(0.0, 0.0, 0.0), *signs.edges)
+        low, high, later = ends[0], ends[1] if len(ends) > 1 else None, (len(ends) - 1) // 2
         said = f"{self.name} < 0 for w > {low} rad/s"
         last = self.border.frequency(math.inf)
         if high is not None or math.isfinite(last):
@@ -593,22 +590,20 @@ class StateSystem:
         power = self.name if self.D.any() else f"w^2 {self.name}"
         return f"{power} tends to {end:.6g} as w grows"
 
-    def shifted(self, eps: float) -> StateSystem:
-        moved = replace(self, shift=eps)
-        vars(moved).update(triangular=self.triangular, poles=self.poles)
-        return moved
-
-    def is_real(self) -> bool:
-        """Whether Re T is nowhere negative beyond rounding, where its sign may change."""
-        end, least = self.at_infinity()
-        values = map(self.at, self.places(self.mirrored_zeros(1.0)))
-        return end >= -least and all(t.real >= -slack for t, slack in values)
-
     def margin(self) -> float:
+
+        def is_real(eps: float) -> bool:
+            """Whether Re T(s - eps) is nowhere below 0 beyond rounding."""
+            moved = replace(self, shift=eps)
+            vars(moved).update(triangular=self.triangular, poles=self.poles)
+            end, least = moved.at_infinity()
+            values = map(moved.at, moved.places(moved.mirrored_zeros(1.0)))
+            return end >= -least and all(t.real >= -slack for t, slack in values)
+
         dt = self.border.dt or 1.0
         high = -dt * float(np.real(self.border.rates(self.poles)).max())
         high = high if math.isfinite(high) else FAR
-        return last_that_holds(lambda eps: self.shifted(eps).is_real(), high) / dt
+        return last_that_holds(is_real, high) / dt
 
 
 def between(marks: np.ndarray) -> np.ndarray:

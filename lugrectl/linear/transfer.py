@@ -197,12 +197,12 @@ def cleared(L: Any) -> tuple[Any, str]:
         if abs(num[k]) > EPS * abs(den[len(den) - len(num) + k]) or not rest.any():
             break
         top[k] = 0.0
-    if len(den) > 1 and den[-2] and abs(den[-1]) <= EPS * abs(den[-2]) * _largest(den):
+    if (
+        len(den) > 1
+        and den[-2]
+        and abs(den[-1]) <= EPS * abs(den[-2]) * np.abs(np.roots(den / den[0])).max()
+    ):
         bottom[-1] = 0.0
     if (top == num).all() and (bottom == den).all():
         return L, ""
     return ct.tf(top, bottom, L.dt), ROUNDED
-
-
-def _largest(den: np.ndarray) -> float:
-    return float(np.abs(np.roots(den / den[0])).max())

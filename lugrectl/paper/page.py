@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -95,10 +94,15 @@ def _parts(r: Reproduction) -> Iterator[Section | Figure]:
     rows = tuple((c.paper, c.found, c.status) for c in r.claims)
     grid = Grid(("paper", "recomputed", ""), "lll", rows)
     yield Section("Paper and recomputation", (), grid, prose=(0, 2, 1))
-    yield _table1(r)
+    own = tuple((said, k, f"{getattr(r.parameters, k):g}", u) for k, (u, said) in UNITS.items())
+    yield Section("Table 1", (), Grid(("parameter", "", "value", "unit"), "llrl", own))
     yield from (_widths(r, loop) for loop in ("velocity", "position"))
     for figure in r.figures:
-        yield _errors(figure)
+        window = f"{figure.window[0]:g} to {figure.window[1]:g} s"
+        rows = tuple((name, milli(value)) for name, value in figure.errors.items())
+        lines = (figure.scenario, *([NO_DECAY] if figure.key == "position" else []))
+        grid = Grid(("loop", f"RMS error {window} [m{figure.unit}]"), "lr", rows)
+        yield Section(f"The paper's {figure.key} figure", lines, grid)
         caption = "Grey: reference. The dashed line (without friction) and the line with the "
         caption += "proposed observer coincide."
         yield Figure(f"paper-{figure.key}", caption, partial(responses, figure))
@@ -108,17 +112,6 @@ def _parts(r: Reproduction) -> Iterator[Section | Figure]:
     slips = tuple(tuple(slip.values()) for slip in r.summary()["slips"])
     grid, title = Grid(("label", "status", "why"), "lll", slips), "Where the paper's text does not "
     yield Section(f"{title}hold as printed", (), grid, prose=(0, 1, 2))
-
-
-# --- sections ------------------------------------------------------------------------------
-
-
-def _table1(r: Reproduction) -> Section:
-    rows = tuple(
-        (UNITS[f.name][1], f.name, f"{getattr(r.parameters, f.name):g}", UNITS[f.name][0])
-        for f in fields(r.parameters)
-    )
-    return Section("Table 1", (), Grid(("parameter", "", "value", "unit"), "llrl", rows))
 
 
 def _widths(r: Reproduction, loop: str) -> Section:
@@ -148,15 +141,6 @@ def _widths(r: Reproduction, loop: str) -> Section:
     grid = Grid(("controller", "gains", "Hz", "level", "T(s)"), "llrll", rows)
     more = (SAME_CROSSING,) if moves else ()
     return Section(f"Bandwidth, {loop} loop", (*lines, *more), grid, foot)
-
-
-def _errors(figure: PaperFigure) -> Section:
-    """One figure of the paper: scenario and errors."""
-    window = f"{figure.window[0]:g} to {figure.window[1]:g} s"
-    rows = tuple((name, milli(value)) for name, value in figure.errors.items())
-    lines = (figure.scenario, *([NO_DECAY] if figure.key == "position" else []))
-    grid = Grid(("loop", f"RMS error {window} [m{figure.unit}]"), "lr", rows)
-    return Section(f"The paper's {figure.key} figure", lines, grid)
 
 
 def _study(o: Outcome) -> Section:
@@ -211,9 +195,6 @@ def _ranking(o: Outcome, row: Errors) -> str:
     )
     window, unit = _window(row, " to "), row.measure.unit
     return f"Best first in this scenario, {row.label}, {window}, RMS in m{unit}: {said}."
-
-
-# --- figures -------------------------------------------------------------------------------
 
 
 def responses(figure: PaperFigure, ax: Axes) -> Axes:

@@ -12,6 +12,7 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
+from .. import linear
 from ..blocks.model import Parameters, table1
 from ..core.display import Row, Shown, number
 from ..core.errors import Diverged, InputError
@@ -19,34 +20,11 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance
 from ..core.result import Fields, Result, picked, plain
 from ..core.views import view
-from ..linear import (
-    bandwidth_check,
-    position_loop_tf,
-    position_T,
-    spr_check,
-    velocity_loop_tf,
-    velocity_T,
-)
 from ..loops.friction_loops import position_loop, velocity_loop
 from ..simulation.response import simulate
+from . import studies
 from .equations import FAILS, HOLDS, PAPER
-from .studies import (
-    NONE,
-    POSITION,
-    PROPOSED,
-    SINE,
-    SINE_TEXT,
-    STEP,
-    STRONG,
-    VELOCITY,
-    VELOCITY_TEXT,
-    Case,
-    Compensation,
-    Drawn,
-    Measure,
-    Study,
-    all_studies,
-)
+from .studies import Case, Compensation, Measure, Study
 
 SMALL = 1e-6  # a smaller RMS value counts as 0
 
@@ -70,7 +48,6 @@ class Errors:
     x: float | None = None
 
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON document has of it."""
         return {"case": self.label, **plain(asdict(self.measure)), "rms": plain(self.rms)}
 
 
@@ -83,7 +60,6 @@ class Outcome(Shown):
     traces: tuple[Trace, ...] = ()
 
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON document has of it."""
         return self.study.summary() | {"rows": plain(self.rows)}
 
 
@@ -106,7 +82,6 @@ class Width(Shown):
     paper: str
 
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON document has of it."""
         return plain(asdict(self) | {"poles": [[q.real, q.imag] for q in self.poles]})
 
 
@@ -123,7 +98,6 @@ class PaperFigure(Shown):
     errors: Mapping[str, float]
 
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON document has of it."""
         return picked(self, "key scenario unit window") | {"rms": plain(self.errors)}
 
 
@@ -222,58 +196,40 @@ def milli(value: float) -> str:
     return number(value, 3 if value >= 0.1 else 2)
 
 
-def claims(r: Reproduction) -> tuple[Claim, ...]:
+def claims(r: Reproduction) -> Iterator[Claim]:
     """The statements of the paper that can be checked by simulation, and what was found."""
-    return (*_of_bandwidths(r), *_of_figures(r))
-
-
-def _of_bandwidths(r: Reproduction) -> Iterator[Claim]:
-    v, half = (r._width("velocity", "paper's PI", level) for level in ("-3dB", "half-power"))
-    left = r._width("velocity", "paper's PI, Fv left in")
-    yield Claim(
-        "Velocity PI: around 115 Hz at -3 dB",
-        f"{v.hertz:.1f} Hz (half power {half.hertz:.1f} Hz; Fv left in {left.hertz:.1f} Hz)",
-        HOLDS,
+    v, half, left = (
+        r._width("velocity", f"paper's PI{end}", level)
+        for end, level in (("", "-3dB"), ("", "half-power"), (", Fv left in", "-3dB"))
     )
-    pi, left = (r._width("position", f"paper's PI{x}") for x in ("", ", Fv left in"))
-    yield Claim(
-        "Position PI: approximately 20 Hz",
-        f"|T| crosses -3 dB at {pi.hertz:.1f} Hz, but the loop is unstable and has no bandwidth; "
-        f"stable with Fv left uncompensated (Fv Kp > J Ki, {left.hertz:.1f} Hz)",
-        FAILS,
-    )
-
-
-def _of_figures(r: Reproduction) -> Iterator[Claim]:
+    found = f"{v.hertz:.1f} Hz (half power {half.hertz:.1f} Hz; Fv left in {left.hertz:.1f} Hz)"
+    yield Claim("Velocity PI: around 115 Hz at -3 dB", found, HOLDS)
+    pi, left = (r._width("position", f"paper's PI{end}") for end in ("", ", Fv left in"))
+    found = f"|T| crosses -3 dB at {pi.hertz:.1f} Hz, but the loop is unstable and has no "
+    found += "bandwidth; stable with Fv left uncompensated (Fv Kp > J Ki, "
+    yield Claim("Position PI: approximately 20 Hz", f"{found}{left.hertz:.1f} Hz)", FAILS)
     errors = {f.key: [milli(value) for value in f.errors.values()] for f in r.figures}
     if "velocity" in errors:
         _, none, best = errors["velocity"]
-        yield Claim(
-            "Velocity: friction degrades the PI severely, the proposed observer is a remedy",
-            f"{none} against {best} mrad/s RMS, with exact observer parameters, where the "
-            "natural observer does the same; with wrong ones see the tables",
-            HOLDS,
-        )
+        said = "Velocity: friction degrades the PI severely, the proposed observer is a remedy"
+        found = f"{none} against {best} mrad/s RMS, with exact observer parameters, where the "
+        found += "natural observer does the same; with wrong ones see the tables"
+        yield Claim(said, found, HOLDS)
     if "position" in errors:
         _, none, best = errors["position"]
-        yield Claim(
-            "Position: the proposed observer performs well",
-            f"{best} mrad RMS over 1 to 5 s, {none} with no observer (step of 1 rad, "
-            "prefilter, exact parameters); later it grows without bound",
-            FAILS,
-        )
+        found = f"{best} mrad RMS over 1 to 5 s, {none} with no observer (step of 1 rad, "
+        found += "prefilter, exact parameters); later it grows without bound"
+        yield Claim("Position: the proposed observer performs well", found, FAILS)
     if g := r.growth:
-        yield Claim(
-            "(not in the paper) growth of the compensated position loop",
-            f"time constant {g.predicted:.2f} s from the poles, {g.simulated:.2f} s in simulation "
-            f"over {g.window[0]:g} to {g.window[1]:g} s with the {g.observer}",
-            "unstable",
-        )
+        said = "(not in the paper) growth of the compensated position loop"
+        found = f"time constant {g.predicted:.2f} s from the poles, {g.simulated:.2f} s in "
+        found += f"simulation over {g.window[0]:g} to {g.window[1]:g} s with the {g.observer}"
+        yield Claim(said, found, "unstable")
 
 
 Run = tuple[np.ndarray, dict[str, np.ndarray]]  # times, and signals by name
 LOOPS = {"velocity": velocity_loop, "position": position_loop}
-LOOPS_TF = {"velocity": velocity_loop_tf, "position": position_loop_tf}
+LOOPS_TF = {"velocity": linear.velocity_loop_tf, "position": linear.position_loop_tf}
 SAID = {"velocity": "around 115 Hz at -3 dB", "position": "approximately 20 Hz"}  # by the paper
 CHOSEN = "(the text of the paper gives no reference: this one is chosen here)"
 
@@ -299,21 +255,21 @@ def reproduce(
         For an unknown key.
     """
     p, report = table1(), reporter(progress)
-    bench, known = Bench(p), all_studies(same_width(p), same_width_spr(p))
+    bench, known = Bench(p), studies.all_studies(same_width(p), same_width_spr(p))
     keys = [*LOOPS, *(s.key for s in known)]
     chosen = keys if only is None else [k for k in keys if k in only]
     strange = sorted({*(only or ())} - {*keys})
     if strange:
         raise InputError(f"unknown study '{strange[0]}'; known: {', '.join(keys)}.")
-    studies = [s for s in known if s.key in chosen]
-    total, done = sum(len(s.cases) * len(s.compensations) for s in studies) or 1, iter(range(9999))
+    wanted = [s for s in known if s.key in chosen]
+    total, done = sum(len(s.cases) * len(s.compensations) for s in wanted) or 1, iter(range(9999))
     figures = tuple(figure(bench, key) for key in LOOPS if key in chosen)
     outcomes = tuple(
-        run(bench, s, lambda what: report((next(done) + 1) / total, what)) for s in studies
+        run(bench, s, lambda what: report((next(done) + 1) / total, what)) for s in wanted
     )
     grown = growth(bench) if "position-pi" in chosen else None
     made = Reproduction(p, widths(p), figures, grown, outcomes)
-    return replace(made, claims=claims(made))
+    return replace(made, claims=tuple(claims(made)))
 
 
 # --- bandwidths ----------------------------------------------------------------------------
@@ -321,39 +277,34 @@ def reproduce(
 
 def widths(p: Parameters) -> tuple[Width, ...]:
     """Bandwidths of the paper's loops and of the loops compared with them."""
-    velocity = [
-        ("paper's PI", VELOCITY, "-3dB"),
-        ("paper's PI", VELOCITY, "half-power"),
-        ("paper's PI, Fv left in", VELOCITY, "-3dB"),
-        *(("strong PI", c.gains, "-3dB") for c in STRONG),
-    ]
-    position = [
-        ("paper's PI", POSITION, "-3dB"),
-        ("paper's PI, Fv left in", POSITION, "-3dB"),
-        ("PID", same_width(p), "-3dB"),
-        ("PD", same_width_spr(p), "-3dB"),
-    ]
-    both = {"velocity": velocity, "position": position}
-    return tuple(_width(p, loop, *row) for loop, rows in both.items() for row in rows)
+    made, V, X = [], studies.VELOCITY, studies.POSITION
+    for loop, label, gains, level in (
+        ("velocity", "paper's PI", V, "-3dB"),
+        ("velocity", "paper's PI", V, "half-power"),
+        ("velocity", "paper's PI, Fv left in", V, "-3dB"),
+        *(("velocity", "strong PI", c.gains, "-3dB") for c in studies.STRONG),
+        ("position", "paper's PI", X, "-3dB"),
+        ("position", "paper's PI, Fv left in", X, "-3dB"),
+        ("position", "PID", same_width(p), "-3dB"),
+        ("position", "PD", same_width_spr(p), "-3dB"),
+    ):
+        T: Any = LOOPS_TF[loop](p, **gains)
+        left_in = "Fv" in label
+        if left_in:  # Fv s^(n-1) in the denominator of degree n, led by J s^n
+            den = np.array(T.den[0][0], dtype=float)
+            den[1] += p.Fv
+            T = ct.tf(T.num[0][0], den)
+        b = linear.bandwidth_check(T, level)
+        of_spr = linear.velocity_T if loop == "velocity" else linear.position_T
+        spr = None if left_in else linear.spr_check(of_spr(p, **gains)).classification
+        said = SAID[loop] if label.startswith("paper's") else ""
+        made.append(Width(loop, label, {**gains}, level, b.hertz, b.stable, b.poles, spr, said))
+    return tuple(made)
 
 
-def _width(p: Parameters, loop: str, label: str, gains: Mapping[str, float], level: str) -> Width:
-    T: Any = LOOPS_TF[loop](p, **gains)
-    left_in = "Fv" in label
-    if left_in:  # Fv s^(n-1) in the denominator of degree n, led by J s^n
-        den = np.array(T.den[0][0], dtype=float)
-        den[1] += p.Fv
-        T = ct.tf(T.num[0][0], den)
-    found = bandwidth_check(T, level)
-    of_spr = velocity_T if loop == "velocity" else position_T
-    spr = None if left_in else spr_check(of_spr(p, **gains)).classification
-    said = SAID[loop] if label.startswith("paper's") else ""
-    return Width(loop, label, {**gains}, level, found.hertz, found.stable, found.poles, spr, said)
-
-
-def _crossing(p: Parameters, gains: Mapping[str, float] = POSITION) -> float:
+def _crossing(p: Parameters, gains: Mapping[str, float] = studies.POSITION) -> float:
     """Where |T| of a position loop crosses -3 dB, in rad/s."""
-    return bandwidth_check(position_loop_tf(p, **gains)).bandwidth
+    return linear.bandwidth_check(linear.position_loop_tf(p, **gains)).bandwidth
 
 
 def same_width(p: Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
@@ -361,7 +312,7 @@ def same_width(p: Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
 
     Kp = J wn^2, Kd = 2 damping J wn, Ki in the paper's ratio to Kp; wn is solved for.
     """
-    wanted, ratio = _crossing(p), POSITION["ki"] / POSITION["kp"]
+    wanted, ratio = _crossing(p), studies.POSITION["ki"] / studies.POSITION["kp"]
 
     def gains(wn: float) -> dict[str, float]:
         kp = p.J * wn**2
@@ -404,23 +355,15 @@ class Bench:
         t = np.arange(round(case.duration / case.dt) + 1) * case.dt
         start = [case.start.get(label, 0.0) for label in system.state_labels]
         r = case.reference.inputs(t, loop, case.feedforward)
-        values = self._values("pi" if loop == "velocity" else "pid", controller, c, case)
+        # every value that differs between cases, so that one compilation serves them all
+        block = "pi" if loop == "velocity" else "pid"
+        values = {f"{block}.{k}": c.gains.get(k, v) for k, v in controller.items()}
+        if c.observer is not None:
+            own = {k: v * case.scale.get(k, 1.0) for k, v in self.p.friction().items()}
+            values |= {f"{c.observer}_observer.{k}": v for k, v in (own | {**c.gains}).items()}
         outputs = np.asarray(simulate(system, t, r, start, params=values).outputs)
         y = dict(zip(system.output_labels, outputs, strict=True))
         return t, y | {"F - Fhat": y["F"] - y["Fhat"]}
-
-    def _values(
-        self, block: str, controller: Mapping[str, float], c: Compensation, case: Case
-    ) -> dict[str, float]:
-        """Every value that differs between cases, so that one compilation is used for all."""
-        gains = {k: c.gains.get(k, v) for k, v in controller.items()}
-        values = {f"{block}.{k}": v for k, v in gains.items()}
-        if c.observer is None:
-            return values
-        believed = {k: v * case.scale.get(k, 1.0) for k, v in self.p.friction().items()}
-        return values | {
-            f"{c.observer}_observer.{k}": v for k, v in (believed | {**c.gains}).items()
-        }
 
 
 def rms(t: np.ndarray, y: np.ndarray, window: tuple[float, float]) -> float:
@@ -448,17 +391,12 @@ def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
                 for name, run in runs.items()
             }
             rows.append(Errors(case.label, m, errors, case.x))
-        if study.drawn and i == study.drawn.case:
-            traces += _traces(study.drawn, runs)
+        if (drawn := study.drawn) and i == drawn.case:
+            for name, run in runs.items():
+                if run and name in (drawn.columns or runs):
+                    inside = (run[0] >= drawn.span[0]) & (run[0] <= drawn.span[1])
+                    traces.append(Trace(name, run[0][inside], run[1][drawn.signal][inside]))
     return Outcome(study, tuple(rows), tuple(traces))
-
-
-def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:
-    for name, run in runs.items():
-        if run and name in (drawn.columns or runs):
-            t, y = run[0], run[1][drawn.signal]
-            inside = (t >= drawn.span[0]) & (t <= drawn.span[1])
-            yield Trace(name, t[inside], y[inside])
 
 
 # --- the figures of the paper --------------------------------------------------------------
@@ -467,22 +405,28 @@ def _traces(drawn: Drawn, runs: Mapping[str, Run | None]) -> Iterator[Trace]:
 def figure(bench: Bench, loop: str) -> PaperFigure:
     """A loop without friction, with friction, and with the proposed observer."""
     if loop == "velocity":
-        gains, case = VELOCITY, Case("", SINE, (Measure("w", "rad/s", (1.0, 3.0)),), duration=3.0)
-        text = f"{VELOCITY_TEXT}, no feed-forward, no prefilter, {SINE_TEXT}"
+        gains, case = (
+            studies.VELOCITY,
+            Case("", studies.SINE, (Measure("w", "rad/s", (1.0, 3.0)),), duration=3.0),
+        )
+        text = f"{studies.VELOCITY_TEXT}, no feed-forward, no prefilter, {studies.SINE_TEXT}"
     else:
-        gains, case = POSITION, Case("", STEP, (Measure("theta", "rad", (1.0, 5.0)),))
+        gains, case = (
+            studies.POSITION,
+            Case("", studies.STEP, (Measure("theta", "rad", (1.0, 5.0)),)),
+        )
         text = "Position loop, Kp 15, Ki 1.55, prefilter 2/(s + 2), no feed-forward, reference a "
         text += "step of 1 rad"
     (m,) = case.measures
-    t, with_friction = bench.respond(loop, gains, NONE, case)
-    _, compensated = bench.respond(loop, gains, PROPOSED, case)
+    t, with_friction = bench.respond(loop, gains, studies.NONE, case)
+    _, compensated = bench.respond(loop, gains, studies.PROPOSED, case)
     r = case.reference.inputs(t, loop, False)[0]
     responses = {
         "no friction": np.asarray(
             ct.forced_response(LOOPS_TF[loop](bench.p, **gains), t, r).outputs
         ),
         "friction, no observer": with_friction[m.signal],
-        f"friction, {PROPOSED.label}": compensated[m.signal],
+        f"friction, {studies.PROPOSED.label}": compensated[m.signal],
     }
     said = f"{text} {CHOSEN}, observer parameters exact, all states 0 at the start."
     errors = {name: rms(t, y - r, m.window) for name, y in responses.items()}
@@ -490,12 +434,12 @@ def figure(bench: Bench, loop: str) -> PaperFigure:
     return PaperFigure(loop, said, m.unit, m.window, Trace("reference", t, r), traces, errors)
 
 
-def growth(bench: Bench, observer: Compensation = PROPOSED) -> Growth:
+def growth(bench: Bench, observer: Compensation = studies.PROPOSED) -> Growth:
     """Time constant of the paper's position PI with exact compensation: pole and simulation."""
-    poles = bandwidth_check(position_loop_tf(bench.p, **POSITION)).poles
+    poles = linear.bandwidth_check(linear.position_loop_tf(bench.p, **studies.POSITION)).poles
     window = (40.0, 100.0)
     t, y = bench.respond(
-        "position", POSITION, observer, Case("", STEP, (), duration=100.0, dt=2e-3)
+        "position", studies.POSITION, observer, Case("", studies.STEP, (), duration=100.0, dt=2e-3)
     )
     times, highs = peaks(t, y["e"], window)
     slope = np.polyfit(times, np.log(highs), 1)[0]

@@ -50,31 +50,24 @@ class Reference:
 
         With the prefilter r' = 2 (c - r) and r'' = 2 c' - 4 (c - r), c the command.
         """
-        r, first, second = self._command(t)
+        a, w = self.amplitude, 2 * np.pi * self.hertz
+        sin, cos, still = a * np.sin(w * t), a * np.cos(w * t), 0.0 * t
+        r, first, second = {
+            "sine": (sin, w * cos, -(w**2) * sin),
+            "raised": (a - cos, w * sin, w**2 * cos),
+            "step": (a + still, still, still),
+            "still": (still, still, still),
+        }[self.kind]
         if self.prefilter:
             command, pole = r, PREFILTER
-            r = _filtered(t, command)
+            # from rest, exact for a command that is linear between equidistant samples
+            smooth: Any = ct.TransferFunction([pole], [1, pole]).sample(t[1] - t[0], method="foh")
+            b, a = smooth.num[0][0], smooth.den[0][0]
+            b = np.r_[np.zeros(len(a) - len(b)), b]
+            r = np.asarray(lfilter(b, a, command, zi=[-b[0] * command[0]])[0])
             first, second = pole * (command - r), pole * first - pole**2 * (command - r)
         rate = first if loop == "velocity" else second
         return np.array([r, rate if feedforward else 0.0 * t])
-
-    def _command(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        a, w = self.amplitude, 2 * np.pi * self.hertz
-        sin, cos = a * np.sin(w * t), a * np.cos(w * t)
-        if self.kind == "sine":
-            return sin, w * cos, -(w**2) * sin
-        if self.kind == "raised":
-            return a - cos, w * sin, w**2 * cos
-        return (a if self.kind == "step" else 0.0) + 0.0 * t, 0.0 * t, 0.0 * t
-
-
-def _filtered(t: np.ndarray, command: np.ndarray) -> np.ndarray:
-    """The prefilter from rest, exact for a command that is linear between equidistant samples."""
-    smooth: Any = ct.TransferFunction([PREFILTER], [1, PREFILTER])
-    smooth = smooth.sample(t[1] - t[0], method="foh")
-    b, a = smooth.num[0][0], smooth.den[0][0]
-    b = np.r_[np.zeros(len(a) - len(b)), b]
-    return np.asarray(lfilter(b, a, command, zi=[-b[0] * command[0]])[0])
 
 
 @dataclass(frozen=True)
@@ -156,7 +149,6 @@ class Study:
     compensations: tuple[Compensation, ...] = ALL
 
     def summary(self) -> dict[str, Any]:
-        """Return what the JSON document has of it, without results."""
         known = picked(self, "key title scenario loop controller")
         return known | {"columns": [asdict(c) for c in self.compensations]}
 

@@ -3,7 +3,7 @@
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -222,6 +222,7 @@ def test_break_away_torque_after_a_rest(dwell):
 # --- actuator and sensors ----
 
 
+@settings(max_examples=20)
 @given(st.integers(0, 100), st.floats(0.05, 50.0))
 def test_the_lag_of_a_held_torque_is_exact(seed, ratio):
     """Cell averages against the integral of the lag's own equation, v' from v in closed form."""
@@ -315,8 +316,8 @@ def test_a_sensor_without_a_value_is_refused():
 def test_pose_dependent_inertia_keeps_the_kinetic_energy(harmonic):
     values = {"ratio": 0.6, "harmonic": harmonic, "phase": 0.4}
     plant = lg.plant(free().with_effect("pose_dependent_inertia", values))
-    t = np.linspace(0.0, 3.0, 601)
-    theta, w, _ = run(plant, t, 0.0, states(plant, w=4.0)).outputs
+    t = np.linspace(0.0, 1.0, 201)
+    theta, w, _ = run(plant, t, 0.0, states(plant, w=12.0)).outputs
     energy = (1.0 + 0.6 * np.cos(harmonic * theta + 0.4)) * w**2
     assert theta[-1] > TURNS and np.ptp(w) > 1.0
     np.testing.assert_allclose(energy, energy[0], rtol=1e-7)
@@ -332,6 +333,7 @@ def test_pose_dependent_inertia_grows_with_the_payload():
     assert made(T, 0.3, 0.1, THETA, W)[2] == pytest.approx(other(T, 0.3, 0.1, THETA, W)[2])
 
 
+@settings(max_examples=20)
 @given(st.floats(0.1, 3.0), st.floats(1.0, 200.0))
 def test_resonance_and_antiresonance_of_two_masses(share, stiffness):
     load = share * J
@@ -490,8 +492,8 @@ def test_the_engine_traces_a_table_as_python_control_evaluates_it():
     values = np.array([0.05 * np.sin(3 * points), -0.03 + 0.02 * points])
     block = lg.tabulated("theta", points, values)
     loop = joined([lg.plant(lg.table1()), block], ["u"], ["theta", "w", "d"])
-    t = np.linspace(0.0, 1.0, 201)
-    u = 0.6 * np.sin(6.0 * t)
+    t = np.linspace(0.0, 0.15, 61)
+    u = 2.0 * np.sin(40.0 * t)
     fast = lg.simulate(loop, t, u)
     slow = simulate(loop, t, u, rtol=1e-8, atol=1e-10)
     assert np.ptp(slow.outputs[0]) > 1.0

@@ -182,7 +182,7 @@ def models(draw):
     )
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=60)
 @given(model=models())
 def test_any_model_that_is_written_is_read_as_the_same(model, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "m.toml"

@@ -321,11 +321,12 @@ def placed(p):
 
 def test_gains_decide_on_stability_in_sliding():
     """Three poles at -1000 hold at all corners; at -500 the falling friction near vs wins."""
-    assert placed(1000.0) == pytest.approx((2719.1, 2.118e6, -5742.4), rel=2e-4)
+    fast = placed(1000.0)
+    assert fast == pytest.approx((2719.1, 2.118e6, -5742.4), rel=2e-4)
     for a, b in [(a, b) for a in (0.0, P.sigma0 / P.Fc) for b in (-0.26, 2.26)]:
-        corner = np.linalg.eigvals(error_matrix(a, b, placed(1000.0)))
+        corner = np.linalg.eigvals(error_matrix(a, b, fast))
         assert corner.real.max() < -300.0
-    assert in_sliding(placed(1000.0)) == pytest.approx(-344.0, abs=2.0)
+    assert in_sliding(fast) == pytest.approx(-344.0, abs=2.0)
     assert in_sliding((900.0, 2e5, -100.0)) == pytest.approx(-3.0, abs=1.0)
     assert in_sliding(placed(500.0)) == pytest.approx(90.0, abs=1.0)
 

@@ -209,7 +209,6 @@ def test_a_registered_block_comes_back_as_itself():
 
 @pytest.mark.parametrize("made", [
     assemble(model(), sensed=True),
-    REGISTRY["friction", "lugre"].with_inputs(("Fc",)),
 ])  # fmt: skip
 def test_a_composed_block_comes_back_equal(made):
     assert pickle.loads(pickle.dumps(made)) == made

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.hunting.gains import critical
-from lugrectl.hunting.loop import Loop, curve_of
+from lugrectl.hunting.loop import Loop, critical, curve_of
 from lugrectl.hunting.stick_map import excess
 
 from .brute_force import HUNTS, RESTS

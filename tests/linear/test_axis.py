@@ -12,18 +12,6 @@ from lugrectl.linear.axis import signs, zeros
 from lugrectl.linear.exact import Quasi
 
 
-def loop(K, T, *lower):
-    """s + K exp(-sT), or another polynomial of s in front."""
-    return Quasi.of([(0, lower or (0, 1)), (T, (K,))])
-
-
-@pytest.mark.parametrize("turn", [0.2, 1.57, 1.58, 7.85, 7.86, 14.1, 14.2, 100.0])
-def test_the_zeros_of_an_integrator_with_dead_time_are_counted(turn):
-    """A pair crosses to the right at each K T = pi/2 + 2 pi k."""
-    pairs = math.floor((turn - math.pi / 2) / (2 * math.pi)) + 1
-    assert zeros(loop(100, turn / 100)).right == 2 * max(pairs, 0)
-
-
 @given(st.lists(st.floats(-3, 3).filter(lambda x: abs(x) > 0.05), min_size=1, max_size=4))
 @settings(max_examples=40)
 def test_without_influence_of_the_dead_time_the_count_is_that_of_the_roots(roots):

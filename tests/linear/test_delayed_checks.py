@@ -20,12 +20,6 @@ def integrator(K, T):
     return lg.delayed(ct.tf([K], [1.0, 0.0]), T).feedback()
 
 
-def pade(K, T, order=12):
-    """The closed loop of K/s with the Pade form of the dead time."""
-    top, bottom = ct.pade(T, order)
-    return ct.feedback(ct.tf([K], [1.0, 0.0]) * ct.tf(top, bottom))
-
-
 # --- bandwidth ---------------------------------------------------------------------------
 
 
@@ -72,14 +66,6 @@ def test_the_gain_is_that_of_a_fine_grid_and_never_below(turn):
     seen = np.abs(T(1j * w)).max()
     assert seen <= found.gain * (1 + 1e-6)
     assert found.gain == pytest.approx(max(seen, 1.0), rel=1e-4)
-
-
-@pytest.mark.parametrize("turn", [0.3, 1.3])
-def test_the_checks_agree_with_a_pade_form_of_order_12_where_it_holds(turn):
-    exact, near = integrator(50.0, turn / 50.0), pade(50.0, turn / 50.0)
-    assert lg.l2_check(exact).gain == pytest.approx(lg.l2_check(near).gain, rel=1e-6)
-    assert lg.bandwidth(exact) == pytest.approx(lg.bandwidth(near), rel=1e-6)
-    assert lg.bandwidth_check(exact).stable == bool((near.poles().real < 0).all())
 
 
 def test_a_narrow_peak_between_points_of_any_grid_is_found():
@@ -168,7 +154,7 @@ def test_the_weaker_classes_are_seen():
 
 
 @given(GAINS, st.floats(0.05, 0.9), st.floats(0.01, 2.0))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_an_echo_below_1_stays_spr(a, echo, T):
     """Re (a + a echo exp(-jwT)) >= a (1 - echo)."""
     assert lg.spr_check(a * (1 + lg.delayed(echo, T)))

@@ -141,22 +141,6 @@ def test_bandwidth_warns_of_the_unstable_position_loop():
         assert bandwidth_check(position_loop_tf(P, kp=15, ki=1.55, kd=0.1))
 
 
-def test_bandwidth_with_a_prefilter():
-    """|T|^2 4/(x + 4) = c: a cubic in x for the velocity PI, a quartic for the position PI(D)."""
-    c, kp, ki, kd, J = 10**-0.3, 15, 1.55, 0.3, P.J
-    error = np.polynomial.Polynomial([ki**2, kp**2])
-    d = {
-        velocity_loop_tf: [ki**2, kp**2 - 2 * (J + kd) * ki, (J + kd) ** 2],
-        position_loop_tf: [ki**2, kp**2 - 2 * ki * kd, kd**2 - 2 * J * kp, J**2],
-    }
-    for loop, square in d.items():
-        level = 4 * error - c * np.polynomial.Polynomial([4, 1]) * np.polynomial.Polynomial(square)
-        x = min(r.real for r in level.roots() if abs(r.imag) < 1e-9 * abs(r) and r.real > 0)
-        verdict = bandwidth_check(loop(P, kp, ki, kd, prefilter=True))
-        assert verdict and verdict.bandwidth == pytest.approx(math.sqrt(x), rel=1e-9)
-        assert 1.9 < verdict.bandwidth < 2.1 and len(verdict.crossings) == 1
-
-
 def test_no_integral_action_leaves_no_pole_at_zero():
     assert velocity_loop_tf(P, kp=1.6).poles() == pytest.approx([-1.6 / P.J])
 
@@ -220,7 +204,7 @@ def test_bandwidth_lists_every_crossing_and_skips_a_touch():
 positives = st.integers(1, 40).map(lambda k: Q(k, 4))
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(st.lists(positives, min_size=1, max_size=4), st.lists(positives, max_size=3), positives)
 def test_bandwidth_agrees_with_control_on_stable_systems(poles, zeros, gain):
     assume(len(zeros) < len(poles))

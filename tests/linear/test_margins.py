@@ -196,14 +196,14 @@ def test_many_states_have_the_margins_of_exact_arithmetic(seed):
         assert getattr(found, name) == wanted, name
 
 
-def test_two_hundred_states_take_little_time():
+def test_a_hundred_states_take_little_time():
     random = np.random.default_rng(0)
-    A = random.normal(size=(200, 200)) / 14
-    A = A - (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(200)
-    B, C = random.normal(size=(2, 200)) / 14
+    A = random.normal(size=(100, 100)) / 10
+    A = A - (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(100)
+    B, C = random.normal(size=(2, 100)) / 10
     begun = time.process_time()
     found = lg.stability_check(ct.ss(A, B[:, None], 0.3 * C[None], 0.0))
-    assert found.stable and time.process_time() - begun < 20  # 2 s on a free core
+    assert found.stable and time.process_time() - begun < 2.5  # 0.3 s on a free core
     on = 1j * np.geomspace(1e-2, 1e2, 2000)
     L = ct.ss(A, B[:, None], 0.3 * C[None], 0.0)(on)
     assert found.modulus_margin == pytest.approx(np.abs(1 + L).min(), rel=1e-3)
@@ -238,7 +238,7 @@ def test_disk_margins_are_those_of_their_definition(kind):
             assert margin == pytest.approx(ct.disk_margins(L, w, skew=skew)[0], rel=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(15))
 def test_stable_gains_are_all_there_are(seed):
     """Against the poles of the closed loop over gains; a third has many states, one is sampled."""
     random = np.random.default_rng(seed)
@@ -294,6 +294,14 @@ def test_the_margin_falls_by_as_much_as_the_dead_time_grows(kp, kd, one, other):
     first, later = sorted((one, other))
     margins = [lg.stability_check(lg.delayed(L, x * whole)).delay_margin for x in (first, later)]
     assert margins == pytest.approx([(1 - x) * whole for x in (first, later)], rel=1e-6)
+
+
+@pytest.mark.parametrize("turn", [0.2, 1.57, 1.58, 7.85, 7.86, 14.1, 14.2, 100.0])
+def test_the_poles_of_an_integrator_with_dead_time_are_counted(turn):
+    """A pair crosses to the right at each K T = pi/2 + 2 pi k."""
+    pairs = math.floor((turn - math.pi / 2) / (2 * math.pi)) + 1
+    found = lg.stability_check(lg.delayed(ct.tf([100.0], [1.0, 0.0]), turn / 100))
+    assert found.closed_poles == 2 * max(pairs, 0)
 
 
 @pytest.mark.parametrize("T", [0.01, 0.1, 0.3, 0.6])

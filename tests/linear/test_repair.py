@@ -20,7 +20,6 @@ from lugrectl.linear import (
     velocity_loop_tf,
     velocity_T,
 )
-from lugrectl.linear.spr import least_passing
 
 P = table1()
 LOOPS = {"position": position_T, "velocity": velocity_T}
@@ -203,11 +202,6 @@ def test_repairs_in_several_steps():
 )
 def test_no_repair(T):
     assert spr_repair(T) is None and spr_check(T).repair is None
-
-
-def test_least_passing():
-    assert float(least_passing(lambda x: x > 3)) == pytest.approx(3, rel=1e-14)
-    assert least_passing(lambda x: True) == 0 and least_passing(lambda x: False) is None
 
 
 log = st.floats(-1, 1).map(lambda x: 10**x)

@@ -116,14 +116,6 @@ def test_spr_filtered_pid_agrees_with_the_conditions_of_the_notes():
     assert seen == {True, False}
 
 
-def test_spr_leaky_integral_is_possible():
-    leak, ki, kp, kd = 0.5, 1.55, 15, 0.955
-    T = ([P.sigma1, P.sigma0 + P.sigma1 * leak, P.sigma0 * leak],
-         [P.J, kd + P.J * leak, kp + kd * leak, ki + kp * leak])  # fmt: skip
-    assert spr_check(T)
-    assert spr_check(position_T(P, kp, ki / leak, kd, 1 / leak))  # the same controller
-
-
 @pytest.mark.parametrize(
     ("gains", "kind"),
     [
