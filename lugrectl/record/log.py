@@ -14,16 +14,8 @@ from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.validation import as_path, positive, shown
+from .columns import roles
 from .columns.raw_numbers import check_angles, signed
-from .columns.roles import (
-    Choice,
-    check_used,
-    choose_columns,
-    factors,
-    idle_said,
-    texts,
-    usual_said,
-)
 from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .columns.units import Unit, parse_unit, role_unit, si_unit
 from .files.readers import read_stdin, read_table
@@ -88,16 +80,17 @@ def rows_of(
 ) -> Log:
     """The rows of a log in the units that are stated or assumed; InputError if it or an argument
     of :func:`read_record` cannot be read or understood."""
-    named, stated, scaled = texts(columns, "columns"), texts(units, "units"), factors(scale)
+    named, stated = roles.texts(columns, "columns"), roles.texts(units, "units")
+    scaled = roles.factors(scale)
     rate = None if rate is None else _rate(rate, named)
     table, file = _opened(path, named)
-    choices, said = choose_columns(table, named, need_time=rate is None)
+    choices, said = roles.choose_columns(table, named, need_time=rate is None)
     time = next((c for c in choices if c.role == "t"), None)
     if rate and time is not None:
         choices.remove(time)
         name = table.names[time.index]
         said = [*said, f"The given rate was used in place of the column '{name}'."]
-    check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
+    roles.check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
     reading = _Reading(table, tuple(choices), stated, scaled)
     reading.find_units(motion)
     raw, more = table.load([c.index for c in choices])
@@ -105,10 +98,10 @@ def rows_of(
         raise InputError(f"{table.source} holds column names but no data.")
     raw, merging = _merged([c.role for c in choices], raw)
     taken = {r: unit for r in reading.unstated - {"t"} if (unit := si_unit(r, reading.motion))}
-    said = [*more, *usual_said(table, choices, named, taken), *said, *merging]
+    said = [*more, *roles.usual_said(table, choices, named, taken), *said, *merging]
     channels, more = reading.channels(raw)
     said += [*reading.overridden(), *more]
-    said += [] if "u" in named else idle_said(table, choices, channels["u"])
+    said += [] if "u" in named else roles.idle_said(table, choices, channels["u"])
     if reading.motion == "rotary":
         check_angles(table.source, channels, rate, reading.unstated)
     t = channels.pop("t", None)
@@ -151,11 +144,11 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
 
 
 def _merged(
-    roles: Sequence[str], columns: Sequence[np.ndarray]
+    names: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
     """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged:
     tools that merge topics leave a cell empty where a topic has no message."""
-    by = dict(zip(roles, columns, strict=True))
+    by = dict(zip(names, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:
         return list(columns), []
@@ -166,7 +159,7 @@ def _merged(
         return list(columns), []
     if np.sum(np.isfinite(by["u"]) & stamped) < 2 or np.any(np.diff(t[stamped]) < 0):
         return list(columns), []
-    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in roles]
+    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in names]
     said = (
         f"u and {base} stand in different rows: the {len(rows)} rows of {base} were used, with "
         "the torque held between its own rows."
@@ -198,7 +191,7 @@ class _Reading:
     header, or implied by a name. ``questions`` must be asked of them, all at once."""
 
     table: Table
-    choices: tuple[Choice, ...]
+    choices: tuple[roles.Choice, ...]
     stated: Mapping[str, str]
     scaled: Mapping[str, float]
     units: dict[str, Unit | None] = field(default_factory=dict)
@@ -257,7 +250,7 @@ class _Reading:
             raise InputError(" ".join(self.questions.values()))
         return channels, said
 
-    def _remarks(self, choice: Choice, values: np.ndarray) -> list[str]:
+    def _remarks(self, choice: roles.Choice, values: np.ndarray) -> list[str]:
         """Notes on the numbers of a channel, or the question that they raise."""
         role, name = choice.role, self.table.names[choice.index]
         unit, assumed = self.units[role], si_unit(role, self.motion)

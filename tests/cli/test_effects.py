@@ -9,15 +9,9 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.cli import main
 
 from ..cases import small_answers
-
-
-def run(capsys, line):
-    code = main(line.split())
-    streams = capsys.readouterr()
-    return code, streams.out, streams.err
+from ..cases.quick_work import typed as run
 
 
 def test_effects_lists_the_whole_catalogue(capsys):
