@@ -16,7 +16,7 @@ from .rst import code, filled, listed, prose, table, title
 ROOT = Path(lugrectl.__file__).parent
 SPLIT = ("engine",)  # rooms with rooms of their own
 WAY = (  # in the order in which `diagnose` comes to them
-    "record.read.read_record",
+    "record.as_record.read_record",
     "record.stretches.stretches",
     "torque_balance.motion.Motion",
     "torque_balance.rows.Rows",

@@ -100,12 +100,11 @@ class Assurance(Result):
 
     Examples
     --------
-    >>> t = 1e-3 * np.arange(8000)
+    >>> t = 1e-2 * np.arange(800)
     >>> w = 3.0 * np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
     >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
     >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
-    >>> own = {"observers": "extended_state", "members": 20, "confidence": 0.8}
-    >>> found = lg.assure(fit, loop="velocity", **own)
+    >>> found = lg.assure(fit, 0.8, loop="velocity", observers="extended_state", members=20)
     >>> found.observer, bool(found.bound < found.none)
     ('extended_state', True)
     """
@@ -290,12 +289,11 @@ def assure(
 
     Examples
     --------
-    >>> t = 1e-3 * np.arange(8000)
+    >>> t = 1e-2 * np.arange(800)
     >>> w = 3.0 * np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
     >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
     >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
-    >>> own = {"observers": "extended_state", "members": 20, "confidence": 0.8}
-    >>> found = lg.assure(fit, loop="velocity", **own)
+    >>> found = lg.assure(fit, 0.8, loop="velocity", observers="extended_state", members=20)
     >>> found.worse.count, found.worse.members
     (0, 20)
     """

@@ -11,6 +11,8 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import lugrectl as lg
+
 from ..core.blas_threads import BLAS
 from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError, NotLoaded
 from ..core.option_names import on_command_line
@@ -56,11 +58,8 @@ def _run(argv: Sequence[str] | None) -> int:
         arguments = parser().parse_args(argv)
         arguments.typed = shlex.join(["lugrectl", *(sys.argv[1:] if argv is None else argv)])
         blocks = getattr(arguments, "blocks", None) or ()
-        if blocks:
-            from ..blocks.extending import load_blocks
-
-            for file in blocks:
-                load_blocks(file)
+        for file in blocks:
+            lg.load_blocks(file)
         if getattr(arguments, "plot", None) is not None:
             check_picture(arguments.plot)
         code = arguments.run(arguments)

@@ -11,6 +11,8 @@ from fractions import Fraction
 from functools import partial
 from typing import Any
 
+import lugrectl as lg
+
 from ..core.errors import InputError
 from .inputs import given
 from .output import answer, as_json, say
@@ -47,10 +49,9 @@ UNUSED = {  # options on which a property does not depend
 
 def check(a: Namespace) -> int:
     """``lugrectl check``: 0 when the property holds, 1 when not."""
-    from .. import linear
     from ..core.result import plain
 
-    T, work = _transfer(a), getattr(linear, f"{a.property}_check")
+    T, work = _transfer(a), getattr(lg, f"{a.property}_check")
     if a.property == "bandwidth":
         work = partial(work, level="half-power" if a.half_power else "-3dB")
     if T is None:
@@ -76,8 +77,6 @@ def check(a: Namespace) -> int:
 
 def _of_loop(a: Namespace, work: Any) -> tuple[Any, dict[str, Any]]:
     """The verdict on a loop with a model, and what it is about."""
-    from .. import linear
-
     p, name = _parameters(a)
     if a.property == "passivity":
         return work(p), {"model": name}
@@ -89,17 +88,15 @@ def _of_loop(a: Namespace, work: Any) -> tuple[Any, dict[str, Any]]:
     gains = {"kp": 0.0, "ki": 0.0, "kd": 0.0} | (given(a, "kp ki kd") or PAPER[loop])
     gains |= given(a, "tau leak derivative_filter dead_time")
     filtered = {"prefilter": bool(a.prefilter)} if a.property == "bandwidth" else {}
-    made = getattr(linear, f"{loop}_{_MADE[a.property]}")(p, **gains, **filtered)
+    made = getattr(lg, f"{loop}_{_MADE[a.property]}")(p, **gains, **filtered)
     return work(made), {"loop": loop, **filtered, "model": name, "gains": gains}
 
 
 def _parameters(a: Namespace) -> tuple[Any, str]:
     """An object with the parameters that a check needs, and the model's name."""
-    from ..blocks.model import read_model, table1
-
     if a.model is None:
-        return table1(), "Table 1"
-    model = read_model(a.model)
+        return lg.table1(), "Table 1"
+    model = lg.read_model(a.model)
     needed = _NEEDED.get(a.property, ("J",))
     values = model.values()
     if set(needed) - set(values):
@@ -137,11 +134,7 @@ def _transfer(a: Namespace) -> Any:
         import control as ct
 
         T = ct.tf([float(c) for c in num], [float(c) for c in den], a.dt)
-    if a.dead_time is None:
-        return T
-    from ..linear import delayed
-
-    return delayed(T, a.dead_time)
+    return T if a.dead_time is None else lg.delayed(T, a.dead_time)
 
 
 def _coefficients(text: str, option: str) -> list[Fraction]:

@@ -13,6 +13,8 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import lugrectl as lg
+
 from ..core.errors import InputError, Refused
 from ..core.progress import Terminal
 from ..core.provenance import stamp
@@ -53,8 +55,6 @@ def diagnose(a: Namespace) -> int:
 
 def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) -> Any:
     """The result of ``work``, with the control loop compensated by the model it found."""
-    from ..bench import compensate
-
     found = work(record, model, **options)
     if found.model is None:
         return found
@@ -66,7 +66,7 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
         "seed": options.get("seed", 0),
     }
     try:
-        made = compensate(found.model, declared=model, loop=loop, table=found.table, **options)
+        made = lg.compensate(found.model, declared=model, loop=loop, table=found.table, **options)
     except InputError as no:  # the diagnosis is still valid
         message = f"the control loop was not closed: {no}"
         return replace(found, messages=(*found.messages, message))
@@ -173,8 +173,6 @@ def bode(a: Namespace) -> int:
     writes the excitation to record instead; without a record it tunes a model."""
     if a.plan is not None:
         return _planned(a)
-    from ..commissioning import frequency_response
-
     more = [k for k in ("ms", "bandwidth", "dead_time", "no_hunting") if getattr(a, k)]
     if more and not a.tune:
         raise InputError(f"--{more[0].replace('_', '-')} is for gains: use it with --tune.")
@@ -186,7 +184,7 @@ def bode(a: Namespace) -> int:
         return 0
     a.records, none = files(a.records), None
     try:
-        found = frequency_response(logs(a, model.motion), model)
+        found = lg.frequency_response(logs(a, model.motion), model)
     except Refused as no:
         if a.json:
             arrays = ("frequency", "magnitude", "phase", "low", "high", "coherence", "modes")
@@ -207,18 +205,13 @@ def bode(a: Namespace) -> int:
 
 
 def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
-    from ..commissioning import tune
-
     known |= given(a, "dead_time") | ({} if a.ms is None else {"Ms": a.ms})
     known |= {} if a.bandwidth is None else {"bandwidth": 2.0 * math.pi * a.bandwidth}
-    return tune(axis, a.tune, hunting=not a.no_hunting, **known)
+    return lg.tune(axis, a.tune, hunting=not a.no_hunting, **known)
 
 
 def _planned(a: Namespace) -> int:
     """Write the references to record as CSV, and print how to play them."""
-    from ..blocks.model import read_model
-    from ..commissioning import response_plan
-
     if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
         raise InputError(
             "--plan needs the rate and the limits of the drive in place of a record, such as "
@@ -226,7 +219,7 @@ def _planned(a: Namespace) -> int:
         )
     if a.tune or a.plot:
         raise InputError("--plan writes an excitation only: use --tune and --plot with its log.")
-    plan = response_plan(read_model(a.model), rate=a.rate, kp=a.kp, **limits)
+    plan = lg.response_plan(lg.read_model(a.model), rate=a.rate, kp=a.kp, **limits)
     write(Path(a.plan), plan.to_csv().encode(), "--plan")
     answer(plan, a)
     return 0
@@ -271,9 +264,6 @@ def hunt(a: Namespace) -> int:
 
 def _moving(a: Namespace, gains: dict[str, Any], vary: Any) -> Any:
     """Below which speeds the loop sticks and slips."""
-    from ..blocks.model import read_model
-    from ..hunting import stick_slip_speed
-
     if a.report:
         raise InputError("--speed is for one drive: give --model instead of --report.")
     if a.rate or a.dead_time or a.counts or a.limit:
@@ -281,30 +271,23 @@ def _moving(a: Namespace, gains: dict[str, Any], vary: Any) -> Any:
             "--speed is answered for a loop in continuous time without a limit: leave out --rate, "
             "--dead-time, --counts and --limit."
         )
-    return stick_slip_speed(read_model(a.model), **gains, vary=vary, progress=True)
+    return lg.stick_slip_speed(lg.read_model(a.model), **gains, vary=vary, progress=True)
 
 
 def _cycles(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
     """The limit cycles of a model, or their chance over the drives that a report allows."""
     if not a.report:
-        from ..blocks.model import read_model
-        from ..hunting import limit_cycles
-
-        return limit_cycles(read_model(a.model), **loop, vary=vary, progress=True)
-    from ..bench import hunting_chance
-
+        return lg.limit_cycles(lg.read_model(a.model), **loop, vary=vary, progress=True)
     if vary:
         raise InputError("--vary is for one drive: give --model instead of --report.")
-    return hunting_chance(a.report, members=a.members, progress=True, **loop)
+    return lg.hunting_chance(a.report, members=a.members, progress=True, **loop)
 
 
 def assure(a: Namespace) -> int:
     """0 once it is answered; whether the compensation is worth anything is in the answer."""
-    from ..bench import assure as work
-
     names = "loop kp ki kd bandwidth rate dead_time counts speed frequency members seed jobs hunts"
     options = {k: getattr(a, k) for k in (*names.split(), "still")}
-    answer(work(a.report, a.confidence, observers=a.observer, progress=True, **options), a)
+    answer(lg.assure(a.report, a.confidence, observers=a.observer, progress=True, **options), a)
     return 0
 
 
@@ -313,9 +296,7 @@ def assure(a: Namespace) -> int:
 
 def effects(a: Namespace) -> int:
     """``lugrectl effects``: the catalogue, or one effect."""
-    from ..blocks.catalogue import effects
-
-    known = effects()
+    known = lg.effects()
     chosen: Any = known if a.name is None else known[a.name]
     if a.json:
         print_out(as_json(chosen.summary()))

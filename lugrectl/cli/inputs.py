@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import lugrectl as lg
+
 from ..blocks import AUTO
 from ..core.errors import InputError
 
@@ -67,11 +69,10 @@ def with_holdout(a: Namespace, model: Model) -> tuple[list[Log], Any]:
 
 def declared(a: Namespace) -> Model:
     """The model of --model; InputError where it and a log were swapped."""
-    from ..blocks.model import read_model
     from ..diagnosis.asked import refuse_swapped
 
     refuse_swapped(a.records, a.model)
-    return read_model(a.model)
+    return lg.read_model(a.model)
 
 
 def fixed(model: Model, a: Namespace) -> Model:

@@ -1,4 +1,4 @@
-"""The table of the commands: what each does, its function and its options.
+"""The table of the commands: what each does, its function and its options; and its parser.
 
 An option is written as in a help, ``"--seed N >= 0 = 0": "seed of ..."``: its name, the word for
 its value with its bound, its default, and ``...`` where it may be given several times. A word in
@@ -8,12 +8,57 @@ braces is one of several; without a word the option is a flag.
 from __future__ import annotations
 
 import argparse
+import difflib
+import math
+import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
+from ..core.provenance import version
 from . import checks, commands
-from .parser import Parser, Version, count, finite, overview, positive, seed, share
+
+# --- types of options ----------------------------------------------------------------------
+
+
+def finite(text: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a finite number")
+    return value
+
+
+def positive(text: str) -> float:
+    """A finite number above 0."""
+    if (value := finite(text)) <= 0:
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def share(text: str) -> float:
+    """A number between 0 and 1."""
+    value = positive(text)
+    if value >= 1.0:
+        raise argparse.ArgumentTypeError(f"{text} is not below 1; give a share such as 0.015.")
+    return value
+
+
+def seed(text: str, least: int = 0) -> int:
+    """A whole number from 0 on."""
+    if not text.isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number of at least {least}")
+    return int(text)
+
+
+def count(text: str) -> int:
+    """A whole number from 1 on."""
+    return seed(text, 1)
+
 
 KINDS: dict[str, Callable[[str], Any]] = {
     **{"HZ": positive, "X": finite, "X > 0": positive, "S": finite, "S > 0": positive},
@@ -22,14 +67,7 @@ KINDS: dict[str, Callable[[str], Any]] = {
 
 
 Group = tuple[str, str, Mapping[str, str]]  # title, text, table
-
-
-@dataclass(frozen=True)
-class Option:
-    """The arguments of ``add_argument``."""
-
-    names: tuple[str, ...]
-    settings: Mapping[str, Any]
+Option = tuple[tuple[str, ...], Mapping[str, Any]]  # names and settings of ``add_argument``
 
 
 def _read(table: Mapping[str, str]) -> Iterator[Option]:
@@ -47,7 +85,7 @@ def _read(table: Mapping[str, str]) -> Iterator[Option]:
             more |= {"metavar": word.split(" ")[0], "type": KINDS.get(word, str)}
         more |= {"action": "append"} if several else {}
         more |= {"default": more.get("type", str)(default)} if default else {}
-        yield Option((name,), more)
+        yield (name,), more
 
 
 @dataclass(frozen=True)
@@ -72,8 +110,8 @@ class Command:
         for title, text, table in self.groups:
             places.append((command.add_argument_group(title, text), _read(table)))
         for place, options in places:
-            for option in options:
-                place.add_argument(*option.names, **option.settings)
+            for names, settings in options:
+                place.add_argument(*names, **settings)
 
 
 # --- options -------------------------------------------------------------------------------
@@ -82,13 +120,19 @@ RECORDS = (
     "text (CSV and the like), JSON, MAT, NPY, NPZ, HDF5, Parquet or Excel file, or - for standard "
     "input; several files are runs of one drive"
 )
-LOGS = Option(("records",), {"nargs": "+", "metavar": "RECORD", "help": RECORDS})
-LOGS_OR_NONE = Option(("records",), {**LOGS.settings, "nargs": "*"})
+LOGS: Option = (("records",), {"nargs": "+", "metavar": "RECORD", "help": RECORDS})
+LOGS_OR_NONE = (("records",), {**LOGS[1], "nargs": "*"})
 DECLARED: dict[str, Any] = {"metavar": "MODEL.toml", "help": "the declared model"}
-MODEL = Option(("--model",), {**DECLARED, "required": True})
+MODEL = (("--model",), {**DECLARED, "required": True})
 DRAWN: dict[str, Any] = {"metavar": "FILE", "help": "draw the answer: .png, .svg, .pdf or .jpg"}
-PICTURE = Option(("--plot",), DRAWN)
-PICTURE_OUT = Option(("--plot", "--out"), {**DRAWN, "dest": "plot"})
+PICTURE = (("--plot",), DRAWN)
+PICTURE_OUT = (
+    (
+        "--plot",
+        "--out",
+    ),
+    {**DRAWN, "dest": "plot"},
+)
 PROPERTY = (
     "l2: is the L2 gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error of the "
     "proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the position loop, "
@@ -97,9 +141,9 @@ PROPERTY = (
     "what are its gain, phase, modulus and delay margin; passivity: can the friction of the model "
     "never give back more energy than it stores"
 )
-CHECKED = Option(("property",), {"choices": tuple(checks.UNUSED), "help": PROPERTY})
+CHECKED = (("property",), {"choices": tuple(checks.UNUSED), "help": PROPERTY})
 LOOPS = [
-    Option((f"--{k}",), {"dest": "loop", "action": "store_const", "const": k, "help": what})
+    ((f"--{k}",), {"dest": "loop", "action": "store_const", "const": k, "help": what})
     for k, what in {
         "position": "check the position loop (default for spr)",
         "velocity": "check the velocity loop (default for bandwidth and stability)",
@@ -241,11 +285,11 @@ ASSURE = {
 DEMO = {"--out DIR = lugrectl-demo": f"{OUT} (default: lugrectl-demo)", **SEED}
 PLOT = READING | {"--model MODEL.toml": "the declared model, if there is one"}
 PAPER = {"--out DIR": "write reproduce.html and reproduce.json there"}
-NAME = Option(
+NAME = (
     ("name",),
     {"nargs": "?", "metavar": "NAME", "help": "an effect; common names such as cogging will do"},
 )
-REPORT = Option(("report",), {"metavar": "report.json", "help": "of diagnose or identify"})
+REPORT = (("report",), {"metavar": "report.json", "help": "of diagnose or identify"})
 
 COMMANDS: dict[str, dict[str, Command]] = {
     "On records": {
@@ -302,6 +346,93 @@ COMMANDS: dict[str, dict[str, Command]] = {
 }
 
 
+# --- the parser -----------------------------------------------------------------------------
+
+UNBUILT = ("compare", "plan", "export")  # commands that are announced
+_EXAMPLE = """Example:
+  lugrectl diagnose run.csv --model my.toml --out report"""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaints are one sentence, with what was probably meant."""
+
+    _given: Sequence[str] = ()
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        found, left = self.parse_known_args(args, namespace)
+        if left:
+            found.parser.error(f"unrecognized arguments: {' '.join(left)}")
+        return found
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self._given = checks.joined(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(self._given, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Leave with code 2 after one sentence; no usage in front of it."""
+        if "invalid choice" in message and (new := {*UNBUILT} & {*self._given[:1]}):
+            said = f"{new.pop()} is not built yet; {self.prog} --help shows what there is.\n"
+            self.exit(2, f"{self.prog}: error: {said}")
+        typed, near = next(filter(None, map(self._meant, self._given)), ("", ""))
+        hint = f" (did you mean {near}?)" if near else ""
+        if "--model" in message and not hint:
+            model = next((word for word in self._given if word.lower().endswith(".toml")), None)
+            hint = " (lugrectl model > my.toml writes one to start from)"
+            hint = f" (give --model {model})" if model else hint
+        what = message.split(" (choose from")[0] if hint and "choose from" in message else message
+        for action in self._actions if not near or "invalid choice" in message else ():
+            what = _of_places(what, action)
+        if "are required" in message and near:  # the option that is missing is the misspelt one
+            what = f"there is no option {typed}"
+        said = f"{what.removesuffix('.')}{hint}; {self.prog} --help shows what there is.\n"
+        self.exit(2, f"{self.prog}: error: {said}")
+
+    def _meant(self, word: str) -> tuple[str, str] | None:
+        """A word that is no option, and no command, of this parser, and what it resembles."""
+        known = list(self._option_string_actions)
+        if not word.startswith("-"):
+            known = [c for a in self._actions if not a.option_strings for c in a.choices or ()]
+        typed, bare = word.partition("=")[0], {k.lstrip("-").lower(): k for k in known}
+        near = difflib.get_close_matches(typed.lstrip("-").lower(), bare, 1)
+        return (typed, bare[near[0]]) if near and typed not in known else None
+
+
+def _of_places(what: str, action: argparse.Action) -> str:
+    """A complaint about the place of a command or property, in words, and with its choices."""
+    if action.option_strings or not action.choices:
+        return what
+    name = str(action.metavar or action.dest)
+    what = what.replace(f"argument {name}: invalid choice:", f"there is no {name.lower()}")
+    missing = f"required: {name}"
+    return what.replace(missing, f"{missing} ({', '.join(map(str, action.choices))})")
+
+
+class Version(argparse.Action):
+    """The installed version, looked up only when it is asked for."""
+
+    def __init__(self, option_strings: Any, dest: str, **options: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        print(f"lugrectl {version()}")
+        parser.exit(0)
+
+
+def overview(top: Parser) -> str:
+    """The text of ``lugrectl --help``: what each command does, in groups."""
+    width = max(len(name) for group in COMMANDS.values() for name in group) + 2
+    parts = ["usage: lugrectl COMMAND [options]", _filled(top.description)]
+    for title, group in COMMANDS.items():
+        rows = [f"  {name:<{width}}{one.what}" for name, one in group.items()]
+        parts.append("\n".join([f"{title}:", *rows]))
+    options = "Options:\n  --help, -h  show this help\n  --version   show the version"
+    return "\n\n".join([*parts, options, _EXAMPLE, _filled(top.epilog)]) + "\n"
+
+
+def _filled(text: str | None) -> str:
+    return textwrap.fill(text or "", 80, break_on_hyphens=False)
+
+
 def parser() -> argparse.ArgumentParser:
     """The parser of all commands; ``run`` of its result is the command's function."""
     top = Parser(
@@ -318,8 +449,7 @@ def parser() -> argparse.ArgumentParser:
     top.add_argument("--version", action=Version, help="show the version and exit")
     top.set_defaults(run=lambda a: print(top.format_help(), end="") or 0, parser=top)
     made = top.add_subparsers(dest="command", metavar="COMMAND")
-    whats = {title: {k: c.what for k, c in group.items()} for title, group in COMMANDS.items()}
-    top.format_help = lambda: overview(top, whats)
+    top.format_help = lambda: overview(top)
     for group in COMMANDS.values():
         for name, one in group.items():
             said = one.what[0].upper() + one.what[1:] + "."

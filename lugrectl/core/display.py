@@ -73,6 +73,14 @@ def to_interval(value: float, width: float, digits: int) -> str:
     return number(value, min(max(known, 1), digits))
 
 
+def show_poles(poles: Sequence[complex]) -> str:
+    """Poles in 1/s in one line, a complex pair once."""
+    one_each = [p for p in poles if p.imag >= 0]
+    return ", ".join(
+        f"{p.real:+.4g} +- {p.imag:.4g}j" if p.imag else f"{p.real:+.4g}" for p in one_each
+    )
+
+
 @dataclass(frozen=True)
 class Grid:
     """A table; ``align`` holds one letter, l or r, for each column."""

@@ -1,6 +1,6 @@
 """Independent jobs in this process, on processes of this machine, or on any executor.
 
-A bounded number of chunks is in progress, so that neither items nor results accumulate.
+A bounded number of them is in progress, so that neither items nor results accumulate.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import pickle
 import signal
-from collections.abc import Callable, Generator, Iterable, Iterator, Sized
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -19,7 +19,6 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass
-from itertools import islice
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
@@ -30,8 +29,8 @@ from .validation import whole
 T = TypeVar("T")
 R = TypeVar("R")
 Progress = Callable[[float, str], None]
-Chunk = list[tuple[int, Any]]  # (index, item)
-_AHEAD = 2  # chunks in progress for each worker: one at work, one waiting
+Job = tuple[int, Any]  # index, item
+_AHEAD = 2  # jobs in progress for each worker: one at work, one waiting
 _UNKNOWN = 16  # number of workers assumed for an executor that does not give it
 
 
@@ -61,76 +60,54 @@ def run_jobs(
     *,
     executor: Executor | None = None,
     jobs: int = 1,
-    chunk: int = 1,
-    progress: Progress | None = None,
-) -> Iterator[tuple[int, R | JobError]]:
+) -> Generator[tuple[int, R | JobError]]:
     """``(index, function(item))`` for each item, in the order in which they are done; a job that
     raised yields a ``JobError``, and if a worker process dies, only its item is lost.
 
     Without ``executor``, ``jobs`` processes are started (1: none), to which ``function`` must be
-    picklable; else it is the number of its workers if it does not give it itself. ``chunk`` items
-    are one task. Ctrl-C yields what is finished first."""
-    jobs, chunk = whole(jobs, "jobs", 1), whole(chunk, "chunk", 1)
-    numbered = enumerate(items)
-    parts = iter(lambda: list(islice(numbered, chunk)), [])
+    picklable; else it is the number of its workers if it does not give it itself. Ctrl-C yields
+    what is finished first."""
+    jobs, numbered = whole(jobs, "jobs", 1), enumerate(items)
     if executor is not None:
         workers = jobs if jobs > 1 else getattr(executor, "_max_workers", None) or _UNKNOWN
-        found = _spread(function, parts, executor, _AHEAD * workers)
-    elif jobs == 1:
-        found = (pair for part in parts for pair in _one_by_one(function, part))
-    else:
-        try:
-            pickle.dumps(function)
-        except Exception as error:
-            raise InputError(f"the job cannot be sent to another process: {error}.") from None
-        found = _on_processes(function, parts, jobs)
-    return _reported(found, len(items) if isinstance(items, Sized) else None, progress)
+        return _spread(function, numbered, executor, _AHEAD * workers)
+    if jobs == 1:
+        return (_work(function, job) for job in numbered)
+    try:
+        pickle.dumps(function)
+    except Exception as error:
+        raise InputError(f"the job cannot be sent to another process: {error}.") from None
+    return _on_processes(function, numbered, jobs)
 
 
-def _reported(
-    found: Generator[tuple[int, Any]], total: int | None, progress: Progress | None
-) -> Iterator[tuple[int, Any]]:
-    with contextlib.closing(found):
-        for done, pair in enumerate(found, 1):
-            yield pair  # first: an interrupt during the report must not lose the result
-            if progress is not None:
-                fraction = done / total if total else 0.0
-                progress(fraction, f"{done} of {total}" if total else f"{done} done")
-
-
-def _one_by_one(function: Callable[[Any], Any], chunk: Chunk) -> Iterator[tuple[int, Any]]:
-    for index, item in chunk:
-        try:
-            result = function(item)
-        except Exception as error:
-            result = JobError.of(index, error)
-        yield index, result
-
-
-def _work(function: Callable[[Any], Any], chunk: Chunk) -> list[tuple[int, Any]]:
-    """Run the function on each item of a chunk (in the worker)."""
-    return list(_one_by_one(function, chunk))
+def _work(function: Callable[[Any], Any], job: Job) -> tuple[int, Any]:
+    """The index of a job, and its result or error (in the worker)."""
+    index, item = job
+    try:
+        return index, function(item)
+    except Exception as error:
+        return index, JobError.of(index, error)
 
 
 def _spread(
     function: Callable[[Any], Any],
-    chunks: Iterator[Chunk],
+    jobs: Iterator[Job],
     executor: Executor,
     ahead: int,
-    lost: list[Chunk] | None = None,
+    lost: list[Job] | None = None,
 ) -> Generator[tuple[int, Any]]:
-    """Results from an executor. If it breaks: with ``lost``, the unfinished items go there and
-    no more are read from ``chunks``; without, each job that it refuses is an error."""
-    waiting: dict[Future[Any], Chunk] = {}
+    """Results from an executor. If it breaks: with ``lost``, the unfinished jobs go there and
+    no more are read from ``jobs``; without, each job that it refuses is an error."""
+    waiting: dict[Future[Any], Job] = {}
     try:
         while True:
-            while not lost and len(waiting) < ahead and (part := next(chunks, None)):
+            while not lost and len(waiting) < ahead and (job := next(jobs, None)):
                 try:
-                    future = executor.submit(_work, function, part)
+                    future = executor.submit(_work, function, job)
                 except Exception as error:  # it is broken or shut down
                     future = Future()
                     future.set_exception(error)
-                waiting[future] = part
+                waiting[future] = job
             if not waiting:
                 return
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
@@ -146,37 +123,34 @@ def _spread(
             future.cancel()
 
 
-def _collected(
-    future: Future[Any], part: Chunk, lost: list[Chunk] | None
-) -> Iterator[tuple[int, Any]]:
+def _collected(future: Future[Any], job: Job, lost: list[Job] | None) -> Iterator[tuple[int, Any]]:
     error = CancelledError("cancelled") if future.cancelled() else future.exception()
     if error is None:
-        yield from future.result()
+        yield future.result()
     elif lost is not None and isinstance(error, BrokenExecutor):
-        lost.append(part)
+        lost.append(job)
     else:
-        for index, _ in part:
-            yield index, JobError.of(index, error)
+        yield job[0], JobError.of(job[0], error)
 
 
 def _on_processes(
-    function: Callable[[Any], Any], chunks: Iterator[Chunk], jobs: int
+    function: Callable[[Any], Any], numbered: Iterator[Job], jobs: int
 ) -> Generator[tuple[int, Any]]:
-    """Results from our own processes. If one dies, the lost items are run again one by one."""
-    lost: list[Chunk] = []
+    """Results from our own processes. If one dies, the lost jobs are run again one by one."""
+    lost: list[Job] = []
     while True:
         with _processes(jobs) as pool:
-            yield from _spread(function, chunks, pool, _AHEAD * jobs, lost)
+            yield from _spread(function, numbered, pool, _AHEAD * jobs, lost)
         if not lost:
             return
-        pairs = [pair for part in lost for pair in part]
+        left = list(lost)
         lost.clear()
-        while pairs:
-            died: list[Chunk] = []
+        while left:
+            died: list[Job] = []
             with _processes(1) as pool:
-                while pairs and not died:
-                    yield from _spread(function, iter([[pairs.pop(0)]]), pool, 1, died)
-            for index, _ in (pair for part in died for pair in part):
+                while left and not died:
+                    yield from _spread(function, iter([left.pop(0)]), pool, 1, died)
+            for index, _ in died:
                 sentence = "its worker process died (out of memory, or a crash in compiled code)."
                 yield index, JobError(index, sentence)
 

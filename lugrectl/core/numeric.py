@@ -7,11 +7,11 @@ import numpy as np
 Z95 = 1.96  # standard errors in half a 95 % interval
 
 
-def top_speed(w: np.ndarray, share: float = 0.95) -> float:
-    """The speed below which this share of the path is covered, however long the drive rests."""
+def top_speed(w: np.ndarray) -> float:
+    """The speed below which 95 % of the path is covered, however long the drive rests."""
     ordered = np.sort(np.abs(w), axis=None)
     path = np.cumsum(ordered)
-    return float(ordered[np.searchsorted(path, share * path[-1])]) if len(path) else 0.0
+    return float(ordered[np.searchsorted(path, 0.95 * path[-1])]) if len(path) else 0.0
 
 
 def column_sizes(x: np.ndarray) -> np.ndarray:

@@ -13,9 +13,9 @@ _at = {"command line": False}  # of the process: a thread speaks as what began i
 
 
 @contextmanager
-def on_command_line(typed: bool = True) -> Iterator[None]:
+def on_command_line() -> Iterator[None]:
     """Let sentences name options as they are typed, as long as this lasts."""
-    before, _at["command line"] = _at["command line"], typed
+    before, _at["command line"] = _at["command line"], True
     try:
         yield
     finally:

@@ -8,7 +8,6 @@ import html
 import shutil
 import sys
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, ParamSpec, TextIO, TypeVar
@@ -68,11 +67,25 @@ def in_notebook() -> bool:
 
 
 class Bar:
-    """Takes the fraction done (0 to 1) and a few words; this one shows nothing. A ``with`` block
+    """Takes the fraction done (0 to 1) and a few words; it draws a few times a second at most, and
+    the end always, but nothing before ``after`` seconds. This one shows nothing. A ``with`` block
     ends it."""
 
+    def __init__(self, after: float | None = None) -> None:
+        after = _AFTER if after is None else after
+        self._next = time.monotonic() + after
+        self._begun = after == 0.0
+        self._place: Any = None
+
     def __call__(self, fraction: float, what: str = "") -> None:
-        """Report."""
+        now = time.monotonic()
+        if now < self._next and (fraction < 1.0 or not self._begun):
+            return
+        self._next, self._begun = now + _EVERY, True
+        self._draw(min(max(fraction, 0.0), 1.0), what)
+
+    def _draw(self, fraction: float, what: str) -> None:
+        """Show the bar at this fraction."""
 
     def close(self) -> None:
         """Take the bar away."""
@@ -94,28 +107,7 @@ class Called(Bar):
         self._progress(fraction, what)
 
 
-class _Drawn(Bar, ABC):
-    """Draws a few times a second at most, and the end always; nothing before ``after`` seconds."""
-
-    def __init__(self, after: float | None = None) -> None:
-        after = _AFTER if after is None else after
-        self._next = time.monotonic() + after
-        self._begun = after == 0.0
-        self._place: Any = None
-
-    def __call__(self, fraction: float, what: str = "") -> None:
-        now = time.monotonic()
-        if now < self._next and (fraction < 1.0 or not self._begun):
-            return
-        self._next, self._begun = now + _EVERY, True
-        self._draw(min(max(fraction, 0.0), 1.0), what)
-
-    @abstractmethod
-    def _draw(self, fraction: float, what: str) -> None:
-        """Show the bar at this fraction."""
-
-
-class Terminal(_Drawn):
+class Terminal(Bar):
     """Progress on one line of a terminal; silent on anything else."""
 
     def __init__(self, stream: TextIO) -> None:
@@ -129,7 +121,6 @@ class Terminal(_Drawn):
     @staticmethod
     def line(fraction: float, what: str, width: int) -> str:
         """The bar, cut to a width."""
-        fraction = min(max(fraction, 0.0), 1.0)
         done = round(30 * fraction)
         return f"[{'#' * done}{'.' * (30 - done)}] {100 * fraction:3.0f} %  {what}"[:width]
 
@@ -142,7 +133,7 @@ class Terminal(_Drawn):
             self._stream.flush()
 
 
-class Widget(_Drawn):
+class Widget(Bar):
     """The bar of tqdm in a notebook."""
 
     def _draw(self, fraction: float, what: str) -> None:
@@ -160,7 +151,7 @@ class Widget(_Drawn):
             self._place.close()
 
 
-class Cell(_Drawn):
+class Cell(Bar):
     """A bar of plain HTML in a notebook, where tqdm or ipywidgets is not installed."""
 
     def _draw(self, fraction: float, what: str) -> None:

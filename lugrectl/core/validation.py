@@ -6,7 +6,7 @@ import difflib
 import math
 import numbers
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import BuiltinFunctionType, FunctionType
 from typing import Any
@@ -20,14 +20,20 @@ _LONG = 60  # characters of a value that a sentence repeats
 _PLAIN = (str, bytes, int, float, complex, list, tuple, dict, set, type(None))
 
 
+def nearest(word: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """The known word that a word resembles most, in any case; None if it resembles none."""
+    by_lower = {name.lower(): name for name in known}
+    near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=cutoff)
+    return by_lower[near[0]] if near else None
+
+
 def like_it(path: Path) -> str:
     """ " (did you mean run.csv?)" where a file of nearly this name is beside it, else ""."""
     try:
-        names = [entry.name for entry in os.scandir(path.parent)]
+        near = nearest(path.name, [entry.name for entry in os.scandir(path.parent)], 0.75)
     except (OSError, ValueError):
         return ""
-    near = difflib.get_close_matches(path.name, names, n=1, cutoff=0.75)
-    return f" (did you mean {path.with_name(near[0])}?)" if near else ""
+    return f" (did you mean {path.with_name(near)}?)" if near else ""
 
 
 def shown(value: Any) -> str:

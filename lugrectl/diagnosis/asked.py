@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ..bench_tests import bench_tests
 from ..blocks.model import Model, Parameters, as_model
 from ..core.errors import InputError, Refused
 from ..core.validation import holds_samples, is_file, positive, whole
@@ -20,6 +19,7 @@ from ..estimates.bench_test import BenchTest
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
 from ..record.as_record import as_holdout, as_logs, is_record
 from ..record.files.readers import MODEL, SUFFIXES
+from ..torque_balance.bench_tests import bench_tests
 from ..torque_balance.maps import is_map
 from .contradictions import checked, doubtful
 

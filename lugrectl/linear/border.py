@@ -17,9 +17,9 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from ..core.display import show_poles
 from .exact import Poly, axis_roots, hurwitz, mul, poly
 from .transfer import TINY, roots
-from .verdict import show_poles
 
 AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
 Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from ..core.display import show_poles
 from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
@@ -32,7 +33,7 @@ from .exact import Quasi
 from .state_system import StateSystem
 from .systems import ExactSystem, has_many_states
 from .transfer import cleared, is_measured, require_siso, response, span
-from .verdict import NONE, UNKNOWN, Margin, Verdict, show_poles
+from .verdict import NONE, UNKNOWN, Margin, Verdict
 
 FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
 SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at higher frequencies

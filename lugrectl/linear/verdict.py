@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any, NamedTuple, Self
 
@@ -56,14 +55,6 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain(v) for v in value]
     return [value.real, value.imag] if isinstance(value, complex) else value
-
-
-def show_poles(poles: Sequence[complex]) -> str:
-    """Poles in 1/s in one line, a complex pair once."""
-    one_each = [p for p in poles if p.imag >= 0]
-    return ", ".join(
-        f"{p.real:+.4g} +- {p.imag:.4g}j" if p.imag else f"{p.real:+.4g}" for p in one_each
-    )
 
 
 class Realness(NamedTuple):

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import report
-from ..core.display import NONE, Grid
-from ..linear.verdict import show_poles
+from ..core.display import NONE, Grid, show_poles
 from ..report.canvas import AFTER, BEFORE, MEASURED, QUIET, headed
 from ..report.page import Figure, Page, Section
 from .runs import SMALL, Errors, Outcome, PaperFigure, Reproduction, milli, peaks

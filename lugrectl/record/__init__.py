@@ -1,9 +1,9 @@
 """Measured logs: from the columns of a file to a Record in SI units on uniform time."""
 
-from .columns.options import parse_pairs
+from .as_record import consistent, read_log, read_record, record_of
+from .columns.roles import parse_pairs
 from .consistency import refuse_dead
 from .log import Log
-from .read import consistent, read_log, read_record, record_of
 from .record import Record
 from .stretches import Stretch, stretches
 from .uniform_time import long_enough_to_judge, pooled, refuse_open_time

@@ -12,7 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 from ..core.errors import InputError, Refused
 from ..core.numeric import column_sizes
 from ..core.option_names import option
-from .columns.units import UNITS, Unit, si_unit
+from .columns.units import UNITS, si_unit
 from .record import Record
 from .samples.clock import plausible
 
@@ -38,9 +38,7 @@ def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -
     ``labels`` are the units by role as stated. Raises Refused when ``u`` or the motion is constant
     or only noise; a constant torque at a steady speed is a point of a friction curve, and beside
     other runs (not ``alone``) it may be one of several torques (:func:`refuse_dead`)."""
-    record = _without_dead_speed(record)
-    _alive(record, alone)
-    return _saturation(_torque_sign(fitting_speed(record, labels)))
+    return _saturation(_torque_sign(fitting_speed(_alive(record, alone), labels)))
 
 
 # ---- slow signals -------------------------------------------------------------------
@@ -115,15 +113,6 @@ def _dead(source: str, role: str, value: float, how: str) -> Refused:
     )
 
 
-def _without_dead_speed(record: Record) -> Record:
-    """Return the record without a w that is constant while theta changes its speed."""
-    moves = record.theta is not None and not (_is_constant(record.theta) or _is_steady(record))
-    if record.w is None or not moves or not _is_constant(record.w):
-        return record
-    said = f"w is not d theta/dt but constant ({record.w[0]:.6g}): {_IGNORED}"
-    return replace(record, w=None).with_messages(said)
-
-
 def _is_constant(values: np.ndarray) -> bool:
     return bool(np.ptp(values) <= 1e-9 * np.abs(values).max(initial=0.0))
 
@@ -149,7 +138,14 @@ def _is_noise(values: np.ndarray) -> bool:
     return bool(abs(lag1) < sure and abs(values.mean()) < sure * spread)
 
 
-def _alive(record: Record, alone: bool) -> None:
+def _alive(record: Record, alone: bool) -> Record:
+    """Return the record, without a w that is constant while theta changes its speed; Refused where
+    a channel is dead."""
+    theta, w = record.theta, record.w
+    moves = theta is not None and not (_is_constant(theta) or _is_steady(record))
+    if w is not None and moves and _is_constant(w):
+        said = f"w is not d theta/dt but constant ({w[0]:.6g}): {_IGNORED}"
+        record = replace(record, w=None).with_messages(said)
     for role in _DEAD:
         values = getattr(record, role)
         if values is None or not _is_constant(values):
@@ -157,17 +153,18 @@ def _alive(record: Record, alone: bool) -> None:
         on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
         if not on_a_curve and (alone or role != "u"):
             raise _dead(record.source, role, values[0], "reverses")
-    if record.theta is not None and len(np.unique(record.theta)) < 4:
+    if theta is not None and len(np.unique(theta)) < 4:
         raise Refused(
-            f"{record.source}: theta takes {len(np.unique(record.theta))} values only: "
+            f"{record.source}: theta takes {len(np.unique(theta))} values only: "
             "nothing moves by more than the sensor's step.",
             "Record a motion of many sensor steps.",
         )
-    if record.theta is None and record.w is not None and _is_noise(record.w):
+    if theta is None and w is not None and _is_noise(w):
         raise Refused(
             f"{record.source}: w is noise about zero: nothing moves.",
             "Record a motion well above the sensor's noise.",
         )
+    return record
 
 
 # ---- the speed against the position's: unit, sign, offset and lag -------------------
@@ -307,21 +304,8 @@ def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
 
 
 def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
-    """Return the first mix-up of units that makes w so many times d theta/dt."""
-    for expected, role, taken, meant in _mistakes(record, labels):
-        if abs(ratio / expected - 1) <= _CLOSE:
-            stated = "stated" if labels.get(role) else "taken"
-            said = (
-                f"{role} is {stated} in {taken.name} but in fact in {meant.name} "
-                f"(w is {ratio:.4g} times d theta/dt): converted."
-            )
-            return Mistake(role, meant.name, meant.factor / taken.factor, said)
-    return None
-
-
-def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Unit]]:
-    """Return (ratio of w to d theta/dt, role, unit assumed, unit meant) of each mix-up of units:
-    first those without a stated unit, then of one in SI, which is often stated by habit."""
+    """Return the first mix-up of units that makes w so many times d theta/dt: of those without a
+    stated unit, then of one in SI, which is often stated by habit."""
     found = []
     for role in ("w", "theta"):
         label = labels.get(role)
@@ -329,10 +313,18 @@ def _mistakes(record: Record, labels: Labels) -> list[tuple[float, str, Unit, Un
         order = 0 if label is None else 1 if taken.factor == 1 else 2
         for meant in UNITS.values():
             same = (meant.quantity, meant.motion) == (taken.quantity, record.motion)
-            if same and meant is not taken and meant.quantity != "raw":
-                ratio = taken.factor / meant.factor
-                found.append((order, ratio if role == "w" else 1 / ratio, role, taken, meant))
-    return [row[1:] for row in sorted(found, key=lambda row: row[0])]
+            expected = taken.factor / meant.factor
+            expected = expected if role == "w" else 1 / expected
+            if same and meant is not taken and abs(ratio / expected - 1) <= _CLOSE:
+                found.append((order, role, taken, meant))
+    if not found:
+        return None
+    _, role, taken, meant = min(found, key=lambda row: row[0])
+    said = (
+        f"{role} is {'stated' if labels.get(role) else 'taken'} in {taken.name} but in fact in "
+        f"{meant.name} (w is {ratio:.4g} times d theta/dt): converted."
+    )
+    return Mistake(role, meant.name, meant.factor / taken.factor, said)
 
 
 def _check_time(record: Record, labels: Labels, ratio: float) -> None:

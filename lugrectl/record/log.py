@@ -14,15 +14,15 @@ from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
 from ..core.validation import as_path, positive, shown
-from .columns.options import check_used, factors, texts
+from .columns import roles
 from .columns.raw_numbers import check_angles, signed
-from .columns.roles import Choice, choose_columns, idle_said, usual_said
-from .columns.streams import merged
 from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .columns.units import Unit, parse_unit, role_unit, si_unit
 from .files.readers import read_stdin, read_table
+from .samples.resampling import held_mean
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
+_TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they are two streams
 
 
 class Kept:
@@ -80,27 +80,28 @@ def rows_of(
 ) -> Log:
     """The rows of a log in the units that are stated or assumed; InputError if it or an argument
     of :func:`read_record` cannot be read or understood."""
-    named, stated, scaled = texts(columns, "columns"), texts(units, "units"), factors(scale)
+    named, stated = roles.texts(columns, "columns"), roles.texts(units, "units")
+    scaled = roles.factors(scale)
     rate = None if rate is None else _rate(rate, named)
     table, file = _opened(path, named)
-    choices, said = choose_columns(table, named, need_time=rate is None)
+    choices, said = roles.choose_columns(table, named, need_time=rate is None)
     time = next((c for c in choices if c.role == "t"), None)
     if rate and time is not None:
         choices.remove(time)
         name = table.names[time.index]
         said = [*said, f"The given rate was used in place of the column '{name}'."]
-    check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
+    roles.check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
     reading = _Reading(table, tuple(choices), stated, scaled)
     reading.find_units(motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
-    raw, merging = merged([c.role for c in choices], raw)
+    raw, merging = _merged([c.role for c in choices], raw)
     taken = {r: unit for r in reading.unstated - {"t"} if (unit := si_unit(r, reading.motion))}
-    said = [*more, *usual_said(table, choices, named, taken), *said, *merging]
+    said = [*more, *roles.usual_said(table, choices, named, taken), *said, *merging]
     channels, more = reading.channels(raw)
     said += [*reading.overridden(), *more]
-    said += [] if "u" in named else idle_said(table, choices, channels["u"])
+    said += [] if "u" in named else roles.idle_said(table, choices, channels["u"])
     if reading.motion == "rotary":
         check_angles(table.source, channels, rate, reading.unstated)
     t = channels.pop("t", None)
@@ -139,6 +140,48 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
     return rate
 
 
+# ---- rows of several streams, on one clock ------------------------------------------
+
+
+def _merged(
+    names: Sequence[str], columns: Sequence[np.ndarray]
+) -> tuple[list[np.ndarray], list[str]]:
+    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged:
+    tools that merge topics leave a cell empty where a topic has no message."""
+    by = dict(zip(names, columns, strict=True))
+    base = next((role for role in ("theta", "w") if role in by), None)
+    if base is None or "t" not in by or "u" not in by:
+        return list(columns), []
+    t = by["t"]
+    stamped = np.isfinite(t)
+    rows = np.flatnonzero(np.isfinite(by[base]) & stamped)
+    if len(rows) < 2 or np.isfinite(by["u"][rows]).mean() >= _TOGETHER:
+        return list(columns), []
+    if np.sum(np.isfinite(by["u"]) & stamped) < 2 or np.any(np.diff(t[stamped]) < 0):
+        return list(columns), []
+    made = [by[r][rows] if r in ("t", base) else _at_rows(r, t, by[r], rows) for r in names]
+    said = (
+        f"u and {base} stand in different rows: the {len(rows)} rows of {base} were used, with "
+        "the torque held between its own rows."
+    )
+    return made, [said]
+
+
+def _at_rows(role: str, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """A channel at the times of other rows; nan where its own rows are far away."""
+    at = np.flatnonzero(np.isfinite(x) & np.isfinite(t))
+    if len(at) < 2:
+        return np.full(len(rows), np.nan)
+    grid = t[rows]
+    dt = float(np.median(np.diff(grid)))
+    made = held_mean(t[at], x[at], grid, dt) if role == "u" else np.interp(grid, t[at], x[at])
+    step = 1.5 * max(float(np.median(np.diff(t[at]))), dt)
+    near = np.searchsorted(t[at], grid, side="right")
+    since = grid - t[at][np.maximum(near - 1, 0)]
+    made = np.where(near == 0, x[at][0], made)  # before its first message, the value of that
+    return np.where((since < step) & (since > -step), made, np.nan)
+
+
 # ---- units --------------------------------------------------------------------------
 
 
@@ -148,7 +191,7 @@ class _Reading:
     header, or implied by a name. ``questions`` must be asked of them, all at once."""
 
     table: Table
-    choices: tuple[Choice, ...]
+    choices: tuple[roles.Choice, ...]
     stated: Mapping[str, str]
     scaled: Mapping[str, float]
     units: dict[str, Unit | None] = field(default_factory=dict)
@@ -162,21 +205,20 @@ class _Reading:
         return {role for role, unit in found if unit is None and role not in self.scaled}
 
     def find_units(self, motion: str | None) -> None:
-        for choice in self.choices:
+        """Find the unit of each column, the user's first; None where nothing says one."""
+        for role, index, implied in ((c.role, c.index, c.implied) for c in self.choices):
+            header, scaled = self.table.units[index], role in self.scaled
+            text = self.stated.get(role) or header or implied
+            self.units[role] = None
+            if text is None or (text == implied and scaled):
+                continue
+            where = f"{self.table.source}, column '{self.table.names[index]}'"
+            named = role not in self.stated and not header
             try:
-                self.units[choice.role] = self._unit(choice)
+                self.units[role] = role_unit(role, text, scaled=scaled, where=where, named=named)
             except InputError as error:
-                self.units[choice.role], self.questions[choice.role] = None, str(error)
+                self.questions[role] = str(error)
         self.motion = _motion(self.table.source, self.units, motion)
-
-    def _unit(self, choice: Choice) -> Unit | None:
-        header, is_scaled = self.table.units[choice.index], choice.role in self.scaled
-        text = self.stated.get(choice.role) or header or choice.implied
-        if text is None or (text == choice.implied and is_scaled):
-            return None
-        where = f"{self.table.source}, column '{self.table.names[choice.index]}'"
-        named = choice.role not in self.stated and not header
-        return role_unit(choice.role, text, scaled=is_scaled, where=where, named=named)
 
     def overridden(self) -> list[str]:
         """A note on each unit that the user gave in place of another one in the header."""
@@ -208,7 +250,7 @@ class _Reading:
             raise InputError(" ".join(self.questions.values()))
         return channels, said
 
-    def _remarks(self, choice: Choice, values: np.ndarray) -> list[str]:
+    def _remarks(self, choice: roles.Choice, values: np.ndarray) -> list[str]:
         """Notes on the numbers of a channel, or the question that they raise."""
         role, name = choice.role, self.table.names[choice.index]
         unit, assumed = self.units[role], si_unit(role, self.motion)

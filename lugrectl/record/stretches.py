@@ -30,7 +30,8 @@ def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
 
 
 def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
-    """One part on its own even grid; None without two samples of each channel."""
+    """One part on its own even grid; None without two samples of each channel. An instant is ``ok``
+    between good samples of which at most one is missing."""
     t = rows.t[part]
     used = [*rows.required, *(["d"] if "d" in rows.channels else [])]
     values = {role: rows.channels[role][part] for role in used}
@@ -44,8 +45,13 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     ticks = np.r_[0, np.cumsum(multiples(np.diff(t), dt))]
     for role, x in values.items():
         good = np.isfinite(x)
-        made[role] = on_grid(role, t[good], x[good], grid, dt)
-        ok &= _near(grid, t[good], ticks[good], dt)
+        at, tick = t[good], ticks[good]
+        made[role] = on_grid(role, at, x[good], grid, dt)
+        after = np.searchsorted(at, grid - 1e-6 * dt)
+        ok &= (after < len(at)) & (grid > at[0] - 1e-6 * dt)
+        after = after.clip(0, len(at) - 1)
+        before = (after - (at[after] > grid + 1e-6 * dt)).clip(0)
+        ok &= tick[after] - tick[before] <= 2
     sound = np.flatnonzero(ok)
     if not len(sound):
         return None
@@ -54,15 +60,6 @@ def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
     raw = values.get("theta")  # between the stamps theta is on no count any more
     step = 0.0 if raw is None else lattice_step(raw[np.isfinite(raw)])
     return Stretch(run=run, dt=dt, t=grid[cut], ok=ok[cut], count=step, **channels)
-
-
-def _near(grid: np.ndarray, t: np.ndarray, ticks: np.ndarray, dt: float) -> np.ndarray:
-    """Whether each instant lies between good samples, with at most one missing."""
-    after = np.searchsorted(t, grid - 1e-6 * dt)
-    inside = (after < len(t)) & (grid > t[0] - 1e-6 * dt)
-    after = after.clip(0, len(t) - 1)
-    before = (after - (t[after] > grid + 1e-6 * dt)).clip(0)
-    return inside & (ticks[after] - ticks[before] <= 2)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -12,16 +12,7 @@ from ..core.errors import Refused
 from ..core.option_names import option
 from .columns.units import UNITS
 from .record import Record
-from .samples.clock import (
-    FEWEST,
-    FILL,
-    leave_out_scraps,
-    multiples,
-    nice,
-    plausible,
-    slow,
-    typical_step,
-)
+from .samples import clock
 from .samples.resampling import HELD, between, how, on_grid, speed
 from .samples.rows import Stamped, count, runs, smallest_steps
 
@@ -40,17 +31,17 @@ def uniform(log: Stamped) -> Record:
     _enough(log, len(log.t))
     _fill_optional(log)
     _fill_missing(log)
-    leave_out_scraps(log)
+    clock.leave_out_scraps(log)
     whole = " in one piece" if log.new.sum() > 1 else ""
     _enough(log, max(p.stop - p.start for p in log.parts()), whole)
     return _regular(log)
 
 
 def _enough(log: Stamped, rows: int, whole: str = "") -> None:
-    if rows < FEWEST:
+    if rows < clock.FEWEST:
         raise Refused(
             f"{log.source} is too short: {count(rows, 'row')}{whole} with torque and motion; at "
-            f"least {FEWEST} are needed.",
+            f"least {clock.FEWEST} are needed.",
             _LONGER,
         )
 
@@ -62,7 +53,7 @@ def _fill_missing(log: Stamped) -> None:
         lost = ~np.isfinite(log.channels[role])
         some |= lost
         for a, n in runs(lost):
-            long[a : a + n] |= n > FILL
+            long[a : a + n] |= n > clock.FILL
         if lost.any() and not lost.all():
             log.channels[role] = _filled(role, log.channels[role], lost)
     log.dropped += int(some.sum())
@@ -77,7 +68,7 @@ def _fill_optional(log: Stamped) -> None:
     for role in [role for role in log.channels if role not in log.required]:
         lost = ~np.isfinite(log.channels[role])
         longest = max((length for _, length in runs(lost)), default=0)
-        isolated = longest <= FILL and lost.mean() < _FILL_SHARE
+        isolated = longest <= clock.FILL and lost.mean() < _FILL_SHARE
         if lost.all() or (role != "temperature" and not isolated):
             del log.channels[role]
             log.say(f"{role} has too many missing samples and is left out.")
@@ -97,10 +88,10 @@ def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
 def _regular(log: Stamped) -> Record:
     """Return the record on grids of one step, one for each part."""
     parts, steps = log.parts(), np.diff(log.t)
-    dt = typical_step(steps[~log.new[1:]])
-    counts = [np.r_[0, np.cumsum(multiples(steps[p.start : p.stop - 1], dt))] for p in parts]
+    dt = clock.typical_step(steps[~log.new[1:]])
+    counts = [np.r_[0, np.cumsum(clock.multiples(steps[p.start : p.stop - 1], dt))] for p in parts]
     ticks = sum(int(n[-1]) for n in counts)
-    dt = nice(float(sum(log.t[p.stop - 1] - log.t[p.start] for p in parts)) / max(ticks, 1))
+    dt = clock.nice(float(sum(log.t[p.stop - 1] - log.t[p.start] for p in parts)) / max(ticks, 1))
     filled = ticks - sum(len(n) - 1 for n in counts)
     if filled:
         log.say(
@@ -213,9 +204,9 @@ def long_enough_to_judge(record: Record) -> None:
     parts = record.segments()
     most = max(p.stop - p.start for p in parts)
     samples, seconds = _TO_JUDGE
-    if not plausible(record.dt):
+    if not clock.plausible(record.dt):
         labels = record.log.labels if record.log is not None else {}
-        why = slow(record.rate, labels, ", at which models of friction cannot be compared")
+        why = clock.slow(record.rate, labels, ", at which models of friction cannot be compared")
         raise Refused(f"{record.source}: {why}", "Record at 100 Hz or more.")
     if most < samples or most * record.dt < seconds - record.dt / 2:
         whole = "" if len(parts) == 1 else " in its longest piece"
@@ -229,10 +220,10 @@ def long_enough_to_judge(record: Record) -> None:
 def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
     """Raise Refused where t has no unit and no drive writes a log in steps of ``dt`` s, on which
     all rates and the inertia depend. A record that was built of arrays is in s."""
-    if labels.get("t", "s") is not None or plausible(dt):
+    if labels.get("t", "s") is not None or clock.plausible(dt):
         return
     times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]
-    unit = next((u.name for u in times if plausible(dt * u.factor)), "ms")
+    unit = next((u.name for u in times if clock.plausible(dt * u.factor)), "ms")
     raise Refused(
         f"{source}: t has no unit, and read as s it gives a sampling rate of "
         f"{1.0 / dt:.6g} Hz, at which no drive writes a log: give "

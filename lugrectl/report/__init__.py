@@ -12,9 +12,8 @@ from typing import Any
 from ..core.errors import InputError
 from ..core.validation import shown
 from ..core.writing import nearest, write_together
-from .comparison_section import BUDGET
 from .page import Figure, Page, Section, beside
-from .wording import ERRORS, headline, sections, toml_of
+from .wording import BUDGET, ERRORS, headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 

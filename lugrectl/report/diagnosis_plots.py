@@ -11,11 +11,10 @@ import numpy as np
 from ..blocks.block import Block, members, unit_for
 from ..core.errors import InputError
 from ..core.numeric import Z95
-from . import comparison_section, loop_plots
+from . import loop_plots
 from .canvas import AFTER, BEFORE, MEASURED, QUIET, binned, drawn, headed, on_pyplot
-from .comparison_section import motion_of
 from .page import Figure
-from .wording import UNITS, readable
+from .wording import BUDGET, UNITS, kind, motion_of, percent, readable, terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -270,20 +269,20 @@ def _period(name: str, block: Block | None, values: dict[str, float], motion: st
 def bars(d: Any, ax: Axes) -> Axes:
     """The torque budget as bars."""
     parts = d.comparison.budget[::-1]
-    colours = [_TERMS[comparison_section.kind(s.term)] for s in parts]
+    colours = [_TERMS[kind(s.term)] for s in parts]
     ax.barh(range(len(parts)), [100.0 * s.share for s in parts], color=colours, height=0.7)
     beside: dict[str, Any] = {"xytext": (4, 0), "textcoords": "offset points"}
     for i, s in enumerate(parts):
         if s.ci95 is not None:
             ax.plot([100 * x for x in s.ci95], [i, i], color="#1c2430", lw=1.2)
         end = 100.0 * max((s.share, *(s.ci95 or ())))  # else the interval strikes it through
-        share = comparison_section.percent(s.share)
+        share = percent(s.share)
         ax.annotate(share, (end, i), **beside, va="center", fontsize="small")
-    ax.set_yticks(range(len(parts)), comparison_section.terms(parts))
+    ax.set_yticks(range(len(parts)), terms(parts))
     ax.grid(False, axis="y")
     ax.margins(x=0.15)
     ax.set_xlabel("RMS torque [% of friction]")
-    ax.set_title(comparison_section.BUDGET)
+    ax.set_title(BUDGET)
     return ax
 
 

@@ -88,9 +88,9 @@ def _shown(files: Sequence[str]) -> list[str]:
     return [os.path.relpath(file, common) if common else file for file in files]
 
 
-def fragment(fleet: Any, links: Mapping[str, str] | None = None) -> str:
-    """The table as an HTML fragment with its own style; ``links`` maps a file to its page."""
-    return _page(fleet, links or {}).fragment()
+def fragment(fleet: Any) -> str:
+    """The table as an HTML fragment with its own style."""
+    return _page(fleet, {}).fragment()
 
 
 def html(fleet: Any, links: Mapping[str, str] | None = None) -> str:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench_tests.edge_times import angle_of
 from lugrectl.report import plain_text
+from lugrectl.torque_balance.bench_tests.motion import angle_of
 
 from ..drives.bench import Drive, held, kept, speed_loop, stale
 

@@ -15,20 +15,31 @@ DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared"
 measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {DATA}")
 
 
+def driven(u, dt, rate, steps=10):
+    """w and theta of dw/dt = rate(u, w, theta) from rest, by explicit Euler; u held over dt."""
+    w, theta = np.zeros(len(u)), np.zeros(len(u))
+    speed = angle = 0.0
+    for k, torque in enumerate(u):
+        w[k], theta[k] = speed, angle
+        for _ in range(steps):
+            speed += dt / steps * rate(torque, speed, angle)
+            angle += dt / steps * speed
+    return w, theta
+
+
+def rubbing(J, Fc, Fv, width, load=lambda theta: 0.0):
+    """dw/dt of a mass with Coulomb friction, smooth within a speed, viscous friction and a load."""
+    return lambda u, w, theta: (u - load(theta) - Fc * math.tanh(w / width) - Fv * w) / J
+
+
 @functools.cache
-def machine(n=3000, dt=1e-3, J=2e-3, Fc=0.2, Fv=0.02, seed=1):
-    """A mass with Coulomb and viscous friction, by explicit Euler; torque held over dt."""
-    rng = np.random.default_rng(seed)
+def machine(n=3000, dt=1e-3):
+    """A mass with Coulomb and viscous friction."""
+    rng = np.random.default_rng(1)
     t = np.arange(n) * dt
     u = 0.6 * np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.3 * t + 1.0)
     u += 0.1 * np.sin(2 * np.pi * 7.1 * t)
-    w, theta = np.zeros(n), np.zeros(n)
-    speed = angle = 0.0
-    for k in range(n):
-        w[k], theta[k] = speed, angle
-        for _ in range(10):
-            speed += dt / 10 / J * (u[k] - Fc * math.tanh(speed / 0.05) - Fv * speed)
-            angle += dt / 10 * speed
+    w, theta = driven(u, dt, rubbing(2e-3, 0.2, 0.02, 0.05))
     w += 1e-3 * rng.standard_normal(n)
     return {"t": t, "u": u, "w": w, "theta": np.round(theta / 1e-5) * 1e-5}
 

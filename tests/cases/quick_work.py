@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
+from lugrectl.cli import main
 from lugrectl.core.provenance import stamped
 
 from .made_up import answered, bare
@@ -45,3 +46,9 @@ def job(monkeypatch: pytest.MonkeyPatch) -> Any:
     for name in ("diagnose", "identify"):
         monkeypatch.setitem(sys.modules, f"lugrectl.diagnosis.{name}", fake)
     return fake
+
+
+def typed(capsys: Any, line: str, command: str = "") -> tuple[int, str, str]:
+    """Exit code of a line that is typed, what it prints, and what it says beside."""
+    code = main(f"{command} {line}".split())
+    return code, *capsys.readouterr()

@@ -1,12 +1,15 @@
 """``lugrectl check``: the paper's loops on either side of their conditions."""
 
 import json
+from functools import partial
 
 import pytest
 
 from lugrectl.blocks.model import Model, table1, write_model
-from lugrectl.cli import main
 
+from ..cases.quick_work import typed
+
+run = partial(typed, command="check")
 KINDS = "(l2, spr, bandwidth, stability, passivity)"
 
 
@@ -17,12 +20,6 @@ def files(tmp_path, monkeypatch):
     (tmp_path / "coulomb.toml").write_text('plant.J = 0.0022\n[friction]\nmodel = "coulomb"\n')
     (tmp_path / "part.toml").write_text('[friction]\nmodel = "lugre"\nsigma0 = 260.0\n')
     write_model(Model.of(table1()).with_values({"sigma1": 0.0}), tmp_path / "stiff.toml")
-
-
-def run(capsys, line):
-    code = main(f"check {line}".split())
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 def facts(capsys, line, code=0):

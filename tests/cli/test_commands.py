@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from lugrectl.blocks.model import Model, read_model, table1
-from lugrectl.cli import commands, main
+from lugrectl.cli import commands
 from lugrectl.core.errors import InputError, Refused
 
 from ..cases import quick_work
+from ..cases.quick_work import typed as run
 
 MODEL = Model.of(table1())
 files, job = quick_work.files, quick_work.job
@@ -23,12 +24,6 @@ def one_document(text):
         raise AssertionError(word)
 
     return json.loads(text, parse_constant=refuse)
-
-
-def run(capsys, line):
-    code = main(line.split())
-    streams = capsys.readouterr()
-    return code, streams.out, streams.err
 
 
 # --- diagnose, identify, demo ------------------------------------------------------------

@@ -4,16 +4,14 @@ import json
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+import lugrectl as lg
 from lugrectl.blocks.block import members
-from lugrectl.cli import main
 
-
-def run(capsys, line):
-    code = main(line.split())
-    streams = capsys.readouterr()
-    return code, streams.out, streams.err
+from ..cases import small_answers
+from ..cases.quick_work import typed as run
 
 
 def test_effects_lists_the_whole_catalogue(capsys):
@@ -58,16 +56,32 @@ def test_one_effect_is_explained(capsys):
     assert "did you mean 'windage' (quadratic_drag)?" in err
 
 
-@pytest.mark.parametrize("line", ["--version", "effects", "effects play --json", "model", ""])
-def test_what_needs_no_record_loads_nothing_heavy(line):
+def alone(line, heavy):
+    """What a command prints in a process of its own, which does not load these modules."""
     code = (
         f"import sys, lugrectl.cli as c; code = c.main({line.split()!r}); "
-        "heavy = {'control', 'scipy', 'matplotlib', 'numba', 'lugrectl.diagnosis.diagnose', "
-        "'lugrectl.report'} & set(sys.modules); "
+        f"heavy = {{{heavy}}} & set(sys.modules); "
         "sys.exit(f'{code} {heavy}' if code or heavy else 0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout, done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("line", ["--version", "effects", "effects play --json", "model", ""])
+def test_what_needs_no_record_loads_nothing_heavy(line):
+    alone(line, "'control', 'scipy', 'matplotlib', 'numba', 'lugrectl.diagnosis.diagnose', "
+          "'lugrectl.report'")  # fmt: skip
+
+
+def test_a_record_is_diagnosed_without_loading_python_control_or_matplotlib(tmp_path):
+    log = small_answers.log(load=small_answers.ripple)
+    np.savetxt(
+        tmp_path / "a.csv", np.c_[*log.values()], "%.9g", ",", header=",".join(log), comments=""
+    )
+    lg.write_model(small_answers.DRIVE, tmp_path / "m.toml")
+    line = f"diagnose {tmp_path}/a.csv --model {tmp_path}/m.toml"
+    assert "found" in alone(line, "'control', 'matplotlib', 'numba'")
 
 
 # --- help --------------------------------------------------------------------------------

@@ -1,12 +1,15 @@
 """``lugrectl hunt``: exit codes, the JSON document and the picture."""
 
 import json
+from functools import partial
 
 import pytest
 
 import lugrectl as lg
-from lugrectl.cli import main
 
+from ..cases.quick_work import typed
+
+run = partial(typed, command="hunt")
 GAINS = "--kp 3 --ki 4 --kd 6"
 
 
@@ -16,12 +19,6 @@ def files(tmp_path, monkeypatch):
     own = {"J": 1.0, "Fc": 1.0, "Fv": 0.4}
     lg.write_model(lg.Model.of(friction="stribeck", Fs=1.5, vs=1e-3, **own), "sticks.toml")
     lg.write_model(lg.Model.of(friction="coulomb", **own), "smooth.toml")
-
-
-def run(capsys, line):
-    code = main(f"hunt {line}".split())
-    out, err = capsys.readouterr()
-    return code, out, err
 
 
 def test_a_loop_that_hunts_exits_1(files, capsys):

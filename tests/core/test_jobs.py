@@ -39,16 +39,15 @@ def check_squares(found: dict[int, object]) -> None:
     assert [errors[i].index for i in (3, 5)] == [3, 5]
 
 
-@pytest.mark.parametrize("chunk", [1, 3, 100])
-def test_inline_and_on_threads(chunk: int) -> None:
-    check_squares(dict(run_jobs(square, range(8), chunk=chunk)))
+def test_inline_and_on_threads() -> None:
+    check_squares(dict(run_jobs(square, range(8))))
     with ThreadPoolExecutor(2) as pool:
-        check_squares(dict(run_jobs(square, range(8), executor=pool, chunk=chunk)))
+        check_squares(dict(run_jobs(square, range(8), executor=pool)))
 
 
 def test_on_processes_one_of_which_dies() -> None:
     """The item that kills its worker is an error; its neighbours are not."""
-    found = dict(run_jobs(fragile, range(8), jobs=2, chunk=3))
+    found = dict(run_jobs(fragile, range(8), jobs=2))
     died = found.pop(4)
     assert found == {i: -i for i in range(8) if i != 4}
     assert isinstance(died, JobError) and died.index == 4 and "process died" in died.sentence
@@ -56,14 +55,6 @@ def test_on_processes_one_of_which_dies() -> None:
 
 def test_failures_cross_processes() -> None:
     check_squares(dict(run_jobs(square, range(8), jobs=2)))
-
-
-def test_progress_counts_every_job() -> None:
-    told: list[tuple[float, str]] = []
-    list(run_jobs(square, range(4), progress=lambda *a: told.append(a)))
-    assert told == [(0.25, "1 of 4"), (0.5, "2 of 4"), (0.75, "3 of 4"), (1.0, "4 of 4")]
-    list(run_jobs(square, iter(range(2)), progress=lambda *a: told.append(a)))
-    assert told[4:] == [(0.0, "1 done"), (0.0, "2 done")]
 
 
 def test_items_are_taken_as_they_are_needed() -> None:
@@ -75,11 +66,11 @@ def test_items_are_taken_as_they_are_needed() -> None:
             yield taken[-1]
 
     with ThreadPoolExecutor(2) as pool:
-        found = run_jobs(float, endless(), executor=pool, chunk=5)
+        found = run_jobs(float, endless(), executor=pool)
         for _ in range(100):
             next(found)
-        found.close()  # pyright: ignore[reportAttributeAccessIssue]
-    assert len(taken) <= 100 + 5 * 5
+        found.close()
+    assert len(taken) <= 100 + 5
 
 
 class Half(Executor):
@@ -111,7 +102,7 @@ def test_an_early_end_leaves_nothing_running() -> None:
     """Processes that would sleep for a minute are ended."""
     start, found = time.monotonic(), run_jobs(time.sleep, [0.0, 60.0, 60.0], jobs=2)
     next(found)
-    found.close()  # pyright: ignore[reportAttributeAccessIssue]
+    found.close()
     assert time.monotonic() - start < 30
     deadline = time.monotonic() + 10
     while any("ExecutorManager" in type(t).__name__ for t in threading.enumerate()):

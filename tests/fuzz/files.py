@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import scipy.io
 
+from ..cases.logs import driven, rubbing
+
 CYCLE = "csv csv toml csv mat npz toml csv hdf parquet".split()
 SUFFIX = {"csv": ".csv", "toml": ".toml", "mat": ".mat", "npz": ".npz", "hdf": ".h5"}
 SUFFIX |= {"parquet": ".parquet"}
@@ -20,15 +22,10 @@ Rng = np.random.Generator
 
 @cache
 def motion() -> dict[str, np.ndarray]:
-    """A short log of a drive with friction, by explicit Euler."""
+    """A short log of a drive with friction."""
     t = np.arange(SAMPLES) * DT
     u = 0.5 * np.sin(2 * np.pi * 3 * t) + 0.3 * np.sin(2 * np.pi * 7.3 * t + 1.0)
-    w, theta, speed, angle = np.zeros(SAMPLES), np.zeros(SAMPLES), 0.0, 0.0
-    for k in range(SAMPLES):
-        w[k], theta[k] = speed, angle
-        for _ in range(20):
-            speed += DT / 20 / 2e-3 * (u[k] - 0.15 * np.tanh(speed / 0.05) - 0.02 * speed)
-            angle += DT / 20 * speed
+    w, theta = driven(u, DT, rubbing(2e-3, 0.15, 0.02, 0.05), 20)
     return {"t": np.round(t, 6), "u": np.round(u, 6), "w": np.round(w, 5), "theta": theta.round(6)}
 
 

@@ -13,6 +13,7 @@ import io
 import json
 import tempfile
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,9 @@ from lugrectl.cli import main
 from lugrectl.cli.options import parser
 
 FILE = Path(__file__).with_name("face.txt")
-JOBS = {  # name -> command line; DIR is a folder of one's own
-    "demo": "demo --json --out DIR",
-    "identify": "identify DEMO/record.csv --model DEMO/model.toml --json",
+JOBS = {  # name -> command line; DIR is a folder with a short record
+    "demo": "demo --json --out DIR --plot DIR/demo.png",
+    "identify": "identify DIR/short.csv --model DEMO/model.toml --json",
     "check spr": "check spr --json",
     "check l2": "check l2 --json",
     "check bandwidth": "check bandwidth --json",
@@ -34,6 +35,7 @@ JOBS = {  # name -> command line; DIR is a folder of one's own
     "no command": "nothing",
     "not built": "export",
 }
+SHORT = 3000  # lines of the record of the demo
 NAMED = "parameters values effects gains stick_slip controller".split()  # keys are names of things
 
 
@@ -100,23 +102,25 @@ def _option(one: argparse.Action) -> str:
 
 def _documents() -> Iterator[str]:
     """Exit code of each job, and the keys and types of the document that it prints."""
-    demo = Path(lg.__file__).parent / "demo"
-    for name, line in JOBS.items():
-        with contextlib.ExitStack() as stack:
-            folder = stack.enter_context(_folder())
-            out = stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
-            stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
-            words = line.replace("DEMO", str(demo)).replace("DIR", folder)
-            code = main(words.split())
+    for name in JOBS:
+        code, document, _ = done(name)
         yield f"exit {name}: {code}"
-        if "--json" in line:
-            yield from (f"json {name} {key}" for key in sorted(_keys(json.loads(out.getvalue()))))
+        if document is not None:
+            yield from (f"json {name} {key}" for key in sorted(_keys(document)))
 
 
-@contextlib.contextmanager
-def _folder() -> Iterator[str]:
-    with tempfile.TemporaryDirectory() as made:
-        yield made
+@cache
+def done(name: str) -> tuple[int, Any, dict[str, int]]:
+    """Exit code and document of a job, and the sizes of its files."""
+    demo, line = Path(lg.__file__).parent / "demo", JOBS[name]
+    with tempfile.TemporaryDirectory() as folder, contextlib.ExitStack() as stack:
+        rows = (demo / "record.csv").read_text().splitlines()[:SHORT]
+        (Path(folder) / "short.csv").write_text("\n".join(rows))
+        out = stack.enter_context(contextlib.redirect_stdout(io.StringIO()))
+        stack.enter_context(contextlib.redirect_stderr(io.StringIO()))
+        code = main(line.replace("DEMO", str(demo)).replace("DIR", folder).split())
+        made = {p.name: p.stat().st_size for p in Path(folder).iterdir()}
+    return code, json.loads(out.getvalue()) if "--json" in line else None, made
 
 
 def _keys(value: Any, path: str = "") -> set[str]:

@@ -6,7 +6,7 @@ import pytest
 from lugrectl.record import read_record
 
 from ..cases.damaged_drive import columns, marked, seen, sound
-from ..cases.logs import rows, write
+from ..cases.logs import driven, rows, rubbing, write
 from ..fuzz.files import motion
 
 U_W = [("u", "theta"), ("u", "w"), ("u", "w", "theta")]
@@ -253,9 +253,7 @@ def test_a_slower_second_signal_is_left_out():
 def test_a_torque_program_of_few_levels_is_held_on_purpose():
     rng = np.random.default_rng(2)
     u = np.repeat(rng.choice([-0.5, 0.0, 0.5], 300), 20)
-    w = np.zeros(6000)
-    for k in range(1, 6000):
-        w[k] = w[k - 1] + 2e-3 / 0.01 * (u[k - 1] - 0.1 * np.tanh(w[k - 1] / 0.1) - 0.05 * w[k - 1])
+    w, _ = driven(u, 2e-3, rubbing(0.01, 0.1, 0.05, 0.1), 1)
     t = np.arange(6000) * 2e-3
     found, said = seen({"t": t, "u": u, "theta": np.cumsum(w) * 2e-3})
     assert said == [] and len(found[0].t) == 6000
@@ -267,11 +265,7 @@ def test_a_short_torque_that_the_motion_shows_is_no_outlier():
     t = np.arange(4000) * 2e-3
     u = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.002 * rng.standard_normal(4000)
     u[[1200, 2500]] += [3.0, -2.5]
-    w, theta = np.zeros(4000), np.zeros(4000)
-    for k in range(1, 4000):
-        friction = 0.1 * np.tanh(w[k - 1] / 0.05) + 0.02 * w[k - 1]
-        w[k] = w[k - 1] + 2e-3 / 0.004 * (u[k - 1] - friction)
-        theta[k] = theta[k - 1] + 2e-3 * w[k]
+    _, theta = driven(u, 2e-3, rubbing(0.004, 0.1, 0.02, 0.05), 1)
     assert seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1] == []
     u[3000] = 3.0  # this one moved nothing
     (sentence,) = seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1]

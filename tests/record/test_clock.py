@@ -127,16 +127,6 @@ def test_lost_rows_with_exact_stamps_keep_the_stamps():
         assert not s.ok[inner][long_lost[inner]].any()
 
 
-def test_a_gap_ends_a_stretch():
-    log = {role: np.delete(x, slice(3000, 3100)) for role, x in columns("u", "theta").items()}
-    found, said = seen(log)
-    assert [len(s.t) for s in found] == [3000, 2900]
-    assert said == [
-        "About 100 samples are lost in 1 gap, the first at t = 5.998 s; the parts are treated "
-        "separately."
-    ]
-
-
 @pytest.mark.parametrize("role", ["u", "theta"])
 @pytest.mark.parametrize("missing", [5, 60])
 def test_a_run_without_numbers_in_one_channel_is_not_ok_there(role, missing):

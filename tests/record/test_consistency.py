@@ -14,7 +14,7 @@ from lugrectl.record import Record, consistent, read_record
 from lugrectl.record.consistency import audit as checked
 from lugrectl.record.samples.position_jumps import jumps, unwrapped
 
-from ..cases.logs import DATA, measured
+from ..cases.logs import DATA, driven, measured, rubbing
 
 
 def audit(record):
@@ -23,19 +23,13 @@ def audit(record):
 
 
 def run(n=8000, dt=1e-3, J=2e-3, Fc=0.2, Fv=0.02, gravity=0.0, spring=0.0, seed=1):
-    """A mass with friction, pendulum and spring, by Euler; torque held over dt."""
+    """A mass with friction, pendulum and spring."""
     rng = np.random.default_rng(seed)
     t = np.arange(n) * dt
     u = 0.7 * np.sin(2 * np.pi * 0.6 * t) + 0.35 * np.sin(2 * np.pi * 2.3 * t + 1.0)
     u += 0.1 * np.sin(2 * np.pi * 7.1 * t) + gravity * rng.uniform(0.5, 1.0)
-    w, theta = np.zeros(n), np.zeros(n)
-    speed = angle = 0.0
-    for k in range(n):
-        w[k], theta[k] = speed, angle
-        for _ in range(5):
-            load = gravity * math.sin(angle) + spring * angle
-            speed += dt / 5 / J * (u[k] - load - Fc * math.tanh(speed / 0.1) - Fv * speed)
-            angle += dt / 5 * speed
+    load = rubbing(J, Fc, Fv, 0.1, lambda angle: gravity * math.sin(angle) + spring * angle)
+    w, theta = driven(u, dt, load, 5)
     w += 2e-3 * rng.standard_normal(n)
     return Record(t, u, w, np.round(theta / 1e-4) * 1e-4, dt=dt, source="run")
 
@@ -296,10 +290,7 @@ def test_a_late_velocity_is_said_from_one_and_a_half_samples(late):
 def test_white_torque_that_moves_the_machine_is_not_noise():
     rng = np.random.default_rng(0)
     u = 40 * rng.standard_normal(4000)
-    w, speed = np.zeros(4000), 0.0
-    for k in range(4000):
-        w[k] = speed
-        speed += 1e-3 * (u[k] - 0.1 * math.tanh(speed / 0.01) - 0.5 * speed)
+    w, _ = driven(u, 1e-3, rubbing(1.0, 0.1, 0.5, 0.01), 1)
     t = np.arange(4000) * 1e-3
     assert audit(Record(t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)).messages == ()
 
@@ -333,10 +324,8 @@ def test_a_dead_speed_beside_a_position_that_moves_is_left_out(value):
 
 def test_a_drive_at_its_limit_is_said_and_left():
     """The machine moved with what the log says."""
-    u, w = np.clip(PLAIN.u, -0.5, 0.5), np.zeros(8000)
-    for k in range(1, 8000):
-        friction = 0.2 * math.tanh(w[k - 1] / 0.1) + 0.02 * w[k - 1]
-        w[k] = w[k - 1] + 1e-3 / 2e-3 * (u[k - 1] - friction)
+    u = np.clip(PLAIN.u, -0.5, 0.5)
+    w, _ = driven(u, 1e-3, rubbing(2e-3, 0.2, 0.02, 0.1), 1)
     limited = Record(PLAIN.t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)
     seen = audit(limited)
     assert "saturates" in said(seen) and seen.samples == 8000

@@ -83,6 +83,8 @@ LAYOUTS = [  # header, columns, and options of the table
      {"delimiter": ";", "before": SCOPE}),
     *(("t,u,theta", TUT, {"encoding": code})
       for code in ("utf-16-le", "utf-16-be", "utf-8-sig", "utf-16")),
+    ("t [s],u [N·m],theta [rad]", TUT, {"encoding": "latin-1"}),
+    ("t [s]\tu [N·m]\ttheta [rad]", TUT, {"encoding": "utf-16", "delimiter": "\t"}),
 ]  # fmt: skip
 
 

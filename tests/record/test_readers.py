@@ -15,18 +15,6 @@ from ..cases.logs import csv, machine, refused, rows, write
 # ---- text files ---------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
-@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
-def test_delimiters_and_encodings(tmp_path, delimiter, encoding):
-    log = machine()
-    head = delimiter.join(["t [s]", "u [N·m]", "theta [rad]"])
-    body = rows([log["t"], log["u"], log["theta"]], delimiter)
-    path = write(tmp_path / "a.txt", f"{head}\r\n" + body + "\n\n", encoding)
-    record = read_record(path)
-    assert record.w is None and record.theta is not None
-    np.testing.assert_allclose(record.theta, log["theta"], atol=1e-12)
-
-
 @pytest.mark.parametrize("delimiter", [";", "\t"])
 def test_decimal_commas_are_read_and_said(tmp_path, delimiter):
     log = machine()
@@ -122,7 +110,7 @@ def test_files_that_are_none(tmp_path):
 
 
 def test_long_logs_load_at_speed(tmp_path):
-    log, reps = machine(), 100
+    log, reps = machine(), 30
     t = np.arange(3000 * reps) * 1e-3
     one = rows([log["u"], log["theta"]]).splitlines() * reps
     text = "t,u,theta\n" + "\n".join(f"{a:.3f},{b}" for a, b in zip(t, one, strict=True))
@@ -130,8 +118,8 @@ def test_long_logs_load_at_speed(tmp_path):
     start = time.process_time()
     table = read_table(path)
     columns, _ = table.load([0, 1, 2])
-    assert len(columns) == 3 and len(columns[0]) == 300_000
-    assert time.process_time() - start < 3.0  # a million rows in 10 s on a slow machine
+    assert len(columns) == 3 and len(columns[0]) == 90_000
+    assert time.process_time() - start < 0.9  # a million rows in 10 s on a slow machine
 
 
 # ---- MAT and NPZ --------------------------------------------------------------------

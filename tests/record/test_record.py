@@ -78,24 +78,6 @@ def test_pairs_of_the_command_line():
         parse_pairs("thet=x", "units")
 
 
-@given(
-    st.dictionaries(
-        st.sampled_from(["t", "u", "w", "theta", "d"]),
-        st.text("abcxyz [].-/()", min_size=1).map(str.strip).filter(bool),
-        min_size=1,
-    )
-)
-def test_pairs_round_trip(pairs):
-    assert parse_pairs(",".join(f"{k}={v}" for k, v in pairs.items()), "columns") == pairs
-
-
-def test_usual_names_only_when_one_fits(tmp_path):
-    record = read_record(csv(tmp_path, "Time [s],Motor torque [N m],speed,pos"))
-    assert record.theta is not None and record.w is not None
-    left = read_record(csv(tmp_path, "t,u,speed,velocity"), columns="theta=velocity")
-    assert left.w is not None
-
-
 def test_a_motion_signal_lost_to_a_slip_in_its_name_is_said(tmp_path):
     table = "t,u,theta,ww,extra\n" + "".join(f"{k / 100},{k % 7},{k / 9},1,2\n" for k in range(400))
     (tmp_path / "a.csv").write_text(table)

@@ -126,17 +126,9 @@ def test_longer_losses_are_gaps(tmp_path):
         np.testing.assert_allclose(np.diff(record.t[part]), 1e-3, rtol=1e-6)
     found = np.searchsorted(log["t"] + 5e-4, record.t)
     np.testing.assert_allclose(record.u, log["u"][found], rtol=1e-8)
-    assert any("2 gaps" in m for m in record.messages)
+    said = next(m for m in record.messages if "2 gaps" in m)
+    assert said.startswith("About 112 samples are lost in 2 gaps, the first at t = 1.199 s;")
     assert record.dropped == 5  # the stretch 1260..1264 is too short to be of use
-
-
-def test_many_lost_rows_are_filled_between_exact_stamps(tmp_path):
-    lost = np.random.default_rng(5).choice(np.arange(10, 2990, 4), 75, replace=False)
-    keep = np.setdiff1d(np.arange(3000), lost)
-    record = read_record(csv(tmp_path, keep=keep))
-    assert record.samples == 3000 and record.dropped == 75
-    assert any(m.startswith("75 samples missing between the stamps") for m in record.messages)
-    np.testing.assert_allclose(record.theta, machine()["theta"], atol=3e-5)
 
 
 def test_pieces_too_short_to_judge_are_read(tmp_path):

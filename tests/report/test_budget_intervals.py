@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl import Model, diagnose
 from lugrectl.core.display import number
-from lugrectl.report.comparison_section import budget
+from lugrectl.report.wording import budget
 
 from ..cases.balance_drive import FC, simulate, torque
 from ..cases.made_up import diagnosis

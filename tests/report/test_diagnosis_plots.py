@@ -2,10 +2,8 @@
 
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from lugrectl import report
 from lugrectl.blocks.block import members
@@ -22,17 +20,6 @@ def names(d):
 
 
 # --- plots -------------------------------------------------------------------------------
-
-
-def test_overview_draws_every_plot_into_one_figure_of_pyplot():
-    axes = diagnosis_plots.overview(diagnosis())
-    assert len(axes) == 4 and plt.get_fignums() == [axes[0].figure.number]
-    assert list(axes) == axes[0].figure.axes
-
-
-def test_overview_draws_into_the_axes_given():
-    ax = Figure().subplots()
-    assert diagnosis().plot(ax) is ax and len(ax.lines) == 3
 
 
 def test_nothing_to_plot_is_said():

@@ -3,37 +3,36 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 from .units import ROLES, UNITS, Unit, fits, parse_unit
 
+
 # Usual names by role, lower case, first choice first, with the unit that the name alone implies.
-_USUAL: dict[str, tuple[dict[Any, Any], ...]] = {
+def _names(*words: str, unit: str | None = None) -> dict[str, str | None]:
+    return dict.fromkeys(words, unit)
+
+
+_USUAL: dict[str, tuple[dict[str, str | None], ...]] = {
     "t": (
-        dict.fromkeys(("time", "zeit", "seconds", "secs"), None),
-        dict.fromkeys(("timestamp", "stamp", "datetime", "clock", "elapsed"), None),
-        dict.fromkeys(("x_value", "x value", "date time", "date/time", "date"), None),
+        _names("time", "zeit", "seconds", "secs"),
+        _names("timestamp", "stamp", "datetime", "clock", "elapsed"),
+        _names("x_value", "x value", "date time", "date/time", "date"),
     ),
     "u": (
-        dict.fromkeys(
-            ("torque", "force", "tau", "moment", "effort", "trq", "drehmoment", "kraft"), None
-        ),
-        dict.fromkeys(("current", "iq", "i_q", "strom", "motorstrom"), "A"),
-        dict.fromkeys(("voltage", "vir", "spannung"), "V"),
+        _names("torque", "force", "tau", "moment", "effort", "trq", "drehmoment", "kraft"),
+        _names("current", "iq", "i_q", "strom", "motorstrom", unit="A"),
+        _names("voltage", "vir", "spannung", unit="V"),
     ),
     "w": (
-        dict.fromkeys(("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta"), None)
-        | dict.fromkeys(("theta_dot", "thetadot", "drehzahl", "geschwindigkeit"), None),
+        _names("speed", "velocity", "vel", "omega", "qd", "dq", "dtheta", "theta_dot", "thetadot")
+        | _names("drehzahl", "geschwindigkeit"),
         {"rpm": "rpm", "erpm": "eRPM"},
     ),
-    "theta": (
-        dict.fromkeys(("position", "pos", "angle", "q", "qm", "phi", "displacement", "x"), None)
-        | dict.fromkeys(("winkel",), None),
-    ),
+    "theta": (_names("position", "pos", "angle", "q", "qm", "phi", "displacement", "x", "winkel"),),
     "r": (),
     "d": (),
-    "temperature": ({"temp": None},),
+    "temperature": (_names("temp"),),
     "theta_load": (),
 }
 _LAST = {"u": {"F": "N"}, "w": {"v": None}}  # as they are written: of a linear axis
@@ -80,20 +79,16 @@ def split_unit(header: str) -> tuple[str, str | None]:
 
 def unit_in_name(name: str) -> tuple[str, str | None]:
     """Split torque_mNm, 'angle, deg', 'n / rpm' or speedRpm into plain name and unit, if a channel
-    of that name can be in it."""
-    for plain, text in _endings(name):
+    of that name can be in it; the longest ending is tried first."""
+    for at in re.finditer(r"\s*[,/|]\s*|[_\s-]+|(?<=[a-z])(?=[A-Z])", name):
+        plain, text = name[: at.start()], name[at.end() :]
+        if not plain or not text or (text == "m" and plain.lower() not in _LENGTHS):  # measured
+            continue
         roles = [role for role in ROLES if rank(plain, role) is not None]
         for unit in _meant(text):
-            if any(fits(role, unit) for role in roles) and not _measured(plain, text):
+            if any(fits(role, unit) for role in roles):
                 return plain, unit.name
     return name, None
-
-
-def _endings(name: str) -> Iterator[tuple[str, str]]:
-    """The ways to split a name in two, the longest ending first."""
-    for at in re.finditer(r"\s*[,/|]\s*|[_\s-]+|(?<=[a-z])(?=[A-Z])", name):
-        if 0 < at.start() and at.end() < len(name):
-            yield name[: at.start()], name[at.end() :]
 
 
 def _meant(text: str) -> list[Unit]:
@@ -103,11 +98,6 @@ def _meant(text: str) -> list[Unit]:
         return [unit]
     bare = re.sub(r"[\s_]", "", text).lower()
     return [u for u in UNITS.values() if len(bare) > 1 and u.name.replace(" ", "").lower() == bare]
-
-
-def _measured(plain: str, text: str) -> bool:
-    """Whether the ending m of a name stands for 'measured' or 'motor'."""
-    return text == "m" and plain.lower() not in _LENGTHS
 
 
 def fitting(plain: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[int], str | None]:
@@ -121,15 +111,20 @@ def fitting(plain: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[
 
 
 def rank(name: str, role: str) -> tuple[tuple[int, int], str | None] | None:
-    """How well a name fits a role, smaller is better, and the unit it implies; None if not."""
+    """How well a name fits a role, smaller is better, and the unit it implies; None if not. Of a
+    path such as /joint_states/elbow/position or log.x[2] the last part counts that says more than
+    data or values."""
     whole = _rank_plain(name, role)
     if whole is not None:
         return whole
-    found = _segments(name)
-    if not found or found == [name]:
+    parts = [p for p in re.split(r"[/.:]+|\[[^\]]*\]", name.strip("%_ ")) if p.strip()]
+    parts = [re.sub(r"(?<=[a-z])\d+$", "", part.strip()) for part in parts]
+    while len(parts) > 1 and not set(_words(parts[-1])) - _NEUTRAL:
+        parts.pop()
+    if not parts or parts == [name]:
         return None
-    demanded = bool({word for part in found for word in _words(part)} & _DEMANDED)
-    leaf = _rank_plain(found[-1], role)
+    demanded = bool({word for part in parts for word in _words(part)} & _DEMANDED)
+    leaf = _rank_plain(parts[-1], role)
     if leaf is None or (demanded and role != "u"):
         return None
     (tier, how), implied = leaf
@@ -146,7 +141,8 @@ def _rank_plain(name: str, role: str) -> tuple[tuple[int, int], str | None] | No
         return (-1, 2), None
     if name in _LAST.get(role, ()):
         return (_FAR, 0), _LAST[role][name]
-    key = _key(name, _NEUTRAL | (_OF_TIME if role == "t" else frozenset()))
+    rest = set(_words(name)) - _NEUTRAL - (_OF_TIME if role == "t" else frozenset())
+    key = rest.pop() if len(rest) == 1 else None  # as in 'Torque actual value averaged'
     for tier, names in enumerate(_USUAL[role]):
         if lower in names:
             return (tier, 0), names[lower]
@@ -155,28 +151,12 @@ def _rank_plain(name: str, role: str) -> tuple[tuple[int, int], str | None] | No
     return ((0, 1), None) if len(role) > 1 and key == role else None
 
 
-def _key(name: str, neutral: frozenset[str]) -> str | None:
-    """Return the only word that counts in, say, 'Torque actual value averaged'."""
-    rest = set(_words(name)) - neutral
-    return next(iter(rest)) if len(rest) == 1 else None
-
-
 def _words(name: str) -> list[str]:
     """The words of a name in lower case; camelCase is split, numbers are left out."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     words = re.split(r"[\W_]+", spaced.lower())
     words = [re.sub(r"\d+$", "", word) for word in words]
     return [word for word in words if word]
-
-
-def _segments(name: str) -> list[str]:
-    """The parts of a path such as /joint_states/elbow/position or log.x[2], the last that counts,
-    without indices and endings that say nothing (data, values)."""
-    parts = [part for part in re.split(r"[/.:]+|\[[^\]]*\]", name.strip("%_ ")) if part.strip()]
-    parts = [re.sub(r"(?<=[a-z])\d+$", "", part.strip()) for part in parts]
-    while len(parts) > 1 and not set(_words(parts[-1])) - _NEUTRAL:
-        parts.pop()
-    return parts
 
 
 def stamp_pair(names: Sequence[str]) -> Mapping[str, tuple[int, int, float]]:

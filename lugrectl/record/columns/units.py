@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.option_names import option
+from ...core.validation import nearest
 
 
 @dataclass(frozen=True)
@@ -24,57 +24,28 @@ class Unit:
     motion: str | None = None  # the kind of drive it belongs to; None: it fits both
 
 
-UNITS = {
-    unit.name: unit
-    for unit in (
-        Unit("s", "time", 1.0),
-        Unit("ms", "time", 1e-3),
-        Unit("us", "time", 1e-6),
-        Unit("ns", "time", 1e-9),
-        Unit("min", "time", 60.0),
-        Unit("rad", "position", 1.0, "rotary"),
-        Unit("mrad", "position", 1e-3, "rotary"),
-        Unit("deg", "position", np.pi / 180, "rotary"),
-        Unit("rev", "position", 2 * np.pi, "rotary"),
-        Unit("rad/s", "velocity", 1.0, "rotary"),
-        Unit("mrad/s", "velocity", 1e-3, "rotary"),
-        Unit("deg/s", "velocity", np.pi / 180, "rotary"),
-        Unit("rpm", "velocity", np.pi / 30, "rotary"),
-        Unit("rev/s", "velocity", 2 * np.pi, "rotary"),
-        Unit("N m", "torque", 1.0, "rotary"),
-        Unit("mN m", "torque", 1e-3, "rotary"),
-        Unit("uN m", "torque", 1e-6, "rotary"),
-        Unit("kN m", "torque", 1e3, "rotary"),
-        Unit("N cm", "torque", 1e-2, "rotary"),
-        Unit("N mm", "torque", 1e-3, "rotary"),
-        Unit("kgf cm", "torque", 0.0980665, "rotary"),
-        Unit("ozf in", "torque", 0.00706155183333, "rotary"),
-        Unit("lbf in", "torque", 0.1129848290276, "rotary"),
-        Unit("lbf ft", "torque", 1.3558179483314, "rotary"),
-        Unit("m", "position", 1.0, "linear"),
-        Unit("cm", "position", 1e-2, "linear"),
-        Unit("mm", "position", 1e-3, "linear"),
-        Unit("um", "position", 1e-6, "linear"),
-        Unit("m/s", "velocity", 1.0, "linear"),
-        Unit("cm/s", "velocity", 1e-2, "linear"),
-        Unit("mm/s", "velocity", 1e-3, "linear"),
-        Unit("um/s", "velocity", 1e-6, "linear"),
-        Unit("m/min", "velocity", 1 / 60, "linear"),
-        Unit("mm/min", "velocity", 1e-3 / 60, "linear"),
-        Unit("N", "torque", 1.0, "linear"),
-        Unit("mN", "torque", 1e-3, "linear"),
-        Unit("kN", "torque", 1e3, "linear"),
-        Unit("A", "raw", 1.0),
-        Unit("mA", "raw", 1.0),
-        Unit("V", "raw", 1.0),
-        Unit("mV", "raw", 1.0),
-        Unit("%", "raw", 1.0),
-        Unit("counts", "raw", 1.0),
-        Unit("counts/s", "raw", 1.0),
-        Unit("degC", "temperature", 1.0),
-        Unit("K", "temperature", 1.0),
-    )
+_DEG, _TURN = np.pi / 180, 2 * np.pi
+_FACTORS: dict[tuple[str, str | None], dict[str, float]] = {  # by quantity and motion
+    ("time", None): {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+    ("position", "rotary"): {"rad": 1.0, "mrad": 1e-3, "deg": _DEG, "rev": _TURN},
+    ("velocity", "rotary"): {"rad/s": 1.0, "mrad/s": 1e-3, "deg/s": _DEG}
+    | {"rpm": np.pi / 30, "rev/s": _TURN},
+    ("torque", "rotary"): {"N m": 1.0, "mN m": 1e-3, "uN m": 1e-6, "kN m": 1e3}
+    | {"N cm": 1e-2, "N mm": 1e-3, "kgf cm": 0.0980665, "ozf in": 0.00706155183333}
+    | {"lbf in": 0.1129848290276, "lbf ft": 1.3558179483314},
+    ("position", "linear"): {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
+    ("velocity", "linear"): {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6}
+    | {"m/min": 1 / 60, "mm/min": 1e-3 / 60},
+    ("torque", "linear"): {"N": 1.0, "mN": 1e-3, "kN": 1e3},
+    ("raw", None): dict.fromkeys(("A", "mA", "V", "mV", "%", "counts", "counts/s"), 1.0),
+    ("temperature", None): {"degC": 1.0, "K": 1.0},
 }
+UNITS = {
+    name: Unit(name, quantity, factor, motion)
+    for (quantity, motion), factors in _FACTORS.items()
+    for name, factor in factors.items()
+}
+_BARE = {name.replace(" ", ""): unit for name, unit in UNITS.items()}
 
 # Other spellings, after spaces, dots and stars are removed; the words in any case.
 _WORDS = {
@@ -152,9 +123,7 @@ def parse_unit(text: str) -> Unit | None:
     bare = bare.replace("µ", "u").replace("μ", "u").replace("⁻¹", "-1")
     bare = bare.replace("°C", "degC").replace("°", "deg")
     bare = _SPELLINGS.get(bare) or _WORDS.get(bare.lower(), bare)
-    if bare.lower() in _ANY_CASE:
-        bare = bare.lower()
-    return next((u for name, u in UNITS.items() if name.replace(" ", "") == bare), None)
+    return _BARE.get(bare.lower() if bare.lower() in _ANY_CASE else bare)
 
 
 def fits(role: str, unit: Unit) -> bool:
@@ -193,15 +162,3 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return ' (did you mean x?)' if the word resembles a known one, else an empty text."""
     near = nearest(word, known)
     return f" (did you mean '{near}'?)" if near else ""
-
-
-def likeness(one: str, other: str) -> float:
-    """How much two words resemble each other, up to 1."""
-    return difflib.SequenceMatcher(None, one.lower(), other.lower()).ratio()
-
-
-def nearest(word: str, known: Iterable[str]) -> str | None:
-    """The known word that a word resembles most; None if it resembles none."""
-    by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
-    return by_lower[near[0]] if near else None

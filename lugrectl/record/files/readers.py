@@ -68,15 +68,7 @@ def read_table(path: str | Path) -> Table:
 
 
 def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
-    for start, reader in (
-        (b"\x1f\x8b", _read_gzip),
-        (b"MATLAB 7.3", _read_hdf),
-        (b"\x89HDF", _read_hdf),
-        (b"MATLAB 5.0", _read_mat),
-        (b"\x93NUMPY", _read_npy),
-        (b"PK\x03\x04", _read_zip),
-        (b"PAR1", _read_parquet),
-    ):
+    for start, reader in _READERS:
         if head.startswith(start):
             return reader
     if path.suffix.lower() == ".mat":
@@ -243,3 +235,14 @@ def _array_table(path: Path, content: Any, hint: str = "") -> Table:
     if not headed:
         columns = [(name, "", unit, values) for name, _, unit, values in columns]
     return array_table(path.name, columns, hint, headed)
+
+
+_READERS: tuple[tuple[bytes, Callable[[Path], Table]], ...] = (
+    (b"\x1f\x8b", _read_gzip),
+    (b"MATLAB 7.3", _read_hdf),
+    (b"\x89HDF", _read_hdf),
+    (b"MATLAB 5.0", _read_mat),
+    (b"\x93NUMPY", _read_npy),
+    (b"PK\x03\x04", _read_zip),
+    (b"PAR1", _read_parquet),
+)

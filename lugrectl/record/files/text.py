@@ -339,17 +339,14 @@ class Lines:
 
 
 def read_text(path: Path) -> Table:
-    return lines_table(path.name, _decode(path))
-
-
-def _decode(path: Path) -> list[str]:
-    data = path.read_bytes()
-    encoding = "utf-8-sig"
+    """The table in a text file of any usual encoding."""
+    data, encoding = path.read_bytes(), "utf-8-sig"
+    head = data[:2000]
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         encoding = "utf-16"
-    elif b"\0" in data[:2000] and not any(data[1:2000:2]):
+    elif b"\0" in head and not any(head[1::2]):
         encoding = "utf-16-le"
-    elif b"\0" in data[:2000] and not any(data[0:2000:2]):
+    elif b"\0" in head and not any(head[::2]):
         encoding = "utf-16-be"
     elif b"\0" in data:
         raise InputError(f"{path.name} is neither text nor a MAT, NPZ or Parquet file.")
@@ -357,7 +354,7 @@ def _decode(path: Path) -> list[str]:
         text = data.decode(encoding, errors="strict" if encoding == "utf-8-sig" else "replace")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return lines_table(path.name, text.replace("\r\n", "\n").replace("\r", "\n").split("\n"))
 
 
 def _cells(line: str, delimiter: str) -> list[str]:

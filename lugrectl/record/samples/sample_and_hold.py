@@ -83,19 +83,15 @@ def keep_renewed(log: Stamped) -> None:
         say(" and ".join(found), every, ": only these rows are used")
         rows = _rows(every, first, len(log.t))
         if "u" not in found:
-            log.channels["u"] = _means(log.channels["u"], rows)
+            u = log.channels["u"]
+            good, means = np.isfinite(u), np.full(len(u), np.nan)
+            total = np.add.reduceat(np.where(good, u, 0.0), rows)
+            with np.errstate(invalid="ignore", divide="ignore"):  # its integral is kept
+                means[rows] = total / np.add.reduceat(good.astype(float), rows)
+            log.channels["u"] = means
         log.keep(np.isin(np.arange(len(log.t)), rows))
         if slow and every % 1:  # its clock is even, the rows in which it was seen first are not
             use_true_times(log)
-
-
-def _means(u: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """The torque in the sampled rows as its mean up to the next of them: its integral is kept."""
-    good, made = np.isfinite(u), np.full(len(u), np.nan)
-    total = np.add.reduceat(np.where(good, u, 0.0), rows)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        made[rows] = total / np.add.reduceat(good.astype(float), rows)
-    return made
 
 
 def _rows(every: float, first: float, rows: int) -> np.ndarray:

@@ -6,11 +6,11 @@ import numpy as np
 
 from ..log import Log
 from .clock import put_in_time, use_true_times
+from .needed_torque import leave_out_untrue_torque, unwrap_torque
 from .outliers import leave_out_bad_samples, leave_out_huge, say_missing
 from .position_jumps import make_continuous, unwrap_positions
 from .rows import Stamped, smallest_steps
 from .sample_and_hold import keep_renewed
-from .torque_faults import leave_out_untrue_torque, unwrap_torque
 
 
 def usable(log: Log) -> Stamped:
@@ -26,7 +26,16 @@ def usable(log: Log) -> Stamped:
 
 def _found(log: Log) -> Stamped:
     made = Stamped.of(log)
-    _without_empty(made)
+    for role in ("d", "theta_load"):
+        if role in made.channels and not made.channels[role].any():
+            del made.channels[role]
+            made.say(f"{role} is 0 in every row: left out.")
+    for role, other in (("w", "theta"), ("theta", "w"), ("d", "u")):
+        if {role, other} <= set(made.channels):
+            share, usual = (np.isfinite(made.channels[r]).mean() for r in (role, other))
+            if share < 0.5 * usual:  # it holds next to no number
+                del made.channels[role]
+                made.say(f"{role} has a number in {100 * share:.2g} % of the rows: left out.")
     put_in_time(made)
     say_missing(made)
     leave_out_huge(made)
@@ -40,18 +49,3 @@ def _found(log: Log) -> Stamped:
     keep_renewed(made)
     leave_out_untrue_torque(made)
     return made
-
-
-def _without_empty(log: Stamped) -> None:
-    """Leave out a load of zeros, and a signal that holds next to no number."""
-    for role in ("d", "theta_load"):
-        if role in log.channels and not log.channels[role].any():
-            del log.channels[role]
-            log.say(f"{role} is 0 in every row: left out.")
-    for role, other in (("w", "theta"), ("theta", "w"), ("d", "u")):
-        if not {role, other} <= set(log.channels):
-            continue
-        shares = {r: float(np.isfinite(log.channels[r]).mean()) for r in (role, other)}
-        if shares[role] < 0.5 * shares[other]:
-            del log.channels[role]
-            log.say(f"{role} has a number in {100 * shares[role]:.2g} % of the rows: left out.")

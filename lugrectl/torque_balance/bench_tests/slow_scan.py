@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..blocks.block import unit_for
-from ..core.display import number
-from ..estimates.bench_test import BenchTable, BenchTest, in_words
-from ..estimates.findings import Estimate
+from ...blocks.block import unit_for
+from ...core.display import number
+from ...estimates.bench_test import BenchTable, BenchTest, in_words
+from ...estimates.findings import Estimate
 from .momentum import interval, solved
 from .motion import Motion
 

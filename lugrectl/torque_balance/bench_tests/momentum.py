@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import stats
 
-from ..blocks.friction import level
-from ..core.numeric import Z95
-from ..estimates.findings import Estimate
+from ...blocks.friction import level
+from ...core.numeric import Z95
+from ...estimates.findings import Estimate
 from .motion import Motion
 
 FALLS = 10  # speeds at which friction may fall to its Coulomb level

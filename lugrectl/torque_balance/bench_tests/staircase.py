@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..blocks.block import unit_for
-from ..blocks.friction import level
-from ..core.numeric import Z95
-from ..estimates.bench_test import ONE_WAY, BenchTable, BenchTest, in_words
-from ..estimates.findings import Estimate
+from ...blocks.block import unit_for
+from ...blocks.friction import level
+from ...core.numeric import Z95
+from ...estimates.bench_test import ONE_WAY, BenchTable, BenchTest, in_words
+from ...estimates.findings import Estimate
 from .momentum import SCALE, Solved, interval, solved, student
 from .motion import Motion
 

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import block_diag, solve_banded
 
-from ..blocks.friction import level
-from ..estimates.bench_test import BenchTest, in_words
-from ..estimates.findings import Estimate
-from .coast_down import ZERO
+from ...blocks.friction import level
+from ...estimates.bench_test import BenchTest, in_words
+from ...estimates.findings import Estimate
 from .momentum import EXPLAINED, SHORTEST, Fitted, Stroke, best, interval, likely, memory, solved
 from .motion import Motion
+from .pushes_and_coasts import ZERO
 
 G = 9.81  # m/s2
 HALVES = 3  # half-swings, at least

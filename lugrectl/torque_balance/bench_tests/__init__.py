@@ -1,4 +1,5 @@
-"""The bench tests in the logs of one drive."""
+"""Standard bench tests in the logs of one drive, recognised by their motion and torque, and
+answered as such."""
 
 from __future__ import annotations
 
@@ -8,16 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.model import Model
-from ..estimates.bench_test import BenchTest
-from ..record import Log
+from ...blocks.model import Model
+from ...estimates.bench_test import BenchTest
+from ...record import Log
 from .breakaway_ramps import breakaway_ramps
-from .coast_down import coast_down
 from .free_swing import free_swing
 from .motion import motions
+from .pushes_and_coasts import coast_down, steps_and_pulses
 from .slow_scan import slow_scan
 from .staircase import staircase
-from .steps_and_pulses import steps_and_pulses
 
 KNOWN = 0.25  # of a value, by which one value of a test must be known
 INSTEAD = {  # of a test, others that its own rows look like
@@ -56,7 +56,6 @@ def _tried(test: Callable[[], Any]) -> Any:
 
 
 def _answers(test: BenchTest) -> bool:
-    """Whether a value is known by more than its size: what looks like a test and is none, is not
-    fitted by its law."""
+    """Whether a value is known by more than its size, as where the log is such a test."""
     sizes = [(abs(e.value), e.ci95) for k, e in test.values.items() if k != "Fs_scatter"]
     return any(ends and ends[1] - ends[0] < 2 * KNOWN * size for size, ends in sizes)

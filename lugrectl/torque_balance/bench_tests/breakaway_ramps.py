@@ -13,9 +13,9 @@ import numpy as np
 from scipy import stats
 from scipy.optimize import nnls
 
-from ..blocks.block import unit_for
-from ..estimates.bench_test import BenchTable, BenchTest, in_words
-from ..estimates.findings import Estimate
+from ...blocks.block import unit_for
+from ...estimates.bench_test import BenchTable, BenchTest, in_words
+from ...estimates.findings import Estimate
 from .momentum import interval
 from .motion import Motion, Piece
 
