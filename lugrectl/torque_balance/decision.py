@@ -181,38 +181,28 @@ class Decision:
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
             self.verdict = "found"
-            best, own, others = self._first(good[:FIRSTS])
-            self._extend(self._among(own, others, best is not own) or best)
+            self._extend(self._among(good[0], good[1:FIRSTS]) or good[0])
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
             self._two_at_once(large[:TOGETHER])
         self.parts = [p for p in parts(self.table) if p.name not in banned and self._needed(p)]
 
-    def _among(
-        self, c: Contender, others: Sequence[Contender], offset: bool = False
-    ) -> Contender | None:
+    def _among(self, c: Contender, others: Sequence[Contender]) -> Contender | None:
         """The likeliest of c and of those that explain as much, each in a last fit of its own;
-        those that this does not disprove are its alternatives. None where nothing comes near.
-
-        ``offset``: with one beside each.
-        """
+        those that this does not disprove are its alternatives. None where nothing comes near."""
         alike = [o for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)][:3]
         if not alike:
             return None
-        rows = self._beside()[0] if self.table.chosen else self.named
-        plain = {row.name: row for row in reversed(rows)}
-        best, left = self._likeliest([plain[o.name] for o in (c, *alike)], offset)
+        best, left = self._likeliest([c, *alike])
         if left:
             self.alternatives[best], self.verdict = left, "ambiguous"
-        return plain[best]
+        return next(o for o in (c, *alike) if o.name == best)
 
-    def _likeliest(
-        self, contenders: Sequence[Contender], offset: bool = False
-    ) -> tuple[str, list[str]]:
+    def _likeliest(self, contenders: Sequence[Contender]) -> tuple[str, list[str]]:
         """The likeliest, each in a last fit of its own, and those that this does not disprove."""
         of = {c.name: c for c in contenders}
-        fits = {name: self._by_last_fit(c, offset) for name, c in of.items()}
+        fits = {name: self._by_last_fit(c) for name, c in of.items()}
         best = max(fits, key=lambda name: float(np.sum(fits[name][0])))
         e, stretches = fits[best]
         few = stretches < FEW and not self.view.is_map  # then the table must disprove it, too
@@ -223,13 +213,13 @@ class Decision:
 
         return best, [name for name in fits if name != best and stays(name)]
 
-    def _by_last_fit(self, c: Contender, offset: bool) -> tuple[np.ndarray, int]:
+    def _by_last_fit(self, c: Contender) -> tuple[np.ndarray, int]:
         """Log density of each block under a last fit with what is chosen and c, and how many
         independent stretches of motion it has."""
         view, table = copy(self.view), self.table
         state = state_of(table)
         state.terms += c.terms([t.name for t in state.terms])
-        last = best_law(view, state.copy(constant=offset), table.scale, straight=True)
+        last = best_law(view, state, table.scale, straight=True)
         r = last.fit.r * last.scale / table.scale
         e = view.blocks.seen(r, table.stretch(last.values["J"]))
         return e, int(Interval(last).blocks[0][-1]) + 1
@@ -237,31 +227,6 @@ class Decision:
     def _needed(self, part: Part) -> bool:
         """Whether a part of friction is proven and large enough for a name."""
         return proven(part.gain, part.error, self.alpha) and part.share > FLOOR
-
-    def _first(self, good: list[Contender]) -> tuple[Contender, Contender, list[Contender]]:
-        """The best contender, with its score and those of the others.
-
-        The offset of the torque is free in each: cogging beside one is the commonest pair there is,
-        and either hides the other. Where the offset does more than the name, it is the first.
-        """
-        alone = max((c.gain for c in self.named if c.name == OFFSET), default=0.0)
-        both = {c.name: self._with_offset(c) for c in good if c.name != OFFSET}
-        best = max(both.values(), key=lambda c: c.gain, default=good[0])
-        name = next((c for c in good if c.name == best.name), good[0])
-        if best.gain - alone <= best.gain - name.gain or best.gain <= good[0].gain:
-            return good[0], good[0], good[1:]
-        others = [both[c.name] for c in good if c.name in both and c is not name]
-        others = [c for c in others if c.gain - alone > RIVAL * (best.gain - alone)]
-        return name, best, [*others, *(c for c in good if c.name == OFFSET)]
-
-    def _with_offset(self, c: Contender) -> Contender:
-        """The same contender with an offset of the torque beside it."""
-        v = self.view
-        offset = (v.K @ np.ones(len(v.motion)))[:, None]
-        C = offset if c.C is None else np.column_stack([c.C, offset])
-        prior = Prior.joined(c.prior, Prior.free(1))
-        made = Contender(c.name, c.q, c.block, C, c.u, prior, c.cost)
-        return self.table.enter(made)
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; then what is left decides: a further name, an unknown torque that no
