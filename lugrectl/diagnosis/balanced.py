@@ -26,9 +26,9 @@ from ..torque_balance.model_values import (
     completed,
     lifted,
     model_values,
+    told_by_balance,
     with_scale,
 )
-from ..torque_balance.own_law import told_by_balance
 from ..torque_balance.plain import plain_balance
 from ..torque_balance.verdict import Answer
 from .asked import Asked

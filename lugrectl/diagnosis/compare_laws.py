@@ -22,8 +22,8 @@ from ..core.regression import paired
 from ..core.result import ComparedRows, Fields, library, picked, plain
 from ..core.validation import positive, share, shown
 from ..engine.runtime.backend import each_beside
-from ..torque_balance.base import alone
 from ..torque_balance.constants import ALPHA, SCALE
+from ..torque_balance.plain import alone
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
 from .simulation.drive import fitted, loglik

@@ -13,8 +13,8 @@ from ..core.errors import Refused
 from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import stamped
 from ..estimates.fitted import Fitted
-from ..torque_balance.base import alone
 from ..torque_balance.constants import FLOOR
+from ..torque_balance.plain import alone
 from .asked import Asked, judged_by
 from .balanced import Begun
 from .compare_laws import under_law

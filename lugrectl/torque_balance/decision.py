@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from copy import copy
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..blocks.block import members
-from ..core.regression import Prior, paired
+from ..blocks.model import Model
+from ..core.regression import Prior, paired, robust
 from .constants import (
     ALIKE,
     ALPHA,
@@ -34,15 +36,16 @@ from .constants import (
 from .friction import OFFSET, WEIGHT, Term, View
 from .interval import Interval, best_law
 from .last_fit import state_of
-from .law_parts import Part, parts
 from .maps import Still
 from .search import Search
 from .table import Contender, Table, errors_of, proven
 from .unknown import Unknown
-from .width import Width
+from .windows import Width
 
 FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
+RIGID = 1e-3  # of the shortest bristle that is tried: none to see
+SHAPES = {"stribeck": ("bump", "short_tail", "long_tail"), "presliding": ()}
 
 
 class Decision:
@@ -301,3 +304,43 @@ class Decision:
         for c in saved[3]:
             table.extend(c)
         self.verdict, self.alternatives, self.depends_on = saved[:3]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of friction: how much it gains in nats, the standard error, its share of friction."""
+
+    name: str
+    gain: float
+    error: float
+    share: float
+
+
+def missing(model: Model) -> list[str]:
+    """The parts that neither the declared law nor a declared effect has."""
+    law, here = model.friction, {p.block.name for p in model.effects}
+    has = {"stribeck": "Fs" in law.values or not {"Fc"} <= law.values.keys(),
+           "presliding": bool(law.block.states) or "Fc" not in law.values}  # fmt: skip
+    return [name for name, there in has.items() if not there and name not in here]
+
+
+def parts(table: Table) -> list[Part]:
+    """The parts that are missing, each by the base with and without it."""
+    return [_part(table, name) for name in missing(table.view.model)]
+
+
+def _part(table: Table, name: str) -> Part:
+    v = table.view
+    X = table.X.copy()
+    if name == "presliding":
+        rigid = RIGID * float(v.grids()[0][0])
+        own = v.base(rigid, v.vs)
+        X[:, : own.shape[1]] = own
+    for shape in SHAPES[name]:
+        X[:, v.names.index(shape)] = 0.0
+    fit = robust(X, table.y, table.prior, table.scale, v.noise, table.root**2)
+    e = v.blocks.left_out(fit, X, table.prior, table.scale, 1.0)
+    full = v.blocks.left_out(table.fit, table.X, table.prior, table.scale, 1.0)
+    gain, error = paired(full, e)
+    torque = table.X @ table.fit.b - X @ fit.b
+    return Part(name, gain, error, float(np.sqrt(np.mean(torque**2))) / v.size)

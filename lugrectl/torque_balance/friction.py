@@ -36,7 +36,7 @@ from .constants import (
     TAIL,
 )
 from .motion import Motion, one_way
-from .rows import Rows
+from .windows import Rows
 
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law

@@ -13,7 +13,7 @@ from ..core.regression import log_density, paired, spread
 from .constants import BLOCK, LEAST_ROWS
 from .friction import View
 from .last_fit import Design, LastFit
-from .rows import Rows
+from .windows import Rows
 
 PART = 2.0  # s: length of alternate parts
 PARTS = 40  # of a log at least: both kinds see every place and speed

@@ -21,8 +21,8 @@ from ..core.regression import left_out_covariance, memory_blocks, robust
 from .constants import ALONG, BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE
 from .friction import View
 from .last_fit import KAPPA, LastFit, State, quantities
-from .rows import Rows
 from .table import is_lateness
+from .windows import Rows
 
 FEWEST = 15  # blocks
 SPEEDS = (0.35, 0.6, 1.0, 1.7, 3.0)  # Stribeck speeds that are tried, over the fitted one

@@ -25,7 +25,7 @@ from .columns import needs_inertia
 from .constants import BLOCK, FLOOR, FREE_LATE, TAIL
 from .friction import View, declared_terms, places
 from .motion import Motion
-from .rows import Rows
+from .windows import Rows
 
 LEAST_RUNS = 4
 LEAST_SPEEDS = 3

@@ -8,35 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
-from ..blocks.block import members, unit_for
+from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95
-from ..core.option_names import option
 from ..record.stretches import Stretch
-from .channels import as_acted, logged_late, speed_offset
-from .columns import columns
 from .constants import ALPHA, CLEAR, FEW, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
-from .enough import enough
-from .friction import OFFSET, Term, View, declared_terms, places
+from .friction import OFFSET, Term, View
 from .held_out import Split, Unseen, gain, lasting
 from .interval import Interval, Value, apart, best_law, other_views, tells
 from .last_fit import LastFit, State, state_of
-from .maps import Still, is_map, map_of
-from .motion import Motion
-from .open_values import find_open
-from .rows import Rows
-from .samples import sampled
 from .search import Search
+from .seen import refuse_dead, seen
 from .sensors import Sensors
-from .stated import inertia_range
 from .table import Table, errors_of
-from .width import Declared, Width, fine_wave
 
 PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect
 GREASE_NAME = "sublinear_viscous"
@@ -48,22 +37,10 @@ NO_GAIN = (
 )
 SURELY = 4.0  # standard errors that a bend must have: it is any curve
 ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
-COASTS = (
-    "u is constant in every row: the torque channel is dead, or the drive coasts.",
-    "Record the torque; of a drive that coasts, declare J.",
-)
-ONE_TORQUE = "u has one value in each direction ({}): with that, any inertia explains the motion."
-TWO = "Record two or more torques in one direction, or declare J."
 UNTESTED = "the model has as many values as there are runs: nothing can be tested."
 MORE_SPEEDS = "Record runs at more speeds."
-OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
-FOLLOWS = "u follows the motion, or has the wrong sign: give {}."
-AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
-NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
-COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
 TOO_SHORT = "the record is too short to judge what is missing: {} blocks of {:.3g} ms are needed."
 LONGER = "Record a longer run in which the drive moves."
-TURN = "Check the sign of u; {} reverses it."
 STAYS = "Torque of {:.2g} % of friction stays, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
 HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
@@ -115,98 +92,6 @@ class Answer:
     def sure(self) -> bool:
         """Whether the log determines the inertia."""
         return self.view.sure and tells(self.values["J"])
-
-
-class Log(NamedTuple):
-    """A log as the table sees it, ``few`` rows that are enough for a search (itself where it is
-    short), and a table of these; None where it was not asked whether the channels are sound."""
-
-    view: View
-    few: View
-    width: Width | Still
-    table: Table | None = None
-
-
-def seen(stretches: Sequence[Stretch], model: Model) -> Log:
-    """The log with motion, windows and declared effects, all of whose values are open no more; or a
-    map."""
-    if is_map(stretches):
-        view = map_of(stretches, model)
-        return Log(view, view, Still())
-    motion = Motion.of(sampled(stretches))
-    here, width = places(motion), wide_enough(motion, model)
-    view = View(motion, Rows(motion, width.h), model, width.range, declared_terms(model, here))
-    view.sure = width.sure
-    few = enough(view, width)
-    find_open(few, width.sure)
-    view.terms = few.terms
-    if np.ptp(motion.u) == 0:
-        return Log(view, few, width)
-    table = Table(few)
-    late, (above, error) = logged_late(few, table), speed_offset(few, table)
-    if not (late or above):
-        return Log(view, few, width, table)
-    made = seen(as_acted(stretches, late, above), model)
-    for one in {id(v): v for v in (made.view, made.few)}.values():
-        one.logged_late += late
-        one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
-    return made
-
-
-def wide_enough(motion: Motion, model: Model) -> Width:
-    """The windows of a log, and what it tells of the inertia."""
-    known, here = model.known(), places(motion)
-    turns = motion.span > 2 and model.motion != "linear"
-    weight = columns(members("effect")["gravity"], {}, here).wide
-    level = motion.theta - motion.theta.mean()
-    place = weight if turns and weight is not None else level[:, None]
-    width = Width(motion, Declared(known.get("J"), known.get("Fc"), place, turns))
-    J = known.get("J")
-    if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
-        width.sure, width.impossible = False, False
-        width.range = (J / 1.1, 1.1 * J) if J else width.range
-    if J and np.ptp(motion.u) == 0:  # all torques are known up to one factor: J is declared
-        width.sure, width.impossible, width.range = False, False, (J, J)
-    wave = fine_wave(motion, width.h) if model.motion != "linear" else 0.0
-    if wave:  # at windows this narrow noise would take the inertia
-        narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
-        width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
-        width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
-    width.range = inertia_range(width.range, model)
-    return width
-
-
-def refuse_dead(view: View, width: Width | Still) -> None:
-    """Refused where the torque has nothing to do with the motion."""
-    coasts = np.ptp(view.motion.u) == 0 and not view.is_map
-    if coasts and (not view.declared.get("J") or unlike_friction(view)):
-        raise Refused(*COASTS)
-    if view.several and not (view.is_map or view.declared.get("J")) and one_torque(view):
-        m, at, unit = view.motion, view.rows.at, unit_for("N m", view.model.motion)
-        ways = [m.u[at[side * m.w[at] > 0]] for side in (1, -1)]
-        values = [f"{np.median(u):.3g} {unit}" for u in ways if len(u)]
-        raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
-    if view.backward:
-        raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
-    if width.against and not coasts:
-        raise Refused(AGAINST.format(option("scale", "u=-1")), COMMANDED)
-    if width.impossible and not view.declared.get("J"):
-        raise Refused(NEGATIVE.format(option("scale", "u=-1")), COMMANDED)
-
-
-def one_torque(view: View) -> bool:
-    """Whether the direction alone tells the torque: an acceleration, which is measured with errors,
-    explains nothing beside it, and J = Fv = 0 would be the best fit of any drive."""
-    w, y = view.motion.w, view.torque(view.motion.u)
-    X = view.K @ np.column_stack([w > 0, w < 0])
-    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
-    return bool(np.mean(r**2) < FLOOR**2 * np.mean(y**2))
-
-
-def unlike_friction(view: View) -> bool:
-    """Whether friction does not explain a motion without changes of torque."""
-    table = Table(view)
-    return table.left * view.size > MOSTLY * view.force
 
 
 def answer(

@@ -1,0 +1,235 @@
+"""The log as the table sees it: motion, windows, declared effects with all of their values; of a
+long log parts that are enough.
+
+What rows tell of a model grows with their number, what a search costs, too: beyond some minutes
+more of the same motion decides nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..blocks.block import Block, members, unit_for
+from ..blocks.declared_values import Stated
+from ..blocks.model import Model
+from ..core.errors import Refused
+from ..core.option_names import option
+from ..record.stretches import Stretch
+from .channels import as_acted, logged_late, speed_offset
+from .columns import columns, linear, searched
+from .constants import (
+    BLOCK,
+    ENOUGH,
+    FLOOR,
+    MOSTLY,
+    PARTS,
+    STRANGE,
+)
+from .friction import Term, View, declared_terms, places
+from .maps import Still, is_map, map_of
+from .motion import Motion
+from .samples import SHORTEST, sampled
+from .search import Search
+from .table import Table
+from .windows import Declared, Rows, Width, fine_wave
+
+if TYPE_CHECKING:
+    from .friction import Term
+
+COASTS = (
+    "u is constant in every row: the torque channel is dead, or the drive coasts.",
+    "Record the torque; of a drive that coasts, declare J.",
+)
+ONE_TORQUE = "u has one value in each direction ({}): with that, any inertia explains the motion."
+TWO = "Record two or more torques in one direction, or declare J."
+OPPOSED = "the torque opposes the motion that it should sustain, at every speed."
+FOLLOWS = "u follows the motion, or has the wrong sign: give {}."
+AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {FOLLOWS}"
+NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
+COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
+TURN = "Check the sign of u; {} reverses it."
+SHORT = 30.0  # s: a log up to twice as long is searched as a whole
+GOLDEN = 0.6180339887  # of a period: parts at equal distances take one frequency for another
+Range = tuple[float, float] | None
+
+
+class Log(NamedTuple):
+    """A log as the table sees it, ``few`` rows that are enough for a search (itself where it is
+    short), and a table of these; None where it was not asked whether the channels are sound."""
+
+    view: View
+    few: View
+    width: Width | Still
+    table: Table | None = None
+
+
+def seen(stretches: Sequence[Stretch], model: Model) -> Log:
+    """The log with motion, windows and declared effects, all of whose values are open no more; or a
+    map."""
+    if is_map(stretches):
+        view = map_of(stretches, model)
+        return Log(view, view, Still())
+    motion = Motion.of(sampled(stretches))
+    here, width = places(motion), wide_enough(motion, model)
+    view = View(motion, Rows(motion, width.h), model, width.range, declared_terms(model, here))
+    view.sure = width.sure
+    few = enough(view, width)
+    find_open(few, width.sure)
+    view.terms = few.terms
+    if np.ptp(motion.u) == 0:
+        return Log(view, few, width)
+    table = Table(few)
+    late, (above, error) = logged_late(few, table), speed_offset(few, table)
+    if not (late or above):
+        return Log(view, few, width, table)
+    made = seen(as_acted(stretches, late, above), model)
+    for one in {id(v): v for v in (made.view, made.few)}.values():
+        one.logged_late += late
+        one.w_above = one.w_above[0] + above, max(one.w_above[1], error)
+    return made
+
+
+def wide_enough(motion: Motion, model: Model) -> Width:
+    """The windows of a log, and what it tells of the inertia."""
+    known, here = model.known(), places(motion)
+    turns = motion.span > 2 and model.motion != "linear"
+    weight = columns(members("effect")["gravity"], {}, here).wide
+    level = motion.theta - motion.theta.mean()
+    place = weight if turns and weight is not None else level[:, None]
+    width = Width(motion, Declared(known.get("J"), known.get("Fc"), place, turns))
+    J = known.get("J")
+    if motion.steady:  # one speed: nothing is learnt of the inertia, nor of lateness
+        width.sure, width.impossible = False, False
+        width.range = (J / 1.1, 1.1 * J) if J else width.range
+    if J and np.ptp(motion.u) == 0:  # all torques are known up to one factor: J is declared
+        width.sure, width.impossible, width.range = False, False, (J, J)
+    wave = fine_wave(motion, width.h) if model.motion != "linear" else 0.0
+    if wave:  # at windows this narrow noise would take the inertia
+        narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
+        width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
+        width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
+    width.range = inertia_range(width.range, model)
+    return width
+
+
+def refuse_dead(view: View, width: Width | Still) -> None:
+    """Refused where the torque has nothing to do with the motion."""
+    coasts = np.ptp(view.motion.u) == 0 and not view.is_map
+    if coasts and (not view.declared.get("J") or unlike_friction(view)):
+        raise Refused(*COASTS)
+    if view.several and not (view.is_map or view.declared.get("J")) and one_torque(view):
+        m, at, unit = view.motion, view.rows.at, unit_for("N m", view.model.motion)
+        ways = [m.u[at[side * m.w[at] > 0]] for side in (1, -1)]
+        values = [f"{np.median(u):.3g} {unit}" for u in ways if len(u)]
+        raise Refused(ONE_TORQUE.format(", ".join(values)), TWO)
+    if view.backward:
+        raise Refused(OPPOSED, TURN.format(option("scale", "u=-1")))
+    if width.against and not coasts:
+        raise Refused(AGAINST.format(option("scale", "u=-1")), COMMANDED)
+    if width.impossible and not view.declared.get("J"):
+        raise Refused(NEGATIVE.format(option("scale", "u=-1")), COMMANDED)
+
+
+def one_torque(view: View) -> bool:
+    """Whether the direction alone tells the torque: an acceleration, which is measured with errors,
+    explains nothing beside it, and J = Fv = 0 would be the best fit of any drive."""
+    w, y = view.motion.w, view.torque(view.motion.u)
+    X = view.K @ np.column_stack([w > 0, w < 0])
+    r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+    return bool(np.mean(r**2) < FLOOR**2 * np.mean(y**2))
+
+
+def unlike_friction(view: View) -> bool:
+    """Whether friction does not explain a motion without changes of torque."""
+    table = Table(view)
+    return table.left * view.size > MOSTLY * view.force
+
+
+def inertia_range(found: Range, model: Model) -> Range:
+    """Where J lies: where it was found, and as it is stated."""
+    one, J = model.stated.get("J", Stated()), model.J
+    if one.fixed and J is not None:
+        return J, J
+    if not one.bounded:
+        return found
+    low, high = (0.0, np.inf) if found is None else found
+    return max(low, one.low or 0.0), min(high, np.inf if one.high is None else one.high)
+
+
+def find_open(view: View, sure: bool) -> None:
+    """Give each declared effect of a view a value of everything: where the best contender of its
+    name lies beside the rest of the model, or the usual one. ``sure``: the log determines J."""
+    opened = [t for t in view.terms if _missing(t)]
+    view.terms = [t for t in view.terms if not _missing(t)]
+    for term in opened:
+        table = Table(view)
+        never, own = frozenset[str](), {term.name}
+        rows = Search(table, sure, never, {}, only=own).rows()
+        found = rows[0].q if rows else {}
+        usual = {k: _usual(term.block, k, view) for k in _missing(term)}
+        term.q = usual | {k: x for k, x in found.items() if k in usual} | term.q
+        if rows and rows[0].C is not None and not term.b.any():
+            term.b = rows[0].b[: len(linear(term.block))].copy()
+        view.terms = [*view.terms, term]
+
+
+def _usual(block: Block, key: str, view: View) -> float:
+    """The value of a declaration; of an instant the middle of the log: at its ends an event is
+    none."""
+    p = block.own[key]
+    return float(np.median(view.motion.t)) if p.instant else float(p.value or 0.0)
+
+
+def _missing(term: Term) -> list[str]:
+    known: Block = term.block
+    return [k for k in searched(known) if k not in term.q]
+
+
+def enough(view: View, width: Width) -> View:
+    """The view of PARTS of a long log: evenly spread ones, and the STRANGE of which a plain balance
+    leaves most, wherever something happens once. Itself where the log is short."""
+    m = view.motion
+    seconds = max(ENOUGH * m.dt, SHORT)
+    if m.duration < 2 * seconds:
+        return view
+    length = seconds / PARTS
+    chosen = np.zeros(int(m.duration / length) + 1, bool)
+    chosen[_spread(len(chosen))] = True
+    order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
+    chosen[order[-STRANGE:]] = True
+    few = _only(m, chosen[(m.elapsed / length).astype(int)])
+    return view.by(few, Rows(few, view.rows.h))
+
+
+def _spread(number: int) -> np.ndarray:
+    """Places of parts among so many, one in each of equal periods but not at equal distances."""
+    i = np.arange(PARTS - STRANGE)
+    return ((i + GOLDEN * i % 1.0) * number / len(i)).astype(int)
+
+
+def _left(width: Width, length: float, number: int) -> np.ndarray:
+    """What a plain balance leaves (number,) of each part: the mean square of its worst block."""
+    block = (width.t / BLOCK).astype(int)
+    many = np.maximum(np.bincount(block), 1)
+    power = np.bincount(block, width.r**2) / many
+    made = np.zeros(number)
+    part = np.minimum((np.arange(len(power)) * BLOCK / length).astype(int), number - 1)
+    np.maximum.at(made, part, power)
+    return made
+
+
+def _only(motion: Motion, here: np.ndarray) -> Motion:
+    """The motion in the samples ``here`` (n,), cut where they do not go on."""
+    runs = []
+    for r, own in zip(motion.runs, motion.at, strict=True):
+        at = []
+        for piece in r.samples.pieces:
+            change = np.flatnonzero(np.diff(here[own][piece])) + 1 + piece.start
+            ends = [piece.start, *change.tolist(), piece.stop]
+            at += [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
+                   if here[own][a] and b - a >= SHORTEST]  # fmt: skip
+        runs += [r.only(at)] if at else []
+    return Motion(runs)
