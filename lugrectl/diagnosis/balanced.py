@@ -82,7 +82,7 @@ class Begun:
         """The values and errors of what the balance answers."""
         asked, model, ready = self.asked, self.asked.model, self.ready
         found = made.last, made.interval, made.values, made.covariance
-        values = model_values(*found, model, made.sure, made.parts)
+        values = model_values(made, model)
         plain = plain_balance(*found, made.sure, asked.stretches)
         sure = "J" in plain.parameters or model.known().get("J") is not None
         judged, noise, why_not = None, None, self.why_not
@@ -260,7 +260,7 @@ def polished_values(ready: Prepared, made: Answer) -> Model:
     """The model of training rows, at its likeliest values by one-step predictions."""
     model = made.view.model
     trained = completed(made.trained or made.last, model, made.sure)
-    values = model_values(made.last, made.interval, made.values, made.covariance, model, made.sure)
+    values = model_values(made, model)
     start = _as_logged(values.joint, made)
     return _polished(ready, trained, values, start, not told_by_balance(model))[0]
 

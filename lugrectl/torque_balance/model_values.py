@@ -16,8 +16,9 @@ from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
 from .columns import torque
 from .constants import SCALE
-from .interval import WITHOUT_SCALE, Interval, Value, tells
+from .interval import WITHOUT_SCALE, tells
 from .last_fit import LastFit
+from .verdict import Answer
 
 DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
 SEEN = 1.05  # times Fc: an Fs that rows show
@@ -133,18 +134,10 @@ def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:
     return {k: float(np.clip(x, own[k].low, own[k].high)) for k, x in values.items()}
 
 
-def model_values(
-    last: LastFit,
-    interval: Interval,
-    values: Mapping[str, Value],
-    V: np.ndarray,
-    model: Model,
-    sure: bool,
-    parts: Collection[str] = (),
-) -> ModelValues:
-    """The model of a last fit to all rows with intervals and covariance."""
-    made = completed(last, model, sure, parts)
-    told = _told(last, values, made, sure)
+def model_values(answer: Answer, model: Model) -> ModelValues:
+    """The model of the last fit of an answer with intervals and covariance."""
+    made = completed(answer.last, model, answer.sure, answer.parts)
+    told, values, names = _told(answer, made), answer.values, answer.interval.names
     held, own = made.held(), made.declarations()
     estimates: dict[str, Estimate] = {}
     for key, value in made.known().items():
@@ -161,24 +154,24 @@ def model_values(
             ends = value, value
         estimates[key] = Estimate(value, made.unit(key), ends, held=key in held)
     certain = [k for k, e in estimates.items() if e.ci95 is not None and e.ci95[1] > e.ci95[0]]
-    at = [interval.names.index(told[k]) for k in certain]
+    at = [names.index(told[k]) for k in certain]
     found = np.array([estimates[k].value for k in certain])
     positive = np.array(
         [own[k].low >= 0.0 and x > 0 for k, x in zip(certain, found, strict=True)], bool
     )
-    joint = Joint(tuple(certain), found, V[np.ix_(at, at)], positive)
+    joint = Joint(tuple(certain), found, answer.covariance[np.ix_(at, at)], positive)
     left = tuple(k for k in estimates if k not in told and k not in held)
     return ModelValues(made, estimates, joint, left)
 
 
-def _told(last: LastFit, values: Mapping[str, Value], model: Model, sure: bool) -> dict[str, str]:
+def _told(answer: Answer, model: Model) -> dict[str, str]:
     """The keys of the model that the last fit tells, and its own names for them."""
-    plant = {"J"} if sure else set()
+    plant = {"J"} if answer.sure else set()
     plant |= {"Fc", "Fv"} if means_the_same(model.friction.block) else set()
-    if last.view.motion.one_way:
+    if answer.view.motion.one_way:
         plant -= {"Fc"}
     made = {k: k for k in model.declarations() if k in plant}
-    made |= {k: k for k in model.declarations() if "." in k and k in values}
+    made |= {k: k for k in model.declarations() if "." in k and k in answer.values}
     return made
 
 
