@@ -77,57 +77,19 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .bench import (  # noqa: F401
-        Assurance,
-        Compensation,
-        HuntingChance,
-        assure,
-        compensate,
-        hunting_chance,
-    )
-    from .bench.compare import ObserverComparison, compare_observers  # noqa: F401
-    from .bench.recommend import Recommendation, recommend_observer  # noqa: F401
-    from .blocks.block import P  # noqa: F401
-    from .blocks.catalogue import (  # noqa: F401
-        controllers,
-        effects,
-        laws,
-        observers,
-    )
-    from .blocks.controllers import (  # noqa: F401
-        compensation,
-        error,
-        feedforward,
-        pi,
-        pid,
-        prefilter,
-    )
-    from .blocks.dead_time_control import (  # noqa: F401
-        coulomb_compensation,
-        coulomb_predictor,
-        smith_velocity,
-    )
-    from .blocks.declaration import block  # noqa: F401
-    from .blocks.drive import (  # noqa: F401
-        current_lag,
-        dead_time,
-        limiter,
-        notch,
-        proportional,
-    )
-    from .blocks.extending import load_blocks  # noqa: F401
-    from .blocks.factories import (  # noqa: F401
-        effect,
-        friction,
-    )
-    from .blocks.model import (  # noqa: F401
-        Model,
-        Parameters,
-        read_model,
-        table1,
-        write_model,
-    )
-    from .blocks.observers import (  # noqa: F401
+    from .bench import Assurance, Compensation, HuntingChance, assure, compensate, hunting_chance
+    from .bench.compare import ObserverComparison, compare_observers
+    from .bench.recommend import Recommendation, recommend_observer
+    from .blocks.block import P
+    from .blocks.catalogue import controllers, effects, laws, observers
+    from .blocks.controllers import compensation, error, feedforward, pi, pid, prefilter
+    from .blocks.dead_time_control import coulomb_compensation, coulomb_predictor, smith_velocity
+    from .blocks.declaration import block
+    from .blocks.drive import current_lag, dead_time, limiter, notch, proportional
+    from .blocks.extending import load_blocks
+    from .blocks.factories import effect, friction
+    from .blocks.model import Model, Parameters, read_model, table1, write_model
+    from .blocks.observers import (
         adaptive_observer,
         disturbance_observer,
         existing_observer,
@@ -143,8 +105,8 @@ if TYPE_CHECKING:
         proposed_observer,
         temperature_observer,
     )
-    from .blocks.plant import plant, sensor  # noqa: F401
-    from .blocks.sliding_control import (  # noqa: F401
+    from .blocks.plant import plant, sensor
+    from .blocks.sliding_control import (
         adaptive_slotine_li,
         backstepping_smc,
         dual_observer_control,
@@ -153,14 +115,10 @@ if TYPE_CHECKING:
         sliding_error,
         slotine_li,
     )
-    from .blocks.table import tabulated  # noqa: F401
-    from .commissioning import frequency_response, response_plan, tune  # noqa: F401
-    from .core.errors import (  # noqa: F401
-        Diverged,
-        InputError,
-        Refused,
-    )
-    from .design import (  # noqa: F401
+    from .blocks.table import tabulated
+    from .commissioning import frequency_response, response_plan, tune
+    from .core.errors import Diverged, InputError, Refused
+    from .design import (
         Certificate,
         Design,
         ObserverDesign,
@@ -169,17 +127,14 @@ if TYPE_CHECKING:
         excitation,
         natural_decay,
     )
-    from .diagnosis.balance import balance  # noqa: F401
-    from .diagnosis.compare_laws import LawComparison, compare_laws  # noqa: F401
-    from .diagnosis.diagnose import diagnose  # noqa: F401
-    from .diagnosis.fleet import (  # noqa: F401
-        Fleet,
-        diagnose_each,
-    )
-    from .diagnosis.identify import identify  # noqa: F401
-    from .diagnosis.result import Diagnosis  # noqa: F401
-    from .estimates.findings import Table  # noqa: F401
-    from .hunting import (  # noqa: F401
+    from .diagnosis.balance import balance
+    from .diagnosis.compare_laws import LawComparison, compare_laws
+    from .diagnosis.diagnose import diagnose
+    from .diagnosis.fleet import Fleet, diagnose_each
+    from .diagnosis.identify import identify
+    from .diagnosis.result import Diagnosis
+    from .estimates.findings import Table
+    from .hunting import (
         HuntingMap,
         LimitCycles,
         StickSlip,
@@ -187,7 +142,7 @@ if TYPE_CHECKING:
         limit_cycles,
         stick_slip_speed,
     )
-    from .linear import (  # noqa: F401
+    from .linear import (
         DelayedTransfer,
         bandwidth,
         bandwidth_check,
@@ -206,17 +161,14 @@ if TYPE_CHECKING:
         velocity_loop_tf,
         velocity_T,
     )
-    from .loops.cascade import cascade_loop  # noqa: F401
-    from .loops.friction_loops import (  # noqa: F401
-        position_loop,
-        velocity_loop,
-    )
-    from .loops.late_loop import late_loop  # noqa: F401
-    from .paper.equations import PAPER  # noqa: F401
-    from .record import Record, read_record  # noqa: F401
-    from .simulation.bristle_deflection import deflection  # noqa: F401
-    from .simulation.response import simulate  # noqa: F401
-    from .simulation.sampled_block import sampled  # noqa: F401
-    from .simulation.sampled_response import simulate_sampled  # noqa: F401
-    from .simulation.sweep import sweep, sweep_chunks  # noqa: F401
-    from .simulation.sweep_result import Sweep  # noqa: F401
+    from .loops.cascade import cascade_loop
+    from .loops.friction_loops import position_loop, velocity_loop
+    from .loops.late_loop import late_loop
+    from .paper.equations import PAPER
+    from .record import Record, read_record
+    from .simulation.bristle_deflection import deflection
+    from .simulation.response import simulate
+    from .simulation.sampled_block import sampled
+    from .simulation.sampled_response import simulate_sampled
+    from .simulation.sweep import sweep, sweep_chunks
+    from .simulation.sweep_result import Sweep

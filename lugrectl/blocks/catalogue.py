@@ -125,12 +125,7 @@ class Entry:
     def _parameter_lines(self) -> list[str]:
         lines = ["parameters:"] if self.parameters else ["parameters: none"]
         for name, p in self.parameters.items():
-            low, high = _number(p.low), _number(p.high)
-            bounds = f"at least {low}" if p.high == math.inf else f"{low} to {high}"
-            if p.low == -math.inf:
-                bounds = "any value" if p.high == math.inf else f"at most {high}"
-            bounds = " or ".join(f"{c:g}" for c in p.choices) or bounds
-            said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {bounds}"
+            said = f"  {name}: {'no unit' if p.unit == '1' else p.unit}, {_bounds(p)}"
             said += ", a whole number on a rotary drive" if p.whole else ""
             said += f", {_number(p.value)} unless given" if p.usual else ""
             said += f", no effect at {_number(p.neutral)}" if p.neutral is not None else ""
@@ -355,6 +350,16 @@ def _bare(text: str) -> str:
 
 def _labels(entry: Entry) -> list[str]:
     return [f"{k} [{p.unit}]" for k, p in entry.parameters.items()]
+
+
+def _bounds(p: P) -> str:
+    """The bounds of a parameter in words, which the reference shows as well."""
+    if p.choices:
+        return " or ".join(f"{c:g}" for c in p.choices)
+    low, high = _number(p.low), _number(p.high)
+    if p.low == -math.inf:
+        return "any value" if p.high == math.inf else f"at most {high}"
+    return f"at least {low}" if p.high == math.inf else f"{low} to {high}"
 
 
 def _number(value: float) -> str:

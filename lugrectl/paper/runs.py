@@ -12,16 +12,14 @@ import control as ct
 import numpy as np
 from scipy.optimize import brentq
 
-from .. import linear
-from ..blocks.model import Parameters, table1
+import lugrectl as lg
+
 from ..core.display import Row, Shown, number
 from ..core.errors import Diverged, InputError
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance
 from ..core.result import Fields, Result, picked, plain
 from ..core.views import view
-from ..loops.friction_loops import position_loop, velocity_loop
-from ..simulation.response import simulate
 from . import studies
 from .equations import FAILS, HOLDS, PAPER
 from .studies import Case, Compensation, Measure, Study
@@ -127,7 +125,7 @@ class Claim(Fields):
 class Reproduction(Result):
     """Everything that ``lugrectl reproduce`` shows."""
 
-    parameters: Parameters
+    parameters: lg.Parameters
     widths: tuple[Width, ...]
     figures: tuple[PaperFigure, ...]
     growth: Growth | None
@@ -228,8 +226,8 @@ def claims(r: Reproduction) -> Iterator[Claim]:
 
 
 Run = tuple[np.ndarray, dict[str, np.ndarray]]  # times, and signals by name
-LOOPS = {"velocity": velocity_loop, "position": position_loop}
-LOOPS_TF = {"velocity": linear.velocity_loop_tf, "position": linear.position_loop_tf}
+LOOPS = {"velocity": lg.velocity_loop, "position": lg.position_loop}
+LOOPS_TF = {"velocity": lg.velocity_loop_tf, "position": lg.position_loop_tf}
 SAID = {"velocity": "around 115 Hz at -3 dB", "position": "approximately 20 Hz"}  # by the paper
 CHOSEN = "(the text of the paper gives no reference: this one is chosen here)"
 
@@ -254,7 +252,7 @@ def reproduce(
     InputError
         For an unknown key.
     """
-    p, report = table1(), reporter(progress)
+    p, report = lg.table1(), reporter(progress)
     bench, known = Bench(p), studies.all_studies(same_width(p), same_width_spr(p))
     keys = [*LOOPS, *(s.key for s in known)]
     chosen = keys if only is None else [k for k in keys if k in only]
@@ -275,7 +273,7 @@ def reproduce(
 # --- bandwidths ----------------------------------------------------------------------------
 
 
-def widths(p: Parameters) -> tuple[Width, ...]:
+def widths(p: lg.Parameters) -> tuple[Width, ...]:
     """Bandwidths of the paper's loops and of the loops compared with them."""
     made, V, X = [], studies.VELOCITY, studies.POSITION
     for loop, label, gains, level in (
@@ -294,20 +292,20 @@ def widths(p: Parameters) -> tuple[Width, ...]:
             den = np.array(T.den[0][0], dtype=float)
             den[1] += p.Fv
             T = ct.tf(T.num[0][0], den)
-        b = linear.bandwidth_check(T, level)
-        of_spr = linear.velocity_T if loop == "velocity" else linear.position_T
-        spr = None if left_in else linear.spr_check(of_spr(p, **gains)).classification
+        b = lg.bandwidth_check(T, level)
+        of_spr = lg.velocity_T if loop == "velocity" else lg.position_T
+        spr = None if left_in else lg.spr_check(of_spr(p, **gains)).classification
         said = SAID[loop] if label.startswith("paper's") else ""
         made.append(Width(loop, label, {**gains}, level, b.hertz, b.stable, b.poles, spr, said))
     return tuple(made)
 
 
-def _crossing(p: Parameters, gains: Mapping[str, float] = studies.POSITION) -> float:
+def _crossing(p: lg.Parameters, gains: Mapping[str, float] = studies.POSITION) -> float:
     """Where |T| of a position loop crosses -3 dB, in rad/s."""
-    return linear.bandwidth_check(linear.position_loop_tf(p, **gains)).bandwidth
+    return lg.bandwidth_check(lg.position_loop_tf(p, **gains)).bandwidth
 
 
-def same_width(p: Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
+def same_width(p: lg.Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
     """A stable PID with the -3 dB crossing of the source paper's position PI.
 
     Kp = J wn^2, Kd = 2 damping J wn, Ki in the paper's ratio to Kp; wn is solved for.
@@ -322,7 +320,7 @@ def same_width(p: Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
     return gains(float(brentq(miss, 0.2 * wanted, 5 * wanted, xtol=1e-10)))  # type: ignore
 
 
-def same_width_spr(p: Parameters) -> dict[str, float]:
+def same_width_spr(p: lg.Parameters) -> dict[str, float]:
     """A PD with the same crossing whose T(s) is SPR: Kd 5 % above sigma0 J / sigma1.
 
     Kp solves c |Kp + j Kd w - J w^2|^2 = Kp^2 at the crossing w, with c = 10^(-3/10).
@@ -342,7 +340,7 @@ def same_width_spr(p: Parameters) -> dict[str, float]:
 class Bench:
     """The loops of one drive, built when first needed; only values change between runs."""
 
-    p: Parameters
+    p: lg.Parameters
     _loops: dict[tuple[str, str | None], Any] = field(default_factory=dict)
 
     def respond(
@@ -361,7 +359,7 @@ class Bench:
         if c.observer is not None:
             own = {k: v * case.scale.get(k, 1.0) for k, v in self.p.friction().items()}
             values |= {f"{c.observer}_observer.{k}": v for k, v in (own | {**c.gains}).items()}
-        outputs = np.asarray(simulate(system, t, r, start, params=values).outputs)
+        outputs = np.asarray(lg.simulate(system, t, r, start, params=values).outputs)
         y = dict(zip(system.output_labels, outputs, strict=True))
         return t, y | {"F - Fhat": y["F"] - y["Fhat"]}
 
@@ -436,7 +434,7 @@ def figure(bench: Bench, loop: str) -> PaperFigure:
 
 def growth(bench: Bench, observer: Compensation = studies.PROPOSED) -> Growth:
     """Time constant of the paper's position PI with exact compensation: pole and simulation."""
-    poles = linear.bandwidth_check(linear.position_loop_tf(bench.p, **studies.POSITION)).poles
+    poles = lg.bandwidth_check(lg.position_loop_tf(bench.p, **studies.POSITION)).poles
     window = (40.0, 100.0)
     t, y = bench.respond(
         "position", studies.POSITION, observer, Case("", studies.STEP, (), duration=100.0, dt=2e-3)

@@ -169,7 +169,7 @@ def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
     def fail(*_, **__):
         raise lg.Diverged("w grows")
 
-    monkeypatch.setattr(runs, "simulate", fail)
+    monkeypatch.setattr(lg, "simulate", fail)
     outcome = runs.run(bench, studies.INITIAL, lambda what: None)
     assert milli(outcome.rows[0].rms["none"]) == "diverges" and outcome.traces == ()
 

@@ -1,6 +1,7 @@
 """The budget: its intervals, its noise, and what its shares are of."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ DT = 2e-3
 MODEL = Model.of(J=0.004, Fc=FC, Fv=0.006)
 
 
-def compared(noise=1e-4):
+@cache
+def compared(noise):
     u = torque(10.0, DT, seed=3)
     theta, _ = simulate(u, DT)
     theta = theta + np.random.default_rng(0).normal(0.0, noise, len(u))
@@ -31,7 +33,7 @@ def test_a_narrow_interval_has_the_digits_that_tell_its_ends_apart():
 
 
 def test_intervals_stay_where_the_model_explains_the_torque():
-    found = compared()
+    found = compared(1e-4)
     terms = {s.term: s for s in found.budget}
     assert all(terms[k].ci95 is not None for k in ("inertia", "coulomb", "viscous"))
     assert "no intervals" not in budget(diagnosis(comparison=found)).footnote
@@ -39,7 +41,7 @@ def test_intervals_stay_where_the_model_explains_the_torque():
 
 @pytest.mark.parametrize("noise", [1e-4, 1e-3])
 def test_the_noise_is_a_part_of_what_is_not_explained(noise):
-    terms = {s.term: s for s in compared(noise=noise).budget}
+    terms = {s.term: s for s in compared(noise).budget}
     assert terms["noise"].rms <= terms["left"].rms
 
 
@@ -56,5 +58,5 @@ def test_what_the_shares_are_of_is_said_and_what_stays_beside_an_unknown_torque(
 
 def test_coulomb_and_viscous_are_those_of_the_curve_not_of_its_shapes():
     """Of the many shapes of friction several share the torque; the plain level is one number."""
-    terms = {s.term: s for s in compared().budget}
+    terms = {s.term: s for s in compared(1e-4).budget}
     assert terms["coulomb"].rms == pytest.approx(FC, rel=0.02)
