@@ -410,7 +410,7 @@ def test_functions_that_cannot_be_sent_are_said_at_once(pool: ProcessPoolExecuto
         with pytest.raises(InputError, match="inputs cannot be sent .* top of a module"):
             lg.sweep(lag(), T, lambda i: 1.0, TABLE, **how)
         with pytest.raises(InputError, match="reduce cannot be sent"):
-            lg.sweep_chunks(lag(), T, 1.0, TABLE, reduce=lambda t, y: 0, **given)
+            lg.sweep_chunks(lag(), T, 1.0, TABLE, reduce=lambda t, y: 0, **how)
 
 
 class Interrupted(Executor):
