@@ -69,7 +69,8 @@ def test_a_declared_drag_is_not_counted_twice():
     assert covers(drag, 5e-3) and np.ptp(drag.ci95) < 0.1 * 5e-3
 
 
-@pytest.mark.parametrize("scatter", [0.0, 4e-3])
+@pytest.mark.cases
+@pytest.mark.parametrize("scatter", [4e-3, 0.0])
 def test_the_error_table_has_the_scatter_of_the_runs(scatter):
     runs = both_ways(np.linspace(2.0, 40.0, 12), scatter=scatter, samples=500)
     error = lg.diagnose(runs, lg.Model.of(friction="coulomb", Fc=0.31, Fv=FV)).error
@@ -100,6 +101,7 @@ def test_a_value_that_was_guessed_may_be_0_without_the_fall_too():
     assert not any("limit of the range" in said for said in found.messages)
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("many", [4, 5, 6])
 def test_few_points_have_finite_intervals(many):
     """Where Akaike's criterion is infinite for both laws neither is preferred."""
