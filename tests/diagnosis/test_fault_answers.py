@@ -134,3 +134,11 @@ def test_a_short_fast_run_among_slow_ones():
     found = lg.diagnose([{k: x[a:b:n] for k, x in log.items()} for a, b, n in parts], MODEL)
     assert found.verdict == "adequate"
     holds(found.plain.parameters)
+
+
+def test_runs_of_one_torque_each():
+    """The offset of a run may differ, but a drive has little of one."""
+    runs = [driven(np.r_[np.zeros(200), np.full(2800, u)]) for u in (0.18, 0.26, 0.34)]
+    fit = lg.identify(runs, MODEL)
+    for key, x in TRUE.items():
+        assert fit.parameters[key].value == pytest.approx(x, rel=0.03), key

@@ -4,6 +4,7 @@ import csv
 import io
 import json
 import os
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,6 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import lugrectl as lg
+from lugrectl.blocks.block import REGISTRY, P
+from lugrectl.blocks.model import Sent
 from lugrectl.core import blas_threads
 from lugrectl.core.blas_threads import one_thread_each
 from lugrectl.core.errors import InputError, Refused
@@ -282,3 +285,20 @@ def test_any_executor_carries_the_work(logs, job):
 def test_an_option_that_cannot_be_meant_is_said_once_before_any_log_is_read(logs, option, said):
     with pytest.raises(lg.InputError, match=said):
         lg.diagnose_each(logs, MODEL, **option)
+
+
+def test_an_effect_that_the_workers_do_not_know_is_said_and_not_left_out():
+    def spring_of_mine(theta, stiffness=P(0.0, "N m/rad", 0.0, neutral=0.0)):
+        """r_e = k theta."""
+        return stiffness * theta
+
+    made = lg.block("effect", out="d", acts="torque")(spring_of_mine)
+    try:
+        sent, whole = Sent.of(MODEL), pickle.dumps(made)
+        assert sent.open() == MODEL and pickle.loads(whole) is made
+    finally:
+        del REGISTRY["effect", "spring_of_mine"]
+    with pytest.raises(InputError, match="spring_of_mine.*jobs=1"):
+        sent.open()
+    with pytest.raises(InputError, match="spring_of_mine"):
+        pickle.loads(whole)

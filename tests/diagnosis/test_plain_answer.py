@@ -95,3 +95,14 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(one_way, capsys, out, 
     assert main(["plot", "run.csv", "--out", out]) == 2
     said = capsys.readouterr()
     assert said.out == "" and word in said.err and len(said.err.splitlines()) == 1
+
+
+def test_what_is_certain_stands_beside_a_refusal(one_way):
+    """An inertia in kg cm2 is no drive that this log can be of."""
+    model = lg.Model.of(J={"value": 1e4 * J, "fixed": True}, friction="coulomb")
+    d = lg.diagnose("run.csv", model)
+    assert d.verdict == "refused" and "J is held at" in d.reason
+    low, high = d.plain.parameters["J"].ci95
+    assert low <= J <= high
+    document = json.loads(d.to_json())
+    assert [document[k] for k in ("budget", "comparison", "detectable")] == [None] * 3

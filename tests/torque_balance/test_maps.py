@@ -75,9 +75,11 @@ def test_the_answer_has_the_face_of_a_map():
             "position_dependent_friction",
             {"ratio": 0.08 / FC},
         ),
+        (lambda w, x: 0.002 * w * abs(w), "quadratic_drag", {"coefficient": 0.002}),
+        (lambda w, x: 0.006 * abs(w), "viscous_asymmetry", {"ratio": 0.006 / FV}),
     ],
 )
-def test_what_hangs_on_the_angle_is_named(added, name, values):
+def test_what_hangs_on_angle_and_speed_is_named(added, name, values):
     found = lg.diagnose(runs(added), MODEL)
     assert found.verdict == "found" and named(found) == [name]
     assert all(holds(found.effects[0].parameters[k], x) for k, x in values.items())
