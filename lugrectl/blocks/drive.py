@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple, Unpack
+from typing import Any, NamedTuple, Unpack
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from .block import P
 from .declaration import block
 from .effects import actuator_lag, actuator_saturation, input_delay
 from .factories import Names, factory
-
-if TYPE_CHECKING:
-    pass
 
 TURN = 2.0 * np.pi
 KV: Any = P(20.0, "1/s")
