@@ -35,7 +35,8 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(T, DelayedTransfer):
         late = max(T.dead_times, default=0.0)
         both = [p for q in (T.num, T.den) for _, p in q.terms]
-        places = np.abs([root for p in both for root in roots(p)] + [1.0 / late] * bool(late))
+        around = [1.0 / late] if late else []
+        places = np.abs([*(root for p in both for root in roots(p)), *around])
     else:
         if not isinstance(T, ct.TransferFunction | ct.StateSpace):
             T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))

@@ -190,3 +190,8 @@ def test_passivity_shows_the_speed_from_which_friction_may_give_energy():
     w, power = ax.lines[0].get_data()
     assert (power[w < 0.99 * found.speed] > 0).all() and (power[w > 1.01 * found.speed] < 0).all()
     assert f"above {found.speed:.4g} rad/s" in words(ax) and "not passive" in words(ax)
+
+
+def test_a_loop_without_dead_times_is_drawn():
+    """velocity_L has room for dead times; here it has none."""
+    assert len(lg.stability_check(lg.velocity_L(lg.table1(), kp=1.6, ki=0.16)).plot()) == 3
