@@ -204,7 +204,8 @@ def _refused(known: Known) -> str:
     except NameError:  # a misspelt name is no reason to leave an effect out: it is said
         raise
     except Exception as error:  # whatever a function of the user raises
-        return f"{block.name} cannot be evaluated along a log: {type(error).__name__}: {error}"
+        why = f"{type(error).__name__}: {error}".rstrip(".")
+        return f"{block.name} cannot be evaluated along a log ({why}): it needs np.where, not if"
     return ""
 
 

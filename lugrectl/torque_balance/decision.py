@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.block import members
+from ..blocks.block import is_ours, members
 from ..blocks.model import Model
 from ..core.regression import Prior, paired, robust
+from .columns import refused
 from .constants import (
     ALIKE,
     ALPHA,
@@ -42,6 +43,7 @@ from .table import Contender, Table, errors_of, proven
 from .unknown import Unknown
 from .windows import Width
 
+LEFT_OUT = "{}. It was not compared."
 FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
 RIGID = 1e-3  # of the shortest bristle that is tried: none to see
@@ -68,7 +70,8 @@ class Decision:
     ) -> None:
         self.view, self.width, self.never = view, width, view.never.union(never)
         self.least, self.alpha = least, alpha
-        self.notes: list[str] = []
+        own = [b for b in members("effect").values() if not is_ours(b.home)]
+        self.notes = [LEFT_OUT.format(why) for why in map(refused, own) if why]
         self.memory: dict[str, Any] = {}
         self._known: dict[tuple[int, ...], tuple[list[Contender], list[Contender]]] = {}
         self.joined: list[Term] = []

@@ -148,3 +148,14 @@ def test_an_own_effect_with_two_parameters_without_a_grid_is_searched():
     values = {k: e.value for k, e in found.effects[0].parameters.items()}
     wanted = {"pull": 0.08, "position": 1.2, "width": 0.4}
     assert values == pytest.approx(wanted, rel=0.15)
+
+
+def test_an_own_effect_that_cannot_be_compared_is_said():
+    def brake(w, torque=GAIN):
+        """d = torque above 5 rad/s, written with a branch."""
+        return torque if w > 5.0 else 0.0
+
+    lg.block("effect", out="d", acts="torque")(brake)
+    found = lg.diagnose(recorded(8.0), MODEL)
+    (said,) = (m for m in found.messages if "brake" in m)
+    assert "it needs np.where, not if" in said and said.endswith("It was not compared.")
