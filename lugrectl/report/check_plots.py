@@ -22,6 +22,7 @@ NEAR_MINUS_1 = 3.0  # up to which |L| the Nyquist curve is drawn
 CERTAIN = 0.95  # the least coherence that is drawn as certain
 _DASHED: dict[str, Any] = {"color": MARK, "ls": "--"}
 TURN = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 361))
+TURNED = -450.0  # deg: a dead time turns on and on, far below every margin
 
 
 def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
@@ -124,7 +125,8 @@ def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         if ends["phase"]:
             span = [-180.0, verdict.phase_margin - 180.0]
             own.plot([ends["phase"]] * 2, span, color=MARK, lw=2, label=_said(verdict, "phase"))
-        own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
+        low = min([TURNED, *np.interp(at, w, turned) - 90.0])
+        own.set(xlabel="w [rad/s]", ylabel="phase [deg]", ylim=(max(own.get_ylim()[0], low), None))
         headed(own, "")
 
     def nyquist(own: Axes) -> None:
