@@ -22,11 +22,14 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import TraceError
-from lugrectl.engine.runtime import adaptive_run, memo
+from lugrectl.engine import Lanes, TraceError
+from lugrectl.engine.runtime import adaptive_run, batch_run, memo
+from lugrectl.engine.runtime.backend import has_wide
 from lugrectl.simulation import bristle_deflection
 
 from ..cases.ensembles import lag
+from ..cases.systems import DT, torque
+from ..cases.wide import WIDE, plant
 from ..conftest import there
 from . import item
 
@@ -115,6 +118,22 @@ def test_the_deflection_of_a_million_samples_against_a_loop_of_floats(way, aim, 
         return z
 
     assert ratio(plain, lambda: lg.deflection(w, 1e-3, P), 10) > aim
+
+
+@pytest.mark.skipif(not has_wide(), reason="this machine computes one at a time")
+@pytest.mark.parametrize("effect", WIDE)
+def test_several_lanes_at_once_against_one_after_another(effect, monkeypatch):
+    """A loop that the compiler could not turn into several at once would be no quicker."""
+    made = Lanes(plant("lugre", effect), backend="c")
+    p = np.tile(made.defaults, (64, 1))
+    x0 = 1e-3 * np.random.default_rng(1).standard_normal((64, len(made.states)))
+    u = torque(1000)[:, : len(made.inputs)]
+
+    def run(least: int) -> Any:
+        monkeypatch.setattr(batch_run, "LEAST_WIDE", least)
+        return made.run(x0, np.zeros(64, int), 1000, u, p, dt=DT)
+
+    assert ratio(lambda: run(1000), lambda: run(1), 10) > 1.1
 
 
 def test_a_thousand_parameter_sets_against_one_by_one():

@@ -24,6 +24,10 @@ _SUM = 64  # terms without brackets
 # libraries provide for several numbers at once, keep compilers from vectorising
 _OWN = {
     ("scalar", "exp"): "(0.0 if {0} < -745.2 else exp({0}))",
+    ("wide", "exp"): "exp(max({0}, -700.0))",
+    ("wide", "maximum"): "max({0}, {1})",
+    ("wide", "minimum"): "min({0}, {1})",
+    ("wide", "tanh"): "(1.0 - 2.0 / (1.0 + exp(max(min(2.0 * {0}, 700.0), -700.0))))",
 }
 _NAMED_TWICE = {"sign", "maximum", "minimum", "exp"}
 
@@ -32,7 +36,7 @@ class Emitter:
     """Writes each node once: nodes that depend on ``fixed`` symbols only, which do not change
     inside the loop for which the code is written, go into ``head``.
 
-    ``kind`` is "scalar" or "array".
+    ``kind`` is "scalar", "array", or "wide": for floats, in a form that can be vectorised.
     ``prefix`` begins the names of the variables.
     """
 

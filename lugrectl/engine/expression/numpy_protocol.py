@@ -92,6 +92,9 @@ OPS: dict[str, Op] = {
     "logical_not": Op(np.logical_not, "(not {0})", "np.logical_not({0})"),
 }
 
+WIDTH = 8  # numbers computed at once, if the processor supports it
+LIBRARY = ("cos", "exp", "log", "pow", "sin")  # functions of a C library for several numbers
+
 COMPARISONS = {"less", "less_equal"}
 
 # choices between two branches: condition, branch if it holds, branch if not

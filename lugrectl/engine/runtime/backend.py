@@ -30,6 +30,7 @@ from ...core.errors import InputError
 from ...core.writing import whole as written_whole
 from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code, lengths
 from ..codegen.python_source import ARRAY_HEADER, SCALAR_HEADER
+from ..expression.numpy_protocol import LIBRARY, WIDTH
 
 
 def cache_dir() -> Path:
@@ -120,23 +121,31 @@ def make_room(folder: Path, most: int = 500) -> None:
 
 PLAIN = ("-O2", "-fPIC", "-shared", "-fno-math-errno", "-fno-trapping-math")
 PLAIN += ("-Werror=implicit-function-declaration",)
-# a product and a sum may be rounded once: values then depend on the machine
+# FUSED and WIDE may round a product and a sum once: values then depend on the machine
 FUSED = (*PLAIN, "-mfma", "-fno-tree-slp-vectorize")  # pairs of numbers cost more than they save
+# for several numbers at once; sine and cosine of one angle would become one call, which the
+# library has for one number only
+WIDE = ("-O3", *PLAIN[1:], "-mavx2", "-mfma", "-fno-builtin-cos", "-Wl,-z,defs")
 _ABLE = """
 #if defined(__clang__) || !defined(__GNUC__)
-#error another compiler has other flags
+#error another compiler does not know the library
 #endif
-static double able(void) { __builtin_cpu_init(); return __builtin_cpu_supports("fma"); }
+static double able(void) {
+    __builtin_cpu_init();
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+}
 """
+_KNOWN = '__attribute__((simd("notinbranch"), const, nothrow, leaf)) double {}(double{});'
 SUFFIX = ".dll" if sys.platform == "win32" else ".so"
 _LEAST = "def run(a):\n    a[0] = sqrt(a[0])\n"
+_SEVERAL = "def run(a):\n    for i in range({}):\n        a[i] = exp(a[i])\n"
 
 
 class Native:
     """The last function of a source text, compiled at its first call for the arguments' kinds.
 
     It may take floats, whole numbers and arrays in C order, as :func:`c_code` reads them.
-    ``flags`` are PLAIN, or, with :func:`has_fma`, FUSED.
+    ``flags`` are PLAIN, or, with :func:`has_wide`, FUSED, or WIDE to vectorise its innermost loops.
     """
 
     def __init__(self, source: str, flags: tuple[str, ...] = PLAIN) -> None:
@@ -151,8 +160,10 @@ class Native:
         run = self._made.get(forms)
         if run is None:
             kinds = tuple(_kind(i, a) for i, a in enumerate(arguments))
+            pairs = [(name, ", double" * (name == "pow")) for name in LIBRARY]
+            known = "\n".join(_KNOWN.format(*pair) for pair in pairs) if self.flags == WIDE else ""
             with self._lock:
-                run = _loaded(c_code(self.source, kinds), kinds, self.flags)
+                run = _loaded(c_code(self.source, kinds, known), kinds, self.flags)
                 self._made[forms] = run
         return run(*passed)
 
@@ -169,15 +180,18 @@ def has_compiler() -> bool:
 
 
 @cache
-def has_fma() -> bool:
-    """Whether compiler and processor can round a product and a sum once."""
-    there = np.zeros(1)
+def has_wide() -> bool:
+    """Whether compiler, processor and library can compute several numbers at once."""
+    there, several = np.zeros(1), np.linspace(-700.0, 1.0, WIDTH)
+    want = np.exp(several)
     try:
         able = c_code("def run(a):\n    a[0] = able()\n", (_kind(0, there),), _ABLE)
         _loaded(able, (_kind(0, there),), PLAIN)(*_passed(0, there))
+        if there[0] == 1.0:
+            Native(_SEVERAL.format(WIDTH), WIDE)(several)
     except (InputError, OSError):
         return False
-    return bool(there[0] == 1.0)
+    return bool(there[0] == 1.0 and np.allclose(several, want, rtol=1e-14, atol=0.0))
 
 
 def _kind(place: int, value: Any) -> Kind:
@@ -262,7 +276,7 @@ HEADERS: Mapping[str, str] = {
     "python": SCALAR_HEADER + "import numpy as np\n" + _FAST + "\n\nsmall = fast\n",
     "numpy": ARRAY_HEADER + _FAST,
 }
-FLAGS = {"c": PLAIN, "fused": FUSED}
+FLAGS = {"c": PLAIN, "fused": FUSED, "wide": WIDE}
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -295,7 +309,8 @@ def load(source: str, backend: str) -> ModuleType:
     those that only these call.
 
     ``backend`` is "numba", "python" (the same text, not compiled), "numpy", or, for its last
-    function, "c", or "fused", which may round a product and a sum once.
+    function, "c", "fused", which may round a product and a sum once, or "wide": C that computes
+    several turns of its innermost loops at once.
     """
     text = HEADERS.get(backend, "") + "\n\n" + source
     name = f"lugrectl_{backend}_{hashlib.sha256(text.encode()).hexdigest()[:20]}"
@@ -317,7 +332,7 @@ def load(source: str, backend: str) -> ModuleType:
 
 def load_steps(source: str, backend: str) -> ModuleType:
     """As :func:`load`, for a run that controls its own error: rounding may be the machine's."""
-    return load(source, "fused" if backend == "c" and has_fma() else backend)
+    return load(source, "fused" if backend == "c" and has_wide() else backend)
 
 
 def _direct(text: str, name: str) -> ModuleType:

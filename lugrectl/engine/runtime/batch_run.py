@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..codegen.fixed_step import lane_code
+from ..codegen.fixed_step import is_wide, lane_code, wide_code
+from ..expression.numpy_protocol import WIDTH
 from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
-from .backend import compiler, each_beside, load, threads
+from .backend import compiler, each_beside, has_wide, load, threads
 
 if TYPE_CHECKING:
     import control as ct
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
 Rounding = tuple[np.ndarray, np.ndarray]
 
 MANY = 20_000  # substeps: fewer are not worth a thread
+LEAST_WIDE = 4  # from this many lanes on a block is faster than one lane after another
 
 
 class Lanes:
@@ -27,8 +30,9 @@ class Lanes:
 
     The system, a block or an interconnection in continuous time, is traced once, as it is now;
     TraceError where that cannot be. tanh(x/p) of a state x is sign(x) where the default of p only
-    smooths it. ``backend`` is "c", "numba", "numpy", or None: the first one available. ``outputs``
-    are the requested ones in order, None for all; ``defaults`` the values of ``parameters``.
+    smooths it. ``backend`` is "c", "numba", "numpy", or None: the first one available; "c"
+    computes several lanes at once if compiler, processor and library support it. ``outputs`` are
+    the requested ones in order, None for all; ``defaults`` the values of ``parameters``.
     """
 
     def __init__(
@@ -46,6 +50,13 @@ class Lanes:
         self.defaults = self.program.defaults.copy()
         kind = "array" if self.backend == "numpy" else "scalar"
         self._run: Callable[..., None] = load(lane_code(self.program, kind), self.backend).run
+
+    @cached_property
+    def _wide(self) -> Callable[..., None] | None:
+        """The loop over blocks of lanes, if available."""
+        if self.backend != "c" or not has_wide() or not is_wide(self.program):
+            return None
+        return load(wide_code(self.program), "wide").run
 
     def run(
         self,
@@ -110,16 +121,16 @@ class Lanes:
         given = (x0, start, int(length), u, series, p, y, gain, gain.size > 0)
         steps = (float(dt), int(substeps), float(rtol), _repeated(floor, n))
         given = (*given, _plain(dull), _plain(half), _repeated(t0, count), *steps, y_hat, x_end)
+        wide = self._wide if count >= LEAST_WIDE and length else None
         large = self.backend != "numpy" and count * length * substeps > MANY
-        # in one call, or on threads: compiled code releases the GIL
-        parts = 4 * threads() if large and min(threads(), count) > 1 else 1
-        edges = np.linspace(0, count, min(count, parts) + 1).astype(int).tolist()
-
-        def part(k: int) -> None:
-            self._run(*given, edges[k], edges[k + 1])
-
+        loop, block = wide or self._run, WIDTH if wide else 1
+        # in one call, or in whole blocks on threads: compiled code releases the GIL
+        blocks = -(-count // block)
+        parts = 4 * threads() if large and min(threads(), blocks) > 1 else 1
+        edges = block * np.linspace(0, blocks, min(blocks, parts) + 1).astype(int)
+        edges = np.minimum(edges, count).tolist()
         with np.errstate(all="ignore"):
-            for _ in each_beside(part, range(len(edges) - 1)):
+            for _ in each_beside(lambda k: loop(*given, *edges[k : k + 2]), range(len(edges) - 1)):
                 pass
         return y_hat, x_end
 
