@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -69,8 +69,17 @@ def _from_rest(words: str, t: np.ndarray, parts: tuple[tuple[float, float], ...]
 
 @cache
 def _law(name: str) -> Any:
+    """A law whose levels are inputs after its own."""
     made = members("friction")[name]
-    return made.with_inputs([k for k in LEVELS if k in made.parameters]).system()
+    own, names = len(made.inputs) + made.timed, [k for k in LEVELS if k in made.parameters]
+    rest = {k: p for k, p in made.parameters.items() if k not in names}
+
+    def function(*signals: Any, **values: Any) -> tuple[Any, ...]:
+        levels = dict(zip(names, signals[own:], strict=False))
+        return made(*signals[:own], *signals[own + len(names) :], **values, **levels)
+
+    inputs = (*made.inputs, *names)
+    return replace(made, function=function, inputs=inputs, parameters=rest).system()
 
 
 def friction(m: Motion, w: np.ndarray | None = None, law: str = "lugre", **levels) -> np.ndarray:

@@ -280,11 +280,9 @@ def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]
         block, known = part.block, dict(part.values)
         if block.name == GAP:
             known = block.defaults() | known
-            motion, spans = (
-                {k: signals[k] for k in ("theta", "w")},
-                [(slice(0, len(run.u)), run.dt)],
-            )
-            (made,) = driven(block, [known, known | TIGHT], motion, spans)
+            motion = {k: signals[k] for k in ("theta", "w")}
+            sets: list[Any] = [known, known | TIGHT]
+            (made,) = driven(block, sets, motion, [(slice(0, len(run.u)), run.dt)])
             acts = {"torque": made[:, 0] - made[:, 1]}
         else:
             acts = dict(block.deeds(block(*(signals[name] for name in block.reads), **known)))
