@@ -226,7 +226,7 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
     many = math.ceil(samples)
     return ct.nlsys(
-        _Late() if many else None,
+        _Shift() if many else None,
         _Late(int(samples), samples % 1.0),
         inputs=renamed(name, "inputs", ("u_cmd",), names.get("inputs")),
         outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
@@ -241,23 +241,29 @@ def _commanded(names: Names) -> Names:
     return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
 
 
-@dataclass(frozen=True)
-class _Late:
-    """The command of ``whole`` samples ago, mixed with the one before by ``part``; None: the update
-    of the states, each of which takes the value of the one before."""
-
-    whole: int | None = None
-    part: float = 0.0
-
+class _Steady:
     def rests_on(self) -> tuple[Any, ...]:
         """Nothing but its arguments decides the answer."""
         return ()
 
+
+@dataclass(frozen=True)
+class _Shift(_Steady):
+    """The update of a delay: each state takes the value of the one before."""
+
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
-        known = [u[0], *x]
-        if self.whole is None:
-            return np.array(known[:-1])
-        late = known[self.whole]
+        return np.array([u[0], *x[:-1]])
+
+
+@dataclass(frozen=True)
+class _Late(_Steady):
+    """The command of ``whole`` samples ago, mixed with the one before by ``part``."""
+
+    whole: int
+    part: float
+
+    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
+        late = (known := [u[0], *x])[self.whole]
         if self.part:
             late = (1.0 - self.part) * late + self.part * known[self.whole + 1]
         return np.array([late])

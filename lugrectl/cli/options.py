@@ -8,7 +8,6 @@ braces is one of several; without a word the option is a flag.
 from __future__ import annotations
 
 import argparse
-import difflib
 import math
 import sys
 import textwrap
@@ -17,6 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from ..core.provenance import version
+from ..core.validation import nearest
 from . import checks, commands
 
 # --- types of options ----------------------------------------------------------------------
@@ -393,8 +393,8 @@ class Parser(argparse.ArgumentParser):
         if not word.startswith("-"):
             known = [c for a in self._actions if not a.option_strings for c in a.choices or ()]
         typed, bare = word.partition("=")[0], {k.lstrip("-").lower(): k for k in known}
-        near = difflib.get_close_matches(typed.lstrip("-").lower(), bare, 1)
-        return (typed, bare[near[0]]) if near and typed not in known else None
+        near = nearest(typed.lstrip("-"), bare)
+        return (typed, bare[near]) if near and typed not in known else None
 
 
 def _of_places(what: str, action: argparse.Action) -> str:

@@ -19,7 +19,9 @@ from .asked import Asked, judged_by
 from .balanced import Begun
 from .compare_laws import under_law
 from .mapped import of_map
+from .notes import INERTIA
 
+NOTHING = "no value of the model is certain from this record alone, nor its inertia."
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"
 
 
@@ -124,4 +126,6 @@ def identified(asked: Asked, horizon: float, report: Progress) -> Identification
     error = (fields.pop("error") or {}).items()
     error = {k: v for k, v in error if k != "augmented"} or None
     found = Identification(error=error, **fields)
+    if not (found.estimates or made.view.is_map):
+        raise Refused(NOTHING, INERTIA)
     return of_map(found, made, asked) if made.view.is_map else found

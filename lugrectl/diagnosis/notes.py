@@ -15,6 +15,7 @@ from ..estimates.balance import Balance
 from ..estimates.findings import Estimate, Finding
 from ..record import Record
 from ..torque_balance.constants import FEW
+from ..torque_balance.verdict import PLANT, common_factor
 from .asked import Asked
 from .result import Diagnosis
 
@@ -40,8 +41,6 @@ SAME = (
 )
 
 FAR = 0.2  # of the declared value, from which a change may have the causes below
-ALIKE = 0.05  # relative spread within which factors count as equal
-SCALED = ("J", "Fc", "Fv")  # among the values that a wrong scale of the torque multiplies
 NEAR = 1e-4  # of a bound: at it
 AT = "{} lies at its declared {} = {:.6g}: the record would take it further."
 MOVED = "{} is {} [{}], declared {:.6g}"
@@ -125,7 +124,7 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
     values, and what could be the cause of large changes; and on values at a stated bound."""
     old = _left(found, declared)
     said = [_changed(key, found[key], value, declared.unit(key)) for key, value in old.items()]
-    factors = {k: found[k].value / old[k] for k in (*SCALED, "Fs") if k in old}
+    factors = {k: found[k].value / old[k] for k in (*PLANT, "Fs") if k in old}
     causes = _causes({k: x for k, x in factors.items() if abs(x - 1.0) > FAR})
     notes = [LEFT.format("; ".join([*said, *causes]))] if said else []
     for key, one in declared.stated.items():
@@ -159,9 +158,8 @@ def _changed(key: str, found: Estimate, declared: float, unit: str) -> str:
 
 def _causes(factors: Mapping[str, float]) -> list[str]:
     """Known causes of such changes."""
-    scaled = np.array([factors.get(key, 0.0) for key in SCALED])
-    if scaled.all() and np.ptp(scaled) < ALIKE * scaled.mean():
-        return [SCALE.format(scaled.mean())]
+    if factor := common_factor(factors):
+        return [SCALE.format(factor)]
     return [DEAD_ZONE] if factors.get("Fc", 0.0) > 1.0 else []
 
 

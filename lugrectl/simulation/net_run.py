@@ -21,7 +21,7 @@ from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net, Part, Wires
 from ..engine.tracing.pointwise import culprit
-from ..simulation import arguments
+from . import arguments
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
 NEAR = 1e-6  # of the shortest sample time: updates and times closer than that are the same

@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.validation import names, positive
 from ..engine.expression.numpy_protocol import TraceError, signal_array
 from ..engine.runtime.substeps import Substeps
-from ..simulation import arguments
+from . import arguments
 
 MOST = 1e5  # substeps in a sample
 MOST_STEPS = 24  # of the same length, traced

@@ -205,7 +205,7 @@ def _refused(known: Known) -> str:
         raise
     except Exception as error:  # whatever a function of the user raises
         why = f"{type(error).__name__}: {error}".rstrip(".")
-        return f"{block.name} cannot be evaluated along a log ({why}): it needs np.where, not if"
+        return f"{block.name} cannot be evaluated along the arrays of a log ({why})"
     return ""
 
 

@@ -43,7 +43,7 @@ from .table import Contender, Table, errors_of, proven
 from .unknown import Unknown
 from .windows import Width
 
-LEFT_OUT = "{}. It was not compared."
+LEFT_OUT = "{}: it was not compared. A block must take arrays: np.where in place of if."
 FIRSTS = 6  # likeliest contenders that may be the first
 SURELY = 20.0  # nats: a contender with more may shape the friction of the base
 RIGID = 1e-3  # of the shortest bristle that is tried: none to see

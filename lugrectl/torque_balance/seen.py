@@ -8,7 +8,7 @@ more of the same motion decides nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -35,9 +35,6 @@ from .samples import SHORTEST, sampled
 from .search import Search
 from .table import Table
 from .windows import Declared, Rows, Width, fine_wave
-
-if TYPE_CHECKING:
-    from .friction import Term
 
 COASTS = (
     "u is constant in every row: the torque channel is dead, or the drive coasts.",

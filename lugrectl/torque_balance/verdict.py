@@ -6,7 +6,7 @@ error of rows falls that no fit and no choice has seen; then all rows give the v
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,7 +27,8 @@ from .seen import refuse_dead, seen
 from .sensors import Sensors
 from .table import Table, errors_of
 
-PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect
+PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect; a scale of u multiplies them
+ALIKE_FACTORS = 0.05  # relative spread within which factors on these count as one
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
 WHOLE_INERTIA = "elastic_coupling"  # what an inertia that is far too large is a trace of
@@ -479,17 +480,19 @@ class _Judge:
         strange = made.verdict == "unexplained" and bool(d.unknown) and d.unknown[0].gain > 300
         if not J or not made.sure or told or strange or made.values["J"][1] < GROWN * J:
             return
-        if self._scaled(made):
+        ratios = {k: made.values[k][0] / x for k in PLANT if (x := self.view.declared.get(k))}
+        if common_factor(ratios):  # the scale of u is another one
             return
         made.only_inertia, made.verdict, made.depends_on = True, "ambiguous", []
         made.alternatives = {WHOLE_INERTIA: ["backlash"]}
         made.notes.append("J is that of drive and load together; the drive's own lies below.")
 
-    def _scaled(self, made: Answer) -> bool:
-        """Whether friction is larger by the same factor: then the scale of u is another one."""
-        known = {k: x for k in ("J", "Fc") if (x := self.view.declared.get(k))}
-        ends = np.array([made.values[k][1:] for k in known]) / np.c_[list(known.values())]
-        return len(known) > 1 and bool(ends[1, 0] > 1 and ends[:, 0].max() < ends[:, 1].min())
+
+def common_factor(ratios: Mapping[str, float]) -> float | None:
+    """By how much J, Fc and Fv are all larger than declared, as another scale of u makes them."""
+    own = np.array([ratios.get(k, 0.0) for k in PLANT])
+    alike = bool(own.all()) and np.ptp(own) < ALIKE_FACTORS * own.mean()
+    return float(own.mean()) if alike else None
 
 
 def _names(d: Decision) -> list[str]:

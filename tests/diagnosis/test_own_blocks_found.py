@@ -158,4 +158,5 @@ def test_an_own_effect_that_cannot_be_compared_is_said():
     lg.block("effect", out="d", acts="torque")(brake)
     found = lg.diagnose(recorded(8.0), MODEL)
     (said,) = (m for m in found.messages if "brake" in m)
-    assert "it needs np.where, not if" in said and said.endswith("It was not compared.")
+    assert "brake cannot be evaluated" in said and "it was not compared" in said
+    assert said.endswith("np.where in place of if.")

@@ -7,6 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.cli import main
+from lugrectl.core.errors import Refused
 
 J, FC, FV = 0.0022, 0.22, 0.012
 
@@ -106,3 +107,34 @@ def test_what_is_certain_stands_beside_a_refusal(one_way):
     assert low <= J <= high
     document = json.loads(d.to_json())
     assert [document[k] for k in ("budget", "comparison", "detectable")] == [None] * 3
+
+
+def ramps(dt=4e-3, fine=20):
+    """The torque rises until the axis has moved 0.05 rad, and is switched off for 1 s; each way."""
+    theta = w = u = wait = 0.0
+    side, from_here, rows = 1.0, 0.0, []
+    for k in range(10_000):
+        u = 0.0 if wait > 0 else u + side * 0.1 * dt
+        if wait <= 0 and abs(theta - from_here) > 0.05:
+            u, wait, side = 0.0, 1.0, -side
+        elif wait > 0:
+            wait -= dt
+            from_here = theta
+        rows.append((k * dt, u, theta))
+        for _ in range(fine):
+            level = 0.2 + 0.135 * np.exp(-((w / 0.05) ** 2))
+            if abs(w) < 1e-3 and abs(u) < level:
+                w = 0.0
+                continue
+            w += dt / fine * (u - level * np.tanh(w / 1e-3) - 0.02 * w) / 2.2e-3
+            theta += dt / fine * w
+    t, u, theta = np.array(rows).T
+    count = 2 * np.pi / 65536
+    return {"t": t, "u": u, "theta": np.round(theta / count) * count}
+
+
+def test_identify_is_refused_where_no_value_is_certain():
+    """A breakaway test tells when the axis starts, and nothing of how it moves."""
+    with pytest.raises(Refused, match="no value of the model is certain") as caught:
+        lg.identify(ramps(), lg.Model.of(friction="stribeck"))
+    assert "J" in caught.value.plain.uncertain and "inertia" in caught.value.experiment
