@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from ..core.provenance import version
-from ..core.validation import nearest
 from . import checks, commands
 
 # --- types of options ----------------------------------------------------------------------
@@ -389,6 +388,8 @@ class Parser(argparse.ArgumentParser):
 
     def _meant(self, word: str) -> tuple[str, str] | None:
         """A word that is no option, and no command, of this parser, and what it resembles."""
+        from ..core.validation import nearest  # loads NumPy, which help does without
+
         known = list(self._option_string_actions)
         if not word.startswith("-"):
             known = [c for a in self._actions if not a.option_strings for c in a.choices or ()]

@@ -208,3 +208,16 @@ def test_the_model_template_can_be_read_as_it_is_and_filled_in(files, capsys):
     (files / "full.toml").write_text("\n".join(filled))
     model = read_model(files / "full.toml")
     assert model.values() == MODEL.values() | {"gravity.amplitude": 0.2, "gravity.phase": 0.0}
+
+
+def test_help_loads_no_numerics():
+    """It answers at once."""
+    code = [
+        "import sys",
+        "from lugrectl.cli import main",
+        "try: main(['--help'])",
+        "except SystemExit: pass",
+        "sys.exit('numpy' in sys.modules)",
+    ]
+    made = subprocess.run([sys.executable, "-c", "\n".join(code)], capture_output=True, text=True)
+    assert made.returncode == 0 and "usage: lugrectl" in made.stdout
