@@ -224,8 +224,8 @@ def simulated(
     The polish is of a clean log, or of a law with values of which the balance knows nothing.
     """
     model, ready = made.view.model, as_it_acts(ready, made)
-    refitted = completed(made.refitted or made.last, model, made.sure)
-    trained = completed(made.trained or made.last, model, made.sure, made.parts)
+    refitted = completed(made.refitted, model, made.sure)
+    trained = completed(made.trained, model, made.sure, made.parts)
     clean = made.with_names.stays < 2 * least * made.view.size  # a finer fit may be valid
     try:
         own_law = not told_by_balance(model)
@@ -259,7 +259,7 @@ def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
 def polished_values(ready: Prepared, made: Answer) -> Model:
     """The model of training rows, at its likeliest values by one-step predictions."""
     model = made.view.model
-    trained = completed(made.trained or made.last, model, made.sure)
+    trained = completed(made.trained, model, made.sure)
     values = model_values(made, model)
     start = _as_logged(values.joint, made)
     return _polished(ready, trained, values, start, not told_by_balance(model))[0]

@@ -154,7 +154,7 @@ def friction_map(made: Answer, motion: str, swing: Sequence[Swing] = ()) -> Fric
     error = np.sqrt(np.maximum(square - u**2, 0.0) / np.maximum(many - 1, 1))
     half = np.linspace(np.abs(w).min(), np.abs(w).max(), FINE // 2)
     at = np.concatenate([-half[::-1], half])
-    fits = {"refitted": made.refitted or made.last, "augmented": made.trained or made.last}
+    fits = {"refitted": made.refitted, "augmented": made.trained}
     curves = {name: _curve(last, at) for name, last in fits.items()}
     return FrictionMap(w, u, error, held_out > 0.5, at, curves, motion, tuple(swing))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from ..blocks.block import Block, members
 from ..blocks.friction import along as bristle
 from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
+from ..core.numeric import rms
 from ..core.regression import Blocks, Prior, robust, spread
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
 from .constants import (
@@ -52,16 +53,13 @@ WEIGHT, OFFSET = "gravity", "constant_torque"
 
 @dataclass
 class Term:
-    """An effect in a regression: its block, nonlinear values ``q``, linear coefficients ``b``.
-
-    ``key`` is its name in a model, ``declared`` says that the model has it.
-    """
+    """An effect in a regression: nonlinear values ``q``, linear coefficients ``b``."""
 
     block: Block
-    key: str
+    key: str  # its name in a model
     q: dict[str, float]
     b: np.ndarray
-    declared: bool = False
+    declared: bool = False  # the model has it
 
     def copy(self) -> Term:
         return replace(self, q=dict(self.q), b=self.b.copy())
@@ -90,20 +88,16 @@ class View:
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
     inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
     all of these depend on.
-
-    ``is_map``: runs at steady speeds, ``backward``: friction would drive all of them.
-    ``signals`` are those on which an unknown torque may depend, ``never`` the effects that such a
-    log cannot show, ``held_out`` its own (run, start, end), s, to judge on; empty where parts of
-    the log are.
     """
 
-    is_map = backward = False
+    is_map = False  # runs at steady speeds
+    backward = False  # friction would drive all of them
     logged_late = 0.0  # s: each torque acted so long before its row
     w_above = 0.0, 0.0  # rad/s: what a w alone says at rest, with its standard error
     longest_fall = np.inf  # rad/s: the largest Stribeck speed
-    signals = frozenset({"t", "theta", "w", "u"})
-    never: frozenset[str] = frozenset()
-    held_out: Sequence[tuple[int, float, float]] = ()
+    signals = frozenset({"t", "theta", "w", "u"})  # on which an unknown torque may depend
+    never: frozenset[str] = frozenset()  # effects that such a log cannot show
+    held_out: Sequence[tuple[int, float, float]] = ()  # (run, start, end), s; none: alternate parts
 
     def __init__(
         self,
@@ -132,7 +126,6 @@ class View:
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[Any, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
-        self._waves: dict[bytes, np.ndarray] = {}
         self._room, self.settled = ROOM, b""
 
     @property
@@ -147,12 +140,11 @@ class View:
         slow, fast = np.quantile(self.rows.w, [0.05, 0.95])
         return bool(fast - slow > ONE_SPEED * self.typical)
 
-    def on(self, mask: np.ndarray) -> View:
-        """The same motion and law on some of the rows."""
+    def on(self, mask: Any = slice(None)) -> View:
+        """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made._in_rows = made.rows.K, {}
-        made._made, made._waves, made._room = {}, {}, ROOM
+        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, ROOM
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.most)
         return made
@@ -166,32 +158,22 @@ class View:
             self._made[key], self._room = made, self._room - made.rows.size
         return made
 
-    def _now(self, settled: bytes) -> None:
-        """What depends on another friction makes room."""
-        old = [] if settled == self.settled else [k for k in self._made if self.settled in k]
-        self._room += sum(self._made.pop(key).rows.size for key in old)
-        self.settled = settled
-
     def seen_of(self, N: np.ndarray) -> np.ndarray:
         """What the rows leave (m, k) of waves over theta of orders N (k,)."""
         key = N.tobytes()
-        if key not in self._waves:
+        if key not in self._in_rows:
             m, passed = self.motion.main, self.rows.w[:, None] * N
             slow = (passed * (m.dt * m.spread)) ** 2
-            self._waves[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
-        return self._waves[key]
-
-    @property
-    def with_offset(self) -> np.ndarray:
-        """The runs that have an offset of their own beside the first one's: not where it would be
-        any friction."""
-        return np.unique(self.motion.run)[1:] if not self.runs_apart else np.zeros(0, int)
+            self._in_rows[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
+        return self._in_rows[key]
 
     @cached_property
-    def runs_apart(self) -> bool:
-        """Whether each run has a direction of its own."""
-        m = self.motion
-        return not m.one_way and all(one_way(m.w[m.run == r], m.top) for r in np.unique(m.run))
+    def with_offset(self) -> np.ndarray:
+        """The runs that have an offset of their own beside the first one's; none where each has a
+        direction of its own: there it would be any friction."""
+        m, runs = self.motion, np.unique(self.motion.run)
+        apart = not m.one_way and all(one_way(m.w[m.run == r], m.top) for r in runs)
+        return runs[:0] if apart else runs[1:]
 
     @property
     def apart(self) -> np.ndarray | None:
@@ -292,18 +274,23 @@ class View:
 
     def grease(self, exponent: float) -> np.ndarray:
         """|w|^exponent sign(w), (n,)."""
-        made = members("effect")["sublinear_viscous"]
-        return made(self.motion.w, coefficient=1.0, exponent=exponent)[0]
+        law = members("effect")["sublinear_viscous"]
+        return law(self.motion.w, coefficient=1.0, exponent=exponent)[0]
 
     # ---- the rows
     def start(self) -> None:
         """Columns that no law changes; names and priors of all coefficients."""
         m = self.motion
-        self.u = self._changed(m.u)
+        self.u = m.u
+        for term in self.terms:
+            if term.on_input:
+                self.u = self.changed(term.block, term.q)
         fixed = [self.K @ np.column_stack([m.w, self.grease(GREASE[0])])]
         names: list[Any] = ["J", "late", *FRICTION]
-        ends = {"low": [self.least(n) for n in names], "high": [self.most(n) for n in names]}
-        priors = [Prior.free(len(names), **ends)]
+        # in one direction Coulomb friction and an offset are one
+        signs = FREE_SIGNS | {"Fc"} if m.one_way else FREE_SIGNS
+        low, high = [-np.inf if n in signs else 0.0 for n in names], [self.most(n) for n in names]
+        priors = [Prior.free(len(names), low=low, high=high)]
         for term in self.terms:
             if not term.on_input:
                 made = self.columns(term.block, term.q)
@@ -326,18 +313,6 @@ class View:
 
     def most(self, name: str) -> float:
         return np.inf
-
-    def least(self, name: str) -> float:
-        """One direction: Coulomb friction and an offset are one."""
-        free = name in FREE_SIGNS or name == "Fc" and self.motion.one_way
-        return -np.inf if free else 0.0
-
-    def _changed(self, u: np.ndarray) -> np.ndarray:
-        """The torque after the terms that act on it."""
-        for term in self.terms:
-            if term.on_input:
-                u = changed_input(term.block, term.q, self.along(u=u))
-        return u
 
     def base(self, x0: float, vs: float) -> np.ndarray:
         """Rows (m, k) of the declared model for one bristle length and one Stribeck speed."""
@@ -374,23 +349,21 @@ class View:
         ``beside``: with that contender in the model. Returns the scale of the residual.
         """
         lengths, speeds = self.grids()
-        seen: dict[tuple[int, int], float] = {}
-        found = [scale]
 
+        @cache
         def likelihood(i: int, j: int) -> float:
-            if (i, j) not in seen:
-                B = self.base(lengths[i], speeds[j])
-                X, y, prior = B, self.y, self.prior(B)
-                if beside is not None:
-                    X, y, prior = beside.added(self, X, y, prior)
-                if found[0] is None:
-                    first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
-                    r = y - X[:, :first] @ prior.low[:first]
-                    r = r - X[:, first:] @ np.linalg.lstsq(X[:, first:], r, rcond=None)[0]
-                    found[0] = spread(r)
-                fit = robust(X, y, prior, found[0], self.noise, turns=3)
-                seen[i, j] = -float(np.sum(np.log1p(fit.r**2 / 4)))
-            return seen[i, j]
+            nonlocal scale
+            X, y = self.base(lengths[i], speeds[j]), self.y
+            prior = self.prior(X)
+            if beside is not None:
+                X, y, prior = beside.added(self, X, y, prior)
+            if scale is None:
+                first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
+                r = y - X[:, :first] @ prior.low[:first]
+                r = r - X[:, first:] @ np.linalg.lstsq(X[:, first:], r, rcond=None)[0]
+                scale = spread(r)
+            fit = robust(X, y, prior, scale, self.noise, turns=3)
+            return -float(np.sum(np.log1p(fit.r**2 / 4)))
 
         i, j = len(lengths) // 2, len(speeds) // 2
         for _ in range(3):
@@ -400,8 +373,8 @@ class View:
             if (i, j) == old:
                 break
         self.set_law(float(lengths[i]), float(speeds[j]))
-        assert found[0] is not None
-        return found[0]
+        assert scale is not None
+        return scale
 
     def set_law(self, x0: float, vs: float) -> None:
         self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
@@ -411,11 +384,14 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
-        self._now(np.r_[b, self.x0, self.vs].tobytes())
+        settled = np.r_[b, self.x0, self.vs].tobytes()
+        if settled != self.settled:  # what depends on another friction makes room
+            old = [key for key in self._made if self.settled in key]
+            self._room += sum(self._made.pop(key).rows.size for key in old)
+            self.settled = settled
         m, k = self.motion, dict(zip(self.names, b, strict=False))
-        self.coulomb = k["Fc"] * self.z
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
-        self.coulomb = self.coulomb + self.law @ near_rest
+        self.coulomb = k["Fc"] * self.z + self.law @ near_rest
         self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(GREASE[0])
         self.friction, self.J = self.coulomb + self.viscous, float(b[0])
         for term in self.terms:
@@ -423,8 +399,7 @@ class View:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
         self.set_load(self.terms)
         self.level = self._level(k)
-        sliding = float(np.sqrt(np.mean((self.K @ self.friction) ** 2)))
-        self.size = max(sliding, 0.05 * self.force)
+        self.size = max(rms(self.K @ self.friction), 0.05 * self.force)
 
     def set_load(self, terms: Sequence[Term]) -> None:
         """The load torque (n,): measured, and of terms that are loads."""
@@ -435,7 +410,7 @@ class View:
         """The level of sliding friction (n,), as it is declared where it is."""
         m, known = self.motion, self.declared
         if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
-            scale = max(k["Fc"], 0.3 * float(np.sqrt(np.mean(self.coulomb**2))))
+            scale = max(k["Fc"], 0.3 * rms(self.coulomb))
             return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
         made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
         for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
@@ -444,8 +419,7 @@ class View:
 
     def along(self, **other: Any) -> Along:
         """The signals of the log for blocks, some of them replaced."""
-        m = self.motion
-        zero = np.zeros(1)
+        m, zero = self.motion, np.zeros(1)
         known = {k: getattr(self, k, zero) for k in ("z", "coulomb", "level", "viscous", "load")}
         made = {
             "t": m.t, "theta": m.theta, "w": m.w, "acceleration": m.acceleration, "path": m.path,
@@ -460,9 +434,10 @@ class View:
 
     def in_rows(self, made: Columns) -> np.ndarray:
         """Columns along the log -> in the rows (m, k)."""
-        parts = [] if made.wide is None else [self.K @ made.wide]
-        parts += [] if made.narrow is None else [self.rows.narrow @ made.narrow]
-        return parts[0] if len(parts) == 1 else parts[0] + parts[1]
+        if made.narrow is None:
+            return self.K @ made.wide
+        narrow = self.rows.narrow @ made.narrow
+        return narrow if made.wide is None else self.K @ made.wide + narrow
 
     def changed(self, block: Block, q: Mapping[str, float]) -> np.ndarray:
         """What an effect on the torque makes of it (n,)."""

@@ -9,14 +9,13 @@ than SCALE.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from ..core.errors import Refused
-from ..core.numeric import Z95
+from ..core.numeric import Z95, rms
 from ..core.regression import left_out_covariance, memory_blocks, robust
 from .constants import ALONG, BACKGROUND, GREASE, ONE_MORE, SCALE, VIEWS, WHOLE
 from .friction import View
@@ -46,11 +45,11 @@ class Law(NamedTuple):
     grease: float
 
 
-@dataclass(eq=False)
 class Interval:
     """Covariance of what a last fit reports, and the friction laws beside its own."""
 
-    last: LastFit
+    def __init__(self, last: LastFit) -> None:
+        self.last, self.names = last, tuple(last.values)
 
     @cached_property
     def blocks(self) -> list[np.ndarray]:
@@ -119,8 +118,7 @@ class Interval:
         share = np.exp(score - score.max())
         share /= share.sum()
         apart = np.array([law.b for law in laws] + [b]) - b
-        V = WHOLE**2 * V + (share[:, None] * apart).T @ apart
-        return V + np.diag(self._little**2)
+        return WHOLE**2 * V + (share[:, None] * apart).T @ apart + np.diag(self._little**2)
 
     @cached_property
     def _little(self) -> np.ndarray:
@@ -129,7 +127,7 @@ class Interval:
         another motor's constant."""
         last, d, b = self.last, self.last.design, self.last.fit.b
         at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
-        level = max(abs(float(b[at["Fc"]])), 0.1 * float(np.sqrt(np.mean(d.y**2))))
+        level = max(abs(float(b[at["Fc"]])), 0.1 * rms(d.y))
         share = np.zeros(len(b))
         share[
             [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
@@ -156,10 +154,6 @@ class Interval:
             made[:, j] = [wrapped(up[k] - down[k], k) / (2 * step[j]) for k in self.names]
         return made
 
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        return tuple(self.last.values)
-
     def covariance(self) -> np.ndarray:
         """Covariance (values, values) of ``names`` by this description of the log alone."""
         V = self._slopes @ self.coefficients @ self._slopes.T
@@ -179,8 +173,9 @@ class Interval:
         A = np.array(apart).reshape(-1, len(self.names))
         return A.T @ A / max(len(others), 1)
 
-    def values(self, V: np.ndarray) -> dict[str, Value]:
-        """(value, low, high) of each."""
+    def values(self, V: np.ndarray | None = None) -> dict[str, Value]:
+        """(value, low, high) of each; by this description alone where no covariance is given."""
+        V = self.covariance() if V is None else V
         half = Z95 * np.sqrt(np.maximum(np.diag(V), 0.0))
         own = self.last.values
         return {k: (own[k], own[k] - h, own[k] + h)

@@ -10,34 +10,21 @@ says.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..blocks.block import Block, members
 from ..blocks.declared_values import Stated
 from ..blocks.friction import free_level
-from ..blocks.model import Model
-from ..core.numeric import Z95
+from ..core.numeric import Z95, rms
 from ..core.regression import Prior, log_density, robust, spread
-from .columns import (
-    changed_input,
-    columns,
-    linear,
-    nonlinear,
-    scaled,
-    slopes,
-    step_of,
-    to_values,
-)
+from .columns import changed_input, columns, linear, nonlinear, scaled, slopes, step_of, to_values
 from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST
 from .friction import LARGE, OFFSET, WEIGHT, Term, View
 from .table import Table, is_lateness
-
-if TYPE_CHECKING:
-    from .friction import Term
 
 Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
 FURTHEST = 10.0  # steps by which a value that is not linear moves at most at a time ...
@@ -55,27 +42,29 @@ SURE = 1e-6  # of a held value: its standard deviation
 
 @dataclass
 class State:
-    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape.
-
-    ``grease`` is the exponent of a bend of the friction curve, 0 without one. ``bare``: what every
-    drive has is held to its size. ``constant``: a constant torque is a term, of any size.
-    ``late`` (s): so much later than logged the torque acts. ``absent`` are parts of friction that
-    the law does not have.
-    """
+    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape."""
 
     k: dict[str, float]
     terms: list[Term]
     vs: float
     exponent: float = 2.0
-    grease: float = 0.0
-    bare: bool = False
-    constant: bool = False
-    late: float = 0.0
-    absent: frozenset[str] = frozenset()
+    grease: float = 0.0  # exponent of a bend of the friction curve, 0 without one
+    bare: bool = False  # what every drive has is held to its size
+    constant: bool = False  # a constant torque is a term, of any size
+    late: float = 0.0  # s: so much later than logged the torque acts
+    absent: frozenset[str] = frozenset()  # parts of friction that the law does not have
 
     def copy(self, **other: Any) -> State:
         own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
         return replace(self, **own | other)
+
+    @property
+    def named(self) -> list[Term]:
+        """The effects beside the declared ones."""
+        return [t for t in self.terms if not t.declared]
+
+    def without_names(self, **other: Any) -> State:
+        return self.copy(terms=[t.copy() for t in self.terms if t.declared], **other)
 
     def delayed(self, view: View) -> bool:
         """Whether the torque may act at any time; at steady speeds it has none."""
@@ -121,37 +110,6 @@ class State:
         return new
 
 
-@dataclass
-class _Columns:
-    """Columns of a design as they are collected."""
-
-    force: float
-    names: list[Name] = field(default_factory=list)
-    parts: list[np.ndarray] = field(default_factory=list)
-    known: dict[str, list[float]] = field(
-        default_factory=lambda: {k: [] for k in ("precision", "centre", "low", "high")}
-    )
-
-    def add(
-        self,
-        name: Name,
-        column: np.ndarray,
-        sd: float = np.inf,
-        low: float = -np.inf,
-        high: float = np.inf,
-        centre: float = 0.0,
-    ) -> None:
-        """A column with what is known of its coefficient; no term is larger than LARGE times all
-        torque."""
-        rms = max(float(np.sqrt(np.mean(column**2))), NOTHING)
-        self.names.append(name)
-        self.parts.append(column)
-        most = LARGE * self.force / rms
-        for key, x in (("precision", 1 / min(sd, most) ** 2), ("centre", centre),
-                       ("low", low), ("high", high)):  # fmt: skip
-            self.known[key].append(x)
-
-
 class Design:
     """Rows of the last fit on one view: ``X`` (m, k), ``y`` (m,), ``names``, ``prior``."""
 
@@ -164,21 +122,40 @@ class Design:
         for i, term in enumerate(state.terms):
             if term.on_input and not linear(term.block):
                 self.inputs[i] = v.u
-                v.u = changed_input(term.block, term.q, v.along())
+                v.u = v.changed(term.block, term.q)
         self.y = v.torque(v.u) - v.K @ m.d
         self.level = max(abs(state.k["Fc"]), 0.1 * v.force)
-        self._made = _Columns(v.force)
+        self.names: list[Name] = []
+        self._columns: list[np.ndarray] = []
+        self._known: list[tuple[float, ...]] = []  # precision, centre, low and high of each
         self._plant()
         self._friction()
         self._background()
         for i, term in enumerate(state.terms):
             self._effect(i, term)
-        self.names, self.X = self._made.names, np.column_stack(self._made.parts)
-        prior = Prior.free(len(self.names), **self._made.known)
-        self.prior = with_stated(prior, self.names, state.terms, view.model)
+        self.X = np.column_stack(self._columns)
+        self.prior = Prior(*np.array(self._known).T)
+        for j, one, value in self._stated():
+            self.prior = with_stated(self.prior, j, one, value)
+
+    def _add(
+        self,
+        name: Name,
+        column: np.ndarray,
+        sd: float = np.inf,
+        low: float = -np.inf,
+        high: float = np.inf,
+        centre: float = 0.0,
+    ) -> None:
+        """A column with what is known of its coefficient; no term is larger than LARGE times all
+        torque."""
+        most = LARGE * self.view.force / max(rms(column), NOTHING)
+        self.names.append(name)
+        self._columns.append(column)
+        self._known.append((1 / min(sd, most) ** 2, centre, low, high))
 
     def _plant(self) -> None:
-        v, add = self.view, self._made.add
+        v, add = self.view, self._add
         if v.J_range and not v.sure:  # a declared J holds where the log does not tell
             add("J", v.rows.a, low=v.J_range[0], high=v.J_range[1])
         else:
@@ -192,7 +169,7 @@ class Design:
         add("late", late, sd=sd, low=-most, high=min(most, free), centre=-done)
 
     def _friction(self) -> None:
-        v, m, s, add = self.view, self.view.motion, self.state, self._made.add
+        v, m, s, add = self.view, self.view.motion, self.state, self._add
         add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
         most = 0.0 if "stribeck" in s.absent else DIP * v.force
         add("dip", v.K @ s.dip, low=0.0 if v.is_map else -most, high=most)
@@ -207,8 +184,7 @@ class Design:
 
     def _background(self) -> None:
         """Every drive has a little of an offset, warming, unbalance: BACKGROUND of friction."""
-        v, m, add = self.view, self.view.motion, self._made.add
-        terms = self.state.terms
+        v, m, add, terms = self.view, self.view.motion, self._add, self.state.terms
         here = {t.name for t in terms}
         rows = [] if OFFSET in here else [("offset", np.ones(len(m)))]
         if not any(drifts(t.block) for t in terms):  # a drift is a warming itself
@@ -220,7 +196,7 @@ class Design:
             rows += [("~", x) for x in np.asarray(weight).T]
         for name, x in rows:
             x = v.K @ x
-            little = BACKGROUND * self.level / (float(np.sqrt(np.mean(x**2))) + 1e-300)
+            little = BACKGROUND * self.level / (rms(x) + 1e-300)
             if name == "offset" and self.constant:
                 little = np.inf
             most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
@@ -239,7 +215,7 @@ class Design:
 
     def _effect(self, i: int, term: Term) -> None:
         """Linear columns, and of each other value the slope of the torque over it."""
-        v, add, block = self.view, self._made.add, term.block
+        v, add, block = self.view, self._add, term.block
         held = v.model.held()
         keys = [k for k in nonlinear(block, v.model.motion)
                 if k in term.q and f"{term.key}.{k}" not in held]  # fmt: skip
@@ -263,21 +239,45 @@ class Design:
             made = replace(made, wide=v.motion.held(made.wide))
         S = v.in_rows(made)
         for j, key in enumerate(keys):
-            sd = room(term, key, step[key])
-            most = FURTHEST * step[key] if block.states else sd
+            far = FURTHEST * step[key]
+            # how far it may lie from where a search found it
+            sd = far if block.own[key].low < 0.0 else max(PART * abs(term.q[key]), step[key])
+            most = far if block.states else sd
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
+
+    def _stated(self) -> Iterator[tuple[int, Stated, float | None]]:
+        """The places of coefficients of which the model states something, with that and their
+        declared values."""
+        model, names = self.view.model, self.names
+        stated, values = model.stated, model.values()
+        for key in ("J", "Fc", "Fv"):
+            if key in stated:
+                yield names.index(key), stated[key], values[key]
+        if {"Fc", "Fs"} <= model.held():
+            dip = (values["Fs"] or 0.0) - (values["Fc"] or 0.0)
+            yield names.index("dip"), stated["Fs"], dip
+        for i, term in enumerate(self.state.terms):
+            gain = f"{term.key}.{term.block.gain}"
+            if gain not in stated or (i, 0) not in names:
+                continue
+            one, value, known = stated[gain], values[gain], linear(term.block)
+            if len(known) == 1:
+                neutral = term.block.own[term.block.gain].neutral or 0.0
+                low, high = (None if x is None else x - neutral for x in (one.low, one.high))
+                value = None if value is None else value - neutral
+                yield names.index((i, 0)), replace(one, low=low, high=high), value
+            elif one.fixed and value is not None:  # the phase stays where it was found
+                phase, way = values.get(f"{term.key}.{known[1]}"), term.b
+                if phase is not None and term.block.own[known[1]].angle:
+                    way = np.array([np.cos(phase), np.sin(phase)])
+                way = way / (float(np.hypot(*way)) or 1.0)
+                for k in (0, 1):
+                    yield names.index((i, k)), one, float(value * way[k])
 
 
 def drifts(block: Block) -> bool:
     """Whether an effect is itself a slow change of friction."""
     return block.timed and "Fc" in block.acts and not any(p.instant for p in block.own.values())
-
-
-def room(term: Term, key: str, step: float) -> float:
-    """How far a value that is not linear may lie from where a search found it."""
-    if term.block.own[key].low < 0.0:
-        return FURTHEST * step
-    return max(PART * abs(term.q[key]), step)
 
 
 class LastFit:
@@ -328,9 +328,9 @@ class LastFit:
                 made[i] = d.X[:, at] @ self.fit.b[at]
         return made
 
-    def declared(self, view: View) -> tuple[Design, np.ndarray] | None:
-        """Rows of a view, and the coefficients (k,) that the declared values mean; None where one
-        is missing or the law has other parameters."""
+    def left_by_declared(self, view: View) -> np.ndarray | None:
+        """What the declared values leave in the rows (m,) of a view, N m; None where one is
+        missing or the law has other parameters."""
         known, block = view.declared, view.model.friction.block
         law = {k for k, p in block.own.items() if p.fitted}
         if None in view.model.values().values() or not law <= LAW | {"sigma0", "sigma1"}:
@@ -343,7 +343,7 @@ class LastFit:
         b = np.array([k.get(n, 0.0) if isinstance(n, str) else
                       terms[n[0]].b[n[1]] if isinstance(n[1], int) else 0.0
                       for n in design.names])  # fmt: skip
-        return design, b
+        return design.y - design.X @ b
 
     def score(self, r: np.ndarray) -> float:
         return float(np.sum(log_density(r)))
@@ -365,7 +365,7 @@ class LastFit:
               if n in law or isinstance(n, tuple) and n[0] in known]  # fmt: skip
         X = d.X[:, at]
         tau = tau - X @ np.linalg.lstsq(X, tau, rcond=None)[0]
-        return float(np.sqrt(np.mean(tau**2))) / self.view.size
+        return rms(tau) / self.view.size
 
 
 def places(design: Design, i: int) -> list[int]:
@@ -431,23 +431,8 @@ def state_of(table: Table) -> State:
     return State(k, terms, v.vs)
 
 
-class _Known(NamedTuple):
-    """A coefficient at ``place``, what is stated of it, and its declared value."""
-
-    place: int
-    stated: Stated
-    value: float | None
-
-
-def with_stated(prior: Prior, names: Sequence[Any], terms: Sequence[Term], model: Model) -> Prior:
-    """The prior of a last fit with what the model states of its coefficients."""
-    for known in _stated(names, terms, model):
-        prior = _with(prior, known)
-    return prior
-
-
-def _with(prior: Prior, known: _Known) -> Prior:
-    j, one, value = known
+def with_stated(prior: Prior, j: int, one: Stated, value: float | None) -> Prior:
+    """The prior with what is stated of coefficient j, whose declared value is given."""
     if one.fixed and value is not None:
         sd = SURE * max(abs(value), 1e-12)
         low, high = sorted((value * (1 - SURE), value * (1 + SURE)))
@@ -457,41 +442,3 @@ def _with(prior: Prior, known: _Known) -> Prior:
     low = prior.low[j] if one.low is None else max(prior.low[j], one.low)
     high = prior.high[j] if one.high is None else min(prior.high[j], one.high)
     return prior.but(j, low=low, high=max(high, low))
-
-
-def _stated(names: Sequence[Any], terms: Sequence[Term], model: Model) -> Iterator[_Known]:
-    stated, values = model.stated, model.values()
-    for key in ("J", "Fc", "Fv"):
-        if key in stated and key in names:
-            yield _Known(names.index(key), stated[key], values[key])
-    if {"Fc", "Fs"} <= model.held():
-        dip = (values["Fs"] or 0.0) - (values["Fc"] or 0.0)
-        yield _Known(names.index("dip"), stated["Fs"], dip)
-    for i, term in enumerate(terms):
-        gain = f"{term.key}.{term.block.gain}"
-        if gain not in stated or (i, 0) not in names:
-            continue
-        neutral = term.block.own[term.block.gain].neutral or 0.0
-        if len(linear(term.block)) == 1:
-            value = values[gain]
-            yield _Known(names.index((i, 0)), _moved(stated[gain], -neutral),
-                         None if value is None else value - neutral)  # fmt: skip
-        elif stated[gain].fixed:  # the phase stays where it was found
-            yield from _of_waves(names, i, term, values, gain, stated[gain])
-
-
-def _of_waves(
-    names: Sequence[Any], i: int, term: Term, values: Any, gain: str, one: Stated
-) -> Iterator[_Known]:
-    phase = term.key + "." + linear(term.block)[1]
-    if values.get(phase) is not None and term.block.own[linear(term.block)[1]].angle:
-        way = np.array([np.cos(values[phase]), np.sin(values[phase])])
-    else:
-        way = term.b / (float(np.hypot(*term.b)) or 1.0)
-    for k in (0, 1):
-        yield _Known(names.index((i, k)), one, float(values[gain] * way[k]))
-
-
-def _moved(one: Stated, by: float) -> Stated:
-    low, high = (None if x is None else x + by for x in (one.low, one.high))
-    return Stated(one.fixed, low, high, one.std)

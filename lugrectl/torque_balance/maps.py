@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -212,7 +214,7 @@ class MapView(View):
         many = int(self.apart[-1]) + 1
         self.blocks = Blocks(self.apart + 0.5, many, many)
 
-    def on(self, mask: np.ndarray) -> View:
+    def on(self, mask: Any = slice(None)) -> View:
         made = super().on(mask)
         assert isinstance(made, MapView)
         made._count()
@@ -223,7 +225,7 @@ class MapView(View):
         run = self.motion.run[self.rows.at]
         return np.searchsorted(np.unique(run), run)
 
-    @property
+    @cached_property
     def with_offset(self) -> np.ndarray:
         """None: an offset of each run would be any friction."""
         return np.zeros(0, int)

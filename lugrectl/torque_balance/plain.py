@@ -310,5 +310,5 @@ def alone(
     left = Unseen.of(trained, test)
     return Answer(
         "identified", None, view, split, last, interval, interval.values(V), V, left, left,
-        notes=_missing(last), refitted=trained, trained=trained,
+        trained, trained, notes=_missing(last),
     )  # fmt: skip

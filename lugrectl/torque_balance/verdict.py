@@ -14,7 +14,7 @@ import numpy as np
 from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
-from ..core.numeric import Z95
+from ..core.numeric import Z95, rms
 from ..record.stretches import Stretch
 from .constants import ALPHA, CLEAR, FEW, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
@@ -51,38 +51,35 @@ HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 class Answer:
     """What the torque balance says of a log.
 
-    ``last`` is the fit of the model that is shown to all rows, ``values`` are (value, low, high) of
-    it by name with their ``covariance`` over ``interval.names``; ``decision`` is None where nothing
-    was searched. ``named`` are the effects beside
-    the declared ones, ``alternatives`` explain as much as one of them, ``candidates`` were
-    named and are not held. ``without`` and ``with_names`` are the errors of held-out rows,
-    ``refitted`` and ``trained`` the fits to training rows behind them.
+    ``values`` are (value, low, high) by name, with their ``covariance`` over ``interval.names``;
+    ``without`` and ``with_names`` are the errors of held-out rows, ``refitted`` and ``trained``
+    the fits to training rows behind them.
     """
 
     verdict: str
-    decision: Decision | None
+    decision: Decision | None  # None where nothing was searched
     view: View
     split: Split
-    last: LastFit
+    last: LastFit  # of the model that is shown, to all rows
     interval: Interval
     values: dict[str, Value]
     covariance: np.ndarray
     without: Unseen
     with_names: Unseen
-    alternatives: dict[str, list[str]] = field(default_factory=dict)
-    candidates: list[str] = field(default_factory=list)
+    refitted: LastFit
+    trained: LastFit
+    alternatives: dict[str, list[str]] = field(default_factory=dict)  # to a named one
+    candidates: list[str] = field(default_factory=list)  # were named, and are not held
     depends_on: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     lag: Value | None = None
     only_inertia: bool = False
-    refitted: LastFit | None = None
-    trained: LastFit | None = None
     rivals: list[LastFit] = field(default_factory=list)
     declared_error: float | None = None
 
     @property
     def named(self) -> list[Term]:
-        return [t for t in self.last.state.terms if not t.declared]
+        return self.last.state.named
 
     @property
     def parts(self) -> list[str]:
@@ -119,15 +116,14 @@ def answer(
     decision = Decision(train, width, (), least, alpha)
     judge = _Judge(few, train, test, split, decision, view)
     if not view.is_map and judge.short():
-        whole = Decision(few.on(np.ones(len(few.rows), bool)), width, (), least, alpha)
-        judge.keep(whole)
+        judge.keep(Decision(few.on(), width, (), least, alpha))
     made = judge.answer()
     if not view.is_map:
         return made
     # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
-    every, other = np.ones(len(view.rows), bool), made
-    both = view.on(every), view.on(every)
-    made = _Judge(view, *both, split, Decision(both[0], width, (), least, alpha), view).answer()
+    train, test, other = view.on(), view.on(), made
+    decision = Decision(train, width, (), least, alpha)
+    made = _Judge(view, train, test, split, decision, view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
     if made.verdict != "unexplained" and view.follows_speed(made.last.left):
@@ -152,7 +148,7 @@ class _Judge:
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
-        self.bends = False  # whether a bend of the friction curve is named
+
         self.whole: tuple[Interval, np.ndarray] | None = None  # intervals by every description
         self.apart: tuple[LastFit, list[dict[str, float]]] | None = None  # by others of them
 
@@ -162,7 +158,7 @@ class _Judge:
         without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
         verdict, named = self._verdict(last, full, plain, without)
-        if not named and (self.absent or any(not t.declared for t in last.state.terms)):
+        if not named and (self.absent or last.state.named):
             last = self._plain(last)
             trained = self._on_training_rows(last.state)
         if not named:  # the declared model is what is shown
@@ -173,20 +169,19 @@ class _Judge:
         d, rivals = self.decision, self._rivals(few)
         other = [apart(rival, few) for rival in rivals]
         V = V + interval.between([{k: x for k, x in one.items() if k in PLANT} for one in other])
+        left = few.left_by_declared(self.test)
         made = Answer(
             verdict, d, self.all, self.split, last, interval, interval.values(V), V, plain, full,
-            d.alternatives, self._candidates(last), d.depends_on,
-            [*d.notes, *self.notes], refitted=without, trained=trained, rivals=rivals,
-            declared_error=self._declared_error(few),
+            without, trained, d.alternatives, depends_on=d.depends_on,
+            notes=[*d.notes, *self.notes], rivals=rivals,
+            # the largest first, but what the plain answer has
+            candidates=[name for _, name in sorted(self.candidates)
+                        if not (name == OFFSET and last.design.constant)],
+            declared_error=None if left is None else Unseen.left(left, self.test.rows).error,
         )  # fmt: skip
         self._late_speed(made)
         self._whole_inertia(made)
         return made
-
-    def _candidates(self, last: LastFit) -> list[str]:
-        """What was named and is not held, the largest first, but what the plain answer has."""
-        names = [name for _, name in sorted(self.candidates)]
-        return [n for n in names if not (n == OFFSET and last.design.constant)]
 
     def short(self) -> bool:
         """Whether names are given, of so few independent stretches that half of them mislead."""
@@ -211,11 +206,10 @@ class _Judge:
             self._share()
             last = best_law(self.view, self._found_again(self.view), self.decision.table.scale)
             last = self._without_small_waves(last)
-            interval = Interval(last)
-            values = interval.values(interval.covariance())
+            values = Interval(last).values()
             last = self._bent(last, values)
             lost = self._lost(last, values)
-            if not lost and any(not t.declared for t in last.state.terms):
+            if not lost and last.state.named:
                 interval, V = self._intervals(last, last)
                 lost = self._lost(last, interval.values(V))
             if not lost:
@@ -237,8 +231,7 @@ class _Judge:
         names = [t.name for t in last.state.terms]
         if len(names) == len(set(names)):
             return last
-        interval = Interval(last)
-        values = interval.values(interval.covariance())
+        values = Interval(last).values()
         kept = [t for i, t in enumerate(last.state.terms)
                 if t.declared or t.name not in names[:i] or holds(last, values, i)]  # fmt: skip
         if len(kept) == len(names):
@@ -252,12 +245,15 @@ class _Judge:
         own = [i for i, t in enumerate(last.state.terms)
                if not t.declared and t.name != GREASE_NAME]  # fmt: skip
         names = [last.state.terms[i].name for i in own]
-        first = {n: j for j, n in reversed([*enumerate(names)])}  # waves of one effect count once
-        return [
-            i for j, i in enumerate(own)
-            if first[names[j]] == j and not (holds(last, values, i) and self._matters(last, i)
-                                             and (j == 0 or last.share(i) > stays))
-        ]  # fmt: skip
+        floors = {c.name: self.decision.floor(c) for c in reversed(self.decision.table.chosen)}
+
+        def kept(i: int) -> bool:
+            name, share = last.state.terms[i].name, last.share(i)
+            large = name not in floors or share > HELD * floors[name]
+            return holds(last, values, i) and large and (i == own[0] or share > stays)
+
+        # waves of one effect count once
+        return [i for j, i in enumerate(own) if names.index(names[j]) == j and not kept(i)]
 
     def _strike(self, last: LastFit, i: int) -> None:
         name = last.state.terms[i].name
@@ -275,12 +271,6 @@ class _Judge:
         else:
             d.decide(self.struck)
 
-    def _matters(self, last: LastFit, i: int) -> bool:
-        name = last.state.terms[i].name
-        chosen = (c for c in self.decision.table.chosen if c.name == name)
-        c = next(chosen, None)
-        return c is None or last.share(i) > HELD * self.decision.floor(c)
-
     def _bent(self, last: LastFit, values: dict[str, Value]) -> LastFit:
         """A bend of the friction curve that is worth a name is an effect; else it is no part of the
         model."""
@@ -291,10 +281,7 @@ class _Judge:
         stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
         sure = x[0] > SURELY * (x[0] - x[1]) / Z95
         plain = state.copy(grease=0.0)
-        self.bends = (
-            not self.view.motion.one_way and sure and bend > max(self.decision.least, stays)
-        )
-        if self.bends:
+        if not self.view.motion.one_way and sure and bend > max(self.decision.least, stays):
             block = members("effect")[GREASE_NAME]
             c = np.array([last.fit.b[last.design.names.index("grease")]])
             plain.terms.append(Term(block, GREASE_NAME, {"exponent": state.grease}, c))
@@ -320,10 +307,8 @@ class _Judge:
 
     def _without(self, state: State) -> LastFit:
         """The same without names, and with what every drive has held to its size."""
-        declared = [t for t in state.terms if t.declared]
         absent = frozenset(p.name for p in self.decision.parts)
-        terms = [t.copy() for t in declared]
-        bare = state.copy(terms=terms, grease=0.0, bare=True, absent=absent)
+        bare = state.without_names(grease=0.0, bare=True, absent=absent)
         return best_law(self.train, bare, self.decision.table.scale, straight=True)
 
     def _verdict(
@@ -394,17 +379,8 @@ class _Judge:
 
     def _plain(self, last: LastFit) -> LastFit:
         """The declared model alone, fitted to all rows."""
-        declared = [t.copy() for t in last.state.terms if t.declared]
-        state = last.state.copy(terms=declared, absent=self.absent, constant=True)
+        state = last.state.without_names(absent=self.absent, constant=True)
         return best_law(self.view, state, last.scale, straight=True)
-
-    def _declared_error(self, last: LastFit) -> float | None:
-        """The error of held-out rows with the declared values as they are; None without them."""
-        known = last.declared(self.test)
-        if known is None:
-            return None
-        design, b = known
-        return Unseen.left(design.y - design.X @ b, self.test.rows).error
 
     # ---- all rows
     def _of_all(self, few: LastFit) -> LastFit:
@@ -414,7 +390,7 @@ class _Judge:
         state = few.state.copy()
         self.all.terms = [t.copy() for t in self.view.terms]
         self.all.settle_as(self.train)
-        if any(not t.declared for t in state.terms):
+        if state.named:
             again = {t.key: t for t in self._found_again(self.all).terms}
             state.terms = [again.get(t.key, t) for t in state.terms]
         return LastFit(self.all, state, few.scale, turns=2)
@@ -442,12 +418,11 @@ class _Judge:
     def _rivals(self, last: LastFit) -> list[LastFit]:
         """The drive with an alternative in place of the one named effect: J, Fc, Fv are as
         uncertain as the name."""
-        own, d = [t for t in last.state.terms if not t.declared], self.decision
-        made = []
+        own, d, made = last.state.named, self.decision, []
         for c in d.named if len(own) == 1 else ():
             if c.name in d.alternatives.get(own[0].name, ()):
-                terms = [t.copy() for t in last.state.terms if t.declared]
-                other = last.state.copy(terms=[*terms, *c.terms()])
+                other = last.state.without_names()
+                other.terms += c.terms()
                 made.append(LastFit(self.view, other, last.scale, turns=2))
         return made
 
@@ -458,15 +433,13 @@ class _Judge:
             return
         sensors: Sensors = self.view.motion.sensors
         lag, error = sensors.lag, sensors.lag_error
-        declared = {t.name for t in self.view.terms}
-        if not (lag > max(LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1):
-            return
-        if LAG_NAME in declared:
+        late = lag > max(LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1
+        if not late or LAG_NAME in {t.name for t in self.view.terms}:
             return
         made.notes.append(LATE_SPEED.format(1e3 * lag))
         v, J = self.view, abs(made.values["J"][0])
         jerk = v.rows.narrow @ v.motion.slope(v.motion.acceleration)
-        cost = J * lag * float(np.sqrt(np.mean(jerk**2))) / v.size  # what it would do to a torque
+        cost = J * lag * rms(jerk) / v.size  # what it would do to a torque
         odd = self.decision.odd and self.decision.odd[0].share > ODD
         own = not sensors.differenced  # else its lag is that of a computation
         if made.verdict == "adequate" and not odd and own and cost > FLOOR:
