@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
 
@@ -27,7 +27,7 @@ from ..blocks.block import Block
 from ..blocks.friction import level as sliding_level
 from ..blocks.plant import borrowed
 from ..engine import TraceError
-from .driven_states import Known, Pieces, changes, driven
+from .driven_states import Pieces, changes, driven, once_a_block
 from .numerics import bend, slope
 
 SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
@@ -45,52 +45,23 @@ Values = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """The signals of one log, sample by sample: (n,) arrays in SI units.
-
-    Parameters
-    ----------
-    t : ndarray
-        Time, which starts at 0 of the log.
-    theta, w : ndarray
-        Smooth position and speed.
-    acceleration : ndarray
-        The stiffer acceleration, which J goes with.
-    path : ndarray
-        The stiffer position, without jumps between the pieces.
-    pieces : tuple of (slice, float)
-        Stretches of even time and their step in s: nothing looks across a cut.
-    u : ndarray
-        Torque as recorded, or as earlier effects on the input left it, N m.
-    z, follows : ndarray
-        Deflection of the bristle in units of its limit, and its derivative by an asymmetry of
-        that limit.
-    coulomb, level, viscous : ndarray
-        Coulomb and Stribeck part of friction, its level (>= 0), the viscous part, N m.
-    load : ndarray
-        Torque of the loads: declared ones and the measured d, N m.
-    J : float
-        Inertia, kg m2.
-    values : dict
-        Values of the plant and its friction law (Fc, Fs, vs, ...).
-    d : ndarray or None
-        Measured load torque, N m.
-    """
+    """The signals of one log, sample by sample: (n,) arrays in SI units."""
 
     t: np.ndarray
-    theta: np.ndarray
+    theta: np.ndarray  # smooth, as w
     w: np.ndarray
-    acceleration: np.ndarray
-    path: np.ndarray
-    pieces: Pieces
-    u: np.ndarray
-    z: np.ndarray
-    follows: np.ndarray
-    coulomb: np.ndarray
-    level: np.ndarray
+    acceleration: np.ndarray  # the stiffer one, which J goes with
+    path: np.ndarray  # the stiffer position, without jumps between the pieces
+    pieces: Pieces  # stretches of even time and their step: nothing looks across a cut
+    u: np.ndarray  # as recorded, or as earlier effects on the input left it
+    z: np.ndarray  # deflection of the bristle in units of its limit
+    follows: np.ndarray  # its derivative by an asymmetry of that limit
+    coulomb: np.ndarray  # Coulomb and Stribeck part of friction
+    level: np.ndarray  # of that, >= 0
     viscous: np.ndarray
-    load: np.ndarray
+    load: np.ndarray  # torque of the loads: declared ones and the measured d
     J: float
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # of the plant and its friction law
     d: np.ndarray | None = None
 
     def __len__(self) -> int:
@@ -180,9 +151,9 @@ def needs_inertia(block: Block) -> bool:
     return of_mass or bool({"J", "+J", "sensor"} & {*block.acts})
 
 
-@cache
-def _refused(known: Known) -> str:
-    block = known.block
+@once_a_block
+def refused(block: Block) -> str:
+    """One sentence why a block cannot be a candidate, '' if it can."""
     if block.kind not in ("effect", "friction"):
         return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
     if block.kind == "effect" and not block.acts:
@@ -207,11 +178,6 @@ def _refused(known: Known) -> str:
         why = f"{type(error).__name__}: {error}".rstrip(".")
         return f"{block.name} cannot be evaluated along the arrays of a log ({why})"
     return ""
-
-
-def refused(block: Block) -> str:
-    """One sentence why a block cannot be a candidate, '' if it can."""
-    return _refused(Known(block))
 
 
 # Columns
@@ -239,14 +205,18 @@ def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
     each = [_scaled(block, values, usual, per) | place for values in sets for place in more]
     made = Columns(*_torques(block, each, along), low=one, high=one)
     neutral = p.neutral or 0.0
+    low, high = one * (p.low - neutral), one * (p.high - neutral)
     if len(known) == 1:
-        return made.of(_as_it_is, one * (p.low - neutral), one * (p.high - neutral))
+        return replace(made, low=low, high=high)
     if block.own[known[1]].angle:
         high = np.full(2 * len(sets), p.high)
-        return made.of(_as_it_is, -high, high)
+        return replace(made, low=-high, high=high)
     free = np.full(len(sets), np.inf)
-    low, high = one * (p.low - neutral), one * (p.high - neutral)
-    return made.of(_place_and_step, _turns(low, -free), _turns(high, free))
+
+    def place_and_step(x: np.ndarray) -> np.ndarray:
+        return _turns(x[:, ::2].T, (x[:, 1::2] - x[:, ::2]).T).T
+
+    return made.of(place_and_step, _turns(low, -free), _turns(high, free))
 
 
 def torque(block: Block, values: Values, along: Along) -> Columns:
@@ -318,7 +288,7 @@ def to_values(
     known, made = linear(block), dict(values)
     if not known:
         return made
-    unit = {k: x for k, x in _unit(block, values, along).items() if k in values}
+    unit = _scaled(block, values, _usual(block, along), scaled(block) or ())
     size, neutral = float(coefficients[0]), block.own[block.gain].neutral or 0.0
     if len(known) == 2:
         other = float(coefficients[1])
@@ -327,7 +297,7 @@ def to_values(
             size, made[known[1]] = float(np.hypot(size, other)), phase if phase > -np.pi else np.pi
         else:
             made[known[1]] = _places(block, along)[0][known[1]] + (other / size if size else 0.0)
-    made |= {k: size * unit[k] for k in scaled(block) or () if k in unit}
+    made |= {k: size * unit[k] for k in scaled(block) or () if k in values}
     return made | {block.gain: neutral + size}
 
 
@@ -363,11 +333,6 @@ def _filled(block: Block, values: Values, along: Along) -> dict[str, Any]:
     return _completed(block, values, _usual(block, along))
 
 
-def _unit(block: Block, values: Values, along: Along) -> dict[str, Any]:
-    """All parameters for a strength of 1."""
-    return _scaled(block, values, _usual(block, along), scaled(block) or ())
-
-
 def _scaled(block: Block, values: Values, usual: Values, per: Sequence[str]) -> dict[str, Any]:
     """All parameters for a strength of 1, with which those of ``per`` go."""
     own, gain = _completed(block, values, usual), block.gain
@@ -392,15 +357,6 @@ def _places(block: Block, along: Along) -> list[dict[str, float]]:
 
 def _spanned(block: Block) -> str | None:
     return next((k for k, p in block.own.items() if p.span is not None), None)
-
-
-def _as_it_is(x: np.ndarray) -> np.ndarray:
-    return x
-
-
-def _place_and_step(x: np.ndarray) -> np.ndarray:
-    """Of columns at two places, the first and what a step to the second adds."""
-    return _turns(x[:, ::2].T, (x[:, 1::2] - x[:, ::2]).T).T
 
 
 def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -430,25 +386,20 @@ def _torques(
     made = _outputs(block, sets, along)
     if "sensor" in block.acts:
         return None, _of_sensor(block, made, along)
-    jump = None
+    jump = []
     if _jumps(block):
         up, down = (_outputs(block, sets, along, way) for way in (1.0, -1.0))
         made = [0.5 * (a + b) for a, b in zip(up, down, strict=True)]
         jump = [0.5 * (a - b) for a, b in zip(up, down, strict=True)]
-    parts = [(act, _weighed(out, _weight(act, along)))
-             for act, out in block.deeds(made)]  # fmt: skip
-    if jump is not None:
-        parts += [(act, _weighed(out, _weight_of_jump(act, along)))
-                  for act, out in block.deeds(jump)]  # fmt: skip
-    inertial = [x for act, x in parts if act in ("J", "+J") or _is_stiff(block)]
-    others = [x for act, x in parts if not (act in ("J", "+J") or _is_stiff(block))]
-    return sum(others[1:], others[0]) if others else None, (
-        sum(inertial[1:], inertial[0]) if inertial else None
-    )
-
-
-def _weighed(x: np.ndarray, weight: np.ndarray | None) -> np.ndarray:
-    return x if weight is None else x * weight[:, None]
+    parts = [(act, out, _weight(act, along)) for act, out in block.deeds(made)]
+    if jump:
+        parts += [(act, out, _weight_of_jump(act, along)) for act, out in block.deeds(jump)]
+    wide, narrow = [], []
+    for act, out, weight in parts:
+        part = narrow if act in ("J", "+J") or _is_stiff(block) else wide
+        part.append(out if weight is None else out * weight[:, None])
+    both = [sum(x[1:], x[0]) if x else None for x in (wide, narrow)]
+    return both[0], both[1]
 
 
 def _weight(act: str, along: Along) -> np.ndarray | None:
@@ -502,8 +453,14 @@ def _outputs(
 ) -> list[np.ndarray]:
     """Changes by each output (n, sets); ``way``: as if the drive moved in this direction."""
     signals = along.signals(block)
-    if block.exact is not None and block.acts == ("input",):
-        return [np.column_stack([along.u - _held(block, values, along) for values in sets])]
+    exact = block.exact
+    if exact is not None and block.acts == ("input",):  # of a held input
+
+        def held(values: Values) -> np.ndarray:
+            own = {k: values[k] for k in block.own}
+            return along.each(lambda u, dt: exact(u, dt, **own), along.u)
+
+        return [np.column_stack([along.u - held(values) for values in sets])]
     if block.states:
         return driven(block, sets, signals, along.pieces)
     if way is not None:
@@ -516,25 +473,14 @@ def _outputs(
     return [np.broadcast_to(np.asarray(x, float), shape) for x in made]
 
 
-def _held(block: Block, values: Values, along: Along) -> np.ndarray:
-    """What an effect on a held input makes of u, by its exact form."""
-    own, exact = {k: values[k] for k in block.own}, block.exact
-    assert exact is not None
-    return along.each(lambda u, dt: exact(u, dt, **own), along.u)
-
-
 # Linear in its strength?
 
 
+@once_a_block
 def scaled(block: Block) -> tuple[str, ...] | None:
     """The parameters that are scaled with the strength, so that the torque is linear in it; None
     if it is not."""
-    return _tried(Known(block))
-
-
-@cache
-def _tried(known: Known) -> tuple[str, ...] | None:
-    block, log = known.block, _some_motion()
+    log = _some_motion()
     p = block.own[block.gain]
     if p.neutral is None or not np.isfinite(p.neutral) or refused(block):
         return None
@@ -548,14 +494,10 @@ def _tried(known: Known) -> tuple[str, ...] | None:
             sets.append(own | more | {block.gain: p.neutral + size})
         with np.errstate(all="ignore"):
             parts = [x for x in _torques(block, sets, log) if x is not None]
-        if all(_doubled(x) for x in parts):
+        if all(np.all(np.abs(b - 2.0 * a) <= ALIKE * np.max(np.abs(b))) for a, b in
+               (x.T for x in parts)):  # fmt: skip
             return also
     return None
-
-
-def _doubled(x: np.ndarray) -> bool:
-    most = float(np.max(np.abs(x[:, 1]))) if len(x) else 0.0
-    return bool(np.all(np.abs(x[:, 1] - 2.0 * x[:, 0]) <= ALIKE * most))
 
 
 @cache

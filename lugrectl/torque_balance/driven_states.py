@@ -6,10 +6,10 @@ on it, everything else goes in straight lines. A step of the states takes the si
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from functools import lru_cache, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ ROOM = 2**22  # numbers that are kept at a time
 
 Signals = Mapping[str, np.ndarray]
 Pieces = Sequence[tuple[slice, float]]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,20 @@ class Known:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Known) and self.block == other.block
+
+
+def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
+    """What is asked of a block, answered once for each."""
+
+    @lru_cache(maxsize=256)
+    def answered(known: Known) -> T:
+        return function(known.block)
+
+    @wraps(function)
+    def asked(block: Block) -> T:
+        return answered(Known(block))
+
+    return asked
 
 
 def changes(block: Block, results: Sequence[Any], signals: Mapping[str, Any]) -> list[Any]:
@@ -56,26 +71,10 @@ def changes(block: Block, results: Sequence[Any], signals: Mapping[str, Any]) ->
 def driven(
     block: Block, sets: Sequence[Mapping[str, float]], signals: Signals, pieces: Pieces
 ) -> list[np.ndarray]:
-    """Changes by each output of a block with states, (n, sets) each.
+    """Changes by each output of a block with states, (n, sets) each; each piece begins where
+    ``Block.start`` says. TraceError where the engine cannot read the block's function.
 
-    Parameters
-    ----------
-    block : Block
-        With states; each piece begins where ``Block.start`` says.
-    sets : list of dict
-        All parameters of the block.
-    signals : dict
-        (n,) arrays of what the block reads, with w beside theta and theta beside w.
-    pieces : list of (slice, float)
-        Stretches of even time and their step in s: nothing looks from one into another.
-
-    Raises
-    ------
-    TraceError
-        Where the engine cannot read the block's function.
-
-    Notes
-    -----
+    ``signals`` are (n,) arrays of what the block reads, with w beside theta and theta beside w.
     A value stands for the mean around its sample with triangular weights, so that a torque
     between the samples is neither early nor late; where u is read by an effect on the input, for
     the mean over the cell in which u is held.
@@ -95,7 +94,7 @@ def _along(
     block: Block, sets: Sequence[Mapping[str, float]], own: Signals, dt: float, k: int
 ) -> np.ndarray:
     """Changes (outputs, n, sets) over one piece, by ``k`` steps a sample."""
-    held, lanes, n = "input" in block.acts, _lanes(Known(block)), len(own[block.reads[0]])
+    held, lanes, n = "input" in block.acts, _lanes(block), len(own[block.reads[0]])
     many, shares = len(block.fresh), (np.arange(k) + 0.5) / k
     between = _between(own, shares, dt, held)
     p = np.array([[float(one[name]) for name in lanes.parameters] for one in sets])
@@ -137,10 +136,10 @@ def _around(means: np.ndarray, shares: np.ndarray) -> np.ndarray:
     return made
 
 
-@lru_cache(maxsize=256)
-def _lanes(known: Known) -> Lanes:
+@once_a_block
+def _lanes(block: Block) -> Lanes:
     """The states of a block and the integrals of its changes, as the engine reads them."""
-    block, many = known.block, len(known.block.fresh)
+    many = len(block.fresh)
     sums = tuple(f"sum of {name}" for name in block.fresh)
 
     def rates(_t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:

@@ -27,6 +27,7 @@ from .columns import needs_inertia
 from .constants import BLOCK, FLOOR, FREE_LATE, TAIL
 from .friction import View, declared_terms, places
 from .motion import Motion
+from .samples import in_turn
 from .windows import Rows
 
 LEAST_RUNS = 4
@@ -145,7 +146,7 @@ class Nodes(Motion):
 
     def __init__(self, runs: Sequence[Run], angle: bool) -> None:
         many = [len(r.t) for r in runs]
-        ends, n = np.cumsum([0, *many]).tolist(), sum(many)
+        n = sum(many)
         parts = np.array([r.part[-1] + 1 for r in runs])
         self.stamp, self.u, self.d, theta, self.size, part = (
             np.concatenate([getattr(r, k) for r in runs])
@@ -162,7 +163,7 @@ class Nodes(Motion):
         self.acceleration, self.shake = np.zeros(n), np.zeros(n)
         self.hold = FREE_LATE + np.repeat([0.5 * r.dt for r in runs], many)
         self.fine_steps, self.ok = np.zeros(n - 1), np.ones(n, bool)
-        self.pieces = tuple((slice(*at), self.dt) for at in zip(ends[:-1], ends[1:], strict=True))
+        self.pieces = tuple((at, self.dt) for at in in_turn(many))
 
     def held(self, u: np.ndarray) -> np.ndarray:
         return u

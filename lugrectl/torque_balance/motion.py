@@ -20,7 +20,7 @@ from scipy.linalg import solveh_banded
 
 from .constants import ENOUGH, FINE, FREE_LATE, NOISE_FIT, SOFT
 from .numerics import bend, cubic, half_response, slope
-from .samples import Samples, joined
+from .samples import Samples, in_turn, joined
 from .sensors import Sensors
 
 THIRD = np.array([-1.0, 3, -3, 1])  # third difference: what the smoothing holds small
@@ -40,7 +40,9 @@ class Smoother:
             self.theta = sensors.theta
         else:
             assert sensors.w is not None
-            self.theta = samples.each(self._summed, sensors.w)
+            self.theta = samples.each(
+                lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * self.dt], sensors.w
+            )
             self.variance = sensors.w_variance * self.dt**2 * DRIFT + 1e-300
         self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
@@ -51,9 +53,6 @@ class Smoother:
         made.sensors, made.theta = self.sensors.only(samples, at), joined(self.theta, at)
         made.w, made._systems = made.sensors.w, {}
         return made
-
-    def _summed(self, w: np.ndarray) -> np.ndarray:
-        return np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * self.dt]
 
     def _system(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Penalty and data matrices of n samples, upper banded (5, n)."""
@@ -184,10 +183,8 @@ class SmoothRuns:
         return self.bend(noise)
 
     def _between_samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Steps and speeds between the samples, by the cubic through position and speed.
-
-        Reversals do not wait for the next sample. (n * between - 1,) and (n * between,).
-        """
+        """Steps (n between - 1,) and speeds (n between,) between the samples, by the cubic through
+        position and speed: reversals do not wait for the next sample."""
         k = self.between
         if k == 1:
             return self._joined(np.diff(self.theta)), self.w
@@ -236,8 +233,7 @@ class Motion:
         self.fine_w = np.concatenate([r.fine_w for r in self.runs])
         ends = [np.r_[r.fine_steps, 0.0] for r in self.runs]
         self.fine_steps = np.concatenate(ends)[:-1]  # no step leads from one rate to the next
-        first = np.cumsum([0, *(len(r.samples) for r in self.runs)]).tolist()
-        self.at = tuple(map(slice, first[:-1], first[1:]))
+        self.at = in_turn([len(r.samples) for r in self.runs])
         self.pieces = tuple(
             (slice(at.start + p.start, at.start + p.stop), r.dt)
             for at, r in zip(self.at, self.runs, strict=True)
@@ -245,8 +241,8 @@ class Motion:
         )
         self.elapsed = self.t - self.t.min()
         self.duration = float(self.elapsed.max())
-        held = [np.full(len(r.samples), 0.5 * r.dt + FREE_LATE) for r in self.runs]
-        self.hold = np.concatenate(held)
+        late = [0.5 * r.dt + FREE_LATE for r in self.runs]
+        self.hold = np.repeat(late, [len(r.samples) for r in self.runs])
 
     @classmethod
     def of(cls, groups: Sequence[Samples]) -> Motion:
@@ -300,9 +296,8 @@ class Motion:
             return self.coarse(X[:, None])[:, 0]
         if len(self.runs) == 1:
             return self.main.coarse(X)
-        ends = np.cumsum([0, *(len(r.fine_w) for r in self.runs)]).tolist()
-        parts = zip(self.runs, ends[:-1], ends[1:], strict=True)
-        return np.concatenate([r.coarse(X[a:b]) for r, a, b in parts])
+        parts = zip(self.runs, in_turn([len(r.fine_w) for r in self.runs]), strict=True)
+        return np.concatenate([r.coarse(X[at]) for r, at in parts])
 
     @cached_property
     def top(self) -> float:

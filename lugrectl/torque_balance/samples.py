@@ -18,51 +18,36 @@ Function = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Channels of one rate, piece after piece.
-
-    ``t`` (s) are times with the runs one after the other, ``stamp`` (s) those of each log, ``u``
-    (N m), ``theta`` (rad) and ``w`` (rad/s) are (n,), theta or w None where not
-    recorded, ``d`` (N m) the measured load torque. ``ok`` (n,) marks sound samples, ``run`` (n,)
-    the log they come from. ``pieces`` are slices of even time with the step ``dt`` (s). ``count``
-    (rad) is the step of the encoder, 0 where theta lies on no lattice.
-    """
+    """Channels of one rate, piece after piece, (n,) each in SI units."""
 
     dt: float
-    t: np.ndarray
-    stamp: np.ndarray
+    t: np.ndarray  # with the runs one after the other
+    stamp: np.ndarray  # times of each log
     u: np.ndarray
     theta: np.ndarray | None
     w: np.ndarray | None
-    d: np.ndarray
-    ok: np.ndarray
-    run: np.ndarray
-    pieces: tuple[slice, ...]
-    count: float
+    d: np.ndarray  # measured load torque
+    ok: np.ndarray  # sound samples
+    run: np.ndarray  # the log they come from
+    pieces: tuple[slice, ...]  # of even time
+    count: float  # rad: step of the encoder, 0 where theta lies on no lattice
 
     @classmethod
     def of(cls, stretches: Sequence[Stretch], times: Sequence[np.ndarray]) -> Samples:
         """The samples of stretches of one rate, at the given times."""
-        ends = np.cumsum([0, *(len(s.u) for s in stretches)]).tolist()
-        first = stretches[0]
-
-        def joined(key: str) -> np.ndarray | None:
-            return None if getattr(first, key) is None else np.concatenate(
-                [getattr(s, key) for s in stretches]
-            )  # fmt: skip
-
+        sizes = [len(s.u) for s in stretches]
         loads = [np.zeros(len(s.u)) if s.d is None else s.d for s in stretches]
+        recorded = [k for k in ("u", "ok", "theta", "w") if getattr(stretches[0], k) is not None]
+        made = {k: np.concatenate([getattr(s, k) for s in stretches]) for k in recorded}
         return cls(
             dt=float(np.median([s.dt for s in stretches])),
             t=np.concatenate(times),
             stamp=np.concatenate([s.t for s in stretches]),
-            u=np.concatenate([s.u for s in stretches]),
-            theta=joined("theta"),
-            w=joined("w"),
             d=np.concatenate(loads),
-            ok=np.concatenate([s.ok for s in stretches]),
-            run=np.repeat([s.run for s in stretches], np.diff(ends)),
-            pieces=tuple(map(slice, ends[:-1], ends[1:])),
+            run=np.repeat([s.run for s in stretches], sizes),
+            pieces=in_turn(sizes),
             count=max(s.count for s in stretches),
+            **({"theta": None, "w": None} | made),
         )
 
     def __len__(self) -> int:
@@ -90,7 +75,8 @@ class Samples:
         """Parts of the log as pieces of their own."""
         theta, w = (None if x is None else joined(x, at) for x in (self.theta, self.w))
         made = {k: joined(getattr(self, k), at) for k in ("t", "stamp", "u", "d", "ok", "run")}
-        return replace(self, theta=theta, w=w, pieces=in_turn(at), **made)
+        pieces = in_turn([one.stop - one.start for one in at])
+        return replace(self, theta=theta, w=w, pieces=pieces, **made)
 
 
 def joined(x: np.ndarray, at: Sequence[slice]) -> np.ndarray:
@@ -98,9 +84,9 @@ def joined(x: np.ndarray, at: Sequence[slice]) -> np.ndarray:
     return np.concatenate([x[one] for one in at])
 
 
-def in_turn(at: Sequence[slice]) -> tuple[slice, ...]:
-    """The places that parts have one after the other."""
-    ends = np.cumsum([0, *(one.stop - one.start for one in at)]).tolist()
+def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
+    """The places of parts of these sizes, one after the other."""
+    ends = np.cumsum([0, *sizes]).tolist()
     return tuple(map(slice, ends[:-1], ends[1:]))
 
 
@@ -113,21 +99,17 @@ def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
     long = [s for s in stretches if len(s.u) >= SHORTEST and s.ok.any()]
     if not long:
         raise Refused(f"no {SHORTEST} sound samples stand in a row.", "Record a longer run.")
-    times = list(_in_turn(long))
+    times = list(_times(long))
     groups: dict[tuple, list[int]] = {}
     for i, s in enumerate(long):
-        kind = next((k for k in groups if _alike(k, s)), (s.dt, s.theta is None, s.w is None))
-        groups.setdefault(kind, []).append(i)
+        own = s.theta is None, s.w is None
+        alike = (k for k in groups if k[1:] == own and abs(s.dt / k[0] - 1.0) < SAME_RATE)
+        groups.setdefault(next(alike, (s.dt, *own)), []).append(i)
     made = [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
     return [one for one in made if one.moves] or made
 
 
-def _alike(kind: tuple[float, bool, bool], s: Stretch) -> bool:
-    same = (s.theta is None, s.w is None) == kind[1:]
-    return same and abs(s.dt / kind[0] - 1.0) < SAME_RATE
-
-
-def _in_turn(stretches: Sequence[Stretch]) -> Iterator[np.ndarray]:
+def _times(stretches: Sequence[Stretch]) -> Iterator[np.ndarray]:
     """The times of each stretch: those of the first run as recorded, others behind it."""
     shift, end, run = 0.0, float(stretches[0].t[0]), stretches[0].run
     for s in stretches:

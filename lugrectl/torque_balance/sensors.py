@@ -49,7 +49,7 @@ class Sensors:
         if self.w is not None:
             noise = self._noise(self.w, white, 0.3)
             self.w_variance = max(noise**2, (1e-7 * np.ptp(self.w)) ** 2)
-        self.filtered = self.repeats = self.differenced = self.foreign = False
+        self.filtered = self.differenced = self.foreign = False
         if self.theta is not None and self.w is not None:
             self.differenced = self._differenced()
             self._compare()
@@ -90,8 +90,7 @@ class Sensors:
         self._reconcile()
         self.filtered = self.late
         # a filtered difference of an encoder tells nothing that the encoder does not
-        self.repeats = self.late and self.count > 0
-        if self.repeats or self.foreign or abs(self.lag) > FAR_W:
+        if self.late and self.count > 0 or self.foreign or abs(self.lag) > FAR_W:
             self.w = None
 
     def _windows(self, x: np.ndarray, kernel: np.ndarray) -> np.ndarray:

@@ -18,6 +18,7 @@ from scipy import ndimage
 from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
+from ..core.numeric import rms
 from ..core.regression import Prior, normal_equations, robust, weight
 from .constants import (
     AT_REST,
@@ -83,8 +84,10 @@ class _Windows:
         if len(at) < FEW:
             step = max(1, step // 2)
             at = centres(samples.pieces, len(kernel) // 2, step)
-        K = averages(kernel, at, n)
-        noise, slow = self._slowest(runs, h, half, top)
+        K, s = averages(kernel, at, n), runs.sensors
+        variance = min(s.theta_variance * 2 / h**2, np.inf if s.w is None else s.w_variance)
+        noise = float(np.sqrt(variance / half))  # of the speed in a window
+        slow = max(AT_REST * top, 3 * noise, 0.5 * s.count / h)  # at rest friction is anything
         keep = (K @ np.abs(runs.w) > slow) & (K @ (np.abs(runs.w) < AT_REST * top) < STILL)
         if not samples.ok.all():
             keep &= K @ (~samples.ok).astype(float) < 1e-9
@@ -92,14 +95,6 @@ class _Windows:
         self.reach = len(kernel) // 2 * runs.dt
         self.narrow = averages(phi, self.at, n)
         self.smear = np.full(n * runs.between, 3 * noise + 1e-12)
-
-    def _slowest(self, runs: SmoothRuns, h: float, half: int, top: float) -> tuple[float, float]:
-        """Noise of the speed in a window, and the speed that a row must have: at rest friction is
-        anything."""
-        s = runs.sensors
-        variance = s.w_variance if s.w is not None else np.inf
-        noise = float(np.sqrt(min(s.theta_variance * 2 / h**2, variance) / half))
-        return noise, max(AT_REST * top, 3 * noise, 0.5 * s.count / h)
 
 
 class Rows:
@@ -149,14 +144,12 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Declared:
-    """What is declared of the drive: J and Fc where given, and the columns (n, k) of gravity, or
-    of a spring, that every plain balance has beside friction. ``weight`` says that it is gravity.
-    """
+    """What is declared of the drive, and what every plain balance has beside friction."""
 
     J: float | None
     Fc: float | None
-    place: np.ndarray
-    weight: bool
+    place: np.ndarray  # columns (n, k) of gravity, or of a spring
+    weight: bool  # it is gravity
 
 
 class Probe:
@@ -169,12 +162,24 @@ class Probe:
 
     def __init__(self, motion: Motion, h: float, declared: Declared) -> None:
         self.h, self.declared = h, declared
-        parts = [self._windows(r) for r in motion.runs]
-        self._fit(motion, parts)
-
-    @property
-    def enough(self) -> bool:
-        return self.rows >= 3 * (5 + self.declared.place.shape[1])
+        direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
+        late, none = motion.slope(motion.u), np.ones(len(motion))
+        signals = np.column_stack([direction, motion.w, none, late, declared.place])
+        X, y, moves, variance, thin, t = [], [], [], [], [], []
+        for run, at in zip(motion.runs, motion.at, strict=True):
+            a, own, K, middle, every = self._windows(run)
+            t.append(motion.elapsed[at][middle])
+            X.append(np.column_stack([a, K @ signals[at]]))
+            y.append(K @ motion.u[at])
+            moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
+            variance.append(np.full(len(a), own))
+            thin.append(a[::every])
+        moving = np.concatenate(moves)
+        self.enough = bool(moving.sum() >= 3 * signals.shape[1] + 3)
+        if self.enough:
+            noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
+            self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
+            self._judge(motion, np.concatenate(thin), float(noise.mean()))
 
     def _windows(self, runs: SmoothRuns) -> tuple:
         """Acceleration, its noise (variance), the averages and the centres of the windows of one
@@ -199,26 +204,6 @@ class Probe:
             a += variance / of_w * (K @ runs.slope(s.w))
         return a, variance, K, at, max(1, round(half / step))
 
-    def _fit(self, motion: Motion, parts: list[tuple]) -> None:
-        direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
-        late = motion.slope(motion.u)
-        none = np.ones(len(motion))
-        signals = np.column_stack([direction, motion.w, none, late, self.declared.place])
-        X, y, moves, variance, thin, t = [], [], [], [], [], []
-        for (a, own, K, middle, every), at in zip(parts, motion.at, strict=True):
-            t.append(motion.elapsed[at][middle])
-            X.append(np.column_stack([a, K @ signals[at]]))
-            y.append(K @ motion.u[at])
-            moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
-            variance.append(np.full(len(a), own))
-            thin.append(a[::every])
-        moving = np.concatenate(moves)
-        self.rows = int(moving.sum())
-        if self.enough:
-            noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
-            self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
-            self._judge(motion, np.concatenate(thin), float(noise.mean()))
-
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
         k, size = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + 1e-300
         X, many, scale = X / size, len(size), 1.0
@@ -231,12 +216,12 @@ class Probe:
         self._X, self._b, self.r, self._scale, self._size = X, fit.b, r, scale, size
         G, _ = normal_equations(X, y, k, prior, scale, 0.0)
         self._inverse = np.linalg.inv(G)
-        self.rms = float(np.sqrt(np.mean(y**2))) + 1e-300
+        self.rms = rms(y) + 1e-300
         told = self._inverse[0, 0] / size[0] ** 2
         self.J = float(fit.b[0] / size[0])
         self.error = float(scale * np.sqrt(self._memory * told))
         self.lost = float(noise.mean() * k.sum() * told)
-        self.residual = float(np.sqrt(np.mean(r**2)))
+        self.residual = rms(r)
         self.left = self.residual / self.rms
 
     @cached_property
@@ -249,18 +234,15 @@ class Probe:
 
     def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
         b, size, w = self._b, self._size, np.abs(motion.w)
-        near = self._X[:, 1:3] @ b[1:3]
-        friction = float(np.sqrt(np.mean(near**2))) + 1e-12 * self.rms
+        friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
         self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
-        self.heavy = self.declared.weight and self._heavy(friction)
+        place = b[5:]  # gravity that is large, and certain beside everything that is linear
+        chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
+        certain = chi2 / (self._scale**2 * self._memory + 1e-300) > 50
+        large = rms(self._X[:, 5:] @ place) > HEAVY * friction
+        self.heavy = self.declared.weight and bool(certain and large)
         self.noisy = self._noise(motion, friction, thin, variance)
-
-    def _heavy(self, friction: float) -> bool:
-        """Gravity that is large and certain beside everything that is linear."""
-        b, inverse, X = self._b[5:], self._inverse[5:, 5:], self._X[:, 5:]
-        chi2 = b @ np.linalg.solve(inverse, b) / (self._scale**2 * self._memory + 1e-300)
-        return bool(np.sqrt(np.mean((X @ b) ** 2)) > HEAVY * friction and chi2 > 50)
 
     def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
         """Noise of J a in a row over what is small enough."""
@@ -304,7 +286,11 @@ class Width:
         good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
         self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
-        self.against = all(self._nothing_of(declared.J or 0.0, p) for p in self.tried)
+        # a balance that explains all else excludes the declared inertia, and finds none
+        least = LOST * (declared.J or 0.0)
+        self.against = all(
+            p.left < LOST and p.J < 3 * p.error and p.J + 3 * p.error < least for p in self.tried
+        )
         self.backward = all(p.drag < -0.1 and p.left < 0.7 for p in self.tried[-3:])
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
@@ -319,11 +305,6 @@ class Width:
             self.tried.append(p)
             if stop and p.lost < LOST and self._calm(p):
                 break
-
-    @staticmethod
-    def _nothing_of(J: float, p: Probe) -> bool:
-        """Whether a balance that explains all else excludes this inertia, and finds none."""
-        return p.left < LOST and p.J < 3 * p.error and p.J + 3 * p.error < LOST * J
 
     def _calm(self, p: Probe) -> bool:
         return p.noisy < 1 or self.declared.J is not None and p.h > WIDE
