@@ -15,6 +15,7 @@ import numpy as np
 
 from ..blocks.block import is_ours, members
 from ..blocks.model import Model
+from ..core.numeric import rms
 from ..core.regression import Prior, paired, robust
 from .columns import refused
 from .constants import (
@@ -52,12 +53,8 @@ SHAPES = {"stribeck": ("bump", "short_tail", "long_tail"), "presliding": ()}
 
 class Decision:
     """``verdict``, ``table.chosen`` (the likeliest first), ``alternatives`` to each by name,
-    ``depends_on`` of an unknown torque.
-
-    ``joined`` are effects so large that they became part of the base before anything was judged,
-    with ``heavy``, the names that explain them as well. ``named``, ``unknown`` are the rows of the
-    table beside the base, ``never`` names that are not to be tried. ``least`` is the smallest share
-    of friction that is worth a name.
+    ``depends_on`` of an unknown torque; ``named``, ``unknown`` are the rows of the table beside
+    the base. ``least`` is the smallest share of friction that is worth a name.
     """
 
     def __init__(
@@ -74,8 +71,8 @@ class Decision:
         self.notes = [LEFT_OUT.format(why) for why in map(refused, own) if why]
         self.memory: dict[str, Any] = {}
         self._known: dict[tuple[int, ...], tuple[list[Contender], list[Contender]]] = {}
-        self.joined: list[Term] = []
-        self.heavy: dict[str, list[str]] = {}
+        self.joined: list[Term] = []  # so large that they join the base before anything is judged
+        self.heavy: dict[str, list[str]] = {}  # the names that explain these as well
         self.linear = view.model.motion == "linear"
         self.table = table = Table(view)
         self.strangers = Unknown(table, self.linear, width.sure)
@@ -106,11 +103,8 @@ class Decision:
 
     # ---- a load that hides everything else
     def _weight_first(self) -> None:
-        """Gravity so large that nothing else can be seen before it is in the model joins the base.
-
-        It may be hidden itself by an inertia that plays its part: then the whole base is settled
-        again with it.
-        """
+        """Gravity so large that nothing else can be seen before it is in the model joins the base;
+        where an inertia plays its part and hides it, the whole base is settled again with it."""
         known = {t.name for t in self.view.terms}
         if WEIGHT in known or WEIGHT in self.never or self.linear or self.view.motion.span < 0.8:
             return
@@ -152,8 +146,7 @@ class Decision:
             return False
         C, prior = np.column_stack([top.C, weight.C]), Prior.joined(top.prior, weight.prior)
         both = self.table.enter(Contender(WEIGHT, {}, top.block, C=C, prior=prior))
-        torque = weight.C @ both.b[-2:]
-        large = float(np.sqrt(np.mean(torque**2))) > HEAVY * self.view.size
+        large = rms(weight.C @ both.b[-2:]) > HEAVY * self.view.size
         return both.gain - top.gain > max(SURELY, 0.2 * weight.gain) and large
 
     # ---- what is proven, what is large enough, what is better
@@ -192,7 +185,9 @@ class Decision:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
             self._two_at_once(large[:TOGETHER])
-        self.parts = [p for p in parts(self.table) if p.name not in banned and self._needed(p)]
+        absent = [_part(self.table, n) for n in missing(self.view.model) if n not in banned]
+        self.parts = [p for p in absent
+                      if proven(p.gain, p.error, self.alpha) and p.share > FLOOR]  # fmt: skip
 
     def _among(self, c: Contender, others: Sequence[Contender]) -> Contender | None:
         """The likeliest of c and of those that explain as much, each in a last fit of its own;
@@ -229,10 +224,6 @@ class Decision:
         r = last.fit.r * last.scale / table.scale
         e = view.blocks.seen(r, table.stretch(last.values["J"]))
         return e, int(Interval(last).blocks[0][-1]) + 1
-
-    def _needed(self, part: Part) -> bool:
-        """Whether a part of friction is proven and large enough for a name."""
-        return proven(part.gain, part.error, self.alpha) and part.share > FLOOR
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; then what is left decides: a further name, an unknown torque that no
@@ -327,12 +318,8 @@ def missing(model: Model) -> list[str]:
     return [name for name, there in has.items() if not there and name not in here]
 
 
-def parts(table: Table) -> list[Part]:
-    """The parts that are missing, each by the base with and without it."""
-    return [_part(table, name) for name in missing(table.view.model)]
-
-
 def _part(table: Table, name: str) -> Part:
+    """A part that is missing, by the base with and without it."""
     v = table.view
     X = table.X.copy()
     if name == "presliding":
@@ -345,5 +332,4 @@ def _part(table: Table, name: str) -> Part:
     e = v.blocks.left_out(fit, X, table.prior, table.scale, 1.0)
     full = v.blocks.left_out(table.fit, table.X, table.prior, table.scale, 1.0)
     gain, error = paired(full, e)
-    torque = table.X @ table.fit.b - X @ fit.b
-    return Part(name, gain, error, float(np.sqrt(np.mean(torque**2))) / v.size)
+    return Part(name, gain, error, rms(table.X @ table.fit.b - X @ fit.b) / v.size)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import Refused
+from ..core.numeric import rms
 from ..core.regression import log_density, paired, spread
 from .constants import BLOCK, LEAST_ROWS
 from .friction import View
@@ -48,9 +49,8 @@ class Split:
             here = run == own
             test |= here & (t >= start + rows.reach) & (t <= end - rows.reach)
             train &= ~(here & (t >= start - rows.reach) & (t <= end + rows.reach))
-        if view.is_map or cls._enough(train, test):
-            return cls(train, test)
-        return cls._alternate(rows)
+        enough = train.sum() >= 2 * LEAST_ROWS and test.sum() >= LEAST_ROWS
+        return cls(train, test) if view.is_map or enough else cls._alternate(rows)
 
     @classmethod
     def _alternate(cls, rows: Rows) -> Split:
@@ -60,23 +60,15 @@ class Split:
         edge = np.abs(place - np.round(place)) * length < min(rows.reach, 0.1 * length)
         return cls(~odd & ~edge, odd & ~edge)
 
-    @staticmethod
-    def _enough(train: np.ndarray, test: np.ndarray) -> bool:
-        return train.sum() >= 2 * LEAST_ROWS and test.sum() >= LEAST_ROWS
-
 
 @dataclass(frozen=True, eq=False)
 class Unseen:
-    """What a fit to other rows leaves on held-out rows: ``r`` (m,) at ``t`` (m,), N m.
-
-    ``error`` is its RMS, ``stays`` the RMS of what lasts longer than a window: torque that nothing
-    explains.
-    """
+    """What a fit to other rows leaves on held-out rows: ``r`` (m,) at ``t`` (m,), N m."""
 
     r: np.ndarray
     t: np.ndarray
-    error: float
-    stays: float
+    error: float  # its RMS
+    stays: float  # RMS of what lasts longer than a window: torque that nothing explains
 
     @classmethod
     def of(cls, last: LastFit, test: View) -> Unseen:
@@ -86,9 +78,8 @@ class Unseen:
 
     @classmethod
     def left(cls, r: np.ndarray, rows: Rows) -> Unseen:
-        r = clipped(r)
-        size = float(np.sqrt(np.mean(r**2)))
-        return cls(r, rows.t, size, structured(r, rows.t, rows.step, rows.h))
+        r = np.clip(r, -_far(r), _far(r))
+        return cls(r, rows.t, rms(r), structured(r, rows.t, rows.step, rows.h))
 
 
 def gain(without: Unseen, other: Unseen, duration: float) -> float:
@@ -102,14 +93,8 @@ def gain(without: Unseen, other: Unseen, duration: float) -> float:
 
 
 def _far(r: np.ndarray) -> float:
-    """From where on a row counts as far off."""
+    """From where on a row is far off, and counts no more."""
     return OUTLIER * spread(r) + 1e-300
-
-
-def clipped(r: np.ndarray) -> np.ndarray:
-    """Rows that are far off count as OUTLIER times the usual."""
-    far = _far(r)
-    return np.clip(r, -far, far)
 
 
 def lasting(r: np.ndarray, rows: Rows) -> float:

@@ -11,6 +11,7 @@ from scipy.sparse import csr_matrix
 
 from ..blocks.block import Block, is_ours, members
 from ..blocks.model import Model
+from ..core.numeric import rms
 from ..estimates.balance import Balance
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
@@ -34,15 +35,11 @@ DIPPED = 1.3  # of Fc: where Fs starts
 
 @dataclass(frozen=True, eq=False)
 class ModelValues:
-    """A model with all of its values, what the last fit knows of them, and how surely.
-
-    ``open`` are the keys that the balance does not tell; their values are declared or usual.
-    """
+    """A model with all of its values, what the last fit knows of them, and how surely."""
 
     model: Model
     estimates: dict[str, Estimate]
     joint: Joint
-    open: tuple[str, ...]
 
     def beside(self, plain: Balance) -> ModelValues:
         """The same without the intervals of what the plain answer calls uncertain, where no polish
@@ -72,15 +69,15 @@ def completed(last: LastFit, model: Model, sure: bool, parts: Collection[str] = 
     the log is ``sure`` of another one. ``parts`` are effects that the declared law of friction does
     not have."""
     made = model
-    for term in last.state.terms:
-        if not term.declared:
-            made = made.with_effect(term.block, _own(term.key, last.values))
-    for name in parts:
-        made = made.with_effect(name, _law_part(name, _plant(last, made.known(), sure)))
-    made = made.with_values(made.kept(_inside(made, _values(last, made, sure))))
-    if means_the_same(made.friction.block):
-        return made
-    return made.with_values(made.kept(_inside(made, law_values(last, made))))
+    for term in last.state.named:
+        values = {k: last.values.get(f"{term.key}.{k}") for k in term.block.own}
+        made = made.with_effect(term.block, {k: x for k, x in values.items() if x is not None})
+    for name in parts:  # as far as the fit has its values
+        known = _plant(last, made.known(), sure)
+        own = members("effect")[name].own
+        made = made.with_effect(name, {k: known[k] for k in own if k in known})
+    made = _at(made, _values(last, made, sure))
+    return made if means_the_same(made.friction.block) else _at(made, law_values(last, made))
 
 
 def lifted(model: Model, declared: Model) -> Model:
@@ -89,16 +86,6 @@ def lifted(model: Model, declared: Model) -> Model:
     if declared.known().get("Fs") is not None or not {"Fc", "Fs"} <= known.keys():
         return model
     return model.with_values({"Fs": max(known["Fs"], DIPPED * known["Fc"])})
-
-
-def _law_part(name: str, known: Mapping[str, float]) -> dict[str, float | None]:
-    """The values of an effect that is a part of friction, as far as the fit has them."""
-    own = members("effect")[name].own
-    return {k: known[k] for k in own if k in known}
-
-
-def _own(key: str, values: Mapping[str, float]) -> dict[str, float | None]:
-    return {k.removeprefix(f"{key}."): x for k, x in values.items() if k.startswith(f"{key}.")}
 
 
 def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, float]:
@@ -129,9 +116,11 @@ def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
     return {k: float(own.get(k, known.get(k, x))) for k, x in usual.items()}
 
 
-def _inside(model: Model, values: Mapping[str, float]) -> dict[str, float]:
+def _at(model: Model, values: Mapping[str, float]) -> Model:
+    """The model at these values, inside their bounds; held ones stay."""
     own = model.declarations()
-    return {k: float(np.clip(x, own[k].low, own[k].high)) for k, x in values.items()}
+    inside = {k: float(np.clip(x, own[k].low, own[k].high)) for k, x in values.items()}
+    return model.with_values(model.kept(inside))
 
 
 def model_values(answer: Answer, model: Model) -> ModelValues:
@@ -145,23 +134,18 @@ def model_values(answer: Answer, model: Model) -> ModelValues:
             continue
         ends = values[told[key]][1:] if key in told else None
         whole_turn = ends is not None and own[key].angle and ends[1] - ends[0] >= 2 * np.pi
-        if ends is not None and not whole_turn and key not in held:
-            low, high = made.bounds(key)
-            ends = min(max(ends[0], low), value), max(min(ends[1], high), value)
-        else:
-            ends = None
+        ends = (
+            None if ends is None or whole_turn or key in held else _within(made, key, value, ends)
+        )
         if own[key].whole and made.motion == "rotary" and key in told:
             ends = value, value
         estimates[key] = Estimate(value, made.unit(key), ends, held=key in held)
     certain = [k for k, e in estimates.items() if e.ci95 is not None and e.ci95[1] > e.ci95[0]]
     at = [names.index(told[k]) for k in certain]
     found = np.array([estimates[k].value for k in certain])
-    positive = np.array(
-        [own[k].low >= 0.0 and x > 0 for k, x in zip(certain, found, strict=True)], bool
-    )
+    positive = np.array([own[k].low >= 0.0 for k in certain], bool) & (found > 0.0)
     joint = Joint(tuple(certain), found, answer.covariance[np.ix_(at, at)], positive)
-    left = tuple(k for k in estimates if k not in told and k not in held)
-    return ModelValues(made, estimates, joint, left)
+    return ModelValues(made, estimates, joint)
 
 
 def _told(answer: Answer, model: Model) -> dict[str, str]:
@@ -190,12 +174,14 @@ def with_scale(joint: Joint) -> Joint:
 
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
     """Values of a joint distribution with their intervals."""
-    made, both = {}, joint.interval().tolist()
-    for key, x, (a, b) in zip(joint.names, joint.values.tolist(), both, strict=True):
-        low, high = model.bounds(key)
-        ends = min(max(a, low), x), max(min(b, high), x)
-        made[key] = Estimate(x, model.unit(key), ends)
-    return made
+    both = zip(joint.names, joint.values.tolist(), joint.interval().tolist(), strict=True)
+    return {k: Estimate(x, model.unit(k), _within(model, k, x, ends)) for k, x, ends in both}
+
+
+def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tuple[float, float]:
+    """The interval of a value inside its bounds."""
+    low, high = model.bounds(key)
+    return min(max(ends[0], low), value), max(min(ends[1], high), value)
 
 
 def means_the_same(law: Block) -> bool:
@@ -238,7 +224,7 @@ def misfit(last: LastFit, model: Model) -> float:
     if made is None:
         return 0.0
     off = last.view.K @ made[:, 0] - last.friction
-    return float(np.sqrt(np.mean(np.nan_to_num(off, nan=1e6) ** 2))) / last.view.size
+    return rms(np.nan_to_num(off, nan=1e6)) / last.view.size
 
 
 def law_values(last: LastFit, model: Model) -> dict[str, float]:

@@ -11,7 +11,7 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..blocks.model import Model
 from ..core.errors import Refused
-from ..core.numeric import Z95
+from ..core.numeric import Z95, rms
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
 from ..record.stretches import Stretch
@@ -57,10 +57,13 @@ def plain_balance(
     stretches: Sequence[Stretch],
 ) -> Balance:
     """The plain answer of a last fit with its intervals; ``sure``: the log determines J."""
-    v = last.view
+    v, m, at = last.view, last.view.motion, last.view.rows.at
+    order = np.lexsort((m.stamp[at], m.run[at]))
     known, names, C = _by_plain_names(last, interval, values, V)
     certain = _certain(last, known, values, sure)
-    made = {k: _estimate(k, x, v.model) for k, x in known.items()}
+    units = _units(last)
+    made = {k: Estimate(float(x[0]), units[k], (float(x[1]), float(x[2])))
+            for k, x in known.items()}  # fmt: skip
     own = {"J", "Fc", "Fv"}
     parameters = {k: made[k] for k in known if k in certain or k not in own}
     return Balance(
@@ -68,13 +71,13 @@ def plain_balance(
         uncertain={k: made[k] for k in known if k not in parameters},
         combinations=tuple(_sums(last, values, certain)),
         curve=tuple(friction_curve(last)),
-        left=_left(last),
+        left=rms(last.left) / v.force,
         notes=tuple(_notes(last, values, certain, sure)),
         names=names,
         covariance=C,
         half_width=v.rows.h or None,
         is_map=v.is_map,
-        residual=_residual(last),
+        residual=Residual(m.stamp[at][order], m.run[at][order], last.left[order]),
         stretches=tuple(stretches),
         motion=v.model.motion,
     )
@@ -123,44 +126,27 @@ def of_sensors(last: LastFit) -> dict[str, Value]:
     return {k: (x, x - Z95 * e, x + Z95 * e) for k, (x, e) in made.items()}
 
 
-def _estimate(name: str, x: Value, model: Model) -> Estimate:
-    if name in UNITS:
-        unit = unit_for(UNITS[name], model.motion)
-    else:
-        declared = model.declarations()
-        key, _, parameter = name.rpartition(".")
-        unit = model.unit(name) if name in declared else _unit_of(key, parameter, model)
-    return Estimate(float(x[0]), unit, (float(x[1]), float(x[2])))
-
-
-def _unit_of(key: str, parameter: str, model: Model) -> str:
-    from ..blocks.block import members
-
-    block = members("effect").get(key.rstrip("0123456789").rstrip("_"))
-    p = block.own.get(parameter) if block is not None else None
-    if p is None:
-        return "1"
-    return p.unit if p.angle else unit_for(p.unit, model.motion)
+def _units(last: LastFit) -> dict[str, str]:
+    """The unit of each value by the names of the plain answer."""
+    motion = last.view.model.motion
+    made = {name: unit_for(unit, motion) for name, unit in UNITS.items()}
+    return made | {
+        f"{term.key}.{k}": p.unit if p.angle else unit_for(p.unit, motion)
+        for term in last.state.terms
+        for k, p in term.block.own.items()
+    }
 
 
 def _certain(
     last: LastFit, known: Mapping[str, Value], values: Mapping[str, Value], sure: bool
 ) -> set[str]:
     """Which of J, Fc and Fv are an answer alone."""
-    v, w = last.view, last.view.typical
-    several = v.several  # at one speed only the sum is known
-    level = abs(values["sum"][0]) + 1e-300
-
-    def wide(name: str) -> float:
-        return known[name][2] - known[name][1]
-
-    made = set()
-    if sure and "J" in known and tells(known["J"]):
-        made.add("J")
-    if several and wide("Fc") < level and not v.motion.one_way:
-        made.add("Fc")
-    if several and wide("Fv") * w < level:
-        made.add("Fv")
+    v, level = last.view, abs(values["sum"][0]) + 1e-300
+    wide = {k: known[k][2] - known[k][1] for k in ("Fc", "Fv")}
+    made = {"J"} if sure and "J" in known and tells(known["J"]) else set[str]()
+    if v.several:  # at one speed only the sum is known
+        made |= {"Fc"} if wide["Fc"] < level and not v.motion.one_way else set()
+        made |= {"Fv"} if wide["Fv"] * v.typical < level else set()
     return made
 
 
@@ -206,16 +192,6 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
             x = float(np.mean(torque))
             made.append(CurvePoint(float(np.mean(w[part])), x, (x - half, x + half), len(part)))
     return sorted(made, key=lambda p: p.w)
-
-
-def _left(last: LastFit) -> float:
-    return float(np.sqrt(np.mean(last.left**2))) / last.view.force
-
-
-def _residual(last: LastFit) -> Residual:
-    m, at = last.view.motion, last.view.rows.at
-    order = np.lexsort((m.stamp[at], m.run[at]))
-    return Residual(m.stamp[at][order], m.run[at][order], last.left[order])
 
 
 def _notes(last: LastFit, values: Mapping[str, Value], certain: set[str], sure: bool) -> list[str]:

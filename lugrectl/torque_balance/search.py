@@ -84,12 +84,10 @@ def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -
 
 
 class Search:
-    """All contenders beside one base.
+    """All contenders beside one base; ``tried``: whether they promise something or not.
 
-    ``tried`` are all of them, whether they promise something or not. ``sure`` says that the log
-    determines the inertia; else only what does not depend on it is tried. ``never`` are names that
-    are left out, ``only`` those that are tried (None: all). ``memory`` keeps the loads that
-    earlier searches beside other bases found.
+    ``sure``: the log determines the inertia; else only what does not depend on it is tried.
+    ``memory`` keeps the loads that earlier searches beside other bases found.
     """
 
     def __init__(
@@ -221,14 +219,14 @@ class Search:
         if gain < SCREEN:
             return q
 
+        def at(x: np.ndarray) -> Values:
+            return q | dict(zip(steps, x.tolist(), strict=True))
+
         def gains(points: np.ndarray) -> np.ndarray:
-            return self._each(
-                block, [q | dict(zip(steps, x, strict=True)) for x in points.tolist()]
-            )
+            return self._each(block, [*map(at, points)])
 
         turns = self.turns + 2 * (len(steps) == 1)
-        x = polish(gains, [q[k] for k in steps], [*steps.values()], turns)
-        return q | dict(zip(steps, x.tolist(), strict=True))
+        return at(polish(gains, [q[k] for k in steps], [*steps.values()], turns))
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
         """The contender of one effect, or of several of its kind at once."""
@@ -249,18 +247,16 @@ class Search:
         """Whether it has joined the base already, at these values."""
 
         def place(one: Contender) -> tuple:
-            whole = [v for k, v in one.q.items() if one.block and one.block.own[k].whole]
-            hertz = [round(v, 1) for k, v in one.q.items()
-                     if one.block and one.block.own[k].unit == "Hz"]  # fmt: skip
-            return one.name, *whole, *hertz
+            own = one.block.own if one.block else {}
+            hertz = [round(v, 1) for k, v in one.q.items() if own[k].unit == "Hz"]
+            return one.name, *one.order, *hertz
 
         return place(c) in {place(one) for one in self.table.chosen}
 
     def _possible(self, c: Contender) -> bool:
         """The rest of a spring lies within reach of the travel."""
-        if c.block is None or c.C is None or len(linear(c.block)) < 2:
-            return True
-        if c.block.own[linear(c.block)[1]].angle:
+        known = linear(c.block) if c.block and c.C is not None else ()
+        if len(known) < 2 or c.block is None or c.C is None or c.block.own[known[1]].angle:
             return True
         told = self.table.beside(c.C[:, 1:2]).any()  # else a constant of the base has it already
         return c.b[0] > 0 and not (told and abs(c.b[1] / c.b[0]) > 0.7 * self.span)
@@ -387,11 +383,8 @@ class Search:
         return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A load behind a spring or a gap, driven by the measured motion.
-
-        Where a gap lies depends little on the spring behind it and on other effects: it is searched
-        once, and only polished again.
-        """
+        """A load behind a spring or a gap, driven by the measured motion. Where a gap lies depends
+        little on the spring and on other effects: it is searched once, and only polished again."""
         many = 3 if "gap" in keys else 2
         again = block.name in self.memory
         tried = self._springs(block, keys)

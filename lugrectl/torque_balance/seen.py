@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..blocks.block import Block, members, unit_for
+from ..blocks.block import members, unit_for
 from ..blocks.declared_values import Stated
 from ..blocks.model import Model
 from ..core.errors import Refused
@@ -20,14 +20,7 @@ from ..core.option_names import option
 from ..record.stretches import Stretch
 from .channels import as_acted, logged_late, speed_offset
 from .columns import columns, linear, searched
-from .constants import (
-    BLOCK,
-    ENOUGH,
-    FLOOR,
-    MOSTLY,
-    PARTS,
-    STRANGE,
-)
+from .constants import BLOCK, ENOUGH, FLOOR, MOSTLY, PARTS, STRANGE
 from .friction import Term, View, declared_terms, places
 from .maps import Still, is_map, map_of
 from .motion import Motion
@@ -131,8 +124,8 @@ def refuse_dead(view: View, width: Width | Still) -> None:
 
 
 def one_torque(view: View) -> bool:
-    """Whether the direction alone tells the torque: an acceleration, which is measured with errors,
-    explains nothing beside it, and J = Fv = 0 would be the best fit of any drive."""
+    """Whether the direction alone tells the torque: J = Fv = 0 would be the best fit of any drive,
+    as an acceleration, which is measured with errors, explains nothing beside it."""
     w, y = view.motion.w, view.torque(view.motion.u)
     X = view.K @ np.column_stack([w > 0, w < 0])
     r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
@@ -162,27 +155,19 @@ def find_open(view: View, sure: bool) -> None:
     opened = [t for t in view.terms if _missing(t)]
     view.terms = [t for t in view.terms if not _missing(t)]
     for term in opened:
-        table = Table(view)
-        never, own = frozenset[str](), {term.name}
-        rows = Search(table, sure, never, {}, only=own).rows()
+        rows = Search(Table(view), sure, (), {}, only={term.name}).rows()
         found = rows[0].q if rows else {}
-        usual = {k: _usual(term.block, k, view) for k in _missing(term)}
+        own, middle = term.block.own, np.median(view.motion.t)  # at an end an event is none
+        usual = {k: float(middle if own[k].instant else own[k].value or 0.0)
+                 for k in _missing(term)}  # fmt: skip
         term.q = usual | {k: x for k, x in found.items() if k in usual} | term.q
         if rows and rows[0].C is not None and not term.b.any():
             term.b = rows[0].b[: len(linear(term.block))].copy()
         view.terms = [*view.terms, term]
 
 
-def _usual(block: Block, key: str, view: View) -> float:
-    """The value of a declaration; of an instant the middle of the log: at its ends an event is
-    none."""
-    p = block.own[key]
-    return float(np.median(view.motion.t)) if p.instant else float(p.value or 0.0)
-
-
 def _missing(term: Term) -> list[str]:
-    known: Block = term.block
-    return [k for k in searched(known) if k not in term.q]
+    return [k for k in searched(term.block) if k not in term.q]
 
 
 def enough(view: View, width: Width) -> View:

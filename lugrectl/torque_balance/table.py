@@ -8,12 +8,15 @@ it, gains nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from functools import partial
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 
 from ..blocks.block import Block
+from ..core.numeric import rms
 from ..core.regression import TINY, Fit, Prior, normal_equations, robust, spread, weight
 from .columns import linear
 from .constants import ALPHA, GROWN, SCREEN
@@ -38,48 +41,40 @@ def proven(gain: float, error: float, alpha: float = ALPHA) -> bool:
     return gain > -np.log(alpha) and gain > errors_of(alpha) * error
 
 
-def has_inertia(block: Block | None) -> bool:
-    """Whether an effect has an inertia of its own, so that J is not held."""
-    return block is not None and ("J" in block.acts or block.own[block.gain].unit == "kg m2")
-
-
+@dataclass(eq=False)
 class Contender:
-    """One row of the table: an effect with its nonlinear values, or an unknown torque.
+    """One row of the table: an effect with its nonlinear values, or an unknown torque, by its
+    columns ``C`` or by what it makes of the torque."""
 
-    ``C`` (m, k) are its columns, ``u`` (n,) what it makes of the torque; one of them is given.
-    ``cost`` are nats for values that were searched, ``depends_on`` the signals of an unknown
-    torque, ``each`` the values of several effects of one name at once. Once entered: ``gain`` in
-    nats, ``share`` of friction that it adds to what the declared law can imitate, ``tau`` (m,) that
-    torque, ``J``.
-    """
+    name: str
+    q: Mapping[str, float]
+    block: Block | None = None
+    C: np.ndarray | None = None  # (m, k)
+    u: np.ndarray | None = None  # (n,)
+    prior: Prior = field(default_factory=partial(Prior.free, 0))
+    cost: float = 0.0  # nats for values that were searched
+    depends_on: Collection[str] = ()  # the signals of an unknown torque
+    more: Collection[Mapping[str, float]] = ()  # values of other effects of this name at once
 
-    fit: Fit
-    X: np.ndarray
-    y: np.ndarray
-    full: Prior
-    e: np.ndarray
-    tau: np.ndarray
-    J: float
+    # once entered
+    fit: Fit = field(init=False)
+    X: np.ndarray = field(init=False)
+    y: np.ndarray = field(init=False)
+    full: Prior = field(init=False)
+    e: np.ndarray = field(init=False)
+    J: float = field(init=False)
+    gain: float = field(init=False, default=0.0)  # nats
+    share: float = field(init=False, default=0.0)  # of friction, beside the declared law
 
-    def __init__(
-        self,
-        name: str,
-        q: Mapping[str, float],
-        block: Block | None = None,
-        C: np.ndarray | None = None,
-        u: np.ndarray | None = None,
-        prior: Prior | None = None,
-        cost: float = 0.0,
-        depends_on: Collection[str] = (),
-        more: Collection[Mapping[str, float]] = (),
-    ) -> None:
-        self.name, self.q, self.block, self.C, self.u = name, dict(q), block, C, u
-        self.each = (self.q, *map(dict, more))
-        self.k = 0 if C is None else C.shape[1]
-        self.prior = Prior.free(self.k) if prior is None else prior
-        self.cost, self.depends_on = cost, set(depends_on)
-        self.lateness, self.inertial = is_lateness(block), has_inertia(block)
-        self.gain, self.share, self.b = 0.0, 0.0, np.zeros(self.k)
+    def __post_init__(self) -> None:
+        block, self.q, self.depends_on = self.block, dict(self.q), frozenset(self.depends_on)
+        self.each = (self.q, *map(dict, self.more))
+        self.k = 0 if self.C is None else self.C.shape[1]
+        self.b = np.zeros(self.k)
+        self.lateness = is_lateness(block)
+        # it has an inertia of its own, so that J is not held
+        of_mass = block is not None and block.own[block.gain].unit == "kg m2"
+        self.inertial = of_mass or block is not None and "J" in block.acts
 
     @property
     def order(self) -> tuple[float, ...]:
@@ -152,17 +147,20 @@ class Table:
         v = self.view
         self._laws: dict[tuple[int, ...], np.ndarray] = {}
         fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
-        size = float(np.sqrt(np.mean(v.rows.a**2))) or 1.0
-        self.J = max(float(fit.b[0]), 1e-9 * self.scale / size)
+        self.J = max(float(fit.b[0]), 1e-9 * self.scale / (rms(v.rows.a) or 1.0))
         if not self.chosen:  # what effects scale is the friction and inertia of the declared model
-            v.torques(self._beside_likeliest(fit))
+            b = fit.b
+            if self.likeliest is not None:
+                X, y, prior = self.likeliest.added(v, self.X, self.y, self.prior)
+                b = robust(X, y, prior, self.scale, v.noise, fit.w, 3).b
+            v.torques(b)
             v.J = self.J
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         if self.quick or self.scale_J is None:
             self.scale_J = self.J
         r = np.abs(self.y - self.X @ fit.b)
-        self.left = float(np.sqrt(np.mean(np.minimum(r, 5 * np.median(r)) ** 2))) / v.size
-        self.stays = float(np.sqrt(np.mean(r**2))) / v.size
+        self.left = rms(np.minimum(r, 5 * np.median(r))) / v.size
+        self.stays = rms(r) / v.size
         self.e = self._score(fit, self.X, self.prior, 0.0, self.J)
         self.e_seen = v.blocks.seen(fit.r, self.stretch(self.J))
         # weights of the richest description: only true outliers lose weight
@@ -172,13 +170,6 @@ class Table:
         self.Q, _ = np.linalg.qr(self.X[:, open_] * self.root[:, None])
         rooted = self.y * self.root
         self.rest_of_y = rooted - self.Q @ (self.Q.T @ rooted)
-
-    def _beside_likeliest(self, fit: Fit) -> np.ndarray:
-        """The coefficients (k,) of the base, beside the likeliest effect where there is one."""
-        if self.likeliest is None:
-            return fit.b
-        X, y, prior = self.likeliest.added(self.view, self.X, self.y, self.prior)
-        return robust(X, y, prior, self.scale, self.view.noise, fit.w, 3).b
 
     def stretch(self, J: float) -> float:
         """The residual is one of the motion, over J; where J is not determined, of the torque."""
@@ -258,8 +249,10 @@ class Table:
             prior = prior.but(0, low=0.0, high=np.inf)
         fit = robust(X, y, prior, self.scale, v.noise, self.root**2, turns=4)
         c.fit, c.X, c.y, c.full = fit, X, y, prior
-        c.b = fit.b[len(self.prior) :]
-        c.J = float(fit.b[0]) + (self._inertia_of(c) if c.inertial else 0.0)
+        at, a = len(self.prior), v.rows.a
+        c.b, c.J = fit.b[at:], float(fit.b[0])
+        if c.inertial:  # the part of the inertia that it has taken
+            c.J += float(c.b[0] * (X[:, at] @ a) / (a @ a))
         seen = v.blocks.seen(fit.r, self.stretch(c.J))
         hopeless = not self.quick and float(np.sum(seen - self.e_seen)) < SCREEN
         none = self.e - 1.0 / len(self.e)
@@ -268,31 +261,22 @@ class Table:
         c.gain = float(np.sum(c.e - self.e))
         return c
 
-    def _inertia_of(self, c: Contender) -> float:
-        """The part of the inertia that an effect of its own inertia has taken."""
-        a = self.view.rows.a
-        at = len(self.prior)
-        return float(c.fit.b[at] * (c.X[:, at] @ a) / (a @ a))
-
     def _measure(self, c: Contender) -> None:
         """Its torque beside what the declared law can imitate; of an unknown torque, beside the
         law's extensions too."""
         v, own = self.view, len(self.own)
         tau = c.X[:, len(self.prior) :] @ c.b if c.k else np.zeros(len(self.y))
         if c.u is not None:
-            late = 0.0 if c.lateness is False else self.X[:, 1] * self.fit.b[1]
-            tau = tau + self.y - c.y - late
+            tau = tau + self.y - c.y - c.lateness * self.X[:, 1] * self.fit.b[1]
         law = (self.own if c.depends_on else self.imitates) & self.fit.free[:own]
         at = np.flatnonzero(np.r_[law, self.fit.free[own:]])
-        c.tau = self._beside_law(tau, at)
-        c.share = float(np.sqrt(np.mean(c.tau**2))) / v.size
+        c.share = rms(self._beside_law(tau, at)) / v.size
         if c.depends_on:  # beside what a bound of the base holds it may be large: it is not
             c.share = min(c.share, self.stays)
         J = v.declared.get("J")
         if c.inertial and J and self.J > GROWN * J > c.fit.b[0]:
             # the inertia that was not declared is its trace as well
-            whole = float(np.sqrt(np.mean((c.X[:, -1] * c.fit.b[-1]) ** 2)))
-            c.share = max(c.share, whole / v.size)
+            c.share = max(c.share, rms(c.X[:, -1] * c.fit.b[-1]) / v.size)
 
     def _beside_law(self, tau: np.ndarray, at: np.ndarray) -> np.ndarray:
         """A torque (m,) without what columns of the base can imitate."""
@@ -360,7 +344,7 @@ class Table:
         alone = np.abs(r) / np.maximum(1 - lever, 0.05)
         alike = self.view.scatter(self.y - self.X @ self.fit.b)
         self.scale = max(scale, 1.38 * float(np.median(alone)), alike)
-        self.rest = float(np.sqrt(np.mean(r**2))) / self.view.size
+        self.rest = rms(r) / self.view.size
         self.weights = weight(r / self.scale)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.interpolate import BSpline
 
+from ..core.numeric import rms
 from ..core.regression import TINY, Prior
 from .constants import SCREEN
 from .table import Contender, Table
@@ -36,11 +37,7 @@ class Unknown:
             pace = np.unique(np.abs(m.w), return_inverse=True)[1]
             by_speed = spline(pace / pace.max(), 12)
             sided = by_speed * np.sign(m.w)[:, None]
-            ways = [
-                K @ (by_speed * (side * m.w > 0)[:, None])
-                for side in (1, -1)
-                if np.any(side * m.w > 0)
-            ]
+            ways = [K @ (by_speed * on[:, None]) for on in (m.w > 0, m.w < 0) if on.any()]
         self.still: dict[Signals, list[np.ndarray]] = {
             ("theta",): [K @ place for place in self.places],
             ("w",): [K @ sided, *ways] if self.view.is_map else [K @ sided],
@@ -79,9 +76,8 @@ class Unknown:
         return likeliest(made)
 
     def _contender(self, depends_on: Signals, C: np.ndarray, size: float, many: int) -> Contender:
-        rms = np.sqrt(np.mean(C**2, axis=0))
-        least = 1e-3 * float(np.sqrt(np.mean(rms**2))) + TINY
-        sigma = size * self.view.size / np.maximum(rms, least)
+        large = np.sqrt(np.mean(C**2, axis=0))
+        sigma = size * self.view.size / np.maximum(large, 1e-3 * rms(large) + TINY)
         prior = Prior.free(C.shape[1], precision=1 / sigma**2)
         name = f"g({','.join(depends_on)})"
         cost = float(np.log(3 * many))
@@ -91,10 +87,9 @@ class Unknown:
 def likeliest(contenders: list[Contender]) -> list[Contender]:
     """The best of each name, the likeliest first."""
     best: dict[str, Contender] = {}
-    for c in contenders:
-        if c.name not in best or c.gain > best[c.name].gain:
-            best[c.name] = c
-    return sorted(best.values(), key=lambda c: -c.gain)
+    for c in sorted(contenders, key=lambda c: -c.gain):
+        best.setdefault(c.name, c)
+    return [*best.values()]
 
 
 def waves(theta: np.ndarray, n: int) -> np.ndarray:
