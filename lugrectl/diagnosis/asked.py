@@ -28,17 +28,13 @@ SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that diff
 
 @dataclass(frozen=True)
 class Asked:
-    """The logs of one drive, the declared model, and what is held out, as the user gave it.
-
-    ``reading`` are the options of :func:`lugrectl.read_record`. ``seen`` holds the records read so
-    far.
-    """
+    """The logs of one drive, the declared model, and what is held out, as the user gave it."""
 
     logs: tuple[Log | Record, ...]
     model: Model
     held_out: Any = None
-    reading: Mapping[str, Any] = field(default_factory=dict)
-    seen: list[Record] = field(default_factory=list)
+    reading: Mapping[str, Any] = field(default_factory=dict)  # options of read_record
+    seen: list[Record] = field(default_factory=list)  # records read so far
 
     @classmethod
     def of(cls, record: Any, model: Any, holdout: Any = None, **reading: Any) -> Asked:
@@ -78,10 +74,8 @@ class Asked:
         return self.completed(made, perf_counter() - start)
 
     def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
-        """What the log says against the model; Refused where it is impossible as it was given.
-
-        Asked of several runs and of held values, and where an ``answer`` is doubtful.
-        """
+        """What the log says against the model, asked of several runs and of held values, and where
+        an ``answer`` is doubtful; Refused where the log is impossible as it was given."""
         stated = any(s.fixed or s.bounded for s in self.model.stated.values())
         if not (stated or len(self.logs) > 1 or answer is not None and doubtful(answer)):
             return ()

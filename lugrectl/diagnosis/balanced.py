@@ -3,7 +3,7 @@ identification, by the torque balance and a simulation."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -16,9 +16,7 @@ from ..core.errors import InputError, Refused
 from ..core.option_names import option
 from ..estimates.balance import Balance
 from ..estimates.covariance import Joint, Residuals
-from ..estimates.findings import Estimate
 from ..record import Stretch
-from ..torque_balance.last_fit import LastFit
 from ..torque_balance.maps import is_map
 from ..torque_balance.model_values import (
     ModelValues,
@@ -56,15 +54,14 @@ LENGTHS = (0.0, 2.7, 3.7, 5.3)
 
 @dataclass(frozen=True, eq=False)
 class Begun:
-    """A log that is read and split: ``parts`` of it with what is ``held_out``, for the balance;
-    ``ready`` for simulations, or ``why_not``; and what makes it doubtful."""
+    """A log that is read and split."""
 
     asked: Asked
     start: float
     doubts: tuple[str, ...]
-    ready: Prepared | None
-    why_not: Refused | None
-    parts: Sequence[Stretch]
+    ready: Prepared | None  # for simulations ...
+    why_not: Refused | None  # ... or why it is not
+    parts: Sequence[Stretch]  # for the balance, with what is held out
     held_out: Sequence[Any]
 
     @classmethod
@@ -88,7 +85,9 @@ class Begun:
         judged, noise, why_not = None, None, self.why_not
         if ready is not None and sure:
             judged, values, noise, why_not = simulated(ready, made, values, least)
-        plain = replace(plain, parameters=_same(plain.parameters, values.estimates))
+        finer = {k: e for k, e in values.estimates.items() if e.ci95 is not None}
+        known = {k: finer.get(k, e) for k, e in plain.parameters.items()}
+        plain = replace(plain, parameters=known)  # one quantity has one value
         plain = asked.completed(plain, perf_counter() - self.start)
         values = values.beside(plain)
         values = values if sure else values.told(model)
@@ -102,20 +101,16 @@ class Begun:
 
 @dataclass(frozen=True, eq=False)
 class Ended:
-    """What a fit and a simulation say, with what the results of both kinds hold in common.
-
-    ``sure``: the inertia is known, by the log or by a declaration. ``law`` is a sentence where the
-    declared law is not that of the drive.
-    """
+    """What a fit and a simulation say, with what the results of both kinds hold in common."""
 
     asked: Asked
     made: Answer
     values: ModelValues
     plain: Balance
-    sure: bool
+    sure: bool  # the inertia is known, by the log or by a declaration
     judged: Judged | None
     why_not: Refused | None
-    law: str
+    law: str  # a sentence where the declared law is not that of the drive
     doubts: Sequence[str]
     noise: float | None
     rest: Residuals | None
@@ -156,10 +151,8 @@ class Ended:
 
 
 def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | None]:
-    """The records split for simulations, or why they cannot be.
-
-    Where every other block sees one half of a periodic motion, blocks are longer.
-    """
+    """The records split for simulations, or why they cannot be. Where every other block sees one
+    half of a periodic motion, blocks are longer."""
     if is_map(asked.stretches):  # nothing moves that could be simulated
         return None, None
     records, holdout, other = asked.records(), asked.holdout(), None
@@ -180,7 +173,7 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
 def _both_ways(ready: Prepared) -> bool:
     """Whether the rarer direction is no rarer in training samples than by half."""
     way = np.concatenate([_way(run) for run in ready.runs])
-    training = np.concatenate([~_held_out(ready, i) for i in range(len(ready.runs))])
+    training = ~np.concatenate([_held_out(ready, i) for i in range(len(ready.runs))])
 
     def rarer(x: np.ndarray) -> float:
         return min(np.mean(x[x != 0] == side) for side in (-1, 1)) if x.any() else 0.0
@@ -218,11 +211,8 @@ def _same_motion(ready: Prepared) -> bool:
 def simulated(
     ready: Prepared, made: Answer, values: ModelValues, least: float
 ) -> tuple[Judged | None, ModelValues, float | None, Refused | None]:
-    """Errors before and after, values of a last polish, the noise of the torque, and why there is
-    no error.
-
-    The polish is of a clean log, or of a law with values of which the balance knows nothing.
-    """
+    """Errors before and after, values of a last polish (of a clean log, or of a law of whose values
+    the balance knows nothing), the noise of the torque, and why there is no error."""
     model, ready = made.view.model, as_it_acts(ready, made)
     refitted = completed(made.refitted, model, made.sure)
     trained = completed(made.trained, model, made.sure, made.parts)
@@ -251,9 +241,16 @@ def simulated(
 
 
 def as_it_acts(ready: Prepared, made: Answer) -> Prepared:
-    """The same without what the columns of the runs have beside the torque and the speed."""
-    known = _offsets(made.last), _late(made), made.view.w_above[0]
-    return ready.as_it_acts(*known) if any(known) else ready
+    """The same without what the columns of the runs have beside the torque and the speed: offsets
+    (N m), a late torque (s) where no effect says so, and a w that is above the speed."""
+    last, (x, low, high) = made.last, made.values["late"]
+    own = [b for n, b in zip(last.design.names, last.fit.b.tolist(), strict=True) if n == "run"]
+    runs = dict(zip(last.view.with_offset.tolist(), own, strict=True))
+    every = last.values["offset"] if last.design.constant else 0.0
+    offsets = {r: every + runs.get(r, 0.0) for r in np.unique(last.view.motion.run).tolist()}
+    late = x * made.view.longest_hold if low > 0 or high < 0 else 0.0
+    late = late if abs(late) > 0.5 * made.view.motion.dt else 0.0
+    return ready.as_it_acts(offsets, late, made.view.w_above[0])
 
 
 def polished_values(ready: Prepared, made: Answer) -> Model:
@@ -291,25 +288,3 @@ def _polished(
     estimates |= as_estimates(joint, polished)
     model = values.model.with_values(made.values)
     return polished, replace(values, model=model, estimates=estimates, joint=joint)
-
-
-def _same(plain: Mapping[str, Estimate], polished: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    """The values of the plain part, or of a polish: one quantity has one value."""
-    finer = {k: e for k, e in polished.items() if e.ci95 is not None}
-    return {k: finer.get(k, e) for k, e in plain.items()}
-
-
-def _offsets(last: LastFit) -> dict[int, float]:
-    """What the torque of each run has beside the model, N m."""
-    own = [b for n, b in zip(last.design.names, last.fit.b.tolist(), strict=True) if n == "run"]
-    runs = dict(zip(last.view.with_offset.tolist(), own, strict=True))
-    every = last.values["offset"] if last.design.constant else 0.0
-    return {r: every + runs.get(r, 0.0) for r in np.unique(last.view.motion.run).tolist()}
-
-
-def _late(made: Answer) -> float:
-    """How late the torque acts beyond its hold, s, where no effect says so."""
-    x = made.values["late"]
-    certain = x[1] > 0 or x[2] < 0
-    late = x[0] * made.view.longest_hold
-    return late if certain and abs(late) > 0.5 * made.view.motion.dt else 0.0

@@ -221,11 +221,8 @@ def compare_laws(
 
 
 def under_law(work: Callable[..., Any], record: Any, model: Any, law: Any, **options: Any) -> Any:
-    """The answer of ``work`` under another friction law; under the best one for "auto".
-
-    Laws are compared beside the effects that are found under the declared one: a law must not
-    imitate an effect that is missing.
-    """
+    """The answer of ``work`` under another friction law; for "auto" the best one beside the effects
+    that are found under the declared law: a law must not imitate an effect that is missing."""
     if law != AUTO:
         return work(record, changed(model, {"friction": law}, "law"), **options)
     first, declared = work(record, model, **options), as_model(model)

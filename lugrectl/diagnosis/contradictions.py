@@ -88,8 +88,7 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
 
 
 def doubtful(found: Balance) -> bool:
-    """Whether a balance is none of a drive: without an inertia, and much is left, or friction
-    drives."""
+    """Whether a balance is none of a drive: no inertia and much is left, or friction drives."""
     if found.refused or found.left is None:
         return True
     friction = [c.ci95 for c in found.combinations if "Fc" in c.parts]
@@ -150,8 +149,7 @@ def against_stated(parts: Sequence[Stretch], model: Model, found: Balance) -> Ba
             most = max(most, left)
     if not said:
         return found
-    found = free if most > HALF else found
-    return replace(found, against=tuple(said), hopeless=most > HALF)
+    return replace(free if most > HALF else found, against=tuple(said), hopeless=most > HALF)
 
 
 def contradicted(parts: Sequence[Stretch], model: Model) -> list[str]:
@@ -180,10 +178,7 @@ def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
 
 
 def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
-    """A sentence where the declared law cannot be that of the drive; "" where it can.
-
-    ``shown`` has the values of the answer. What a law of ours does not have is an effect.
-    """
+    """A sentence where the declared law, at the values shown, cannot be the drive's; or ""."""
     law, motion = shown.friction.block, shown.motion
     lacks = [k for k in COULOMB if k not in law.own]
     if not lacks and means_the_same(law) or misfit(made.last, shown) < 2 * least:

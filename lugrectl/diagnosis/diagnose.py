@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -158,7 +158,8 @@ def diagnosed(
     refuse_unjudged(found)
     report(0.6, "errors on held-out samples")
     work = begun.ended(made, least)
-    effects, ranking = _findings(work, found), _ranking(found)
+    ranking = _ranking(found)
+    effects = _findings(work, ranking)
     verdict, depends_on = made.verdict, _signals(made)
     if work.law and verdict == "adequate":  # friction depends on w in another way
         verdict, depends_on = "unexplained", ("w",)
@@ -183,10 +184,10 @@ def diagnosed(
     return of_map(answered, made, asked) if made.view.is_map else answered
 
 
-def _findings(work: Ended, found: Comparison) -> tuple[Finding, ...]:
+def _findings(work: Ended, ranking: Sequence[Candidate]) -> tuple[Finding, ...]:
     """The effects with their values and the alternatives to each."""
     made, known = work.made, work.values.estimates
-    tried = {c.name: c for c in reversed(_ranking(found))}
+    tried = {c.name: c for c in reversed(ranking)}
 
     def finding(name: str, key: str, own: Mapping[str, Estimate]) -> Finding:
         others = made.alternatives.get(key, ())
@@ -199,8 +200,7 @@ def _findings(work: Ended, found: Comparison) -> tuple[Finding, ...]:
     declared = {p.key for p in work.asked.model.effects}  # a map shows some of them only
     for part in work.values.model.effects:
         if part.key not in declared:
-            own = {k: known.get(f"{part.key}.{k}") for k in part.block.own}
-            own = {k: e for k, e in own.items() if e is not None}
+            own = {k: e for k in part.block.own if (e := known.get(f"{part.key}.{k}")) is not None}
             effects.append(finding(part.block.name, part.key, own))
     return tuple(effects)
 

@@ -23,7 +23,7 @@ from ..core.errors import InputError, Refused
 from ..core.jobs import JobError, run_jobs
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
-from ..core.result import Result, library, plain
+from ..core.result import Result, library, picked, plain
 from ..core.validation import positive, share, shown
 from ..core.views import view
 from ..record import Record, read_log
@@ -90,13 +90,8 @@ class Outcome(Shown):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
-        return {
-            "file": self.file,
-            "exit_code": self.exit_code,
-            "seconds": self.seconds,
-            "diagnosis": self.document,
-            "reason": self.reason,
-        }
+        own = picked(self, "file exit_code seconds")
+        return own | {"diagnosis": self.document, "reason": self.reason}
 
 
 def _effect(found: Mapping[str, Any], verdict: str) -> dict[str, Any]:
@@ -325,11 +320,9 @@ def run_each(
     done: Callable[[Outcome, Any], Outcome] | None = None,
     command: str = "lugrectl.diagnose_each",
 ) -> Fleet:
-    """:func:`diagnose_each`, with the options of ``read_record`` and of ``diagnose``.
-
-    ``render`` turns a diagnosis into files in the worker process, and ``done`` receives them in
-    this process as soon as the log is done. ``command`` is for the provenance.
-    """
+    """:func:`diagnose_each`, with the options of ``read_record`` and of ``diagnose``. ``render``
+    turns a diagnosis into files in the worker process, and ``done`` receives them in this process
+    as soon as the log is done. ``command`` is for the provenance."""
     refuse_swapped([records], model)
     logs, model = record_files(_several(records)), as_model(model)
     if not (executor is None or hasattr(executor, "submit")):
@@ -381,7 +374,10 @@ class Task:
             if parent_process() is not None:  # a worker's stderr is the user's terminal
                 warnings.simplefilter("ignore")
             model = self.model.open() if isinstance(self.model, Sent) else self.model
-            d = stamp(self._diagnosed(log, model), self.command, [log, model])
+            reading = {"motion": model.motion, **self.reading}
+            record = log if isinstance(log, Record) else read_log(log, **reading)
+            d = diagnose(record, model, progress=self.progress or False, **self.options)
+            d = stamp(d, self.command, [log, model])
             extra = self.render(d) if self.render else None
         refused = d.verdict == "refused"
         outcome = Outcome(
@@ -393,11 +389,6 @@ class Task:
             diagnosis=d if self.keep else None,
         )
         return outcome, extra
-
-    def _diagnosed(self, log: Any, model: Model) -> Diagnosis:
-        if not isinstance(log, Record):
-            log = read_log(log, motion=model.motion, **self.reading)
-        return diagnose(log, model, progress=self.progress or False, **self.options)
 
 
 def _outcome(name: str, answer: Any) -> tuple[Outcome, Any]:

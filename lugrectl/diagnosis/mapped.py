@@ -48,8 +48,7 @@ Swing = tuple[int, Estimate]
 
 
 def judged_on(asked: Asked, held_out: Sequence[Span]) -> tuple[list[Stretch], list[Span]]:
-    """All stretches with (run, start, end) in s that are held out: of a map every third run, where
-    nothing else is asked for."""
+    """All stretches, and (run, start, end) in s that are held out: of a map every third run."""
     parts, other = list(asked.stretches), asked.holdout()
     if not is_map(parts) or other is None:
         return parts, list(held_out)
@@ -139,8 +138,7 @@ def _facts(made: Answer) -> dict[str, Any]:
 
 
 def friction_map(made: Answer, motion: str, swing: Sequence[Swing] = ()) -> FrictionMap:
-    """The mean torque of each run without what depends on the angle, and the curves of the fits to
-    training runs."""
+    """The mean torque of each run without what depends on the angle, and the fits' curves."""
     view, d = made.view, made.last.design
     assert isinstance(view, MapView)
     over_angle = ~_of_speed(d)
@@ -181,12 +179,9 @@ def _curve(last: LastFit, w: np.ndarray) -> np.ndarray:
 
 
 def swings(parts: Sequence[Stretch], unit: str) -> list[Swing]:
-    """The orders of a turn at which the torque swings, largest first, with amplitudes.
-
-    An order is named if its power exceeds that of half an order beside it on either side by more
-    than chance allows, whatever the colour of the noise (F tests of the runs, joined as Fisher
-    does).
-    """
+    """The orders of a turn at which the torque swings, largest first, with amplitudes: those whose
+    power exceeds that of half an order beside it on either side by more than chance allows,
+    whatever the colour of the noise (F tests of the runs, joined as Fisher does)."""
     orders, power = np.arange(1.0, 2 * HIGHEST + 2) / 2.0, []
     for s in parts:
         theta = s.theta

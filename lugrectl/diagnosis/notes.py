@@ -96,11 +96,8 @@ def noted(asked: Asked, notes: Sequence[str]) -> tuple[str, ...]:
 
 
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
-    """The sentences of the reader, then those of an answer, each thing said once; those first that
-    say why values or names may be wrong.
-
-    A sentence on one of several logs stands with the name of that log only.
-    """
+    """The sentences of the reader, then those of an answer, each thing said once, on one of several
+    logs with its name only; those first that say why values or names may be wrong."""
     bare = {note.split(": ", 1)[1] for note in notes if ": " in note}
     kept = [s for s in said if s not in bare and not any(_same(s, n) for n in notes)]
     return tuple(sorted(dict.fromkeys([*kept, *notes]), key=_rank))
@@ -125,8 +122,12 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
     old = _left(found, declared)
     said = [_changed(key, found[key], value, declared.unit(key)) for key, value in old.items()]
     factors = {k: found[k].value / old[k] for k in (*PLANT, "Fs") if k in old}
-    causes = _causes({k: x for k, x in factors.items() if abs(x - 1.0) > FAR})
-    notes = [LEFT.format("; ".join([*said, *causes]))] if said else []
+    large = {k: x for k, x in factors.items() if abs(x - 1.0) > FAR}
+    if factor := common_factor(large):
+        said.append(SCALE.format(factor))
+    elif large.get("Fc", 0.0) > 1.0:
+        said.append(DEAD_ZONE)
+    notes = [LEFT.format("; ".join(said))] if said else []
     for key, one in declared.stated.items():
         for name, end in (("min", one.low), ("max", one.high)):
             value = found[key].value if key in found else np.nan
@@ -154,13 +155,6 @@ def _changed(key: str, found: Estimate, declared: float, unit: str) -> str:
     value, interval = with_interval(found)
     said = MOVED.format(key, value, interval.replace(" to ", ", "), declared)
     return said if unit == "1" else f"{said} {unit}"
-
-
-def _causes(factors: Mapping[str, float]) -> list[str]:
-    """Known causes of such changes."""
-    if factor := common_factor(factors):
-        return [SCALE.format(factor)]
-    return [DEAD_ZONE] if factors.get("Fc", 0.0) > 1.0 else []
 
 
 # ---- what to record next

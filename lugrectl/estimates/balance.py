@@ -24,17 +24,14 @@ NEEDS = {"J": "faster changes of speed", "Fc": "both directions, or rests", "Fv"
 
 @dataclass(frozen=True)
 class Combination:
-    """A sum of parameters that is certain where its parts are not.
-
-    ``ci95`` is None where nothing is left to tell its error. ``parts`` are its factors by name.
-    """
+    """A sum of parameters that is certain where its parts are not."""
 
     text: str
     value: float
     unit: str
-    ci95: tuple[float, float] | None
+    ci95: tuple[float, float] | None  # None where nothing is left to tell its error
     to_separate: str
-    parts: Mapping[str, float] = field(default_factory=dict, hash=False)
+    parts: Mapping[str, float] = field(default_factory=dict, hash=False)  # factors by name
 
     def summary(self) -> dict[str, Any]:
         return picked(self, "text value unit ci95 to_separate")
@@ -42,29 +39,21 @@ class Combination:
 
 @dataclass(frozen=True)
 class CurvePoint(Fields):
-    """Mean friction torque in a bin of speeds, or of a run at steady speed.
-
-    ``ci95`` is None where nothing is left to tell its error.
-    """
+    """Mean friction torque in a bin of speeds, or of a run at steady speed."""
 
     w: float
     torque: float
-    ci95: tuple[float, float] | None
+    ci95: tuple[float, float] | None  # None where nothing is left to tell its error
     samples: int
 
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What remains of u in each window: time, run, torque. Windows at rest are left out: all of
-    them are ``sliding``."""
+    """What remains of u in each window in motion: time, run, torque."""
 
     t: np.ndarray
     run: np.ndarray
     value: np.ndarray
-
-    @property
-    def sliding(self) -> np.ndarray:
-        return np.ones(len(self.t), bool)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -174,17 +163,15 @@ class Balance(Result):
 
 
 def friction(balance: Balance, w: np.ndarray, side: np.ndarray | float) -> np.ndarray:
-    """Return the friction torque of the plain fit at speeds w in the direction ``side``."""
+    """The friction torque of the plain fit at speeds w in the direction ``side``."""
     values = balance.values()
     return values.get("Fc", 0.0) * side + values.get("Fv", 0.0) * w
 
 
 def at_samples(balance: Balance, one: Stretch) -> dict[str, np.ndarray]:
-    """Return theta, w and what the fit leaves at the samples of a stretch; NaN near rest.
-
-    The windows of the fit are wider than a wave over a few degrees. The slow part is theirs;
-    how a sample departs from its window is u minus inertia and friction there.
-    """
+    """theta, w and what the fit leaves at the samples of a stretch; NaN near rest. The slow part is
+    that of the fit's windows, which are wider than a wave over a few degrees; how a sample departs
+    from its window is u minus inertia and friction there."""
     n, dt, windows = len(one.t), float(one.t[1] - one.t[0]), balance.residual
     width = 2 * min(max(round(SMOOTH / dt / 2), 2), (n - 1) // 2 - 1) + 1
     unknown = {k: np.full(n, np.nan) for k in ("theta", "w", "left")}

@@ -24,22 +24,16 @@ class BenchTable(Fields, Shown):
 
 @dataclass(frozen=True, repr=False)
 class BenchTest(Shown):
-    """A bench test that was recognised in the logs.
+    """A bench test that was recognised in the logs."""
 
-    ``kind`` is one of breakaway_ramps, slow_scan, coast_down, free_swing, steps_and_pulses and
-    staircase; ``text`` says the answer in one sentence; ``values`` are what the test is done for.
-    """
-
-    kind: str
-    text: str
-    values: Mapping[str, Estimate] = field(default_factory=dict)
+    kind: str  # breakaway_ramps, slow_scan, coast_down, free_swing, steps_and_pulses, staircase
+    text: str  # the answer in one sentence
+    values: Mapping[str, Estimate] = field(default_factory=dict)  # what the test is done for
     table: BenchTable | None = None
 
     def summary(self) -> dict[str, Any]:
-        values = {
-            k: picked(e, "value unit") | {"ci95": list(e.ci95 or ())}
-            for k, e in self.values.items()
-        }
+        values = {k: picked(e, "value unit") | {"ci95": list(e.ci95 or ())}
+                  for k, e in self.values.items()}  # fmt: skip
         made = picked(self, "kind text") | {"values": values}
         return made if self.table is None else made | {"table": self.table.summary()}
 

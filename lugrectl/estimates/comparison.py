@@ -10,32 +10,24 @@ from ..core.result import Fields, plain
 
 @dataclass(frozen=True)
 class Share(Fields):
-    """Where a part of the torque goes.
-
-    ``rms`` in N m, ``share`` of the RMS friction torque with its 95 % interval, ``signals`` on
-    which it depends.
-    """
+    """Where a part of the torque goes."""
 
     term: str
-    rms: float
-    share: float
+    rms: float  # N m
+    share: float  # of the RMS friction torque, with its 95 % interval
     ci95: tuple[float, float] | None
-    signals: tuple[str, ...]
+    signals: tuple[str, ...]  # on which it depends
 
 
 @dataclass(frozen=True)
 class Compared(Fields):
-    """A row of the table: how much better it predicts left-out blocks than the declared model.
-
-    ``elpd``: log predictive density relative to it, nats, with its paired standard error ``se``.
-    ``torque``: RMS of what it adds, as a share of friction. ``parameters``: its free ones.
-    """
+    """A row of the table: how much better it predicts left-out blocks than the declared model."""
 
     model: str
-    elpd: float
+    elpd: float  # log predictive density relative to it, nats, with its paired standard error
     se: float
-    torque: float
-    parameters: int
+    torque: float  # RMS of what it adds, as a share of friction
+    parameters: int  # its free ones
 
 
 @dataclass(frozen=True)

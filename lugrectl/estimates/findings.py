@@ -197,11 +197,9 @@ class Table(Result):
         """A DataFrame, a row for each point: the signal, torque and standard error, of tables for
         each direction with "w > 0" and "w < 0" behind the names."""
         columns: dict[str, Any] = {self.signals[0]: self.points}
+        ways = ("",) if self.values.ndim == 1 else (", w > 0", ", w < 0")
         for name, values in (("torque", self.values), ("standard_error", self.error)):
-            if values.ndim == 1:
-                columns[name] = values
-            else:
-                columns |= {f"{name}, w > 0": values[0], f"{name}, w < 0": values[1]}
+            columns |= zip((name + way for way in ways), np.atleast_2d(values), strict=True)
         return library("pandas").DataFrame(columns)
 
     def _title(self) -> str:

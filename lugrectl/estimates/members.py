@@ -42,10 +42,8 @@ class Belief:
         estimates: Mapping[str, Estimate],
         weight: float = 1.0,
     ) -> Belief:
-        """What a fit knows; of values that it does not determine, what is declared.
-
-        Those with an interval alone are independent of the others.
-        """
+        """What a fit knows; of values that it does not determine, what is declared. Those with an
+        interval alone are independent of the others."""
         known, limits = model.known(), model.declarations()
         size = {k: (e.ci95[1] - e.ci95[0]) / INTERVAL for k, e in estimates.items()
                 if e.ci95 and not e.held and k in known}  # fmt: skip

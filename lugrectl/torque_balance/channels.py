@@ -100,8 +100,7 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:
-    """The stretches with each torque where it acted, ``late`` (s) before it was logged, and the
-    speeds less ``above`` (rad/s)."""
+    """The stretches with each torque ``late`` (s) before it was logged, speeds less ``above``."""
     made = []
     for s in stretches:
         u, ok = np.interp(s.t + late, s.t, s.u), s.ok & (s.t + late <= s.t[-1])

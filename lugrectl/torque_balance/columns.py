@@ -77,8 +77,7 @@ class Along:
         return {"theta": theta, "w": w}
 
     def signals(self, block: Block) -> dict[str, np.ndarray]:
-        """What a block reads. One with an inertia of its own or a sensor moves with the stiffer
-        motion."""
+        """What a block reads. One with an inertia or a sensor moves with the stiffer motion."""
         d = np.zeros(len(self)) if self.d is None else self.d
         own = {k: getattr(self, k) for k in SIGNALS} | {"d": d}
         return own | self.stiff if _is_stiff(block) else own
@@ -93,19 +92,12 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Torques (n, k) on the resisting side for coefficients of 1, and the coefficients' bounds.
+    """Torques (n, k) on the resisting side for coefficients of 1, and the coefficients' bounds."""
 
-    ``wide`` are to be smoothed as u is; ``narrow`` belong to the smooth acceleration already.
-    None stands for zeros.
-    """
-
-    wide: np.ndarray | None
-    narrow: np.ndarray | None
+    wide: np.ndarray | None  # to be smoothed as u is; None stands for zeros
+    narrow: np.ndarray | None  # belongs to the smooth acceleration already
     low: np.ndarray
     high: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.low)
 
     def of(self, function: Any, low: np.ndarray, high: np.ndarray) -> Columns:
         """Other columns, by a function of each part."""
@@ -117,8 +109,7 @@ class Columns:
 
 
 def linear(block: Block) -> tuple[str, ...]:
-    """The parameters in which a block is linear: its strength, and a phase or rest with ``span``;
-    none if it is not linear in its strength."""
+    """The parameters in which a block is linear: strength, ``span``-ned phase or rest; or none."""
     if block.kind != "effect" or scaled(block) is None:
         return ()
     span = _spanned(block)
@@ -184,11 +175,9 @@ def refused(block: Block) -> str:
 
 
 def columns(block: Block, values: Values, along: Along) -> Columns:
-    """The linear columns of a block, at the values of what it is not linear in.
-
-    One for a strength of 1, two where a phase or a rest is ``span``-ned. A block that is not
-    linear in its strength has one column, its torque at these values, whose coefficient is 1.
-    """
+    """The linear columns of a block, at the values of what it is not linear in: one for a strength
+    of 1, two where a phase or a rest is ``span``-ned. A block that is not linear in its strength
+    has one column, its torque at these values, whose coefficient is 1."""
     return lanes(block, [values], along)
 
 
@@ -231,26 +220,13 @@ def changed_input(block: Block, values: Values, along: Along) -> np.ndarray:
     return along.u if lost is None else along.u - lost[:, 0]
 
 
-def slopes(
-    block: Block,
-    values: Values,
-    along: Along,
-    keys: Sequence[str],
-    given: Mapping[str, float] | None = None,
-) -> Columns:
-    """Derivatives of :func:`torque` by parameters, in the order of ``keys``: central differences.
-
-    ``given`` are other steps than those of :func:`steps`.
-    """
-    own = _filled(block, values, along)
-    step = {k: step_of(block, k, own[k], along) for k in keys} | dict(given or {})
-    free = np.full(len(keys), np.inf)
-    if not keys:
-        return Columns(None, None, -free, free)
+def slopes(block: Block, values: Values, along: Along, steps: Mapping[str, float]) -> Columns:
+    """Derivatives of :func:`torque` by parameters: central differences with these steps."""
+    own, free = _filled(block, values, along), np.full(len(steps), np.inf)
     sets, between = [], []
-    for k in keys:
+    for k, step in steps.items():
         p = block.parameters[k]
-        less, more = max(own[k] - step[k], p.low), min(own[k] + step[k], p.high)
+        less, more = max(own[k] - step, p.low), min(own[k] + step, p.high)
         sets += [own | {k: less}, own | {k: more}]
         between.append(more - less if np.isfinite(own[k]) else 1.0)  # no limit: no slope
     both = Columns(*_torques(block, sets, along), low=-free, high=free)

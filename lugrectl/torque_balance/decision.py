@@ -40,7 +40,7 @@ from .interval import Interval, best_law
 from .last_fit import state_of
 from .maps import Still
 from .search import Search
-from .table import Contender, Table, errors_of, proven
+from .table import Contender, Table, errors_of, is_lateness, proven
 from .unknown import Unknown
 from .windows import Width
 
@@ -82,7 +82,7 @@ class Decision:
             table.restart(self.named[0])
         table.richest(self.named, self.unknown)
         self._look()
-        self.e0, self.left, self.rest, self.J0 = table.e, table.left, table.rest, table.J
+        self.e0, self.left, self.rest = table.e, table.left, table.rest
         self.before, self.free_of_base = table.mark(), int(table.fit.free.sum())
         self.decide(frozenset())
 
@@ -158,9 +158,9 @@ class Decision:
         late = c.lateness and max(c.q.values()) > FREE_LATE + 1e-3
         return LATE_FLOOR * self.least if late else self.least
 
-    def better(self, a: Contender, b: Contender, least: float = 3.0) -> bool:
+    def better(self, a: Contender, b: Contender) -> bool:
         gain, error = paired(a.e, b.e)
-        return gain > max(errors_of(self.alpha) * error, least)
+        return gain > max(errors_of(self.alpha) * error, 3.0)
 
     def alike(self, c: Contender, other: Contender) -> bool:
         """Whether another comes so near that a last fit must decide: rows near rest, where the
@@ -180,7 +180,7 @@ class Decision:
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
             self.verdict = "found"
-            self._extend(self._among(good[0], good[1:FIRSTS]) or good[0])
+            self._extend(self._among(good[0], good[1:FIRSTS]))
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
@@ -189,12 +189,12 @@ class Decision:
         self.parts = [p for p in absent
                       if proven(p.gain, p.error, self.alpha) and p.share > FLOOR]  # fmt: skip
 
-    def _among(self, c: Contender, others: Sequence[Contender]) -> Contender | None:
+    def _among(self, c: Contender, others: Sequence[Contender]) -> Contender:
         """The likeliest of c and of those that explain as much, each in a last fit of its own;
-        those that this does not disprove are its alternatives. None where nothing comes near."""
+        those that this does not disprove are its alternatives."""
         alike = [o for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)][:3]
         if not alike:
-            return None
+            return c
         best, left = self._likeliest([c, *alike])
         if left:
             self.alternatives[best], self.verdict = left, "ambiguous"
@@ -215,8 +215,7 @@ class Decision:
         return best, [name for name in fits if name != best and stays(name)]
 
     def _by_last_fit(self, c: Contender) -> tuple[np.ndarray, int]:
-        """Log density of each block under a last fit with what is chosen and c, and how many
-        independent stretches of motion it has."""
+        """Log density of each block under a last fit with c too; its independent stretches."""
         view, table = copy(self.view), self.table
         state = state_of(table)
         state.terms += c.terms([t.name for t in state.terms])
@@ -226,8 +225,7 @@ class Decision:
         return e, int(Interval(last).blocks[0][-1]) + 1
 
     def _extend(self, c: Contender) -> None:
-        """c joins the base; then what is left decides: a further name, an unknown torque that no
-        name comes near, or the end."""
+        """c joins the base; what is left decides: a further name, an unknown torque, or none."""
         table = self.table
         table.extend(c)
         named, unknown = self._beside()
@@ -243,17 +241,15 @@ class Decision:
         second = next((n for n in more if n.share > SECOND * self.floor(n)), None)
         if second is not None and len(table.chosen) < MOST:
             large = [n for n in more if n is not second and n.share > self.floor(n)]
-            self._extend(self._among(second, large) or second)
+            self._extend(self._among(second, large))
 
     def _taken(self) -> set[str]:
         """Names that cannot be added: chosen, struck, or another word for a chosen one."""
-        chosen = [c for c in self.table.chosen if c.block is not None]
         names = {c.name for c in self.table.chosen} | self.banned
-        effects = members("effect")
-        if any(c.lateness for c in chosen):  # one drive has one of them
-            names |= {n for n, b in effects.items() if Contender(n, {}, b).lateness}
-        if any("twist" in c.block.states for c in chosen if c.block is not None):
-            names |= {n for n, b in effects.items() if "twist" in b.states}
+        blocks = [c.block for c in self.table.chosen if c.block is not None]
+        for alike in (is_lateness, lambda block: "twist" in block.states):
+            if any(map(alike, blocks)):  # one drive has one of them
+                names |= {n for n, block in members("effect").items() if alike(block)}
         return names
 
     def _stranger(

@@ -112,8 +112,7 @@ def _along(
 
 
 def _between(own: Signals, shares: np.ndarray, dt: float, held: bool) -> dict[str, np.ndarray]:
-    """Signals (n shares,) at these shares of the way to the next sample; beyond the end the speed
-    stays."""
+    """Signals (n shares,) between the samples; beyond the end the speed stays."""
     made = {}
     for name, x in own.items():
         rise = np.append(np.diff(x), 0.0) * (name != "u" or not held)

@@ -115,8 +115,7 @@ class View:
         self.longest_hold = float(motion.hold.max())
         self.latest = FREE_LATE / self.longest_hold  # a held torque is no later than a current loop
         self.noise = float(np.mean(rows.shake**2))
-        number = int(np.clip(motion.duration / BLOCK, FEWEST_BLOCKS, MOST_BLOCKS))
-        self.blocks = Blocks(rows.t, motion.duration, number)
+        self.blocks = self._blocked()
         self.typical = float(np.median(rows.w))
         self.u = motion.u
         self.J = self.declared.get("J", 0.0)
@@ -127,6 +126,10 @@ class View:
         self._in_rows: dict[Any, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
         self._room, self.settled = ROOM, b""
+
+    def _blocked(self) -> Blocks:
+        number = int(np.clip(self.motion.duration / BLOCK, FEWEST_BLOCKS, MOST_BLOCKS))
+        return Blocks(self.rows.t, self.motion.duration, number)
 
     @property
     def values(self) -> int:
@@ -146,7 +149,7 @@ class View:
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
         made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, ROOM
         made.noise = float(np.mean(made.rows.shake**2))
-        made.blocks = Blocks(made.rows.t, self.motion.duration, self.blocks.most)
+        made.blocks = made._blocked()
         return made
 
     def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
@@ -192,6 +195,10 @@ class View:
         """A torque (n,) that is held from sample to sample, in the rows (m,)."""
         return self.K @ self.motion.held(u)
 
+    def lateness(self, u: np.ndarray) -> np.ndarray:
+        """What a torque that is later by a hold adds to the rows (m,), to first order."""
+        return self.K @ (self.hold * self.motion.slope(self.motion.held(u)))
+
     def by(self, motion: Motion, rows: Rows) -> View:
         """The same log by another description of its motion."""
         made = View(motion, rows, self.model, self.J_range, self.terms)
@@ -208,12 +215,6 @@ class View:
         """Friction as a table has settled it beside another view of the log."""
         for key in SETTLED if self.motion is not other.motion else (*SETTLED, "z"):
             setattr(self, key, getattr(other, key))
-
-    def rid(self, name: str) -> View:
-        """The same without an effect."""
-        made = copy(self)
-        made.terms = [t.copy() for t in self.terms if t.name != name]
-        return made
 
     # ---- the law
     def deflection(self, x0: float) -> tuple[np.ndarray, np.ndarray]:
@@ -257,17 +258,16 @@ class View:
         """How the bristle (n,) follows an asymmetry of its level."""
         if x0 not in self._follows:
             up, down = (bristle(*self._path, x0, side * ASYMMETRY) for side in (1, -1))
-            made = self.motion.coarse(np.r_[0.0, (up - down) / (2 * ASYMMETRY)])
-            self._follows[x0] = made
+            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * ASYMMETRY)])
         return self._follows[x0]
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
         """Columns (n, 4) that depend on the Stribeck speed: bump, short and long tail, bend."""
         fine, m = self.deflection(x0)[0], self.motion
         bump = level(m.fine_w, 0.0, 1.0, vs)
-        tails = [free_level(m.fine_w, 0.0, 1.0, v, 1.0) for v in (1.5 * vs, self.tail(vs))]
-        made = [fine * bump, *(fine * tail for tail in tails), m.fine_w * bump]
-        return m.coarse(np.column_stack(made))
+        tails = (free_level(m.fine_w, 0.0, 1.0, v, 1.0) for v in (1.5 * vs, self.tail(vs)))
+        law = [fine * bump, *(fine * tail for tail in tails), m.fine_w * bump]
+        return m.coarse(np.column_stack(law))
 
     def tail(self, vs: float) -> float:
         return min(5 * vs, max(TAIL * self.motion.top, 1.5 * vs))
@@ -309,7 +309,7 @@ class View:
         self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
         if self.J_range:
             self.bounds = self.bounds.but(0, low=self.J_range[0], high=self.J_range[1])
-        self.late = self.K @ (self.hold * m.slope(m.held(self.u)))
+        self.late = self.lateness(self.u)
 
     def most(self, name: str) -> float:
         return np.inf
@@ -344,10 +344,7 @@ class View:
         return lengths, np.unique(np.clip(speeds, 1e-4 * top, 0.3 * top))
 
     def choose(self, scale: float | None, beside: Any = None) -> float:
-        """Settle bristle length and Stribeck speed, one at a time until neither moves.
-
-        ``beside``: with that contender in the model. Returns the scale of the residual.
-        """
+        """Settle bristle length and Stribeck speed, ``beside`` a contender; the residual scale."""
         lengths, speeds = self.grids()
 
         @cache

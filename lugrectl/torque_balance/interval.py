@@ -35,14 +35,13 @@ Value = tuple[float, float, float]
 
 
 class Law(NamedTuple):
-    """A friction law beside the fitted one: likelihood less the price of its parameters,
-    coefficients, Stribeck speed, its exponent, exponent of grease (0: none)."""
+    """A friction law beside the fitted one."""
 
-    likelihood: float
+    likelihood: float  # less the price of its parameters
     b: np.ndarray
     vs: float
-    exponent: float
-    grease: float
+    exponent: float  # of the Stribeck curve
+    grease: float  # exponent, 0: none
 
 
 class Interval:
@@ -212,10 +211,7 @@ def apart(other: LastFit, last: LastFit) -> dict[str, float]:
 
 
 def other_views(last: LastFit, widest: float = np.inf) -> list[dict[str, float]]:
-    """How far the values are by a stiffer and a softer motion, in wider windows.
-
-    ``widest``: over the width of the first view; a window that hides a wave tells nothing of it.
-    """
+    """How far the values are by other motions, in windows up to ``widest`` times as wide."""
     made, view = [], last.view
     for stiffer, wider in VIEWS:
         try:

@@ -147,8 +147,7 @@ class Design:
         high: float = np.inf,
         centre: float = 0.0,
     ) -> None:
-        """A column with what is known of its coefficient; no term is larger than LARGE times all
-        torque."""
+        """A column with what is known of its coefficient; none is above LARGE times all torque."""
         most = LARGE * self.view.force / max(rms(column), NOTHING)
         self.names.append(name)
         self._columns.append(column)
@@ -162,11 +161,10 @@ class Design:
             add("J", v.rows.a, low=0.0)
         own = any(is_lateness(t.block) for t in self.state.terms)  # a delay has its own column
         most = 0.0 if own else 1.0 if self.state.bare else np.inf
-        late = v.K @ (v.hold * v.motion.slope(v.motion.held(v.u)))
         free = v.latest if self.state.bare else np.inf
         done = self.state.late / v.longest_hold
         sd = float(np.hypot(1 / Z95, done))  # a part of a hold, or, seldom, anything
-        add("late", late, sd=sd, low=-most, high=min(most, free), centre=-done)
+        add("late", v.lateness(v.u), sd=sd, low=-most, high=min(most, free), centre=-done)
 
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._add
@@ -234,7 +232,7 @@ class Design:
         # those that count per unit of strength move by so much more
         per = {k: term.b[0] if k in (scaled(block) or ()) else 1.0 for k in keys}
         steps = {k: step[k] * (per[k] or 1.0) for k in keys}
-        made = slopes(block, values, along, keys, steps)
+        made = slopes(block, values, along, steps)
         if i in self.inputs and made.wide is not None:
             made = replace(made, wide=v.motion.held(made.wide))
         S = v.in_rows(made)
@@ -246,8 +244,7 @@ class Design:
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
 
     def _stated(self) -> Iterator[tuple[int, Stated, float | None]]:
-        """The places of coefficients of which the model states something, with that and their
-        declared values."""
+        """Places of coefficients, what the model states of them, and their declared values."""
         model, names = self.view.model, self.names
         stated, values = model.stated, model.values()
         for key in ("J", "Fc", "Fv"):
@@ -329,8 +326,7 @@ class LastFit:
         return made
 
     def left_by_declared(self, view: View) -> np.ndarray | None:
-        """What the declared values leave in the rows (m,) of a view, N m; None where one is
-        missing or the law has other parameters."""
+        """What declared values leave in the rows (m,) of a view; None where one is missing."""
         known, block = view.declared, view.model.friction.block
         law = {k for k, p in block.own.items() if p.fitted}
         if None in view.model.values().values() or not law <= LAW | {"sigma0", "sigma1"}:
@@ -353,8 +349,7 @@ class LastFit:
         return self._beside(self.part("grease"), {"J", "Fc", "dip", "Fv", "run", "offset"})
 
     def share(self, i: int) -> float:
-        """RMS torque of effect i beside what the plain law and declared effects can imitate, as a
-        share of friction."""
+        """RMS torque of effect i beside what law and declared effects imitate, over friction."""
         law = {"J", "Fc", "dip", "Fv", "damping", "run"}
         return self._beside(self.torque[i], law)
 

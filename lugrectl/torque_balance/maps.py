@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -48,21 +47,17 @@ FALLS = 8  # Stribeck speeds that are tried
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run at steady speed ``w`` (rad/s), sampled every ``dt`` s, as nodes (n,).
-
-    They are means of time, torque, load torque and angle over ``size`` samples each, in the
-    stretches ``part``.
-    """
+    """A run at steady speed ``w`` (rad/s), sampled every ``dt`` s, as nodes (n,)."""
 
     number: int
     w: float
     dt: float
-    t: np.ndarray
+    t: np.ndarray  # means of time, torque, load torque and angle ...
     u: np.ndarray
     d: np.ndarray
     theta: np.ndarray
-    size: np.ndarray
-    part: np.ndarray
+    size: np.ndarray  # ... over so many samples ...
+    part: np.ndarray  # ... in these stretches
 
 
 def is_map(stretches: Sequence[Stretch]) -> bool:
@@ -138,11 +133,8 @@ def _speed(s: Stretch, at: np.ndarray) -> float:
 
 
 class Nodes(Motion):
-    """The nodes of all runs one after the other, (n,): a motion that nothing accelerates.
-
-    ``row`` is the stretch of each, ``size`` how many samples it stands for, ``angle`` says that
-    theta was recorded in all runs. A run lasts as long as a block, so that blocks are runs.
-    """
+    """The nodes of all runs one after the other, (n,): a motion that nothing accelerates. ``row``
+    is the stretch of each; a run lasts as long as a block, so that blocks are runs."""
 
     def __init__(self, runs: Sequence[Run], angle: bool) -> None:
         many = [len(r.t) for r in runs]
@@ -209,17 +201,10 @@ class MapView(View):
         effects = members("effect").items()
         self.never = frozenset(n for n, b in effects if not shown(b, motion.angle))
         self.held_out = [(int(run), -np.inf, np.inf) for run in _every_third(motion)]
-        self._count()
 
-    def _count(self) -> None:
+    def _blocked(self) -> Blocks:
         many = int(self.apart[-1]) + 1
-        self.blocks = Blocks(self.apart + 0.5, many, many)
-
-    def on(self, mask: Any = slice(None)) -> View:
-        made = super().on(mask)
-        assert isinstance(made, MapView)
-        made._count()
-        return made
+        return Blocks(self.apart + 0.5, many, many)
 
     @property
     def apart(self) -> np.ndarray:
@@ -251,8 +236,7 @@ class MapView(View):
         return [(np.abs(w[at]), x[at]) for at in order]
 
     def follows_speed(self, r: np.ndarray) -> bool:
-        """Residuals of neighbours in speed are alike, or those of one speed in both directions, by
-        ranks: one run that is far off is no evidence."""
+        """Residuals of neighbours in speed, or of one speed both ways, are alike, by ranks."""
         mean = self.by_run(r)
         z = norm.ppf(rankdata(mean) / (len(mean) + 1))
         (w, forth), (v, back) = self._ways(z / np.std(z))
@@ -294,7 +278,7 @@ class MapView(View):
 
 @dataclass(frozen=True)
 class Still:
-    """What such runs tell of the inertia, as :class:`.width.Width` says it: nothing."""
+    """What such runs tell of the inertia, as :class:`.windows.Width` says it: nothing."""
 
     sure = heavy = impossible = against = False
 

@@ -185,10 +185,7 @@ def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tupl
 
 
 def means_the_same(law: Block) -> bool:
-    """Whether Fc and Fv of the law are those of the balance.
-
-    An own law is asked: with Fc alone and with Fv alone it must be the law "coulomb".
-    """
+    """Whether Fc and Fv of the law are those of the balance: alone, they are "coulomb"."""
     if is_ours(law.home):
         return True
     if law.states or law.inputs != ("w",):
@@ -218,8 +215,7 @@ def told_by_balance(model: Model) -> bool:
 
 
 def misfit(last: LastFit, model: Model) -> float:
-    """How far the law at the values of a model is from the friction of a last fit: RMS in rows, as
-    a share of friction."""
+    """How far a model's law is from the friction of a last fit: RMS in rows, over friction."""
     made = torque(model.friction.block, model.friction.values, last.view.along()).wide
     if made is None:
         return 0.0
@@ -228,10 +224,7 @@ def misfit(last: LastFit, model: Model) -> float:
 
 
 def law_values(last: LastFit, model: Model) -> dict[str, float]:
-    """The values of an own law with which it comes nearest to the friction of a last fit, in rows.
-
-    ``model`` has a value for everything; declared ones are where this starts, held ones stay.
-    """
+    """The values of an own law with which it comes nearest to a last fit; held ones stay."""
     law, known = model.friction.block, model.known()
     keys = [k for k, p in law.own.items() if p.fitted and not (p.choices or k in model.held())]
     return _nearest(last, law, {k: known[k] for k in law.own}, keys) if keys else {}

@@ -115,12 +115,9 @@ class Smoother:
 
 
 class SmoothRuns:
-    """The smooth motion of the runs of one rate.
-
-    ``theta``, ``w`` (n,) are soft, for friction and places; ``acceleration``, ``path`` (n,) stiff,
-    for inertia. ``shake`` (n,) is what the noise of the channels makes of an acceleration,
-    ``pulse`` the impulse response of the smoothing, ``spread`` its width in samples.
-    """
+    """The smooth motion of the runs of one rate: ``theta``, ``w`` (n,) soft, for friction and
+    places; ``acceleration``, ``path`` (n,) stiff, for inertia; ``shake`` (n,) the acceleration
+    that noise makes; ``pulse`` the smoothing's impulse response, ``spread`` samples wide."""
 
     def __init__(self, smoother: Smoother, stiffness: float) -> None:
         sensors = smoother.sensors
@@ -175,16 +172,15 @@ class SmoothRuns:
 
     def _shaken(self) -> np.ndarray:
         """White noise of the channels' size, sent through the same smoothing."""
-        random, n = np.random.default_rng(1), len(self.samples)
-        white = random.standard_normal((2, min(n, ENOUGH)))  # of a long log again and again
+        n = len(self.samples)  # a long log has the same noise again and again
+        white = np.random.default_rng(1).standard_normal((2, min(n, ENOUGH)))
         theta = np.resize(white[0], n) * self.smoother.variance**0.5
         w = np.resize(white[1], n) * self.sensors.w_variance**0.5
         noise = self.smoother(self.stiffness, theta, None if self.smoother.w is None else w)
         return self.bend(noise)
 
     def _between_samples(self) -> tuple[np.ndarray, np.ndarray]:
-        """Steps (n between - 1,) and speeds (n between,) between the samples, by the cubic through
-        position and speed: reversals do not wait for the next sample."""
+        """Steps and speeds between the samples, by the cubic through position and speed."""
         k = self.between
         if k == 1:
             return self._joined(np.diff(self.theta)), self.w
@@ -213,10 +209,7 @@ def one_way(w: np.ndarray, top: float) -> bool:
 
 class Motion:
     """The smooth motion of a whole log: runs of every rate one after the other, (n,) in all.
-
-    ``main`` are the runs with the most samples. ``pieces`` are (slice, dt) of even time, ``hold``
-    (n,) is how late the torque may be for nothing: half a hold and a current loop.
-    """
+    ``hold`` (n,) is how late the torque may be for nothing: half a hold and a current loop."""
 
     def __init__(self, runs: Sequence[SmoothRuns]) -> None:
         self.runs = tuple(runs)

@@ -170,8 +170,7 @@ def _sums(last: LastFit, values: Mapping[str, Value], certain: set[str]) -> list
 
 
 def friction_curve(last: LastFit) -> list[CurvePoint]:
-    """Mean friction torque in bins of speed, or of each run of a map: what the other terms leave
-    of u."""
+    """Mean friction torque in bins of speed, or of each run of a map: u without other terms."""
     v, friction, r = last.view, last.friction, last.left
     w, made = v.motion.w[v.rows.at], []
     if v.apart is not None:

@@ -92,10 +92,7 @@ def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
 
 def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
     """The stretches of a log by rate and channels; runs follow one another in time. Where others
-    move, those that rest throughout say nothing.
-
-    Raises Refused where no stretch is long enough.
-    """
+    move, those that rest throughout say nothing. Refused where no stretch is long enough."""
     long = [s for s in stretches if len(s.u) >= SHORTEST and s.ok.any()]
     if not long:
         raise Refused(f"no {SHORTEST} sound samples stand in a row.", "Record a longer run.")

@@ -18,7 +18,7 @@ from ..core.regression import Prior
 from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
 from .constants import FREE_LATE, MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
 from .friction import Seen
-from .table import Contender, Table
+from .table import Contender, Table, is_lateness
 from .unknown import likeliest
 
 OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
@@ -60,8 +60,7 @@ def polish(
 
 
 def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
-    """Where the parabola through values (m,) at points (m, k) is highest; None where it is not
-    near."""
+    """Where the parabola through values (m,) at points (m, k) is highest; None if not near."""
     k = around.shape[1]
     i, j = np.triu_indices(k)
     A = np.column_stack([np.ones(len(around)), around, around[:, i] * around[:, j]])
@@ -122,15 +121,13 @@ class Search:
     def _contenders(self) -> Iterator[Contender]:
         for name, block in members("effect").items():
             of_the_law = name in OF_THE_LAW and not (self.view.is_map and linear(block))
-            if name in self.never or of_the_law or refused(block):
-                continue
-            if self.only is not None and name not in self.only:
+            asked = name not in self.never and (self.only is None or name in self.only)
+            if not asked or of_the_law or refused(block):
                 continue
             if needs_inertia(block) and not self.sure or "sensor" in block.acts and block.states:
                 continue
-            if self.linear and any(p.angle and p.unit == "rad" and "harmonic" not in block.own
-                                   and "frequency" not in block.own
-                                   for p in block.own.values()):  # fmt: skip
+            of_angle = any(p.angle and p.unit == "rad" for p in block.own.values())
+            if self.linear and of_angle and not {"harmonic", "frequency"} & block.own.keys():
                 continue
             yield from self._of(block)
 
@@ -264,10 +261,9 @@ class Search:
     # ---- by what is to be searched
     def _of_orders(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """Waves over theta, all orders at once: what the rows leave of a wave passed at speed w."""
-        rows = self.view.rows
-        (key,) = (k for k in keys if block.own[k].whole)
         if len(keys) > 1:
             return
+        (key,), rows = keys, self.view.rows
         N = np.arange(1, ORDERS + 1.0)
         if self.linear:
             N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
@@ -294,8 +290,7 @@ class Search:
     def _of_waves(
         self, block: Block, key: str, N: np.ndarray, gains: np.ndarray, X: np.ndarray
     ) -> Iterator[Contender]:
-        """A ripple of several waves is one effect: one after the other, each for what it still
-        explains."""
+        """A ripple of several waves is one effect: each wave for what it still explains."""
         table, chosen = self.table, []
         pool = [i for i in np.argsort(gains)[::-1] if N[i] * self.span > 2 * np.pi][:32]
         W = {i: table.beside(X[:, 2 * i : 2 * i + 2]) for i in pool}
@@ -349,13 +344,12 @@ class Search:
 
     def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """The torque itself is another one: what fits the acceleration best, whatever J is."""
-        (key,) = keys if len(keys) == 1 else (None,)
-        grid = None if key is None else self._input_grid(block.own[key])
-        if key is None or grid is None:
+        grid = self._input_grid(block.own[keys[0]]) if len(keys) == 1 else None
+        if grid is None:
             return
-        probe, table, v = Contender(block.name, {}, block), self.table, self.view
+        key, table, v = keys[0], self.table, self.view
         on = table.fit.free.copy()
-        on[0], on[1] = False, on[1] and not probe.lateness
+        on[0], on[1] = False, on[1] and not is_lateness(block)
         Q, _ = np.linalg.qr(table.X[:, on] * table.root[:, None])
         y = table.X[:, 0] * table.root
         y = y - Q @ (Q.T @ y)

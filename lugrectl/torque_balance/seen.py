@@ -57,8 +57,7 @@ class Log(NamedTuple):
 
 
 def seen(stretches: Sequence[Stretch], model: Model) -> Log:
-    """The log with motion, windows and declared effects, all of whose values are open no more; or a
-    map."""
+    """The log with motion, windows and declared effects with a value of everything; or a map."""
     if is_map(stretches):
         view = map_of(stretches, model)
         return Log(view, view, Still())
@@ -108,7 +107,10 @@ def wide_enough(motion: Motion, model: Model) -> Width:
 def refuse_dead(view: View, width: Width | Still) -> None:
     """Refused where the torque has nothing to do with the motion."""
     coasts = np.ptp(view.motion.u) == 0 and not view.is_map
-    if coasts and (not view.declared.get("J") or unlike_friction(view)):
+    # friction must explain a motion without changes of torque
+    if coasts and (
+        not view.declared.get("J") or Table(view).left * view.size > MOSTLY * view.force
+    ):
         raise Refused(*COASTS)
     if view.several and not (view.is_map or view.declared.get("J")) and one_torque(view):
         m, at, unit = view.motion, view.rows.at, unit_for("N m", view.model.motion)
@@ -130,12 +132,6 @@ def one_torque(view: View) -> bool:
     X = view.K @ np.column_stack([w > 0, w < 0])
     r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
     return bool(np.mean(r**2) < FLOOR**2 * np.mean(y**2))
-
-
-def unlike_friction(view: View) -> bool:
-    """Whether friction does not explain a motion without changes of torque."""
-    table = Table(view)
-    return table.left * view.size > MOSTLY * view.force
 
 
 def inertia_range(found: Range, model: Model) -> Range:

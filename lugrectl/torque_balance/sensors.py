@@ -114,11 +114,8 @@ class Sensors:
         return self.samples.each(lambda x: ndimage.shift(x, steps, order=3, mode="nearest"), self.w)
 
     def _reconcile(self) -> None:
-        """Fit dtheta/dt = gain w(t + lag) + offset; a w that lags is un-filtered.
-
-        Shifting a filtered w would leave an error of second order. Beyond three samples it is
-        shifted first.
-        """
+        """Fit dtheta/dt = gain w(t + lag) + offset; a w that lags is un-filtered, as shifting would
+        leave an error of second order. Beyond three samples it is shifted first."""
         dt = self.samples.dt
         half = max(4, int(KERNEL / dt))
         phi = (1 - (np.arange(-half, half + 1) / half) ** 2) ** 3

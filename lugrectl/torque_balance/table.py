@@ -100,10 +100,8 @@ class Contender:
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
         """Rows, torque and prior of a base with this contender."""
         if self.u is not None:
-            m = view.motion
-            X, y = X.copy(), view.torque(self.u) - view.K @ m.d
-            X[:, 1] = view.K @ (view.hold * m.slope(m.held(self.u)))
-            X[:, 1] *= 1e-9 if self.lateness else 1.0
+            X, y = X.copy(), view.torque(self.u) - view.K @ view.motion.d
+            X[:, 1] = view.lateness(self.u) * (1e-9 if self.lateness else 1.0)
         if self.C is not None:
             X, prior = np.column_stack([X, self.C]), Prior.joined(prior, self.prior)
         return X, y, prior
@@ -209,8 +207,7 @@ class Table:
         return W.T @ self.rest_of_y * new, n * new + TINY, x * both
 
     def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What each column would take off the weighted sum of squares (in nats of a normal
-        distribution, doubled), and its coefficient."""
+        """What each column takes off the weighted sum of squares (nats, doubled); coefficients."""
         c, n, _ = self._told(C)
         return c**2 / n / self.scale**2, c / n
 
@@ -262,8 +259,7 @@ class Table:
         return c
 
     def _measure(self, c: Contender) -> None:
-        """Its torque beside what the declared law can imitate; of an unknown torque, beside the
-        law's extensions too."""
+        """Its torque beside what the declared law, of an unknown one all of it, can imitate."""
         v, own = self.view, len(self.own)
         tau = c.X[:, len(self.prior) :] @ c.b if c.k else np.zeros(len(self.y))
         if c.u is not None:

@@ -26,14 +26,13 @@ LOST = 0.02  # of the gain, for fewer points or a periodic table
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Points (m,) of a table, its normal equations G (blocks, k, k) and g (blocks, k), and its
-    curvature S (k, k)."""
+    """Points (m,) of a table, its normal equations and curvature by block."""
 
     points: np.ndarray
     periodic: bool
-    G: np.ndarray
-    g: np.ndarray
-    S: np.ndarray
+    G: np.ndarray  # (blocks, k, k)
+    g: np.ndarray  # (blocks, k)
+    S: np.ndarray  # curvature (k, k)
 
     def system(self, stiffness: float, seen: np.ndarray) -> np.ndarray:
         H, stiff = self.G[seen].sum(0), stiffness * self.S
@@ -52,12 +51,12 @@ class _Grid:
 
 
 def tabulated(last: LastFit, depends_on: Collection[str]) -> Table | None:
-    """The residual torque of a last fit over ``depends_on``, on the resisting side.
+    """The residual torque of a last fit over ``depends_on``, on the resisting side; None for other
+    signals (a function of the acceleration is an inertia), or where nothing is predicted.
 
-    ``share`` of its power is that which tables predict of blocks left out of fit and choice, with
-    its 95 % interval; standard errors are those of blocks, widened for the stiffness (Nychka, J.
-    American Statistical Association 83, 1988). None for other signals (a function of the
-    acceleration is an inertia), or where nothing is predicted.
+    ``share`` of its power is that which tables predict of blocks left out of fit and choice;
+    standard errors are those of blocks, widened for the stiffness (Nychka, J. American Statistical
+    Association 83, 1988).
     """
     name = tuple(s for s in ("theta", "t", "w", "u") if s in depends_on)
     name, t = INSTEAD.get(name, name), last.view.rows.t

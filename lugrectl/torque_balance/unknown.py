@@ -116,6 +116,5 @@ def without_line(X: np.ndarray, u: np.ndarray) -> np.ndarray:
 
 
 def often(X: np.ndarray) -> np.ndarray:
-    """Columns that are not zero on 2 % of the samples at least: a rare one, made orthogonal to u,
-    is u everywhere else."""
+    """Columns that are not zero on 2 % of the samples: without u, a rare one is u elsewhere."""
     return X[:, np.mean(X > 0.05, axis=0) > 0.02]

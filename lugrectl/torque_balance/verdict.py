@@ -99,12 +99,9 @@ def answer(
     least: float = FLOOR,
     alpha: float = ALPHA,
 ) -> Answer:
-    """Verdict, names and values; Refused where nothing can be learnt.
-
-    ``held_out`` are (run, start, end), in s of the logs: what no fit and no choice may see;
-    ``least`` is the smallest torque that is worth a name, as a share of friction, ``alpha`` the
-    chance that a gain is called proven and is none.
-    """
+    """Verdict, names and values; Refused where nothing can be learnt. ``held_out`` are (run, start,
+    end), in s of the logs, ``least`` the smallest torque that is worth a name, as a share of
+    friction, ``alpha`` the chance that a gain is called proven and is none."""
     view, few, width, _ = seen(stretches, model)
     refuse_dead(view, width)
     if not view.is_map and view.motion.duration < 2 * FEWEST_BLOCKS * view.rows.h:
@@ -239,8 +236,7 @@ class _Judge:
         return LastFit(self.view, last.state.copy(terms=[t.copy() for t in kept]), last.scale)
 
     def _lost(self, last: LastFit, values: dict[str, Value]) -> list[int]:
-        """The effects that the fit does not hold: the first one for itself, a further one also
-        where it explains less than all that stays."""
+        """Effects that the fit does not hold; of further ones those explaining less than stays."""
         stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
         own = [i for i, t in enumerate(last.state.terms)
                if not t.declared and t.name != GREASE_NAME]  # fmt: skip
@@ -263,17 +259,14 @@ class _Judge:
         self.struck.add(name)
         d = self.decision
         if name in {t.name for t in d.joined}:
-            alone = self.all is self.view
-            self.view, self.train, self.test = (v.rid(name) for v in
-                                                (self.view, self.train, self.test))  # fmt: skip
-            self.all = self.view if alone else self.all
+            for v in (self.view, self.train, self.test):
+                v.terms = [t for t in v.terms if t.name != name]
             self.decision = Decision(self.train, d.width, {*d.never, name}, d.least, d.alpha)
         else:
             d.decide(self.struck)
 
     def _bent(self, last: LastFit, values: dict[str, Value]) -> LastFit:
-        """A bend of the friction curve that is worth a name is an effect; else it is no part of the
-        model."""
+        """A bend of the friction curve that is worth a name is an effect; else it is dropped."""
         state = last.state
         if not state.grease:
             return last
@@ -314,8 +307,7 @@ class _Judge:
     def _verdict(
         self, last: LastFit, full: Unseen, plain: Unseen, without: LastFit
     ) -> tuple[str, bool]:
-        """The verdict with the held-out error, and whether names are shown; ``without`` is the fit
-        to training rows that has none."""
+        """The verdict with the held-out error, and whether names are shown."""
         d, v, state = self.decision, self.view, last.state
         named = [i for i, t in enumerate(state.terms) if not t.declared]
         verdict = d.verdict
@@ -416,8 +408,7 @@ class _Judge:
         return self.apart[1]
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
-        """The drive with an alternative in place of the one named effect: J, Fc, Fv are as
-        uncertain as the name."""
+        """The drive with an alternative in place of the one name: J, Fc, Fv are as uncertain."""
         own, d, made = last.state.named, self.decision, []
         for c in d.named if len(own) == 1 else ():
             if c.name in d.alternatives.get(own[0].name, ()):

@@ -155,7 +155,7 @@ class Declared:
 class Probe:
     """A quick robust balance in windows of half-width ``h`` (s): what it says of the inertia.
 
-    ``J`` with its standard error, ``lost`` the share of it that noise takes away, ``noisy`` the
+    ``J`` with its standard ``error``, ``lost`` the share of it that noise takes away, ``noisy`` the
     noise of J a over what is small enough, ``left`` the residual over all torque, ``drag`` the
     share of the torque by which friction opposes the motion, ``r`` (m,) the residuals at ``t`` (s).
     """
@@ -261,12 +261,12 @@ class Probe:
 
 
 class Width:
-    """The narrowest windows that will do: ``h`` (s).
+    """The narrowest windows that will do: ``h`` (s), with the residuals ``r`` (m,) of a plain
+    balance at ``t`` (s).
 
     ``sure`` says that the log determines the inertia, ``range`` is what it must lie in, None where
     it is free. ``impossible``: the torque follows the motion, or has the wrong sign; ``against``:
-    nothing of the declared inertia is in it; ``backward``: friction would drive. ``heavy``: gravity
-    that is large. ``r`` (m,) are the residuals of a plain balance at ``t`` (s).
+    nothing of the declared inertia is in it. ``heavy``: gravity that is large.
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
@@ -291,11 +291,11 @@ class Width:
         self.against = all(
             p.left < LOST and p.J < 3 * p.error and p.J + 3 * p.error < least for p in self.tried
         )
-        self.backward = all(p.drag < -0.1 and p.left < 0.7 for p in self.tried[-3:])
+
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
-        self.h, self.left, self.heavy, self.t, self.r = p.h, p.left, p.heavy, p.t, p.r
+        self.h, self.heavy, self.t, self.r = p.h, p.heavy, p.t, p.r
 
     def _try(self, grid: list[float], stop: bool) -> None:
         for h in grid:
@@ -347,10 +347,8 @@ class Width:
 
 
 def fine_wave(motion: Motion, h: float) -> float:
-    """Waves per radian of the strongest wave over the angle that windows of h would hide.
-
-    Of a drive that turns steadily; 0 where there is none.
-    """
+    """Waves per radian of the strongest wave over the angle that windows of h would hide, of a
+    drive that turns steadily; 0 where there is none."""
     steady = _steady_parts(motion) if motion.span >= 2 * np.pi else []
     if not steady:
         return 0.0

@@ -90,12 +90,9 @@ class Drive:
         return tuple(tuple(map(tuple, m.tolist())) for m in blocks)
 
     def observe(self, run: Run, sets: Sets, jumps: Any, where: Windows) -> tuple[Array, Array]:
-        """One-step predictions of theta and w, each by the samples before it.
-
-        For S sets of values, each with its noise of dw/dt (rad/s2), and n windows: predictions
-        (S, n, length, 2), and the states after the last sample (S, n, x). Over the first half of a
-        lead the observer stays close to the measured motion, which settles the other states.
-        """
+        """One-step predictions of theta and w (S, n, length, 2), each by the samples before it, for
+        S sets of values with their noise of dw/dt (rad/s2) and n windows; and the last states (S,
+        n, x). In the first half of a lead the observer stays close to the measured motion."""
         gains, close = self._gains(run, sets, jumps), self._gains(run, sets, jumps, run.usual)
         y = np.empty((len(sets), len(where.start), where.length, 2))
         x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
@@ -111,8 +108,7 @@ class Drive:
         return y, x
 
     def simulate(self, values: Values, jump: float, run: Run, where: Windows) -> np.ndarray:
-        """theta and w of each window from the torque alone, (n, length, 2), begun from the state of
-        the observer by samples before it."""
+        """theta and w of each window from the torque alone, begun from an observer's state."""
         x = self.observe(run, [values], [jump], replace(where, length=0))[1]
         return self._run(run, [values], x, where.start, where.length, None)[0][0]
 
@@ -142,8 +138,7 @@ class Fit:
     jump: float
 
     def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
-        """Torque missing on the resisting side (N m), theta and w of an observer for this noise,
-        (windows, length, 3)."""
+        """Torque missing (N m, resisting), theta, w of an observer, (windows, length, 3)."""
         y = self.drive.observe(run, [self.values], [jump], where)[0][0]
         K = self.drive.gain(run, self.values, jump)[0][1]
         missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
@@ -180,10 +175,8 @@ def _drive(structure: _Structure) -> Drive:
 
 
 def tuned(ready: Prepared, drive: Drive, values: Values, begun: float | None = None) -> float:
-    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely.
-
-    ``begun``: that of a model like it, from where the likelier neighbour is followed.
-    """
+    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely; from
+    ``begun``, that of a model like it, the likelier neighbour is followed."""
     usual, few = max(run.usual for run in ready.runs), spread(ready.train, ENOUGH)
 
     def totals(logs: np.ndarray) -> np.ndarray:
@@ -243,12 +236,12 @@ def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
 def observer_gain(
     dt: float, jump: float, noise: tuple[float, ...], sensing: tuple[Any, ...]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise.
+    """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise (``jump``,
+    rad/s2, independent from sample to sample: that of the torque over J).
 
     Sensors with n states s: ds/dt = A s + B (theta, w), y = C s + D (theta, w) + noise; ``sensing``
-    are A, B, C, D as nested tuples. ``jump`` is the standard deviation of dw/dt, independent from
-    sample to sample, rad/s2: that of the torque over J. ``noise`` is that of y, rad and rad/s, nan
-    where not recorded: there the gain is 0 and the covariance 1. Do not write into the arrays.
+    are A, B, C, D as nested tuples. ``noise`` is nan where nothing was recorded: there the gain is
+    0 and the covariance 1. Do not write into the arrays.
     """
     n, seen = 2 + len(sensing[0]), np.flatnonzero(np.isfinite(noise))
     shapes = (n - 2, n - 2), (n - 2, 2), (2, n - 2), (2, 2)

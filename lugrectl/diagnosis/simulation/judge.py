@@ -34,12 +34,9 @@ class Judged:
 
 
 def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
-    """Simulate models from the recorded torque alone, and let one observer see what they miss.
-
-    ``models`` by name, "declared", "refitted", "augmented": None where values are missing. Restarts
-    begin from the state of an observer that has seen samples before them only. The residual torque
-    is what the observer of "refitted" adds to each model.
-    """
+    """Simulate models, "declared", "refitted", "augmented", None where values are missing, from the
+    recorded torque alone. Restarts begin from the state of an observer that has seen samples before
+    them only. The residual torque is what the observer of "refitted" adds to each model."""
     fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
     jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
     measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,18 +27,11 @@ NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
 
 @dataclass(frozen=True, eq=False)
 class Polished:
-    """All values of the model after a polish and the distribution of those that it determined.
-
-    ``gain`` is how much more likely left-out training windows are, in log-likelihood and to first
-    order (Takeuchi's criterion), and ``error`` its standard error. ``gained``: it is above that, or
-    all values before are within their intervals. Else these are kept, of no distribution.
-    """
+    """All values of the model after a polish and the distribution of those that it determined."""
 
     values: dict[str, float]
     joint: Joint = NONE
-    gained: bool = False
-    gain: float = 0.0
-    error: float = 0.0
+    gained: bool = False  # else the values are those before, of no distribution
 
 
 def polish(
@@ -47,29 +41,24 @@ def polish(
 
     Gauss-Newton steps on the innovations e of an observer with the gain for the noise of dw/dt,
     which is found beside them: minimise the sum of e' S^-1 e / 2 + log det(S) / 2 and the priors.
-
-    ``free`` are keys of ``model.values()``; held values, counts per turn, choices and instants stay
-    as they are, and bounds hold. ``start`` is what is known beforehand, a Gaussian prior; other
-    values have the std that the model states, or a weak prior: a factor of 4.5 about the start.
-    ``always`` keeps the values whatever left-out windows say: nothing else tells them.
-    Free those that the balance knows, too, or their errors move the others. The covariance is the
-    larger of the likelihood's own and the jackknife's over windows: it knows of no error of the
-    model that is the same in all windows. InputError where a value is missing.
+    ``start`` is what is known beforehand; other values have the std that the model states, or a
+    weak prior: a factor of 4.5 about the start. ``always`` keeps the values whatever left-out
+    windows say: nothing else tells them. Free those that the balance knows, too, or their errors
+    move the others. The covariance is the larger of the likelihood's own and the jackknife's over
+    windows: it knows of no error of the model that is the same in all. InputError without a value.
     """
     begun = fitted(ready, model)
     climb = _Climb(ready, begun, model, free, start)
     before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
-    none = Polished(begun.values)
-    if not climb.keys or len(before) < 2:
-        return none
-    try:
-        return _at_top(climb, begun, before, always)
-    except np.linalg.LinAlgError:  # the model diverges along this log
-        return none
+    if climb.keys and len(before) > 1:
+        with suppress(np.linalg.LinAlgError):  # the model diverges along this log
+            return _at_top(climb, begun, before, always)
+    return Polished(begun.values)
 
 
 def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Polished:
-    """The likeliest values, what is known of them, and whether left-out windows (n,) gain."""
+    """The likeliest values, what is known of them, and whether left-out windows (n,) gain, to first
+    order (Takeuchi's criterion), or all values before are within their intervals."""
     tops = [climb.up(one) for one in dict.fromkeys((begun, climb.scanned()))]
     _, fit = climb.best([top.values for top in tops], [top.jump for top in tops])
     parts, scores, each = climb.linear(fit)
@@ -87,14 +76,14 @@ def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Poli
     moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
     confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
     if not always and gain <= error and not confirmed:
-        return Polished(begun.values, gain=gain, error=error)
+        return Polished(begun.values)
     names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
     if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
         V = float(np.clip(C[-1, -1], 1e-12, 1.0))
         rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
     found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
     joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
-    return Polished(fit.values, joint, True, gain, error)
+    return Polished(fit.values, joint, True)
 
 
 class _Climb:

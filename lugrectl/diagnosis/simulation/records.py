@@ -34,8 +34,7 @@ Span = tuple[int, float, float]  # a run and two times in s
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """Stretches of a run, ``start`` (n,) and ``length`` in samples; an observer runs over ``lead``
-    (n,) before."""
+    """Stretches of a run, ``length`` samples from ``start`` (n,); an observer leads by ``lead``."""
 
     start: np.ndarray
     length: int
@@ -57,28 +56,20 @@ class Windows:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One record on its own even time; SI units, N samples.
-
-    ``t, u, d`` (N,): time, torque, load torque (0 where not recorded), held from sample to sample.
-    ``recorded`` (N, 2): theta and w, nan where not recorded, with their sensors' noise ``own``.
-    ``y`` (N, 2): the same as an observer corrects by it, with ``noise``, larger where samples
-    usually repeat each other. ``dull`` (N, 2): the part of one that repeats others for longer; it
-    corrects only beyond half of the smallest steps ``counts`` (2,). ``theta`` (N,): position, or
-    the integral of w from 0. ``pieces``: ranges without a lost sample.
-    """
+    """One record on its own even time; SI units, N samples."""
 
     t: np.ndarray
-    u: np.ndarray
+    u: np.ndarray  # torque, held from sample to sample, as the load torque d (0: not recorded)
     d: np.ndarray
-    recorded: np.ndarray
-    own: tuple[float, ...]
-    y: np.ndarray
-    noise: tuple[float, ...]
-    dull: np.ndarray
-    counts: np.ndarray
-    theta: np.ndarray
+    recorded: np.ndarray  # (N, 2): theta and w, nan where not recorded ...
+    own: tuple[float, ...]  # ... and their sensors' noise
+    y: np.ndarray  # (N, 2): the same as an observer corrects by it ...
+    noise: tuple[float, ...]  # ... with noise, larger where samples usually repeat each other
+    dull: np.ndarray  # (N, 2): the part of a sample that repeats others for longer; it corrects ...
+    counts: np.ndarray  # ... only beyond half of the smallest steps (2,)
+    theta: np.ndarray  # position, or the integral of w from 0
     dt: float
-    pieces: tuple[Range, ...]
+    pieces: tuple[Range, ...]  # ranges without a lost sample
 
     @cached_property
     def speed(self) -> np.ndarray:
@@ -122,28 +113,20 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Records prepared for judging and polishing.
-
-    ``runs`` are the training ones and then one held out as a whole. By run:
-    ``train`` are windows to fit on, ``test`` those that are judged, a horizon long, and ``free``
-    ranges simulated without a restart, ``in_sample`` where these hold training samples.
-    ``held_out`` are all stretches set apart, whether judged or not, ``everywhere`` windows over all
-    of a run. Errors are of the ``channel`` that more held-out samples have, 1 for w, 0 for theta;
-    ``noise_floor`` is its own noise, the largest of all runs. ``memory`` keeps what was computed.
-    """
+    """Records prepared for judging and polishing; windows and ranges are by run."""
 
     model: Model
-    runs: tuple[Run, ...]
-    train: tuple[Windows, ...]
-    test: tuple[Windows, ...]
-    free: Sequence[Sequence[Range]]
-    in_sample: bool
-    held_out: tuple[Span, ...]
+    runs: tuple[Run, ...]  # the training ones, then one held out as a whole
+    train: tuple[Windows, ...]  # to fit on
+    test: tuple[Windows, ...]  # that are judged, a horizon long
+    free: Sequence[Sequence[Range]]  # simulated without a restart ...
+    in_sample: bool  # ... which hold training samples
+    held_out: tuple[Span, ...]  # all that is set apart, whether judged or not
     horizon: float
-    everywhere: tuple[Windows, ...]
-    channel: int
-    noise_floor: float
-    memory: dict[Any, Any] = field(default_factory=dict, repr=False)
+    everywhere: tuple[Windows, ...]  # over all of a run
+    channel: int  # of the errors, which more held-out samples have: 1 for w, 0 for theta
+    noise_floor: float  # its own noise, the largest of all runs
+    memory: dict[Any, Any] = field(default_factory=dict, repr=False)  # what was computed
 
     def along(
         self, windows: Sequence[Windows], of: list[int], signals: Callable[[Run, Windows], Any]
@@ -177,13 +160,10 @@ def prepared(
     horizon: float,
     memory: float = 0.0,
 ) -> Prepared:
-    """Split records, whose rates and channels may differ, into training and held-out windows.
-
+    """Split records, whose rates and channels may differ, into training and held-out windows:
     ``holdout`` None sets every other block apart, "last" the last half of the recorded time, a
-    Record itself. ``horizon`` is the time from restart to restart, ``memory`` that over which the
-    residual depends on itself: blocks are longer than both, s. Refused where records are too short
-    or too slow for both parts, InputError where they are of different kinds of motion.
-    """
+    Record itself. Blocks are longer than ``horizon`` and ``memory`` (s), over which the residual
+    depends on itself. Refused where records are too short or too slow for both parts."""
     apart = [holdout] if isinstance(holdout, Record) else []
     every = [consistent(r) for r in (*records, *apart)]
     if len({r.motion for r in every}) > 1:
@@ -236,9 +216,7 @@ def _cut(runs: Sequence[Run], left: float) -> tuple[Parts, Parts]:
 
 def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Parts, Parts]:
     """Alternating blocks of whole horizons behind a gap; a piece's last one extends to its end.
-
-    Where the others are much faster than those to fit, their roles change.
-    """
+    Where the others are much faster than those to fit, their roles change."""
     parts: tuple[Parts, Parts] = [[] for _ in runs], [[] for _ in runs]
     turn = 0
     for i, run in enumerate(runs):

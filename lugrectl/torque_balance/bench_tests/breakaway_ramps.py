@@ -32,12 +32,11 @@ KIND = "breakaway_ramps"
 
 @dataclass(frozen=True)
 class Breakaway:
-    """The torque and the angle at which an axis ran away; ``known`` is what is not known of the
-    torque, a standard deviation."""
+    """The torque and the angle at which an axis ran away."""
 
     torque: float
     x: float
-    known: float
+    known: float  # what is not known of the torque, a standard deviation
 
 
 def breakaway_ramps(motions: Sequence[Motion], motion: str) -> BenchTest | None:
@@ -97,8 +96,7 @@ def _breakaway(one: Motion, piece: Piece) -> Breakaway | None:
 
 
 def _instant(one: Motion, piece: Piece, stroke: slice) -> tuple[float, float] | None:
-    """When the axis runs away, with its standard deviation: the mean over all instants, each by
-    how likely it is."""
+    """When the axis runs away, with its standard deviation: over all instants by likelihood."""
     y = one.x if one.w is None else one.w
     side, width = one.side[stroke.start], 3 * one.noise
     back = max(one.window + REST, stroke.stop - stroke.start)
@@ -131,8 +129,7 @@ def _instant(one: Motion, piece: Piece, stroke: slice) -> tuple[float, float] | 
 
 
 def _misfit(t: np.ndarray, y: np.ndarray, one: Motion, powers: Sequence[int]) -> float:
-    """What is left of a motion that grows from t = 0 under a rising torque, ever faster where
-    friction falls."""
+    """What is left of a motion that grows from t = 0 under a rising torque, ever faster."""
     s = t / t[-1]
     columns = [s ** (power + one.angle) for power in powers]
     if one.angle:  # where in its count the axis rested is unknown

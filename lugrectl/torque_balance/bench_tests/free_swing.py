@@ -99,8 +99,7 @@ def _swings(one: Motion) -> list[Stroke]:
 
 
 def _alternating(one: Motion, at: slice) -> list[list[slice]]:
-    """The rows of strokes in turn forwards and backwards, each shorter than the one before; the
-    first one may be cut."""
+    """Strokes in turn forwards and backwards, each shorter than the last; the first may be cut."""
     found: list[list[slice]] = [[]]
     for stroke in one.strokes:
         if stroke.start < at.start or stroke.stop > at.stop or np.ptp(one.x[stroke]) < LEAST:
@@ -155,17 +154,15 @@ SHARP = 1e-3  # of the top speed, over which the sign turns
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """Means ``y`` over cells of ``h`` s: of the angle, of the speed where ``speed`` is True; ``x``
-    is an angle to begin with."""
+    """Means ``y`` over cells of ``h`` s."""
 
     h: float
-    x: np.ndarray
+    x: np.ndarray  # an angle to begin with
     y: np.ndarray
-    speed: bool
+    speed: bool  # y are speeds, else angles
 
     def forces(self, p: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The acceleration at the inner knots, and its slopes by x and by the speed; the columns
-        that the values multiply."""
+        """The acceleration at the inner knots, its slopes by x and speed; the values' columns."""
         v = (x[2:] - x[:-2]) / (2 * self.h)
         x = x[1:-1]
         e = SHARP * float(np.abs(v).max())

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from ...blocks.friction import level
-from ...core.numeric import Z95
+from ...core.numeric import Z95, rms
 from ...estimates.findings import Estimate
 from .motion import Motion
 
@@ -137,13 +137,12 @@ def stroked(one: Motion, at: slice) -> Stroke | None:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Least squares: values ``p``, their covariance ``H`` for a residual ``r`` of unit variance,
-    and how many rows are ``free`` of the values."""
+    """Least squares: values ``p`` with what is left, ``r``."""
 
     p: np.ndarray
-    H: np.ndarray
+    H: np.ndarray  # covariance of the values for a residual of unit variance
     r: np.ndarray
-    free: int
+    free: int  # rows beyond the number of values
 
     @property
     def cost(self) -> float:
@@ -215,8 +214,7 @@ class Table:
             more = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(V), 1.0))
             V, freedom = V * np.outer(more, more), min(rows, G - 1.0)
         V = V * np.outer(1 / size, 1 / size)
-        moved = float(np.sqrt(np.mean(self.y**2)))
-        return Fitted(names, p / size, V, freedom, np.sqrt(cost / free), cost, moved, rows)
+        return Fitted(names, p / size, V, freedom, np.sqrt(cost / free), cost, rms(self.y), rows)
 
 
 def memory(r: np.ndarray) -> float:
@@ -232,8 +230,7 @@ def memory(r: np.ndarray) -> float:
 
 
 def best(strokes: Sequence[Stroke], terms: Sequence[str], more: Sequence[str]) -> Fitted | None:
-    """The fit of the terms, with those further ones that are clearly there; friction falls with
-    speed, at one of several speeds, where that is likely."""
+    """The fit of the terms, with further ones that are clearly there and a fall that is likely."""
     table = Table(strokes)
     columns = {k: table.column(LAWS[k]) for k in terms}
     made = table.fit(columns)
@@ -281,8 +278,7 @@ def student(freedom: float) -> float:
 def interval(
     value: float, error: float, freedom: float, unit: str, *, resolution: float = 0.0
 ) -> Estimate:
-    """A value with its 95 % interval: of its standard error with so many degrees of freedom, and
-    of a standard deviation that is known."""
+    """A value with its 95 % interval: of its standard error, and of what is known of sensors."""
     known = np.hypot(resolution, SCALE * value)
     half = np.hypot(student(freedom) * error, Z95 * known)
     return Estimate(float(value), unit, (float(value - half), float(value + half)))

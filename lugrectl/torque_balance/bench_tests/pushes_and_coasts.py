@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...blocks.block import unit_for
+from ...core.numeric import rms
 from ...estimates.bench_test import ALONE, BenchTest, in_words
 from ...estimates.findings import Estimate
 from .momentum import EXPLAINED, Fitted, Stroke, best, interval, stroked
@@ -110,7 +111,7 @@ def _is_held(one: Motion, parts: Sequence[Piece]) -> bool:
 
 def _values(made: Fitted, found: Sequence[Motion], motion: str) -> dict[str, Estimate]:
     J, error = 1 / made["1/J"], made.error("1/J") / made["1/J"] ** 2
-    values, size = {}, max(float(np.sqrt(np.mean(one.u**2))) for one in found)
+    values, size = {}, max(rms(one.u) for one in found)
     register = max(one.step for one in found) / np.sqrt(12)
     values["J"] = interval(
         J, error, made.freedom, unit_for("kg m2", motion), resolution=J * register / size

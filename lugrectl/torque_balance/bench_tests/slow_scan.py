@@ -42,8 +42,7 @@ class Scan:
 
 
 class Scans:
-    """The cells of all scans: angle ``x``, torque ``u``, direction ``side``, and the columns of
-    friction and the harmonics of the turn."""
+    """The cells of all scans: angle, torque, direction, and columns of friction and harmonics."""
 
     def __init__(self, each: Sequence[Scan]) -> None:
         self.each = each

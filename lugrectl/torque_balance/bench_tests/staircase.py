@@ -174,8 +174,7 @@ class Points:
 
 
 def fitted(points: Points, motion: str) -> dict[str, Estimate] | None:
-    """Stribeck's law along the points: solved for the levels at each vs, and averaged over vs by
-    how likely it is."""
+    """Stribeck's law along the points: levels solved for at each vs, averaged by likelihood."""
     size, plain, error = np.abs(points.w), points.plain, points.error
     n, free = len(plain), len(size) - len(plain) - 2
     if free < 1:
@@ -219,8 +218,7 @@ def _fall(
     scale: tuple[float, int],
     motion: str,
 ) -> dict[str, Estimate]:
-    """Fs and vs, whose intervals hold what other vs say; ``scale``: unit of the misfit, and its
-    degrees of freedom."""
+    """Fs and vs, whose intervals hold what other vs say; ``scale``: misfit's unit, freedom."""
     best, (unit, free) = int(np.argmax(likely)), scale
     Fs = np.array([f.p[0] + f.p[-1] for f in fits])
     V = fits[best].H
