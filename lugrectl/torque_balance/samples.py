@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,8 @@ class Samples:
         sizes = [len(s.u) for s in stretches]
         loads = [np.zeros(len(s.u)) if s.d is None else s.d for s in stretches]
         recorded = [k for k in ("u", "ok", "theta", "w") if getattr(stretches[0], k) is not None]
-        made = {k: np.concatenate([getattr(s, k) for s in stretches]) for k in recorded}
+        made: dict[str, Any] = {"theta": None, "w": None}
+        made |= {k: np.concatenate([getattr(s, k) for s in stretches]) for k in recorded}
         return cls(
             dt=float(np.median([s.dt for s in stretches])),
             t=np.concatenate(times),
@@ -47,7 +49,7 @@ class Samples:
             run=np.repeat([s.run for s in stretches], sizes),
             pieces=in_turn(sizes),
             count=max(s.count for s in stretches),
-            **({"theta": None, "w": None} | made),
+            **made,
         )
 
     def __len__(self) -> int:

@@ -161,32 +161,21 @@ class Search:
             pieces=pieces, level=a.level[at], J=a.J, values=a.values, d=v.K @ v.motion.d, **means,
         )  # fmt: skip
 
-    def _screened(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
-        """Columns of an effect at each set of values, in the rows (m, k sets)."""
-        if block.states or block.exact is not None or self.view.is_map:
-            return self._seen(block, sets).rows
+    def _seen(self, block: Block, sets: Sequence[Values], screening: bool = False) -> Seen:
+        """Columns of an effect at each set of values, in the rows (m, k sets); for ``screening`` by
+        the signals at the rows, where it has no memory. What has been made of the same motion,
+        friction and torque is not made again."""
+        few = screening and not (block.states or block.exact is not None or self.view.is_map)
 
         def made() -> Seen:
-            few = lanes(block, sets, self.few)
-            parts = [x for x in (few.wide, few.narrow) if x is not None]
-            return Seen(sum(parts[1:], parts[0]), few.low, few.high)
+            each = lanes(block, sets, self.few if few else self.along)
+            parts = [x for x in (each.wide, each.narrow) if x is not None]
+            rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
+            return Seen(rows, each.low, each.high)
 
-        return self._once((block.name, "few", *kept(sets)), block, made).rows
-
-    def _seen(self, block: Block, sets: Sequence[Values]) -> Seen:
-        """The same from all samples."""
-
-        def made() -> Seen:
-            each = lanes(block, sets, self.along)
-            return Seen(self.view.in_rows(each), each.low, each.high)
-
-        return self._once((block.name, *kept(sets)), block, made)
-
-    def _once(self, key: Any, block: Block, make: Callable[[], Seen]) -> Seen:
-        """What has been made of the same motion, friction and torque is not made again."""
         drive = [] if of_motion(block) else [self.view.settled]
         drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
-        return self.view.once((*key, *drive), make)
+        return self.view.once((block.name, few, *kept(sets), *drive), made)
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
         """Gain of each set of values."""
@@ -273,7 +262,7 @@ class Search:
             N = N[N >= 2]  # a torque of order 1 is gravity
         if not len(N):
             return
-        X = self._screened(block, [{key: n} for n in N])
+        X = self._seen(block, [{key: n} for n in N], screening=True).rows
         if not self.view.is_map:  # the middle of a row stands for its window
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
         gains = self.table.gains_of_pairs(X)
@@ -443,7 +432,7 @@ class Search:
         if self.view.is_map:  # few rows: each is entered, as the screening knows no bounds
             yield from (self._contender(block, q, cost=cost) for q in sets)
             return
-        gains = self._gains(block, np.nan_to_num(self._screened(block, sets)))
+        gains = self._gains(block, np.nan_to_num(self._seen(block, sets, screening=True).rows))
         q = sets[int(np.argmax(gains))]
         steps = {k: 0.5 * float(np.gradient(g)[g == q[k]][0]) if len(g) > 1 else 0.1
                  for k, g in zip(keys, grids, strict=True) if not own[k].choices}  # fmt: skip

@@ -3,9 +3,9 @@ answered as such."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ...estimates.bench_test import BenchTest
 from ...record import Log
 from .breakaway_ramps import breakaway_ramps
 from .free_swing import free_swing
-from .motion import motions
+from .motion import Motion, motions
 from .pushes_and_coasts import coast_down, steps_and_pulses
 from .slow_scan import slow_scan
 from .staircase import staircase
@@ -29,10 +29,10 @@ INSTEAD = {  # of a test, others that its own rows look like
 
 def bench_tests(logs: Sequence[Log], model: Model) -> tuple[BenchTest, ...]:
     """Every standard test in the logs of one drive; none where there is none."""
+    found, made = list[Motion](), list[BenchTest]()
     with np.errstate(all="ignore"):
-        found = _tried(lambda: [one for log in logs for one in motions(log)])
-        if not found:
-            return ()
+        with suppress(np.linalg.LinAlgError):
+            found = [one for log in logs for one in motions(log)]
         J, motion = model.known().get("J"), model.motion
         kinds = [
             partial(breakaway_ramps, found, motion),
@@ -42,17 +42,12 @@ def bench_tests(logs: Sequence[Log], model: Model) -> tuple[BenchTest, ...]:
             partial(steps_and_pulses, found, motion),
             partial(staircase, found, motion),
         ]
-        made = [test for kind in kinds if (test := _tried(kind)) is not None and _answers(test)]
+        for kind in kinds if found else ():
+            with suppress(np.linalg.LinAlgError):  # the numbers of a log have no solution
+                test = kind()
+                made += [test] if test is not None and _answers(test) else []
     other = {kind for test in made for kind in INSTEAD.get(test.kind, ())}
     return tuple(test for test in made if test.kind not in other)
-
-
-def _tried(test: Callable[[], Any]) -> Any:
-    """What is found; None where the numbers of a log have no solution."""
-    try:
-        return test()
-    except np.linalg.LinAlgError:
-        return None
 
 
 def _answers(test: BenchTest) -> bool:

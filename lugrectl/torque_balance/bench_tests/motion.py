@@ -5,9 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
+from ...core.regression import spread
 from ...record import Log
 from ...record.samples.rows import Stamped, runs
 from ...record.samples.usable import usable
@@ -38,11 +40,11 @@ def pieces(t: np.ndarray, u: np.ndarray, step: float) -> list[Piece]:
     span = float(np.ptp(np.quantile(u, (RARE, 1 - RARE)))) or float(np.ptp(u))
     if not span:
         return [Piece(slice(0, len(u)), float(u[0]), 0.0, True, False)]
-    noise = 1.4826 * float(np.median(np.abs(np.diff(u)))) / np.sqrt(2)
+    noise = spread(np.diff(u)) / np.sqrt(2)
     far = JUMP * span + CERTAIN * noise
     jumps = np.flatnonzero(np.abs(np.diff(u)) > far) + 1
     edges = [0, *jumps.tolist(), len(u)]
-    left = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b - a >= SHORTEST][::-1]
+    left = [(a, b) for a, b in pairwise(edges) if b - a >= SHORTEST][::-1]
     made, bends = [], 0
     while left:
         a, b = left.pop()
@@ -155,9 +157,8 @@ class Motion:
     @cached_property
     def strokes(self) -> list[slice]:
         """The motions in one direction."""
-        edges = np.flatnonzero(np.diff(self.side, prepend=0.0, append=0.0))
-        pairs = zip(edges[:-1], edges[1:], strict=True)
-        return [slice(int(a), int(b)) for a, b in pairs if self.side[a]]
+        edges = np.flatnonzero(np.diff(self.side, prepend=0.0, append=0.0)).tolist()
+        return [slice(a, b) for a, b in pairwise(edges) if self.side[a]]
 
 
 def _top(v: np.ndarray) -> float:
