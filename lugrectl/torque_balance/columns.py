@@ -136,8 +136,7 @@ def of_motion(block: Block) -> bool:
 
 
 def needs_inertia(block: Block) -> bool:
-    """Whether an effect means nothing where J is not known: a change of it, a load with an
-    inertia, a sensor whose error is seen as an acceleration."""
+    """Whether an effect means nothing where J is not known: mass, or a sensor's error."""
     of_mass = any(p.unit == "kg m2" for p in block.parameters.values())
     return of_mass or bool({"J", "+J", "sensor"} & {*block.acts})
 
@@ -454,8 +453,7 @@ def _outputs(
 
 @once_a_block
 def scaled(block: Block) -> tuple[str, ...] | None:
-    """The parameters that are scaled with the strength, so that the torque is linear in it; None
-    if it is not."""
+    """The parameters that go with the strength, so that the torque is linear in it; or None."""
     log = _some_motion()
     p = block.own[block.gain]
     if p.neutral is None or not np.isfinite(p.neutral) or refused(block):

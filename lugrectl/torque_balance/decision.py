@@ -163,8 +163,7 @@ class Decision:
         return gain > max(errors_of(self.alpha) * error, 3.0)
 
     def alike(self, c: Contender, other: Contender) -> bool:
-        """Whether another comes so near that a last fit must decide: rows near rest, where the
-        law of the table is wrong, prove none."""
+        """Whether a last fit must decide, as another comes near: rows near rest prove none."""
         return other.gain > ALIKE * c.gain or not self.better(c, other)
 
     # ---- the verdict

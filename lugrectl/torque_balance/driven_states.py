@@ -54,8 +54,7 @@ def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
 
 
 def changes(block: Block, results: Sequence[Any], signals: Mapping[str, Any]) -> list[Any]:
-    """What each output changes: of an effect on the input the torque that is lost, of one on a
-    sensor its error; other outputs are changes as they are."""
+    """What each output changes: torque lost at the input, a sensor's error, or itself."""
     made = []
     for i, name in enumerate(block.fresh):
         act = block.acts[i if len(block.fresh) == len(block.acts) else 0] if block.acts else ""

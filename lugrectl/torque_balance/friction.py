@@ -172,8 +172,7 @@ class View:
 
     @cached_property
     def with_offset(self) -> np.ndarray:
-        """The runs that have an offset of their own beside the first one's; none where each has a
-        direction of its own: there it would be any friction."""
+        """Runs with an own offset; none where each has one direction: there it is any friction."""
         m, runs = self.motion, np.unique(self.motion.run)
         apart = not m.one_way and all(one_way(m.w[m.run == r], m.top) for r in runs)
         return runs[:0] if apart else runs[1:]

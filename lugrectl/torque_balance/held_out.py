@@ -35,8 +35,7 @@ class Split:
 
     @classmethod
     def of(cls, view: View, held_out: Sequence[Any] = ()) -> Split:
-        """``held_out`` are (run, start, end) in the stamps of the logs, s; every other part of the
-        log where it is empty, or every third run of a map."""
+        """``held_out``: (run, start, end), s; none: every other part, or third run of a map."""
         rows, m = view.rows, view.motion
         t, run = m.stamp[rows.at], m.run[rows.at]
         held_out = held_out if len(held_out) else view.held_out

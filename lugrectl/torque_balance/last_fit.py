@@ -205,8 +205,7 @@ class Design:
 
     @property
     def constant(self) -> bool:
-        """Whether a constant torque is a term, and no other is one: in one direction friction is,
-        an asymmetry where both occur."""
+        """Whether a constant torque is a term, and no other is one, as friction one way is."""
         v, other = self.view, {t.name for t in self.state.terms} & CONSTANT
         one = v.motion.one_way and "Fc" not in v.model.held()
         return self.state.constant and not (other or one)

@@ -42,8 +42,7 @@ class ModelValues:
     joint: Joint
 
     def beside(self, plain: Balance) -> ModelValues:
-        """The same without the intervals of what the plain answer calls uncertain, where no polish
-        has made it certain, or gives in a sum only."""
+        """The same without intervals of what the plain answer does not give alone."""
         made = dict(self.estimates)
         wide = {k: "" for k in plain.uncertain if k in made and (ends := made[k].ci95)
                 and not tells((made[k].value, *ends))}  # fmt: skip

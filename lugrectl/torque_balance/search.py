@@ -41,8 +41,7 @@ def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
 def polish(
     gains: Callable[[np.ndarray], np.ndarray], x: Sequence[float], step: Sequence[float], turns: int
 ) -> np.ndarray:
-    """The largest gain near x (k,) among points that come closer: those around the top of a
-    parabola through the last ones. ``gains`` of points (m, k) are (m,), several at once."""
+    """The largest gain near x (k,), around the tops of parabolas; ``gains`` of points at once."""
     centre, size = np.array(x, float), np.array(step, float)
     one = np.eye(len(centre))
     both = [a + b for a, b in combinations(one, 2)]

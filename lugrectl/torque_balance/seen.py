@@ -126,8 +126,7 @@ def refuse_dead(view: View, width: Width | Still) -> None:
 
 
 def one_torque(view: View) -> bool:
-    """Whether the direction alone tells the torque: J = Fv = 0 would be the best fit of any drive,
-    as an acceleration, which is measured with errors, explains nothing beside it."""
+    """Whether the direction alone tells the torque: J = Fv = 0 would be any drive's best fit."""
     w, y = view.motion.w, view.torque(view.motion.u)
     X = view.K @ np.column_stack([w > 0, w < 0])
     r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]

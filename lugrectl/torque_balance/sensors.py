@@ -191,8 +191,7 @@ def moved(x: np.ndarray, steps: int) -> np.ndarray:
 def _robust_line(
     X: np.ndarray, y: np.ndarray, moves: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients, weights of the rows and scale of a robust regression without priors; rows that
-    do not move (m,) say nothing of the scale."""
+    """Coefficients, weights and scale of a robust line; rows that rest say nothing of scale."""
     weights = np.ones(len(y))
     for _ in range(6):
         root = weights[:, None] ** 0.5

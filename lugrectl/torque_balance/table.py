@@ -304,8 +304,7 @@ class Table:
             self.settle()
 
     def richest(self, named: Collection[Contender], unknown: Collection[Contender]) -> None:
-        """Scale and weights from everything at once, each term with its prior; the inertia stays
-        what the base says beside the likeliest effect."""
+        """Scale and weights from everything at once; the inertia stays that of the base."""
         v = self.view
         columns, priors = [self.X], [self.prior]
         for c in named:

@@ -175,8 +175,7 @@ def _drive(structure: _Structure) -> Drive:
 
 
 def tuned(ready: Prepared, drive: Drive, values: Values, begun: float | None = None) -> float:
-    """The noise of dw/dt, rad/s2, that makes the predictions of training windows most likely; from
-    ``begun``, that of a model like it, the likelier neighbour is followed."""
+    """The noise of dw/dt, rad/s2, that makes training windows likeliest; climbs from ``begun``."""
     usual, few = max(run.usual for run in ready.runs), spread(ready.train, ENOUGH)
 
     def totals(logs: np.ndarray) -> np.ndarray:

@@ -215,8 +215,7 @@ def _cut(runs: Sequence[Run], left: float) -> tuple[Parts, Parts]:
 
 
 def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Parts, Parts]:
-    """Alternating blocks of whole horizons behind a gap; a piece's last one extends to its end.
-    Where the others are much faster than those to fit, their roles change."""
+    """Alternating blocks of whole horizons behind a gap; the faster ones are to fit."""
     parts: tuple[Parts, Parts] = [[] for _ in runs], [[] for _ in runs]
     turn = 0
     for i, run in enumerate(runs):
