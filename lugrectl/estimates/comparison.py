@@ -32,10 +32,15 @@ class Compared(Fields):
 
 @dataclass(frozen=True)
 class Detectable(Fields):
-    """The smallest share of friction at which an effect would have been seen."""
+    """The smallest share of friction at which an effect would have been seen.
+
+    ``finest``: of waves over theta, those of an order (1/rev; rad/m on linear drives) up to this
+    one; windows that average over noise hide finer ones. None for other effects.
+    """
 
     name: str
     share: float
+    finest: float | None = None
 
 
 @dataclass(frozen=True)

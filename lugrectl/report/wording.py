@@ -482,6 +482,7 @@ def limits(d: Any) -> Section | None:
         f"{percent(found.least)} of friction on, with a probability of 80 %; smaller ones are not "
         "named."
     )
+    line += " " + _finest(d) if _finest(d) else ""
     rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
     grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
     return Section("What this record would show", (line,), grid)
@@ -492,7 +493,18 @@ def limits_in_words(d: Any) -> str:
     shares = sorted(limit.share for limit in getattr(_get(d, "comparison"), "detectable", ()))
     most = shares[len(shares) // 2] if shares else 1.0
     said = f" Most effects would have shown from {percent(most)} of friction on."
-    return said if most < 1.0 else ""
+    return " ".join(filter(None, (said, _finest(d)))) if most < 1.0 else ""
+
+
+def _finest(d: Any) -> str:
+    """Which waves over theta windows hide; "" if there is no such limit."""
+    seen = [x.finest for x in getattr(_get(d, "comparison"), "detectable", ()) if x.finest]
+    if not seen:
+        return ""
+    if motion_of(d) == "linear":
+        shortest = number(2e3 * math.pi / min(seen), 2)
+        return f"Waves over x that are shorter than {shortest} mm may stay hidden."
+    return f"Waves over theta with more than {min(seen):.0f} periods per turn may stay hidden."
 
 
 def motion_of(d: Any) -> str:

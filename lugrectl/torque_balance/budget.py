@@ -10,16 +10,19 @@ import numpy as np
 from ..blocks.block import Block
 from ..core.errors import Refused
 from ..core.numeric import Z95
-from ..core.regression import paired
+from ..core.regression import TINY, paired
 from ..estimates.comparison import Compared, Comparison, Detectable, Share
 from .constants import UNSEEN
 from .decision import Decision
+from .friction import LEAST_FRICTION, View
 from .interval import Interval
 from .last_fit import LastFit, places
+from .search import ORDERS
 from .table import Contender
 from .verdict import LONGER, Answer
 
 POWER = 0.8
+PASSED = 0.5  # of a wave's torque, that rows must show of it
 UNJUDGED = (
     "the record is too short, or its noise too large, to judge what is missing: no effect below "
     "{:.2g} % of friction would have been seen."
@@ -30,20 +33,21 @@ OF_THE_DRIVE = {
     "viscous": ("w", "Fv", "grease"),
     "offset and unbalance": ("theta", "offset", "run"),
 }
-Term = tuple[str, np.ndarray, list[int], tuple[str, ...]]
+Term = tuple[str, np.ndarray, float, list[int], tuple[str, ...]]
 
 
 def comparison(made: Answer, least: float, alpha: float) -> Comparison:
     """The comparison behind an answer."""
     d = made.decision
     assert d is not None  # there is no comparison without a search
+    friction = _friction(made.last)
     return Comparison(
         made.verdict,
         rows=tuple(_rows(d)),
-        budget=tuple(budget(made)),
+        budget=tuple(budget(made, friction)),
         detectable=tuple(detectable(d, least, alpha)) if made.verdict == "adequate" else (),
         least=least,
-        friction=made.view.size,
+        friction=friction,
         stretches=len(made.interval.blocks[0]) and int(made.interval.blocks[0][-1]) + 1,
     )
 
@@ -61,45 +65,55 @@ def signals(block: Block) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*own, *(["w"] if level else [])]))
 
 
-def budget(made: Answer) -> list[Share]:
-    """Each term with its RMS in the rows, as a share of friction, largest first."""
-    last, size = made.last, made.view.size
+def _friction(last: LastFit) -> float:
+    """RMS friction torque of the model that is shown, N m."""
+    return max(_rms(last.friction), LEAST_FRICTION * last.view.force)
+
+
+def _rms(torque: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(torque**2)))
+
+
+def budget(made: Answer, size: float) -> list[Share]:
+    """Each term with its RMS along the log, as a share of friction ``size``, largest first."""
+    last = made.last
     shares = [_share(last, made.interval, size, *term) for term in _terms(last)]
     shares = [s for s in shares if s.rms > 0]
     if made.verdict == "unexplained" and made.depends_on:
-        shares += _unknown(made)
+        shares += _unknown(made, size)
     shares.sort(key=lambda s: -s.rms)
-    left = float(np.sqrt(np.mean(last.left**2)))
+    left = _rms(last.left)
     noise = min(float(np.sqrt(made.view.noise)) * abs(last.values["J"]), left)
     return [*shares, Share("left", left, left / size, None, ()),
             Share("noise", noise, noise / size, None, ())]  # fmt: skip
 
 
 def _terms(last: LastFit) -> Iterator[Term]:
-    """Name, torque in the rows, coefficients and signals of each term."""
+    """Name, torque in the rows, its RMS along the log, coefficients and signals of each term."""
     for name, (on, *parts) in OF_THE_DRIVE.items():
         at = [j for j, n in enumerate(last.design.names) if n in parts]
-        yield name, last.part(*parts), at, (on,)
+        torque = last.part(*parts)
+        yield name, torque, _rms(torque), at, (on,)
     for i, term in enumerate(last.state.terms):
-        yield term.key, last.torque[i], places(last.design, i), signals(term.block)
+        at, size = places(last.design, i), last.view.rms(last.along(i)[:, None])
+        yield term.key, last.torque[i], size, at, signals(term.block)
 
 
 def _share(
     last: LastFit, interval: Interval, friction: float,
-    name: str, torque: np.ndarray, at: list[int], on: tuple[str, ...],
+    name: str, torque: np.ndarray, size: float, at: list[int], on: tuple[str, ...],
 ) -> Share:  # fmt: skip
-    size = float(np.sqrt(np.mean(torque**2)))
     ends = None
     if at and size > 0:
         X = last.design.X[:, at]
-        slope = X.T @ torque / (len(torque) * size)
+        slope = X.T @ torque / np.sum(torque**2) * size
         V = interval.coefficients[np.ix_(at, at)]
         half = Z95 * float(np.sqrt(max(slope @ V @ slope, 0.0)))
         ends = max(size - half, 0.0) / friction, (size + half) / friction
     return Share(name, size, size / friction, ends, on)
 
 
-def _unknown(made: Answer) -> list[Share]:
+def _unknown(made: Answer, friction: float) -> list[Share]:
     """The unknown torque that the verdict is about."""
     on = set(made.depends_on)
     unknown = made.decision.unknown if made.decision else ()
@@ -107,7 +121,7 @@ def _unknown(made: Answer) -> list[Share]:
     if odd is None:
         return []
     size = odd.share * made.view.size
-    return [Share("unknown torque", size, odd.share, None, tuple(sorted(on)))]
+    return [Share("unknown torque", size, size / friction, None, tuple(sorted(on)))]
 
 
 def _rows(d: Decision) -> list[Compared]:
@@ -131,11 +145,33 @@ def detectable(d: Decision, least: float, alpha: float) -> list[Detectable]:
     normal = NormalDist()
     z = normal.inv_cdf(1 - alpha / max(len(tried), 1) / 2) + normal.inv_cdf(POWER)
     best: dict[str, float] = {}
+    finest = _finest(d.view)
     for c in tried:
-        seen = max(least, z * _error(d, c))
+        seen = max(least, z * _error(d, c) * _lost(d.view, c))
         best[c.name] = min(seen, best.get(c.name, np.inf))
-    made = [Detectable(k, x) for k, x in best.items() if np.isfinite(x)]
+    waves = {c.name for c in tried if c.order}
+    made = [Detectable(k, x, finest if k in waves else None)
+            for k, x in best.items() if np.isfinite(x)]  # fmt: skip
     return sorted(made, key=lambda one: one.share)
+
+
+def _finest(view: View) -> float | None:
+    """The finest wave over theta, 1/rev (rad/m), of which the rows still show half."""
+    if view.is_map:
+        return None
+    N = np.geomspace(0.1, 10.0, 200) / view.rows.passed
+    shown = N[np.sqrt(np.mean(view.seen_of(N) ** 2, axis=0)) >= PASSED]
+    if view.model.motion == "linear":
+        return float(shown.max(initial=N[0]))
+    return float(np.clip(np.floor(shown.max(initial=1.0)), 1.0, ORDERS))
+
+
+def _lost(view: View, c: Contender) -> float:
+    """RMS of its torque along the log over that in the rows: how much windows take of it."""
+    if c.C is None or c.block is None:
+        return 1.0
+    along = np.column_stack([view.columns(c.block, q).torque for q in c.each])
+    return max(1.0, view.rms(along) / (float(np.sqrt(np.mean(np.sum(c.C**2, axis=1)))) + TINY))
 
 
 def _error(d: Decision, c: Contender) -> float:

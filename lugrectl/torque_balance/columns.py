@@ -99,6 +99,12 @@ class Columns:
     low: np.ndarray
     high: np.ndarray
 
+    @property
+    def torque(self) -> np.ndarray:
+        """Both parts together (n, k)."""
+        wide, narrow = (0.0 if x is None else x for x in (self.wide, self.narrow))
+        return np.asarray(wide + narrow)
+
     def of(self, function: Any, low: np.ndarray, high: np.ndarray) -> Columns:
         """Other columns, by a function of each part."""
         parts = (None if x is None else function(x) for x in (self.wide, self.narrow))

@@ -42,6 +42,7 @@ from .windows import Rows
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
 FREE_SIGNS = {"late", "smear", "run"}
+LEAST_FRICTION = 0.05  # of all torque: shares are of friction, but of no less
 LARGE = 30.0  # times all torque: no term is larger, whatever the log tells of it
 ROOM = 2**24  # numbers of columns that a view keeps
 SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
@@ -395,7 +396,7 @@ class View:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
         self.set_load(self.terms)
         self.level = self._level(k)
-        self.size = max(rms(self.K @ self.friction), 0.05 * self.force)
+        self.size = max(rms(self.K @ self.friction), LEAST_FRICTION * self.force)
 
     def set_load(self, terms: Sequence[Term]) -> None:
         """The load torque (n,): measured, and of terms that are loads."""
@@ -434,6 +435,11 @@ class View:
             return self.K @ made.wide
         narrow = self.rows.narrow @ made.narrow
         return narrow if made.wide is None else self.K @ made.wide + narrow
+
+    def rms(self, torque: np.ndarray) -> float:
+        """RMS of torques (n, k) where the log is used, all together; waves that are finer than a
+        window count in full."""
+        return float(np.sqrt(np.mean(self.rows.narrow @ np.sum(torque**2, axis=1))))
 
     def changed(self, block: Block, q: Mapping[str, float]) -> np.ndarray:
         """What an effect on the torque makes of it (n,)."""

@@ -315,14 +315,18 @@ class LastFit:
     def torque(self) -> dict[int, np.ndarray]:
         """The torque (m,) of each effect in the rows."""
         d, v, made = self.design, self.view, {}
-        for i, term in enumerate(self.state.terms):
-            if i in d.inputs:
-                after = changed_input(term.block, term.q, v.along(u=d.inputs[i]))
-                made[i] = v.torque(d.inputs[i] - after)
-            else:
-                at = places(d, i)
-                made[i] = d.X[:, at] @ self.fit.b[at]
+        for i in range(len(self.state.terms)):
+            at = places(d, i)
+            made[i] = v.torque(self.along(i)) if i in d.inputs else d.X[:, at] @ self.fit.b[at]
         return made
+
+    def along(self, i: int) -> np.ndarray:
+        """The torque (n,) of an effect along the log."""
+        d, v, term = self.design, self.view, self.state.terms[i]
+        if i in d.inputs:
+            return d.inputs[i] - changed_input(term.block, term.q, v.along(u=d.inputs[i]))
+        b = self.fit.b[places(d, i)]
+        return v.columns(term.block, term.q).torque @ b if len(b) else np.zeros(len(v.motion))
 
     def left_by_declared(self, view: View) -> np.ndarray | None:
         """What declared values leave in the rows (m,) of a view; None where one is missing."""
