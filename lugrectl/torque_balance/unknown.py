@@ -87,9 +87,10 @@ class Unknown:
 def likeliest(contenders: list[Contender]) -> list[Contender]:
     """The best of each name, the likeliest first."""
     best: dict[str, Contender] = {}
-    for c in sorted(contenders, key=lambda c: -c.gain):
-        best.setdefault(c.name, c)
-    return [*best.values()]
+    for c in contenders:
+        if c.name not in best or c.gain > best[c.name].gain:
+            best[c.name] = c
+    return sorted(best.values(), key=lambda c: -c.gain)
 
 
 def waves(theta: np.ndarray, n: int) -> np.ndarray:
