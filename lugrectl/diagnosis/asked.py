@@ -21,7 +21,7 @@ from ..record.as_record import as_holdout, as_logs, is_record
 from ..record.files.readers import MODEL, SUFFIXES
 from ..torque_balance.bench_tests import bench_tests
 from ..torque_balance.maps import is_map
-from .contradictions import checked, doubtful
+from .contradictions import checked, doubtful, far_off
 
 SAME_UNITS = "Give all runs in one unit and sign, or leave out the run that differs."
 
@@ -75,9 +75,11 @@ class Asked:
 
     def doubts(self, answer: Balance | None = None) -> tuple[str, ...]:
         """What the log says against the model, asked of several runs and of held values, and where
-        an ``answer`` is doubtful; Refused where the log is impossible as it was given."""
+        an ``answer`` is doubtful or far from what is declared; Refused where the log is impossible
+        as it was given."""
         stated = any(s.fixed or s.bounded for s in self.model.stated.values())
-        if not (stated or len(self.logs) > 1 or answer is not None and doubtful(answer)):
+        odd = answer is not None and (doubtful(answer) or far_off(answer, self.model))
+        if not (stated or len(self.logs) > 1 or odd):
             return ()
         if self.plain.unlike:
             raise Refused(" ".join(self.plain.unlike), SAME_UNITS)

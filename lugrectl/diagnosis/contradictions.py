@@ -53,8 +53,12 @@ ANGLES = {"theta=deg": DEG, "theta=57.29578": 1 / DEG, "theta=turn": 0.5 / np.pi
           "theta=0.1591549": 2 * np.pi}  # fmt: skip
 SPEEDS = {"w=deg/s": DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM, "w=57.29578": 1 / DEG}
 LENGTHS = {"theta=mm": 1e3, "theta=1000": 1e-3}
-OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
-TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
+OPPOSITE = "{0}: u has the opposite sign of {1}: give {2} for it, or leave it out."
+ABOUT, FARTHER = 0.2, 3.0  # relative error of a declared value; a J that is as wrong is looked at
+UNIT = (
+    "{} is {:.4g} times what it is with the declared J and friction: give {}, or correct the model."
+)
+TIMES_OTHERS = "{0}: {channel} is {size:.4g} times that of {1}: give {2} for it, or leave it out."
 FRICTION = "{}: {:.0f} % {} friction than {}."
 OTHERS = "The plain answer is that of the other runs."
 
@@ -76,6 +80,8 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     parts = [part for part in parts if part.run not in left_out]
     found = plain_row(parts, model)
     found = replace(found, unlike=tuple(left_out.values()), notes=(*notes, *found.notes))
+    if said := in_another_unit(parts, model, found):
+        return replace(found, against=(said,), hopeless=True)
     if not doubtful(found):
         return against_stated(parts, model, found)
     turned = _turned(parts, model)
@@ -257,25 +263,49 @@ def _compared(found: Sequence[Levels], model: Model) -> tuple[dict[int, str], li
     for one in found:
         if one is reference or one.agrees(reference):
             continue
-        if said := _another_unit(one, reference, model, usual):
-            left_out[one.parts[0].run] = said
+        if wrong := _another_unit(one, reference, model, TORQUES | TIMES):
+            channel, size, undo = wrong
+            said = OPPOSITE if size == -1.0 else TIMES_OTHERS
+            left_out[one.parts[0].run] = said.format(
+                one.name, usual, undo, channel=channel, size=size
+            )
         else:
             notes += _another_friction(one, reference, usual)
     return left_out, notes + [OTHERS] * bool(left_out)
 
 
-def _another_unit(one: Levels, reference: Levels, model: Model, usual: str) -> str:
-    """The one factor that explains the difference, in a sentence; "" if none does."""
+def far_off(found: Balance, model: Model) -> bool:
+    """Whether the log has an inertia so far from the declared one that a unit may be wrong."""
+    declared, J = model.known().get("J"), found.parameters.get("J")
+    return bool(declared and J and not 1 / FARTHER < J.value / declared < FARTHER)
+
+
+def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> str:
+    """A sentence where one unit of the motion makes the declared J, Fc and Fv of those of the log;
+    "" where none does. Another scale of u is no fault: shares of friction stay."""
+    declared = model.known()
+    if "Fc" not in declared or not far_off(found, model):
+        return ""
+    free = replace(model, J=None, stated={})
+    one = _levels("the log", parts, free)
+    value = np.array([declared.get(k, np.nan) for k in LEVELS])
+    reference = Levels("", parts, value, np.where(np.isnan(value), np.inf, ABOUT))
+    wrong = one and _another_unit(one, reference, free, {})
+    return UNIT.format(*wrong) if wrong else ""
+
+
+def _another_unit(
+    one: Levels, reference: Levels, model: Model, scales: Mapping[str, float]
+) -> tuple[str, float, str] | None:
+    """The one channel, its factor and the option against it that explain the difference; None if
+    none does."""
     linear, turns = model.motion == "linear", one.parts[0].theta is not None
     motion = (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
-    for undone, size in (TORQUES | TIMES | motion).items():
+    for undone, size in (*scales.items(), *motion.items()):
         channel, unit = undone.split("=")
         if _explains(size, channel, one, reference, model):
-            undo = option("scale" if unit[-1].isdigit() else "units", undone)
-            if size == -1.0:
-                return OPPOSITE.format(one.name, usual, undo)
-            return TIMES_OTHERS.format(one.name, channel, size, usual, undo)
-    return ""
+            return channel, size, option("scale" if unit[-1].isdigit() else "units", undone)
+    return None
 
 
 def _explains(size: float, channel: str, one: Levels, reference: Levels, model: Model) -> bool:

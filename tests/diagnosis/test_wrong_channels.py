@@ -130,3 +130,13 @@ def test_a_diagnosis_is_refused_with_the_name_of_the_run(runs, written):
         "it out."
     )
     assert d.plain.parameters["J"].may_be(J)
+
+
+@pytest.mark.parametrize("unit, size", [("theta=deg", 180 / np.pi), ("w=rpm", 30 / np.pi)])
+def test_an_angle_or_speed_in_another_unit_than_the_declared_values_is_said(unit, size):
+    channel = unit.split("=")[0]
+    log = exchanged(u="u", **{channel: channel})
+    right = {"J": 0.002, "friction": "coulomb", "Fc": 0.2, "Fv": 0.02}
+    no = lg.diagnose(log | {channel: size * log[channel]}, right)
+    assert no.verdict == "refused" and f'give units="{unit}"' in no.reason
+    assert lg.diagnose(log, right).verdict != "refused"
