@@ -9,7 +9,7 @@ import numpy as np
 
 from ..blocks.block import Block
 from ..core.errors import Refused
-from ..core.numeric import Z95
+from ..core.numeric import Z95, rms
 from ..core.regression import TINY, paired
 from ..estimates.comparison import Compared, Comparison, Detectable, Share
 from .constants import UNSEEN
@@ -67,11 +67,7 @@ def signals(block: Block) -> tuple[str, ...]:
 
 def _friction(last: LastFit) -> float:
     """RMS friction torque of the model that is shown, N m."""
-    return max(_rms(last.friction), LEAST_FRICTION * last.view.force)
-
-
-def _rms(torque: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(torque**2)))
+    return max(rms(last.friction), LEAST_FRICTION * last.view.force)
 
 
 def budget(made: Answer, size: float) -> list[Share]:
@@ -82,7 +78,7 @@ def budget(made: Answer, size: float) -> list[Share]:
     if made.verdict == "unexplained" and made.depends_on:
         shares += _unknown(made, size)
     shares.sort(key=lambda s: -s.rms)
-    left = _rms(last.left)
+    left = rms(last.left)
     noise = min(float(np.sqrt(made.view.noise)) * abs(last.values["J"]), left)
     return [*shares, Share("left", left, left / size, None, ()),
             Share("noise", noise, noise / size, None, ())]  # fmt: skip
@@ -93,7 +89,7 @@ def _terms(last: LastFit) -> Iterator[Term]:
     for name, (on, *parts) in OF_THE_DRIVE.items():
         at = [j for j, n in enumerate(last.design.names) if n in parts]
         torque = last.part(*parts)
-        yield name, torque, _rms(torque), at, (on,)
+        yield name, torque, rms(torque), at, (on,)
     for i, term in enumerate(last.state.terms):
         at, size = places(last.design, i), last.view.rms(last.along(i)[:, None])
         yield term.key, last.torque[i], size, at, signals(term.block)
