@@ -30,9 +30,9 @@ class Axis:
     """The imaginary axis of s; frequencies on it are in rad/s."""
 
     dt: float | None = None
-    variable, argument = "s", "jw"
+    variable, argument, real = "s", "jw", "Re T(jw)"
     outside, on = "right of the imaginary axis", "on the imaginary axis"
-    least = "rightmost"
+    least, poles, unit = "rightmost", "poles", " 1/s"
 
     def frequency(self, v: float) -> float:
         """Return w in rad/s at the place jv."""
@@ -61,18 +61,13 @@ class Axis:
         return w
 
     def show(self, poles: Iterable[complex]) -> str:
-        return f"poles {show_poles([*map(complex, poles)])} 1/s"
+        return f"{self.poles} {show_poles([*map(complex, poles)])}{self.unit}"
 
     def modes(self, poles: Iterable[complex]) -> str:
-        return f"s = {show_poles([*map(complex, poles)])} 1/s"
+        return f"{self.variable} = {show_poles([*map(complex, poles)])}{self.unit}"
 
     def least_stable(self, pole: complex) -> str:
         return f"poles left of the axis (the rightmost at Re s = {pole.real:.6g} 1/s)"
-
-    def worst(self, pole: complex) -> str:
-        """Return the least stable pole of a system that is not stable, in words."""
-        upper = complex(pole.real, abs(pole.imag))
-        return f"its {self.least} pole is {self.show([upper]).removeprefix('poles ')}"
 
     def mapped(self, a: Poly, degree: int) -> Poly:
         """Return a of s or z as a polynomial in s or, times (1 - v)^degree, in v."""
@@ -98,9 +93,9 @@ class Circle(Axis):
     """The unit circle of z; ``dt`` in s, 1 where it is not stated."""
 
     dt: float = 1.0
-    variable, argument = "z", "exp(jw dt)"
+    variable, argument, real = "z", "exp(jw dt)", "Re T(exp(jw dt))"
     outside, on = "outside the unit circle", "on the unit circle"
-    least = "largest"
+    least, poles, unit = "largest", "z =", ""
 
     def frequency(self, v: float) -> float:
         return 2.0 * math.atan(v) / self.dt
@@ -123,11 +118,6 @@ class Circle(Axis):
     def place(self, w: np.ndarray) -> np.ndarray:
         return np.tan(0.5 * self.dt * w)
 
-    def show(self, poles: Iterable[complex]) -> str:
-        return f"z = {show_poles([*map(complex, poles)])}"
-
-    modes = show
-
     def least_stable(self, pole: complex) -> str:
         return f"poles inside the unit circle (the largest |z| = {abs(pole):.6g})"
 
@@ -148,12 +138,7 @@ class Circle(Axis):
         if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
             A = A * (1 - AT_HALF)
         inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
-        return (
-            inverse @ (A - eye),
-            root * inverse @ B,
-            root * C @ inverse,
-            D - C @ inverse @ B,
-        )
+        return inverse @ (A - eye), root * inverse @ B, root * C @ inverse, D - C @ inverse @ B
 
     def stable(self, a: Poly) -> bool:
         m = self.mapped(a, len(a) - 1)

@@ -130,10 +130,7 @@ def distinct_roots(a: Poly) -> Poly:
 
 def odd_roots(a: Poly) -> Poly:
     """A polynomial with the roots of odd multiplicity of a, once each: a changes sign there."""
-    out: Poly = (1,)
-    for factor in squarefree(a)[0::2]:
-        out = mul(out, factor)
-    return out
+    return reduce(mul, squarefree(a)[0::2], (1,))
 
 
 def sturm(a: Poly) -> list[tuple[int, ...]]:

@@ -163,29 +163,6 @@ def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
 _trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
 
 
-def balanced(A: Any, B: Any, C: Any, D: Any) -> tuple[np.ndarray, ...]:
-    """In units of the states that make rows and columns of A alike: powers of two, exactly.
-
-    InputError for matrices that floating point cannot multiply.
-    """
-    if len(A) and all(np.isfinite(M).all() for M in (A, B, C, D)):
-        found: Any = matrix_balance(A, permute=False, separate=True)
-        A, (units, _) = found
-        B, C = B / units[:, None], C * units
-        if (b := float(np.abs(B).max(initial=0.0))) and (c := float(np.abs(C).max(initial=0.0))):
-            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
-            B, C = B * gain, C / gain
-    sizes = [float(np.abs(M).max(initial=0.0)) for M in (A, B, C, D)]
-    if not all(map(math.isfinite, sizes)):
-        raise InputError("an entry of the state-space matrices is not a finite number.")
-    if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
-        raise InputError(
-            f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for floating "
-            "point: give time, input or output in another unit."
-        )
-    return A, B, C, D
-
-
 def solve_shifted(
     S: np.ndarray, b: np.ndarray, s: complex, transposed: bool = False
 ) -> np.ndarray | None:
@@ -204,8 +181,7 @@ def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
-    alpha, beta = pairs
-    with np.errstate(all="ignore"):
+        alpha, beta = pairs
         return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
 
 
@@ -230,8 +206,27 @@ class StateSystem:
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
-        """In the units of :func:`balanced`; InputError for values that are not finite."""
-        A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
+        """In units of the states that make rows and columns of A alike: powers of two, exactly.
+
+        InputError for matrices that floating point cannot multiply.
+        """
+        A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
+        if len(A) and all(np.isfinite(M).all() for M in (A, B, C, D)):
+            balance: Any = matrix_balance(A, permute=False, separate=True)
+            A, (units, _) = balance
+            B, C = B / units[:, None], C * units
+            b, c = (float(np.abs(M).max(initial=0.0)) for M in (B, C))
+            if b and c:
+                gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+                B, C = B * gain, C / gain
+        sizes = [float(np.abs(M).max(initial=0.0)) for M in (A, B, C, D)]
+        if not all(map(math.isfinite, sizes)):
+            raise InputError("an entry of the state-space matrices is not a finite number.")
+        if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
+            raise InputError(
+                f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for "
+                "floating point: give time, input or output in another unit."
+            )
         return cls(A, B, C, D, border_of(T))
 
     @classmethod
@@ -296,24 +291,12 @@ class StateSystem:
         """The same without modes that are not stable and do not show."""
         if self.surely_stable:
             return self
-        part, unseen = self.split()
-        if not len(unseen):
-            return self
-        lost = bool(self.border.beyond(unseen).max() > self.rounding)
-        found = [complex(pole.real, abs(pole.imag)) for pole in self.border.order(unseen)]
-        return replace(part, unseen=tuple(found), lost=lost)
-
-    def split(self) -> tuple[StateSystem, np.ndarray]:
-        """The stable part, and the poles that are not stable but do not show in T.
-
-        Without such a part (a pole that is not stable shows), the system itself and no poles.
-        """
 
         def is_stable(pole: Any) -> bool:
             return bool(self.border.beyond(np.asarray(pole)) < -self.rounding)
 
-        found: Any = schur(self.A, output="complex", sort=is_stable)
-        S, Q, many = found
+        ordered: Any = schur(self.A, output="complex", sort=is_stable)
+        S, Q, many = ordered
         A1, A2, A12 = S[:many, :many], S[many:, many:], S[:many, many:]
         X = solve_sylvester(A1, -A2, -A12)  # the coordinates in which the two do not meet
         B, C = Q.conj().T @ self.B, self.C @ Q
@@ -324,8 +307,11 @@ class StateSystem:
         step /= max(np.linalg.norm(step), 1e-300)
         seen = [C2 @ np.linalg.matrix_power(step, k) @ B2 for k in range(len(A2))]
         if not many or max(np.abs(m).max() for m in seen) > UNSEEN * size:
-            return self, np.zeros(0)
-        return StateSystem(A1, B1, C1, self.D, self.border), np.diag(A2)
+            return self
+        poles = self.border.order(np.diag(A2))
+        unseen = tuple(complex(pole.real, abs(pole.imag)) for pole in poles)
+        lost = bool(self.border.beyond(poles).max() > self.rounding)
+        return StateSystem(A1, B1, C1, self.D, self.border, unseen=unseen, lost=lost)
 
     # --- values ---
 
@@ -443,7 +429,9 @@ class StateSystem:
             return None
         said = UNDECIDED if not self.lost and self.stable is None else "the system is not stable"
         least_stable = self.unseen[0] if self.lost else self.poles[0]
-        return NoGain(f"{said}: {self.border.worst(least_stable)}")
+        upper = complex(least_stable.real, abs(least_stable.imag))
+        shown = self.border.show([upper]).removeprefix("poles ")
+        return NoGain(f"{said}: its {self.border.least} pole is {shown}")
 
     @property
     def size(self) -> str:
@@ -462,6 +450,13 @@ class StateSystem:
         near = self.border.place((w[sharp, None] + width[sharp, None] * BESIDE).ravel())
         places = np.unique([*between(self.continuous.poles), *near[near > 0]])
         return places, [self._states(x) for x in places]
+
+    @cached_property
+    def sensitivity(self) -> StateSystem:
+        """1/(1 + T)."""
+        own = 1.0 / (1.0 + float(self.D[0, 0]))
+        A = self.A - self.B @ self.C * own
+        return StateSystem(A, self.B * own, -self.C * own, np.array([[own]]), self.border)
 
     def plus(self, D: float) -> StateSystem:
         """The same with another direct term; what is known of A serves both."""
@@ -503,10 +498,6 @@ class StateSystem:
 
     # --- realness ---
 
-    @property
-    def name(self) -> str:
-        return f"Re T({self.border.argument})"
-
     def realness(self) -> Realness:
         found = self._realness()
         hidden = f"; {self.hidden}" if self.hidden else ""
@@ -521,9 +512,10 @@ class StateSystem:
             signs = signs.below_beyond()
         touch = next((zone for zone in signs.touches if zone.low > 0), None)
         below, why = self._first_below(signs, touch)
+        name = self.border.real
         if (over := self.beyond > self.rounding).any():
             poles = f"T has poles {self.border.outside} ({self.border.show(self.poles[over])})"
-            blur = f"{self.name} is 0 within rounding at {touch} rad/s" if touch else ""
+            blur = f"{name} is 0 within rounding at {touch} rad/s" if touch else ""
             return Realness("not PR", "; ".join(filter(None, [poles, why or blur])), below)
         if why:
             return Realness("not PR", why, below)
@@ -531,27 +523,26 @@ class StateSystem:
             return self._on_the_border()
         if signs.touches:
             w = signs.touches[0].at if touch is None else touch.at
-            reason = f"{self.name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
+            reason = f"{name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
             return Realness("PR", reason, touch.first if touch else math.inf, rounded=True)
         if end <= least:
-            reason = f"{self.name} > 0 at every finite w, but {self._limit(end)} within rounding"
+            reason = f"{name} > 0 at every finite w, but {self._limit(end)} within rounding"
             return Realness("WSPR", reason)
         where, tail = self.border.least_stable(self.poles[0]), f" and {self._limit(end)}"
         if self.border.dt:
             k = int(np.argmin(values[:, 0]))
             w = self.border.frequency(v[k])
             tail = f", about {values[k, 0]:.6g} at w = {w:.6g} rad/s"
-        return Realness("SPR", f"{where}, {self.name} > 0 at every w{tail}", margin=self.margin())
+        return Realness("SPR", f"{where}, {name} > 0 at every w{tail}", margin=self.margin())
 
     def _on_the_border(self) -> Realness:
         """With poles that are, within rounding, neither stable nor unstable."""
         at = self.border.show(self.poles[self.beyond > -self.rounding])
-        own = 1.0 + float(self.D[0, 0])
-        closed = replace(self, A=self.A - self.B @ self.C / own) if own > 0 else None
-        if closed is None or (closed.beyond > closed.rounding).any():  # n + d is not Hurwitz
+        S = self.sensitivity if self.D[0, 0] > -1 else None
+        if S is None or (S.beyond > S.rounding).any():  # n + d is not Hurwitz
             why = f"a pole is repeated or its residue is not positive where T has one, at {at}"
             return Realness("not PR", f"{why}, {AT_BORDER}")
-        return Realness("PR", f"{self.name} >= 0, with poles, {AT_BORDER}: {at}")
+        return Realness("PR", f"{self.border.real} >= 0, with poles, {AT_BORDER}: {at}")
 
     def _first_below(self, signs: SureSigns, touch: Edge | None) -> tuple[float, str]:
         """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any.
@@ -562,11 +553,11 @@ class StateSystem:
             return touch.first if touch else math.inf, ""
         ends = signs.edges if signs.above[0] else (Edge(0.0, 0.0, 0.0), *signs.edges)
         low, high, later = ends[0], ends[1] if len(ends) > 1 else None, (len(ends) - 1) // 2
-        said = f"{self.name} < 0 for w > {low} rad/s"
+        said = f"{self.border.real} < 0 for w > {low} rad/s"
         last = self.border.frequency(math.inf)
         if high is not None or math.isfinite(last):
             more = f" and at {later} higher places" if later else ""
-            said = f"{self.name} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
+            said = f"{self.border.real} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
         if signs.touches and not signs.touches[0].low:
             said += f"; below {signs.touches[0].high:.6g} rad/s rounding decides on its sign"
         if touch is None or touch.low > low.first:
@@ -587,8 +578,8 @@ class StateSystem:
         return -float(np.real(self.C @ A @ self.B)[0, 0]), EPS * float(sizes)
 
     def _limit(self, end: float) -> str:
-        power = self.name if self.D.any() else f"w^2 {self.name}"
-        return f"{power} tends to {end:.6g} as w grows"
+        power = "" if self.D.any() else "w^2 "
+        return f"{power}{self.border.real} tends to {end:.6g} as w grows"
 
     def margin(self) -> float:
 

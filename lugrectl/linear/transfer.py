@@ -54,20 +54,14 @@ def to_float(value: Fraction) -> float:
 
 
 def parameter(p: Any, name: str) -> Fraction:
-    """Parameter ``name`` of p, exactly."""
     if not hasattr(p, name):
         raise InputError(f"{shown(p)} has no {name}: give Parameters, a Model or a model file.")
     return number(getattr(p, name), f"parameter {name}")
 
 
-def read_transfer(T: Any, name: str = "T") -> tuple[Poly, Poly, Poly]:
-    """Numerator and denominator in lowest terms, and the common factor that was removed.
-
-    T is a continuous single-input single-output control.TransferFunction or
-    control.StateSpace, or a pair (num, den) of coefficients in descending powers of s, which
-    may be fractions.Fraction: all are taken as exact. Raises InputError, which calls it ``name``,
-    for anything else.
-    """
+def read_transfer(T: Any, name: str = "T") -> tuple[Poly, Poly]:
+    """Numerator and denominator in lowest terms; InputError, which calls it ``name``, for anything
+    else than a continuous system of one input and one output, or a pair (num, den)."""
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
         require_continuous_siso(T, name)
     return lowest_terms(*coefficients(T, name))
@@ -92,10 +86,9 @@ def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
     return num, den
 
 
-def lowest_terms(num: Poly, den: Poly) -> tuple[Poly, Poly, Poly]:
-    """num/den without its common factor, and this."""
+def lowest_terms(num: Poly, den: Poly) -> tuple[Poly, Poly]:
     common = gcd(num, den)
-    return divide(num, common)[0], divide(den, common)[0], common
+    return divide(num, common)[0], divide(den, common)[0]
 
 
 def require_siso(T: Any, name: str) -> None:
@@ -146,9 +139,7 @@ def state_space_polynomials(T: Any) -> tuple[list[list[Poly]], Poly]:
 def _exact_matrix(M: Any) -> np.ndarray:
     rows = np.asarray(M, dtype=object)
     values = [number(x, "an entry of the state-space matrices") for x in rows.ravel()]
-    out = np.empty(rows.size, dtype=object)
-    out[:] = values
-    return out.reshape(rows.shape)
+    return np.array(values, dtype=object).reshape(rows.shape)
 
 
 def is_measured(T: Any) -> bool:
@@ -156,10 +147,7 @@ def is_measured(T: Any) -> bool:
 
 
 def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies w >= 0 in rad/s, ascending, and T(jw) there.
-
-    Raises InputError for several channels, too few frequencies, or values that are not finite.
-    """
+    """Frequencies w >= 0 in rad/s, ascending, and T(jw) there."""
     require_siso(T, name)
     w, values = np.asarray(T.omega, dtype=float), np.asarray(T.frdata, dtype=complex)[0, 0]
     if len(w) < FREQUENT:
@@ -170,6 +158,19 @@ def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
     if not np.diff(w[order]).all():
         raise InputError(f"{name} has two values at one frequency; give each frequency once.")
     return w[order], values[order]
+
+
+def crossings(line: np.ndarray, level: float = 0.0) -> list[tuple[int, float]]:
+    """Where straight lines go through a level: the point before and the part of the way."""
+    above = line >= level
+    at = np.flatnonzero(above[1:] != above[:-1])
+    return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
+
+
+def along(w: np.ndarray, k: int, part: float) -> float:
+    """The frequency a part of the way from point k to the next, over log w (over w from w = 0)."""
+    low, high = float(w[k]), float(w[k + 1])
+    return low * (high / low) ** part if low > 0 else low + part * (high - low)
 
 
 def span(w: np.ndarray) -> str:
