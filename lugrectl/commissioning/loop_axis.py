@@ -98,11 +98,7 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
 
 
 def _discs(found: FrequencyResponse) -> _Measured:
-    """The response, how far off it may be as a share of it, and what the mechanics misses.
-
-    Where it is not certain, the fitted mechanics takes its place if it lies within that: with its
-    interval, and what it misses where the response is certain.
-    """
+    """The response, or where it is not certain the fitted mechanics if it lies within what is."""
     w, P, sure, body = found.frequency, np.ravel(found.frd.frdata), found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
     left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
@@ -137,11 +133,7 @@ class _Measured:
     motion: str = "rotary"
 
     def axis(self, delay: float, dt: float | None) -> Axis:
-        """The axis under a controller's hold and dead time, made finer and continued.
-
-        Below, it is a free inertia; above, it falls as 1/w from the largest value of the last
-        octave, or is the fitted mechanics where that leaves less open.
-        """
+        """The axis under a controller's hold and dead time, made finer and continued."""
         J, corner = _inertia(self.w, self.P)
         dt = self.own if dt is None else dt
         end = np.inf if dt is None else np.pi / dt
@@ -172,10 +164,8 @@ class _Measured:
         smooth = self.P / shape[::FINER]
         log = np.interp(fine, x, np.log(np.abs(smooth)) + 0j)
         log += 1j * np.interp(fine, x, np.unwrap(np.angle(smooth)))
-        error, low = (
-            np.interp(fine, x, self.error),
-            np.geomspace(at[0] / BELOW, at[0], BEYOND, False),
-        )
+        error = np.interp(fine, x, self.error)
+        low = np.geomspace(at[0] / BELOW, at[0], BEYOND, False)
         lowest = np.full(BEYOND, np.median(error[at <= LOW * at[0]]))
         return np.r_[low, at], np.r_[-1j / (J * low), np.exp(log) * shape], np.r_[lowest, error]
 
@@ -205,9 +195,9 @@ class _Measured:
         fitted = plain(w) if dt is None else plain(w) + np.conj(plain(2.0 * np.pi / dt - w))
         turn = hold(w, dt) * np.exp(-1j * w * delay) * 1j * w
         radius = np.abs(fitted) * (body.radius(w) + self.miss) + body.unseen(w) / w**2
-        radius = np.abs(turn) * radius
-        inside = np.abs(fitted * turn) + radius <= open_
-        return np.where(inside, fitted * turn, far), np.where(inside, radius, open_)
+        centre, radius = fitted * turn, np.abs(turn) * radius
+        inside = np.abs(centre) + radius <= open_
+        return np.where(inside, centre, far), np.where(inside, radius, open_)
 
 
 def endless() -> Refused:
@@ -228,11 +218,12 @@ def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
 def _peaks(w: np.ndarray, P: np.ndarray) -> tuple[float, ...]:
     """Where w|P| is largest about an octave, by far: the two highest."""
     size = w * np.abs(P)
-    found = []
-    for k in range(1, len(w) - 1):
+
+    def stands_out(k: int) -> bool:
         near = size[(w > w[k] / 2) & (w < w[k] * 2)]
-        if size[k] == near.max() and size[k] > PEAK * np.median(near):
-            found.append(k)
+        return size[k] == near.max() and size[k] > PEAK * np.median(near)
+
+    found = filter(stands_out, range(1, len(w) - 1))
     return tuple(float(w[k]) for k in sorted(found, key=lambda k: -size[k])[:2])
 
 

@@ -136,18 +136,7 @@ def _run(record: Record, part: slice, logged: bool) -> Run:
 
 
 def _motion(theta: np.ndarray, count: float) -> np.ndarray:
-    """The motion of each part of an interval, smoothed without a shift in time.
-
-    Half a count of play is taken out: a resting axis does not chatter.
-    """
-
-    def without_play(x: np.ndarray, half: float) -> np.ndarray:
-        made, c = [], float(x[0])
-        for one in x.tolist():
-            c = one - half if one > c + half else one + half if one < c - half else c
-            made.append(c)
-        return np.array(made)
-
+    """The motion of each part of an interval, smoothed without a shift in time."""
     n = len(theta)
     line = np.linspace(theta[0], theta[-1], n)
     about = theta - line
@@ -155,7 +144,10 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
     spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(2 * n)) / SMOOTH) ** 2))
     smooth = FINER * np.asarray(irfft(spectrum, 2 * n * FINER))[: n * FINER]
     smooth += theta[0] + (theta[-1] - theta[0]) / (n - 1) * np.arange(n * FINER) / FINER
-    moved = without_play(smooth, 0.5 * count) if count else smooth
+    moved, last, half = [], float(smooth[0]), 0.5 * count
+    for x in smooth.tolist():  # half a count of play: a resting axis does not chatter
+        last = x - half if x > last + half else x + half if x < last - half else last
+        moved.append(last)
     steps = np.diff(moved, append=smooth[-1])
     steps[-FINER:] = 0.0  # beyond the last sample
     return steps

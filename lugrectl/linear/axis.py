@@ -47,10 +47,8 @@ WINDOWS = 16  # octaves that are searched for the first changes of a sign that n
 
 
 class Signs(NamedTuple):
-    """The sign just above w = 0, where it changes (rad/s), and where q touches 0.
-
-    ``complete``: whether there are no more changes at higher frequencies.
-    """
+    """The sign just above w = 0, where it changes (rad/s), and where q touches 0; ``complete``:
+    there are no more changes at higher frequencies."""
 
     first: int
     changes: tuple[float, ...]
@@ -60,10 +58,7 @@ class Signs(NamedTuple):
 
 def signs(F: Quasi, end: float | None = None) -> Signs:
     """The signs of F(jw), w > 0, of an even F, which is real there; up to ``end``, where given.
-
-    Where the sign never settles as w grows, the changes of the first octaves that have any.
-    Raises InputError where neither can be decided.
-    """
+    Where the sign never settles as w grows, the changes of the first octaves that have any."""
     if not F:
         return Signs(0, ())
     if F.rational:
@@ -124,11 +119,8 @@ def _outermost(sizes: list[Fraction]) -> float:
 
 
 class Zeros(NamedTuple):
-    """Zeros right of the imaginary axis, at s = 0, and the frequency of one elsewhere on the axis.
-
-    ``right`` is inf where dead times act on the highest power of s too strongly, and a lower bound
-    where a zero lies elsewhere on the axis.
-    """
+    """Zeros right of the imaginary axis, at s = 0, and the frequency of one elsewhere on the axis;
+    with one ``right`` is a lower bound, inf: dead times act on the highest power of s too much."""
 
     right: float
     origin: int = 0
@@ -136,10 +128,8 @@ class Zeros(NamedTuple):
 
 
 def zeros(q: Quasi) -> Zeros:
-    """How many zeros are not left of the imaginary axis.
-
-    The argument of q(jw) is followed to ``reach``, beyond which it is that of the leading terms.
-    """
+    """How many zeros are not left of the imaginary axis: the argument of q(jw) is followed to
+    ``reach``, beyond which it is that of the leading terms."""
     if q.rational:
         p = q.polynomial
         if hurwitz(p):
@@ -284,10 +274,8 @@ def level_signs(T: DelayedTransfer, square: Fraction) -> Signs:
 
 
 def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
-    """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows.
-
-    ``near``: frequencies at which |T| is known to be large, which shorten the search.
-    """
+    """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows. Frequencies
+    ``near``, at which |T| is known to be large, shorten the search."""
     if T.num.rational and T.den.rational:
         num, den = T.num.polynomial, T.den.polynomial
         square, w = extreme(real_product(num, num), real_product(den, den), 1)
@@ -332,8 +320,7 @@ def _top(T: DelayedTransfer, w: np.ndarray) -> tuple[float, float]:
 
 
 def limits(T: DelayedTransfer) -> tuple[float, ...]:
-    """The real values that T(jw) takes again and again, or tends to, as w grows; none for 0 and
-    infinity."""
+    """The real values that T(jw) takes again and again, or tends to, as w grows; not 0 or inf."""
     if T.num.degree != T.den.degree:
         return ()
     top, bottom = T.num.leading, T.den.leading

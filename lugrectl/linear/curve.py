@@ -21,11 +21,8 @@ NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phas
 
 
 def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in rad/s and T(jw), or T(exp(jw dt)) up to half the sampling rate, of anything
-    that the checks take.
-
-    ``marks`` are frequencies that the grid must include.
-    """
+    """Frequencies in rad/s, ``marks`` among them, and T(jw), or T(exp(jw dt)) up to half the
+    sampling rate, of anything that the checks take."""
     if source is None:
         raise InputError("this verdict was not made by a check, so there is nothing to draw.")
     if is_measured(source):

@@ -111,10 +111,8 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
 
 
 def least_passing(passes: Callable[[Fraction], bool]) -> Fraction | None:
-    """Lower end, to 50 bits, of the upward interval of positive numbers that pass.
-
-    0 if 2^-200 passes, None if 2^200 does not.
-    """
+    """Lower end, to 50 bits, of the upward interval of positive numbers that pass; 0 if 2^-200
+    passes, None if 2^200 does not."""
     powers = [Fraction(2) ** k for k in range(SMALLEST, 1 - SMALLEST)]
     if passes(powers[0]):
         return Fraction(0)

@@ -255,11 +255,8 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
 
 
 def _stable_gains(loop: Any, turns: list[tuple[float, float]]) -> Intervals:
-    """The intervals of a factor on L, above 0, with which the closed loop is stable.
-
-    Poles reach the axis only at factors that move L to -1: one point of each interval decides.
-    None is claimed beyond the largest factor up to which these are known.
-    """
+    """The intervals of a factor on L, above 0, with which the closed loop is stable."""
+    # poles reach the axis only at factors that move L to -1: one point of each interval decides
     factors = sorted({-1.0 / x for _, x in turns})
     most = loop.known(factors)
     borders = [0.0, *(x for x in factors if x < most), most]
@@ -364,11 +361,8 @@ class ExactLoop(Loop):
         return [(self.border.frequency(v), self.L(1j * v)) for v in places]
 
     def real_crossings(self) -> list[tuple[float, float]]:
-        """Where L is real and negative: w in rad/s and L there.
-
-        A dead time makes it so at ever higher frequencies; those with the largest |L| below 1 and
-        with every |L| above 1 are among them.
-        """
+        """Where L is real and negative: w in rad/s and L there; with a dead time, which makes it so
+        at ever higher frequencies, those with the largest |L| below 1 and every |L| above 1."""
         found = [(v, self.L(1j * v).real) for v in self._real_places]
         found += [(0.0, self.static), *((math.inf, x) for x in limits(self.L))]
         return [(self.border.frequency(v), x) for v, x in found if -math.inf < x < 0]

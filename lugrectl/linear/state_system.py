@@ -78,12 +78,9 @@ class Edge(NamedTuple):
 
 @dataclass(frozen=True)
 class SureSigns:
-    """The signs ``above`` at the points ``at`` where they are sure, and the ``edges`` between.
-
-    A computed zero of a function is a point at which its value is a rounding error: it says nothing
-    of the sign. So changes are looked for between points whose value exceeds its rounding bound.
-    ``touches``: where the function is 0 within rounding between points of one sign, or at an end.
-    """
+    """The signs ``above`` at the points ``at``, where the value exceeds its rounding bound, and the
+    ``edges`` between; ``touches``: where it is 0 within rounding between points of one sign, or at
+    an end."""
 
     at: np.ndarray
     above: np.ndarray
@@ -440,10 +437,8 @@ class StateSystem:
 
     @cached_property
     def _sweep(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there.
-
-        A level far from the top has its zeros off the axis by more than such a width.
-        """
+        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there."""
+        # a level far from the top has its zeros off the axis by more than such a width
         rates = self.border.rates(self.poles)
         w, width = np.imag(rates), np.abs(np.real(rates))
         sharp = (width > 0) & (width < 10 * w)
@@ -545,10 +540,8 @@ class StateSystem:
         return Realness("PR", f"{self.border.real} >= 0, with poles, {AT_BORDER}: {at}")
 
     def _first_below(self, signs: SureSigns, touch: Edge | None) -> tuple[float, str]:
-        """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any.
-
-        ``touch``: where Re T is first 0 within rounding, w = 0 apart.
-        """
+        """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any;
+        ``touch``: where Re T is first 0 within rounding, w = 0 apart."""
         if signs.above.all():
             return touch.first if touch else math.inf, ""
         ends = signs.edges if signs.above[0] else (Edge(0.0, 0.0, 0.0), *signs.edges)
@@ -565,11 +558,8 @@ class StateSystem:
         return touch.first, f"{said}; before it, it is 0 within rounding at {touch} rad/s"
 
     def at_infinity(self) -> tuple[float, float]:
-        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change.
-
-        The circle is closed: half the rate is a point like all others.
-        """
-        if self.border.dt:
+        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change."""
+        if self.border.dt:  # the circle is closed: half the rate is a point like all others
             return math.inf, 0.0
         if D := float(self.D[0, 0]):
             return D, 0.0

@@ -178,10 +178,8 @@ def span(w: np.ndarray) -> str:
 
 
 def cleared(L: Any) -> tuple[Any, str]:
-    """L, and a remark where it changed.
-
-    det(sI - A + BC) - det(sI - A) leaves leading coefficients of the numerator that are eps times
-    those of the denominator, and a pole at s = 0 becomes one of eps times the largest pole.
+    """L, and a remark where it changed: det(sI - A + BC) - det(sI - A) leaves leading coefficients
+    that are eps times those of the denominator, and a pole at s = 0 one of eps times the largest.
     """
     if not isinstance(L, ct.TransferFunction) or (L.ninputs, L.noutputs) != (1, 1) or L.dt:
         return L, ""
