@@ -98,10 +98,8 @@ def _terms(
 
 
 def impossible(names: Sequence[str], levels: Sequence[float], most: float = np.inf) -> str | None:
-    """Return a term to be left out, whose level no friction has: the least certain of several.
-
-    ``most`` is the largest torque: friction that the axis overcomes is no larger.
-    """
+    """Return a term to be left out, whose level no friction has: the least certain of several;
+    ``most`` is the largest torque, and friction that the axis overcomes is no larger."""
     found = dict(zip(names, levels, strict=True))
     large = [k for k in ("load Fc", "Fc") if found.get(k, 0.0) > most]
     if large:
@@ -133,11 +131,8 @@ class Friction:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What stays the same while the shapes are searched.
-
-    ``advance`` (M,) of each run takes a torque in force to the command; ``loads`` the motion of the
-    load, if it has friction.
-    """
+    """What stays the same while the shapes are searched; ``advance`` (M,) of each run takes a
+    torque in force to the command, ``loads`` is the motion of the load, if it has friction."""
 
     runs: Sequence[Run]
     advance: Sequence[np.ndarray]

@@ -51,12 +51,9 @@ GOVERNED = "friction governs this log at all frequencies that it shows: no gains
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs.
-
-    ``known`` is where G itself means something; ``J`` the inertia at low frequencies, ``corner``
-    B/J; ``dt`` the step of the controller in s, None in continuous time; ``peaks`` the resonances
-    in rad/s.
-    """
+    """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs; ``known``
+    is where G itself means something. ``J`` is the inertia at low frequencies, ``corner`` B/J,
+    ``dt`` the step of the controller in s, ``peaks`` the resonances in rad/s."""
 
     w: np.ndarray
     G: np.ndarray
@@ -171,8 +168,7 @@ class _Measured:
 
     def _largest(self, w: np.ndarray, size: np.ndarray, end: float) -> float:
         """w|P| from which it falls beyond the last frequency: of the last octave, or, where the
-        mechanics explains the end of the response, at its end and of resonances that it has
-        beyond."""
+        mechanics explains the end of the response, there and of its resonances beyond."""
         octave = float(np.max((w * size)[w > 0.5 * w[-1]]))
         if self.body is None:
             return octave

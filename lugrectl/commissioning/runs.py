@@ -38,12 +38,10 @@ POWERS = np.arange(ORDER + 1)
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples.
-
-    ``steps`` (FINER n,) is the smoothed motion of each part of an interval, rad or m.
-    ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
-    the known torque on the resisting side, ``scale`` that of the level of friction.
-    """
+    """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples. ``steps``
+    (FINER n,) is the smoothed motion of each part of an interval, rad or m; ``E`` the spectrum of
+    the changes of the reference, if logged; ``load`` (n,) the known torque on the resisting side,
+    ``scale`` that of the level of friction."""
 
     dt: float
     t: np.ndarray
@@ -155,11 +153,8 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """The bins of each run about ``centre`` in rad/s.
-
-    ``poly`` (n, 3) are the powers of the distance from the centre, and ``transient`` (n, m) an
-    orthonormal basis of the transients of all runs.
-    """
+    """The bins of each run about ``centre`` in rad/s, the powers ``poly`` (n, 3) of the distance
+    from it, and an orthonormal basis ``transient`` (n, m) of the transients of all runs."""
 
     centre: float
     parts: tuple[slice, ...]

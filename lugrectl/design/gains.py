@@ -630,10 +630,8 @@ def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], flo
 def _scheduled(
     m: Drive, given: dict[str, float]
 ) -> tuple[ScheduledGain, float | ScheduledGain, Certificate]:
-    """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M.
-
-    V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2.
-    """
+    """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M:
+    V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
     C, M = given.get("C", 1.0), given.get("M")
     A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
     alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)

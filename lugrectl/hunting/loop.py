@@ -88,12 +88,9 @@ def curve_of(model: Model) -> Curve:
 
 @dataclass(frozen=True)
 class Lanes:
-    """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
-
-    A stick at an error of at most ``calm`` (units) is known to come to rest; a swing beyond
-    ``large`` grows without bound. ``drift`` is the speed of a reference (units) in the direction of
-    the slip.
-    """
+    """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s. A stick
+    at an error of at most ``calm`` (units) is known to come to rest; a swing beyond ``large`` grows
+    without bound. ``drift``: the speed of a reference (units) in the direction of the slip."""
 
     delta: np.ndarray
     rho: np.ndarray

@@ -138,11 +138,10 @@ def next_breakaway(lanes: Lanes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndarray:
-    """Return an error at breakaway that follows so many others, units, at each speed; nan: none.
-
-    ``x`` (n, count) are the first errors of each speed v in rad/s. Where a slow integral lets the
-    error change alike from breakaway to breakaway, many of them are taken in one stride.
-    """
+    """Return an error at breakaway that follows so many others, units, at each speed v in rad/s,
+    from the first ones x (n, count); nan: none."""
+    # where a slow integral lets the error change alike from breakaway to breakaway, many of them
+    # are taken in one stride
     place, made = np.repeat(np.arange(len(v)), x.shape[1]), np.full(len(v), np.nan)
     lanes, x = loop.lanes(len(place), v[place]), x.ravel()
     was, stride = np.full(len(x), np.nan), np.ones(len(x))

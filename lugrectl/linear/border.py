@@ -56,7 +56,7 @@ class Axis:
         """Return poles in the variable whose imaginary axis the frequencies lie on."""
         return poles
 
-    def place(self, w: np.ndarray) -> np.ndarray:
+    def place(self, w: Any) -> Any:
         """Return the v of frequencies in rad/s."""
         return w
 
@@ -115,7 +115,7 @@ class Circle(Axis):
         with np.errstate(all="ignore"):
             return (poles - 1) / (poles + 1)
 
-    def place(self, w: np.ndarray) -> np.ndarray:
+    def place(self, w: Any) -> Any:
         return np.tan(0.5 * self.dt * w)
 
     def least_stable(self, pole: complex) -> str:

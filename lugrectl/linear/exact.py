@@ -142,8 +142,8 @@ def sturm(a: Poly) -> list[tuple[int, ...]]:
 
 def sign_at(a: tuple[int, ...], x: Fraction | None) -> int:
     """Sign of a(x), of a at +infinity when x is None; integer arithmetic only."""
-    if x is None or not a:
-        value = a[-1] if a else 0
+    if x is None:
+        value = a[-1]
     else:
         value, power = 0, 1
         for c in reversed(a):

@@ -260,7 +260,7 @@ def _realness(T: Any) -> Realness:
     system = system_of(T)
     if isinstance(T, ct.StateSpace) and 0 < T.nstates <= EXACT:
         with suppress(InputError):  # of any size in exact arithmetic
-            if (found := StateSystem.single(T).realness()).rounded:
+            if (found := StateSystem.of(T).shown().realness()).rounded:
                 return found
     return system.realness()
 

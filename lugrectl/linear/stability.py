@@ -489,7 +489,7 @@ class StateLoop(Loop):
             return part(value), slack
 
         edges = self.L.signs(function, self.L.places(zeros)).edges
-        return [(self.border.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
+        return [(e.at, self.L.at(self.border.place(e.at))[0]) for e in edges]
 
     def disk(self, skew: int = 1) -> Margin:
         most, w = self.L.sensitivity.plus(0.5 * (skew - 1)).largest()

@@ -28,7 +28,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ..core.errors import InputError
 from .border import Axis, border_of
-from .transfer import EPS, require_siso, state_space_polynomials
+from .transfer import EPS, state_space_polynomials
 from .verdict import Falls, NoGain, Realness
 
 SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
@@ -48,7 +48,6 @@ SINGLE = 1e-9  # relative distance of two candidates that count as one
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
 
 Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
-Map = Callable[[float], float]
 
 
 class Edge(NamedTuple):
@@ -66,9 +65,6 @@ class Edge(NamedTuple):
     def first(self) -> float:
         """Up to where nothing changes: the edge, or the last sure point before a blurred one."""
         return self.at if self.sharp else self.low
-
-    def moved(self, to: Map) -> Edge:
-        return Edge(*map(to, self))
 
     def __str__(self) -> str:
         if self.sharp:
@@ -96,10 +92,6 @@ class SureSigns:
         turns = np.flatnonzero(above[1:] != above[:-1])
         edges = tuple(edge(function, *at[k : k + 2].tolist()) for k in turns)
         return cls(at, above, edges, tuple(_touches(function, x, sure, above)))
-
-    def moved(self, to: Map) -> SureSigns:
-        edges, touches = (tuple(e.moved(to) for e in part) for part in (self.edges, self.touches))
-        return SureSigns(np.array([*map(to, self.at)]), self.above, edges, touches)
 
     def below_beyond(self) -> SureSigns:
         """The same of a function that is below 0 as the frequency grows without end."""
@@ -225,12 +217,6 @@ class StateSystem:
                 "floating point: give time, input or output in another unit."
             )
         return cls(A, B, C, D, border_of(T))
-
-    @classmethod
-    def single(cls, T: Any) -> StateSystem:
-        """Of one input and one output, without modes that are not stable and do not show."""
-        require_siso(T, "T")
-        return cls.of(T).shown()
 
     # --- poles ---
 
@@ -390,12 +376,9 @@ class StateSystem:
         return found if self.border.dt is None else np.append(found, math.inf)
 
     def signs(self, function: Function, points: np.ndarray, values: Any = None) -> SureSigns:
-        """The signs of a function of v, and where they change."""
-        if self.border.dt is None:
-            return SureSigns.of(function, points, values)
-        # along the circle: v ends at infinity
-        along = SureSigns.of(lambda x: function(math.tan(x)), np.arctan(points), values)
-        return along.moved(math.tan)
+        """The signs of a function of v, and where they change, in rad/s."""
+        w = [self.border.frequency(v) for v in points]
+        return SureSigns.of(lambda x: function(self.border.place(x)), w, values)
 
     # --- the checks ---
 
@@ -414,7 +397,6 @@ class StateSystem:
             return size - 1.0, 2 * size * share + EPS
 
         signs = self.signs(above, self.places(self.level_zeros(square)))
-        signs = signs.moved(self.border.frequency)
         first = min([*signs.edges[:1], *signs.touches[:1]], key=lambda e: e.low, default=None)
         width, said = first.first if first else math.inf, ""
         if first and (first in signs.touches or not first.sharp):
@@ -502,7 +484,7 @@ class StateSystem:
         v = self.places(self.mirrored_zeros(1.0))
         values = np.array([self.real_part(x) for x in v])
         end, least = self.at_infinity()
-        signs = self.signs(self.real_part, v, values).moved(self.border.frequency)
+        signs = self.signs(self.real_part, v, values)
         if end < -least:
             signs = signs.below_beyond()
         touch = next((zone for zone in signs.touches if zone.low > 0), None)

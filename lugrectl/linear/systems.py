@@ -500,4 +500,7 @@ def system_of(T: Any) -> System:
     """Return T of one input and output; InputError for what the checks do not take."""
     if is_measured(T):
         return MeasuredSystem(*response(T))
-    return StateSystem.single(T) if has_many_states(T) else ExactSystem.of(T)
+    if not has_many_states(T):
+        return ExactSystem.of(T)
+    require_siso(T, "T")
+    return StateSystem.of(T).shown()
