@@ -25,7 +25,7 @@ from ..linear import linearize
 from ..linear.transfer import response
 from .mechanics import Mechanics
 from .of_record import LINEAR, UNIT, FrequencyResponse
-from .runs import hold
+from .runs import hold, point
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
@@ -249,12 +249,12 @@ def _of_system(system: Any, delay: float, dt: float | None) -> Axis:
         )
     dt = own if dt is None else dt
     w = _grid(np.r_[poles, zeros], [x for x in (delay, dt) if x], dt or own)
-    P, none = np.asarray(system(np.exp(1j * w * own) if own else 1j * w)), np.zeros(len(w))
+    P, none = np.asarray(system(point(w, own))), np.zeros(len(w))
     if own:
         return _Measured(w, P, none, own).axis(delay, dt)
     position: Any = ct.ss(system) * ct.ss(0, 1, 1, 0)
     held = position if dt is None else ct.sample_system(position, dt)
-    G = held(1j * w if dt is None else np.exp(1j * w * dt)) * np.exp(-1j * w * delay)
+    G = held(point(w, dt)) * np.exp(-1j * w * delay)
     return Axis(w, G, none, none == 0.0, *_inertia(w, P), dt, delay, _peaks(w, P))
 
 

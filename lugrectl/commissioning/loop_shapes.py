@@ -21,6 +21,7 @@ import numpy as np
 from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check
 from .loop_axis import Axis
+from .runs import point
 
 STRUCTURES = ("P-PI", "PID", "PI")
 MEAN, ZETA = np.geomspace(0.03, 1.2, 11), (0.7, 1.0, 1.3, 1.7, 2.5)  # shapes that are tried first
@@ -228,11 +229,6 @@ def parts(dt: float | None) -> tuple[Any, Any]:
     if dt is None:
         return ct.tf([1.0], [1.0, 0.0]), ct.tf([1.0, 0.0], [1.0])
     return ct.tf([dt / 2, dt / 2], [1.0, -1.0], dt), ct.tf([1 / dt, -1 / dt], [1.0, 0.0], dt)
-
-
-def point(w: np.ndarray, dt: float | None) -> np.ndarray:
-    """Return s or z at frequencies in rad/s."""
-    return 1j * w if dt is None else np.exp(1j * w * dt)
 
 
 def of_reference(

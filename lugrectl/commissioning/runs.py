@@ -98,6 +98,11 @@ def hold(w: np.ndarray, dt: float | None) -> np.ndarray:
     return np.ones(len(w), complex) if dt is None else -np.expm1(-s * dt) / (s * dt)
 
 
+def point(w: np.ndarray, dt: float | None) -> np.ndarray:
+    """Return s or z at frequencies in rad/s."""
+    return 1j * w if dt is None else np.exp(1j * w * dt)
+
+
 def means(x: np.ndarray) -> np.ndarray:
     """Return the means (n,) over intervals of what is given in their parts."""
     return x.reshape(-1, FINER).mean(axis=1)

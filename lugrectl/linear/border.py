@@ -11,18 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import control as ct
 import numpy as np
 
 from ..core.display import show_poles
-from .exact import Poly, axis_roots, hurwitz, mul, poly
+from .exact import Poly, add, axis_roots, hurwitz, mul, scale
 from .transfer import TINY, roots
-
-AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
-Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -73,10 +69,6 @@ class Axis:
         """Return a of s or z as a polynomial in s or, times (1 - v)^degree, in v."""
         return a
 
-    def mapped_states(self, A: Any, B: Any, C: Any, D: Any) -> Matrices:
-        """Return the continuous model with the same values on the border."""
-        return A, B, C, D
-
     def stable(self, a: Poly) -> bool:
         return hurwitz(a)
 
@@ -122,23 +114,12 @@ class Circle(Axis):
         return f"poles inside the unit circle (the largest |z| = {abs(pole):.6g})"
 
     def mapped(self, a: Poly, degree: int) -> Poly:
-        up: list[Poly] = [(1,)]
-        down: list[Poly] = [(1,)]
-        for _ in range(degree):
-            up.append(mul(up[-1], (1, 1)))
-            down.append(mul(down[-1], (1, -1)))
-        out: list[Fraction | int] = [0] * (degree + 1)
-        for k, c in enumerate(a):
-            for i, term in enumerate(mul(up[k], down[degree - k])):
-                out[i] += c * term
-        return poly(out)
-
-    def mapped_states(self, A: Any, B: Any, C: Any, D: Any) -> Matrices:
-        eye = np.eye(len(A))
-        if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
-            A = A * (1 - AT_HALF)
-        inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
-        return inverse @ (A - eye), root * inverse @ B, root * C @ inverse, D - C @ inverse @ B
+        total: Poly = ()
+        down: Poly = (1,)  # powers of 1 - v, beside Horner's scheme
+        for c in reversed((*a, *[0] * (degree + 1 - len(a)))):
+            total = add(mul(total, (1, 1)), scale(down, c))
+            down = mul(down, (1, -1))
+        return total
 
     def stable(self, a: Poly) -> bool:
         m = self.mapped(a, len(a) - 1)

@@ -14,9 +14,9 @@ import control as ct
 
 from ..blocks.model import values_of
 from ..core.errors import InputError
-from .delayed import DelayedTransfer, dead_time_of, reduced
+from .delayed import DelayedTransfer, reduced
 from .exact import Poly, Quasi, add, divide, gcd, mul, poly, scale
-from .transfer import number, parameter, read_transfer, to_float
+from .transfer import not_negative, number, parameter, read_transfer, to_float
 
 Ratio = tuple[Poly, Poly]
 Taken = ParamSpec("Taken")
@@ -55,7 +55,11 @@ class Controller:
     @property
     def on_error(self) -> Ratio:
         """C(s) without the derivative action."""
-        num, den = _sum(self.integral, self.added)
+        (num, den), (more, below) = self.integral, self.added
+        if more:  # over the least common denominator, so that no shared pole is counted twice
+            shared = gcd(den, below)
+            left, right = divide(den, shared)[0], divide(below, shared)[0]
+            num, den = add(mul(num, right), mul(more, left)), mul(den, right)
         return add(num, scale(den, self.kp)), den
 
     @property
@@ -109,9 +113,9 @@ def _gains(
 ) -> dict[str, Any]:
     """Read the arguments of a loop: the drive, C(s) and the dead time."""
     gains = (number(kp, "kp"), number(ki, "ki"), number(kd, "kd"))
-    lag = _not_negative(tau, "tau", "s")
-    smoothing = _not_negative(derivative_filter, "derivative_filter", "s")
-    rate = _not_negative(leak, "leak", "1/s")
+    lag = not_negative(tau, "tau", "time constant")
+    smoothing = not_negative(derivative_filter, "derivative_filter", "time constant")
+    rate = not_negative(leak, "leak", "leak rate", "1/s")
     if lag and rate:
         raise InputError(
             "tau and leak are both given, but the integral action is Ki/(tau s + 1) or "
@@ -119,7 +123,7 @@ def _gains(
         )
     added = ((), (1,)) if controller is None else read_transfer(controller, "C")
     C = Controller(*gains, lag, smoothing, rate, added)
-    return {"p": values_of(p), "C": C, "dead_time": dead_time_of(dead_time)}
+    return {"p": values_of(p), "C": C, "dead_time": not_negative(dead_time, "dead_time")}
 
 
 def _gains_and_prefilter(
@@ -450,20 +454,3 @@ def rounded(num: Poly, den: Poly) -> tuple[list[float], list[float]]:
     if not all(map(math.isfinite, top + bottom)):
         raise InputError("A coefficient of the loop is above 1e308; give smaller gains.")
     return top, bottom
-
-
-def _not_negative(value: Any, name: str, unit: str) -> Fraction:
-    exact = number(0 if value is None else value, name)
-    if exact < 0:
-        kind = "leak rate" if name == "leak" else "time constant"
-        raise InputError(f"{name} is {float(exact):g} {unit}, but a {kind} cannot be negative.")
-    return exact
-
-
-def _sum(a: Ratio, b: Ratio) -> Ratio:
-    """a + b over the least common denominator, so that no shared pole is counted twice."""
-    if not b[0]:
-        return a
-    shared = gcd(a[1], b[1])
-    left, right = divide(a[1], shared)[0], divide(b[1], shared)[0]
-    return add(mul(a[0], right), mul(b[0], left)), mul(a[1], right)

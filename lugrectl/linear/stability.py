@@ -97,10 +97,7 @@ class StabilityVerdict(Verdict):
         "delay_margin": "s",
         "phase_margin": "deg",
         "crossovers": "rad/s",
-        "gain_margin_frequency": "rad/s",
-        "phase_margin_frequency": "rad/s",
-        "modulus_margin_frequency": "rad/s",
-        "delay_margin_frequency": "rad/s",
+        **{f"{kind}_margin_frequency": "rad/s" for kind in ("gain", "phase", "modulus", "delay")},
     }
 
     def __bool__(self) -> bool:

@@ -43,6 +43,7 @@ UNDECIDED = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
 BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
 AT_BORDER = "within rounding on the border of stability"
+AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
 FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
 SINGLE = 1e-9  # relative distance of two candidates that count as one
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
@@ -344,8 +345,13 @@ class StateSystem:
         """The system, its shift apart, or the one in v with the same values."""
         if self.border.dt is None:
             return self
-        grow = math.exp(self.shift)
-        return StateSystem(*self.border.mapped_states(self.A * grow, self.B, self.C * grow, self.D))
+        grow, eye = math.exp(self.shift), np.eye(len(self.A))
+        A, B, C = self.A * grow, self.B, self.C * grow
+        if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
+            A = A * (1 - AT_HALF)
+        inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
+        D = self.D - C @ inverse @ B
+        return StateSystem(inverse @ (A - eye), root * inverse @ B, root * C @ inverse, D)
 
     def mirrored_zeros(self, sign: float) -> np.ndarray:
         """The zeros of T(s) + sign T(-s); among those with sign -1, where T(jw) is real."""
