@@ -156,6 +156,11 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
     return steps
 
 
+def without(Q: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Project an orthonormal basis Q out of rows."""
+    return rows - Q @ (Q.conj().T @ rows)
+
+
 @dataclass(frozen=True, eq=False)
 class Window:
     """The bins of each run about ``centre`` in rad/s, the powers ``poly`` (n, 3) of the distance
@@ -169,9 +174,6 @@ class Window:
     def rows(self, spectra: Sequence[np.ndarray]) -> np.ndarray:
         """Spectra of each run (M,) or (M, m), one below the other within the window."""
         return np.concatenate([X[part] for X, part in zip(spectra, self.parts, strict=True)])
-
-    def without_transient(self, rows: np.ndarray) -> np.ndarray:
-        return rows - self.transient @ (self.transient.T @ rows)
 
     @property
     def free(self) -> int:
@@ -268,11 +270,11 @@ def _estimate(
     known: Sequence[np.ndarray] | None,
 ) -> tuple[complex, float, float, float]:
     """P, its standard deviation, the radius of its 95 % disc, and the coherence."""
-    W, V = (at.without_transient(at.rows(X)) for X in (out, top))
-    wide_w, wide_v = (at.without_transient(at.poly * at.rows(X)[:, None]) for X in (out, top))
+    W, V = (without(at.transient, at.rows(X)) for X in (out, top))
+    wide_w, wide_v = (without(at.transient, at.poly * at.rows(X)[:, None]) for X in (out, top))
     free = max(at.free - ORDER - 1, 1)
     if known is not None:
-        Z = at.without_transient(at.poly * at.rows(known)[:, None])
+        Z = without(at.transient, at.poly * at.rows(known)[:, None])
         P, sd, noise = _solve(W, wide_v, Z, free)
     else:
         P, sd, noise = _solve(W, wide_v, wide_v, free)

@@ -374,10 +374,8 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     if axis.dt is None or not given["ki"]:
         return limit_cycles(model, **given)
     found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
-    if found.outcome == "undecided":
-        exact = limit_cycles(model, **given)
-        return exact if exact.hunts else found
-    return found
+    exact = limit_cycles(model, **given) if found.hunts is None else found
+    return exact if exact.hunts else found
 
 
 def _outcome(found: LimitCycles | None) -> str:
@@ -419,9 +417,8 @@ def _result(
     margins = stability_check(loop)
     if not margins:
         raise Refused(f"no gains are certain to be stable: {margins.reason}.", "")
-    parts = None
-    if search.structure != "PID":
-        parts = Cascade(*map(float, search.cascade(shape)))
+    pid = search.structure == "PID"
+    parts = None if pid else Cascade(*map(float, search.cascade(shape)))
     own = Gains(parts.kp, parts.ki, 0.0) if parts and search.structure == "PI" else g
     return Tuning(
         search.structure,
