@@ -345,12 +345,12 @@ class ExactLoop(Loop):
 
     @property
     def open_at_infinity(self) -> bool:
-        if self.L.num.degree < self.L.den.degree:
-            return False
+        if self.L.num.degree != self.L.den.degree:
+            return self.L.num.degree > self.L.den.degree
         last = self.L.den.leading
         own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
         top = sum(map(abs, self.L.num.leading.values()))
-        return own <= 0 or self.L.num.degree > self.L.den.degree or top >= own
+        return own <= 0 or top >= own
 
     def crossovers(self) -> list[tuple[float, complex]]:
         """Where |L| = 1, crossing or touching: w in rad/s and L there."""
