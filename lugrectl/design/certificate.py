@@ -58,7 +58,7 @@ def checked(p: Any, names: Iterable[str], free: Iterable[str], who: str) -> dict
     have = values_of(p)
     given = {k: getattr(have, k, None) for k in names}
     if missing := [k for k, v in given.items() if v is None]:
-        law = ": give a LuGre model" * ("sigma0" in missing)
+        law = ": give a LuGre model" * ("sigma0" in given)
         raise InputError(f"{who} needs {', '.join(missing)} of the drive{law}.")
     found = {k: number(v, k) for k, v in given.items()}
     for k, value in found.items():
