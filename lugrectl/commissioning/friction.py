@@ -32,7 +32,7 @@ import numpy as np
 
 from ..blocks.friction import along, level, strokes
 from .mechanics import Mechanics, quadratic
-from .runs import FINER, Run, Shape, Spacing, Window, means, windows
+from .runs import FINER, Run, Shape, Spacing, Window, means, windows, without
 
 SPACING = Spacing(15, 0.035, 1.4)
 TOP, SHARE = 40.0, 0.2  # Hz, and of the rate: friction is fitted below both, above it is weak
@@ -98,10 +98,8 @@ def _terms(
 
 
 def impossible(names: Sequence[str], levels: Sequence[float], most: float = np.inf) -> str | None:
-    """Return a term to be left out, whose level no friction has: the least certain of several.
-
-    ``most`` is the largest torque: friction that the axis overcomes is no larger.
-    """
+    """Return a term to be left out, whose level no friction has: the least certain of several;
+    ``most`` is the largest torque, and friction that the axis overcomes is no larger."""
     found = dict(zip(names, levels, strict=True))
     large = [k for k in ("load Fc", "Fc") if found.get(k, 0.0) > most]
     if large:
@@ -133,11 +131,8 @@ class Friction:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What stays the same while the shapes are searched.
-
-    ``advance`` (M,) of each run takes a torque in force to the command; ``loads`` the motion of the
-    load, if it has friction.
-    """
+    """What stays the same while the shapes are searched; ``advance`` (M,) of each run takes a
+    torque in force to the command, ``loads`` is the motion of the load, if it has friction."""
 
     runs: Sequence[Run]
     advance: Sequence[np.ndarray]
@@ -177,7 +172,7 @@ class Problem:
         ]
         shaped = [s.num[:, None] * F for s, F in zip(self.shapes, made, strict=True)]
         both = zip(self.bases, self.windows, strict=True)
-        X = [_without(Q, one.rows(shaped)) for Q, one in both]
+        X = [without(Q, one.rows(shaped)) for Q, one in both]
         most = max(float(np.abs(run.u).max()) for run in self.runs)
         levels, cost = _possible(X, self.left, self.names, most)
         spectra = tuple(F @ np.array([*levels.values()]) for F in made)
@@ -199,7 +194,7 @@ def problem_of(
         linear = one.poly * one.rows(moved)[:, None]
         linear = linear / (np.linalg.norm(linear, axis=0) + 1e-300)
         bases.append(np.linalg.qr(np.c_[linear, one.transient])[0])
-    left = [_without(Q, one.rows(driven)) for Q, one in zip(bases, every, strict=True)]
+    left = [without(Q, one.rows(driven)) for Q, one in zip(bases, every, strict=True)]
     return Problem(runs, advance, shapes, every, bases, left)
 
 
@@ -231,10 +226,6 @@ def _ranges(runs: Sequence[Run]) -> tuple[float, float, float, float]:
     count, dt = runs[0].count, runs[0].dt
     low = max(0.7 * count, 1e-3 * speed * dt)
     return low, max(0.1 * path / max(turns, 1), 10.0 * low), 0.01 * speed, 0.5 * speed
-
-
-def _without(Q: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    return rows - Q @ (Q.conj().T @ rows)
 
 
 def _possible(

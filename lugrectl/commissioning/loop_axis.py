@@ -25,7 +25,7 @@ from ..linear import linearize
 from ..linear.transfer import response
 from .mechanics import Mechanics
 from .of_record import LINEAR, UNIT, FrequencyResponse
-from .runs import hold
+from .runs import hold, point
 
 FINER = 4  # steps between two measured frequencies
 BELOW, ABOVE, BEYOND = 30.0, 30.0, 40  # how far the axis is continued, in so many points
@@ -51,12 +51,9 @@ GOVERNED = "friction governs this log at all frequencies that it shows: no gains
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs.
-
-    ``known`` is where G itself means something; ``J`` the inertia at low frequencies, ``corner``
-    B/J; ``dt`` the step of the controller in s, None in continuous time; ``peaks`` the resonances
-    in rad/s.
-    """
+    """G = theta/u (n,) in rad/(N m) at w (n,) in rad/s, and the radius (n,) of its discs; ``known``
+    is where G itself means something. ``J`` is the inertia at low frequencies, ``corner`` B/J,
+    ``dt`` the step of the controller in s, ``peaks`` the resonances in rad/s."""
 
     w: np.ndarray
     G: np.ndarray
@@ -98,11 +95,7 @@ def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
 
 
 def _discs(found: FrequencyResponse) -> _Measured:
-    """The response, how far off it may be as a share of it, and what the mechanics misses.
-
-    Where it is not certain, the fitted mechanics takes its place if it lies within that: with its
-    interval, and what it misses where the response is certain.
-    """
+    """The response, or where it is not certain the fitted mechanics if it lies within what is."""
     w, P, sure, body = found.frequency, np.ravel(found.frd.frdata), found.certain, found.mechanics
     open_ = np.sqrt(1.0 / np.maximum(found.coherence, LEAST_COHERENCE) - 1.0)
     left = 1.0 if body is None else min(WHOLE * body.fit.share, 1.0)
@@ -137,11 +130,7 @@ class _Measured:
     motion: str = "rotary"
 
     def axis(self, delay: float, dt: float | None) -> Axis:
-        """The axis under a controller's hold and dead time, made finer and continued.
-
-        Below, it is a free inertia; above, it falls as 1/w from the largest value of the last
-        octave, or is the fitted mechanics where that leaves less open.
-        """
+        """The axis under a controller's hold and dead time, made finer and continued."""
         J, corner = _inertia(self.w, self.P)
         dt = self.own if dt is None else dt
         end = np.inf if dt is None else np.pi / dt
@@ -172,17 +161,14 @@ class _Measured:
         smooth = self.P / shape[::FINER]
         log = np.interp(fine, x, np.log(np.abs(smooth)) + 0j)
         log += 1j * np.interp(fine, x, np.unwrap(np.angle(smooth)))
-        error, low = (
-            np.interp(fine, x, self.error),
-            np.geomspace(at[0] / BELOW, at[0], BEYOND, False),
-        )
+        error = np.interp(fine, x, self.error)
+        low = np.geomspace(at[0] / BELOW, at[0], BEYOND, False)
         lowest = np.full(BEYOND, np.median(error[at <= LOW * at[0]]))
         return np.r_[low, at], np.r_[-1j / (J * low), np.exp(log) * shape], np.r_[lowest, error]
 
     def _largest(self, w: np.ndarray, size: np.ndarray, end: float) -> float:
         """w|P| from which it falls beyond the last frequency: of the last octave, or, where the
-        mechanics explains the end of the response, at its end and of resonances that it has
-        beyond."""
+        mechanics explains the end of the response, there and of its resonances beyond."""
         octave = float(np.max((w * size)[w > 0.5 * w[-1]]))
         if self.body is None:
             return octave
@@ -205,9 +191,9 @@ class _Measured:
         fitted = plain(w) if dt is None else plain(w) + np.conj(plain(2.0 * np.pi / dt - w))
         turn = hold(w, dt) * np.exp(-1j * w * delay) * 1j * w
         radius = np.abs(fitted) * (body.radius(w) + self.miss) + body.unseen(w) / w**2
-        radius = np.abs(turn) * radius
-        inside = np.abs(fitted * turn) + radius <= open_
-        return np.where(inside, fitted * turn, far), np.where(inside, radius, open_)
+        centre, radius = fitted * turn, np.abs(turn) * radius
+        inside = np.abs(centre) + radius <= open_
+        return np.where(inside, centre, far), np.where(inside, radius, open_)
 
 
 def endless() -> Refused:
@@ -228,11 +214,12 @@ def _inertia(w: np.ndarray, P: np.ndarray) -> tuple[float, float]:
 def _peaks(w: np.ndarray, P: np.ndarray) -> tuple[float, ...]:
     """Where w|P| is largest about an octave, by far: the two highest."""
     size = w * np.abs(P)
-    found = []
-    for k in range(1, len(w) - 1):
+
+    def stands_out(k: int) -> bool:
         near = size[(w > w[k] / 2) & (w < w[k] * 2)]
-        if size[k] == near.max() and size[k] > PEAK * np.median(near):
-            found.append(k)
+        return size[k] == near.max() and size[k] > PEAK * np.median(near)
+
+    found = filter(stands_out, range(1, len(w) - 1))
     return tuple(float(w[k]) for k in sorted(found, key=lambda k: -size[k])[:2])
 
 
@@ -262,12 +249,12 @@ def _of_system(system: Any, delay: float, dt: float | None) -> Axis:
         )
     dt = own if dt is None else dt
     w = _grid(np.r_[poles, zeros], [x for x in (delay, dt) if x], dt or own)
-    P, none = np.asarray(system(np.exp(1j * w * own) if own else 1j * w)), np.zeros(len(w))
+    P, none = np.asarray(system(point(w, own))), np.zeros(len(w))
     if own:
         return _Measured(w, P, none, own).axis(delay, dt)
     position: Any = ct.ss(system) * ct.ss(0, 1, 1, 0)
     held = position if dt is None else ct.sample_system(position, dt)
-    G = held(1j * w if dt is None else np.exp(1j * w * dt)) * np.exp(-1j * w * delay)
+    G = held(point(w, dt)) * np.exp(-1j * w * delay)
     return Axis(w, G, none, none == 0.0, *_inertia(w, P), dt, delay, _peaks(w, P))
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from ..hunting.loop import cascade_as_pid, edge
 from ..linear import bandwidth_check
 from .loop_axis import Axis
+from .runs import point
 
 STRUCTURES = ("P-PI", "PID", "PI")
 MEAN, ZETA = np.geomspace(0.03, 1.2, 11), (0.7, 1.0, 1.3, 1.7, 2.5)  # shapes that are tried first
@@ -109,9 +110,8 @@ class Search:
         if self.structure == "PI":
             return Cascade(0.0, kp, self.share * kp * turn)
         spread = np.sqrt(shape.zeta**2 - 1.0)
-        return Cascade(
-            turn * (shape.zeta - spread), kp, self.share * kp * turn * (shape.zeta + spread)
-        )
+        kv, ki = turn * (shape.zeta - spread), kp * turn * (shape.zeta + spread)
+        return Cascade(kv, kp, self.share * ki)
 
     @cached_property
     def _parts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -137,11 +137,8 @@ class Search:
         """L where the axis is known."""
         return (self.axis.G * self.controller(g)[0])[self.axis.known]
 
-    def distance(self, g: Gains) -> np.ndarray:
-        """The least |1 + L| of all members of the band (m,)."""
-        return self._distance(self.controller(g))
-
-    def _distance(self, C: np.ndarray) -> np.ndarray:
+    def distance(self, C: np.ndarray) -> np.ndarray:
+        """The least |1 + L| of all members of the band (m,), with controllers C (m, n)."""
         return np.min(np.abs(1.0 + self.axis.G * C) - np.abs(C) * self.axis.radius, axis=1)
 
     @property
@@ -173,13 +170,12 @@ class Search:
         turned = np.unwrap(np.angle(1.0 + C[:, known] * self.axis.G[known]))
         first = turned[:, 0] - 2.0 * np.pi * (turned[:, 0] > 0.0)  # of up to three integrators
         ends = first + turned[:, -1] - turned[:, 0]
-        return (np.abs(ends) < 0.5 * np.pi) & (self._distance(C) >= 1.0 / self.Ms)
+        return (np.abs(ends) < 0.5 * np.pi) & (self.distance(C) >= 1.0 / self.Ms)
 
     def best(self, about: Shape | None = None) -> Shape:
         """The shape with the most integral action, of all or near one; its c is 0 where no gains
         keep the distance, nan where nothing ends them."""
-        found = about or self._best_of(MEAN, np.array(ZETA))
-        found = self.at(found)
+        found = self.at(about or self._best_of(MEAN, np.array(ZETA)))
         for k in range(ROUNDS):
             spread = SPREAD ** (np.linspace(-1.0, 1.0, 5) / 2**k)
             near = self._best_of(found.mean * spread, found.zeta * spread)
@@ -194,8 +190,7 @@ class Search:
 
     def at(self, shape: Shape) -> Shape:
         """The shape at its highest c."""
-        c = self.highest(np.array([shape.mean]), np.array([shape.zeta]))[0]
-        return shape._replace(c=c)
+        return shape._replace(c=self.highest(*np.array([[shape.mean], [shape.zeta]]))[0])
 
     def placed(self, shape: Shape) -> Shape:
         """The shape at its highest c, or below it at the bandwidth that is asked."""
@@ -234,11 +229,6 @@ def parts(dt: float | None) -> tuple[Any, Any]:
     if dt is None:
         return ct.tf([1.0], [1.0, 0.0]), ct.tf([1.0, 0.0], [1.0])
     return ct.tf([dt / 2, dt / 2], [1.0, -1.0], dt), ct.tf([1 / dt, -1 / dt], [1.0, 0.0], dt)
-
-
-def point(w: np.ndarray, dt: float | None) -> np.ndarray:
-    """Return s or z at frequencies in rad/s."""
-    return 1j * w if dt is None else np.exp(1j * w * dt)
 
 
 def of_reference(

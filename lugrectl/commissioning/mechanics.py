@@ -132,8 +132,7 @@ class Mechanics:
 
     def unseen(self, w: np.ndarray) -> np.ndarray:
         """The most that a resonance beyond the last frequency may add to the response (n,): r/(2 z
-        w) of one at w, r w/|a^2 - w^2| of one at another frequency a, where r is the largest that
-        the points leave possible there."""
+        w) of one at w, r w/|a^2 - w^2| of one at a, with the largest r that the points leave."""
         a, most = self._residues
         own = np.interp(w, a, most) / (2.0 * LIGHTEST * w)
         w = w[:, None]

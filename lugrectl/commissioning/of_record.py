@@ -170,21 +170,14 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""
         raw = np.asarray(self.raw.frdata)[0, 0]
+        points = ("frequency", "magnitude", "phase", "low", "high", "coherence")
         return {
             "schema": 1,
-            "frequency": self.frequency,
-            "magnitude": self.magnitude,
-            "phase": self.phase,
-            "low": self.low,
-            "high": self.high,
-            "coherence": self.coherence,
+            **{k: getattr(self, k) for k in points},
             "raw": {"magnitude": np.abs(raw), "phase": self.raw_phase},
-            "correction": self.correction,
-            "governed": self.governed,
-            "trusted": self.trusted,
+            **{k: getattr(self, k) for k in ("correction", "governed", "trusted")},
             "modes": [mode.summary() for mode in self.modes],
-            "inertia": self.inertia,
-            "inertia_ci95": self.inertia_ci95,
+            **{k: getattr(self, k) for k in ("inertia", "inertia_ci95")},
             "friction": dict(self.friction),
             "reference": self.reference,
             "gains": None if self.gains is None else self.gains.summary(),
@@ -391,17 +384,6 @@ def frequency_response(
         rates = ", ".join(f"{one.source} {one.rate:g} Hz" for one in records)
         raise InputError(f"runs of one sampling rate are averaged, but there is {rates}.")
     runs = runs_of(records)
-    _refuse_short(runs)
-    runs, left = known_effects(runs, made)
-    reverses = any(len(run.strokes[1]) > 1 for run in runs)
-    dry = "Fc" in made.friction.values
-    found = _answer(runs, dry and reverses, made.motion)
-    said = [*left, *(message for one in records for message in one.messages)]
-    said = [*_verdict(found, dry, reverses), *said]
-    return replace(found, messages=tuple(dict.fromkeys(said)))
-
-
-def _refuse_short(runs: Sequence[Run]) -> None:
     longest = max(runs, key=lambda run: len(run.u))
     low, high = LOWEST / (len(longest.u) * longest.dt), 0.5 * HIGHEST / longest.dt
     if high < low * 10**LEAST_RANGE:
@@ -410,6 +392,13 @@ def _refuse_short(runs: Sequence[Run]) -> None:
             f"{low:.3g} to {high:.3g} Hz only; record longer or faster.",
             RECORD,
         )
+    runs, left = known_effects(runs, made)
+    reverses = any(len(run.strokes[1]) > 1 for run in runs)
+    dry = "Fc" in made.friction.values
+    found = _answer(runs, dry and reverses, made.motion)
+    said = [*left, *(message for one in records for message in one.messages)]
+    said = [*_verdict(found, dry, reverses), *said]
+    return replace(found, messages=tuple(dict.fromkeys(said)))
 
 
 def _refused(r: Response) -> Refused:
@@ -459,8 +448,8 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     modes, inertia, interval = (), None, None
     if mechanics is not None:
         modes = mechanics.modes()
-        inertia, interval = mechanics.inertia
-        inertia, interval = (inertia, interval) if _narrow(interval) else (None, None)
+        if _narrow(mechanics.inertia[1]):
+            inertia, interval = mechanics.inertia
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(raw.P, r.w, dt),
@@ -520,10 +509,9 @@ class _Stage:
 
     def moving(self) -> list[np.ndarray]:
         """The same with rests filled in."""
-        if self.mechanics is None:
+        if (known := self.mechanics) is None:
             return self.torques()
-        both = zip(self.runs, self.torques(), strict=True)
-        return [self.mechanics.filled(run, U) for run, U in both]
+        return [known.filled(run, U) for run, U in zip(self.runs, self.torques(), strict=True)]
 
     def advance(self) -> list[np.ndarray]:
         """What takes a torque in force to the command; a sample early before more is known."""

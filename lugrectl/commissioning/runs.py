@@ -38,12 +38,10 @@ POWERS = np.arange(ORDER + 1)
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples.
-
-    ``steps`` (FINER n,) is the smoothed motion of each part of an interval, rad or m.
-    ``E`` is the spectrum of the changes of the reference, None where none was logged; ``load`` (n,)
-    the known torque on the resisting side, ``scale`` that of the level of friction.
-    """
+    """One stretch without a gap; spectra (M,) at ``w`` (M,) in rad/s from n samples. ``steps``
+    (FINER n,) is the smoothed motion of each part of an interval, rad or m; ``E`` the spectrum of
+    the changes of the reference, if logged; ``load`` (n,) the known torque on the resisting side,
+    ``scale`` that of the level of friction."""
 
     dt: float
     t: np.ndarray
@@ -100,6 +98,11 @@ def hold(w: np.ndarray, dt: float | None) -> np.ndarray:
     return np.ones(len(w), complex) if dt is None else -np.expm1(-s * dt) / (s * dt)
 
 
+def point(w: np.ndarray, dt: float | None) -> np.ndarray:
+    """Return s or z at frequencies in rad/s."""
+    return 1j * w if dt is None else np.exp(1j * w * dt)
+
+
 def means(x: np.ndarray) -> np.ndarray:
     """Return the means (n,) over intervals of what is given in their parts."""
     return x.reshape(-1, FINER).mean(axis=1)
@@ -136,18 +139,7 @@ def _run(record: Record, part: slice, logged: bool) -> Run:
 
 
 def _motion(theta: np.ndarray, count: float) -> np.ndarray:
-    """The motion of each part of an interval, smoothed without a shift in time.
-
-    Half a count of play is taken out: a resting axis does not chatter.
-    """
-
-    def without_play(x: np.ndarray, half: float) -> np.ndarray:
-        made, c = [], float(x[0])
-        for one in x.tolist():
-            c = one - half if one > c + half else one + half if one < c - half else c
-            made.append(c)
-        return np.array(made)
-
+    """The motion of each part of an interval, smoothed without a shift in time."""
     n = len(theta)
     line = np.linspace(theta[0], theta[-1], n)
     about = theta - line
@@ -155,19 +147,24 @@ def _motion(theta: np.ndarray, count: float) -> np.ndarray:
     spectrum = spectrum * np.exp(-((np.asarray(rfftfreq(2 * n)) / SMOOTH) ** 2))
     smooth = FINER * np.asarray(irfft(spectrum, 2 * n * FINER))[: n * FINER]
     smooth += theta[0] + (theta[-1] - theta[0]) / (n - 1) * np.arange(n * FINER) / FINER
-    moved = without_play(smooth, 0.5 * count) if count else smooth
+    moved, last, half = [], float(smooth[0]), 0.5 * count
+    for x in smooth.tolist():  # half a count of play: a resting axis does not chatter
+        last = x - half if x > last + half else x + half if x < last - half else last
+        moved.append(last)
     steps = np.diff(moved, append=smooth[-1])
     steps[-FINER:] = 0.0  # beyond the last sample
     return steps
 
 
+def without(Q: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Project an orthonormal basis Q out of rows."""
+    return rows - Q @ (Q.conj().T @ rows)
+
+
 @dataclass(frozen=True, eq=False)
 class Window:
-    """The bins of each run about ``centre`` in rad/s.
-
-    ``poly`` (n, 3) are the powers of the distance from the centre, and ``transient`` (n, m) an
-    orthonormal basis of the transients of all runs.
-    """
+    """The bins of each run about ``centre`` in rad/s, the powers ``poly`` (n, 3) of the distance
+    from it, and an orthonormal basis ``transient`` (n, m) of the transients of all runs."""
 
     centre: float
     parts: tuple[slice, ...]
@@ -177,9 +174,6 @@ class Window:
     def rows(self, spectra: Sequence[np.ndarray]) -> np.ndarray:
         """Spectra of each run (M,) or (M, m), one below the other within the window."""
         return np.concatenate([X[part] for X, part in zip(spectra, self.parts, strict=True)])
-
-    def without_transient(self, rows: np.ndarray) -> np.ndarray:
-        return rows - self.transient @ (self.transient.T @ rows)
 
     @property
     def free(self) -> int:
@@ -276,11 +270,11 @@ def _estimate(
     known: Sequence[np.ndarray] | None,
 ) -> tuple[complex, float, float, float]:
     """P, its standard deviation, the radius of its 95 % disc, and the coherence."""
-    W, V = (at.without_transient(at.rows(X)) for X in (out, top))
-    wide_w, wide_v = (at.without_transient(at.poly * at.rows(X)[:, None]) for X in (out, top))
+    W, V = (without(at.transient, at.rows(X)) for X in (out, top))
+    wide_w, wide_v = (without(at.transient, at.poly * at.rows(X)[:, None]) for X in (out, top))
     free = max(at.free - ORDER - 1, 1)
     if known is not None:
-        Z = at.without_transient(at.poly * at.rows(known)[:, None])
+        Z = without(at.transient, at.poly * at.rows(known)[:, None])
         P, sd, noise = _solve(W, wide_v, Z, free)
     else:
         P, sd, noise = _solve(W, wide_v, wide_v, free)

@@ -103,20 +103,15 @@ class Tuning(Result):
         c = self.cascade or {"kp": self.kp, "ki": self.ki}
         return c["kp"] / c["ki"] if self.structure != "PID" and c["ki"] else None
 
-    @property
-    def _pace(self) -> float:
-        """Where the lowest asymptote of |L| is 1, rad/s: how fast the slowest part settles."""
-        order = 2 if self.structure == "PI" else 3
-        gains = self.ki, self.kp, self.kd
-        return next(
-            (g / self.inertia) ** (1.0 / (order - k)) for k, g in enumerate(gains) if g > 0.0
-        )
-
     def step(self) -> tuple[np.ndarray, np.ndarray]:
         """t in s, and the position (of a PI the speed) after a step of 1 of its reference."""
         w, L = np.asarray(self.loop.omega), np.asarray(self.loop.frdata)[0, 0]
         dt = 1.0 / self.rate if self.rate else 1.0 / (SMOOTH * self.crossover)
-        n = min(2 ** int(np.ceil(np.log2(SETTLED / self._pace / dt))), LONGEST)
+        # the slowest part settles as fast as where the lowest asymptote of |L| is 1, rad/s
+        order = 2 if self.structure == "PI" else 3
+        k, g = next((k, g) for k, g in enumerate((self.ki, self.kp, self.kd)) if g > 0.0)
+        pace = (g / self.inertia) ** (1.0 / (order - k))
+        n = min(2 ** int(np.ceil(np.log2(SETTLED / pace / dt))), LONGEST)
         at = 2.0 * np.pi * np.arange(n // 2 + 1) / (n * dt)
         size = np.interp(at, w, np.log(np.abs(L)), right=-np.inf)
         turned = np.interp(at, w, np.unwrap(np.angle(L)))
@@ -379,10 +374,8 @@ def _cycles(search: Search, shape: Shape) -> LimitCycles | None:
     if axis.dt is None or not given["ki"]:
         return limit_cycles(model, **given)
     found = limit_cycles(model, **given, rate=1.0 / axis.dt, dead_time=axis.dead_time)
-    if found.outcome == "undecided":
-        exact = limit_cycles(model, **given)
-        return exact if exact.hunts else found
-    return found
+    exact = limit_cycles(model, **given) if found.hunts is None else found
+    return exact if exact.hunts else found
 
 
 def _outcome(found: LimitCycles | None) -> str:
@@ -424,9 +417,8 @@ def _result(
     margins = stability_check(loop)
     if not margins:
         raise Refused(f"no gains are certain to be stable: {margins.reason}.", "")
-    parts = None
-    if search.structure != "PID":
-        parts = Cascade(*map(float, search.cascade(shape)))
+    pid = search.structure == "PID"
+    parts = None if pid else Cascade(*map(float, search.cascade(shape)))
     own = Gains(parts.kp, parts.ki, 0.0) if parts and search.structure == "PI" else g
     return Tuning(
         search.structure,
@@ -434,7 +426,7 @@ def _result(
         cascade=parts._asdict() if parts and search.structure == "P-PI" else None,
         notch=search.notch,
         margins=margins,
-        worst=float(1.0 / search.distance(g)[0]),
+        worst=float(1.0 / search.distance(search.controller(g))[0]),
         bandwidth=search.bandwidth(shape),
         crossover=max(margins.crossovers, default=float("nan")),
         controller=own.system(axis.dt, search.notch),

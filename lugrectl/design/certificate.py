@@ -49,31 +49,27 @@ class Drive(NamedTuple):
 
 
 def drive(p: Any) -> Drive:
-    """The checked parameters of a ``Parameters`` or a ``Model`` with LuGre friction.
+    """The checked parameters of a ``Parameters`` or a ``Model`` with LuGre friction."""
+    return Drive(**checked(p, NAMES, {"sigma1"}, "the observer's error system"))
 
-    Raises
-    ------
-    InputError
-        When one is missing, not a finite number, or not positive (sigma1 may be 0).
-    """
-    p = values_of(p)
-    have = {k: getattr(p, k, None) for k in NAMES}
-    missing = [k for k in NAMES if have.get(k) is None]
-    if missing:
-        raise InputError(f"the observer's gains need {', '.join(missing)}: give a LuGre model.")
-    found = {k: number(have[k], k) for k in NAMES}
+
+def checked(p: Any, names: Iterable[str], free: Iterable[str], who: str) -> dict[str, float]:
+    """Values of a drive that ``who`` needs, all above 0, those that are ``free`` also 0."""
+    have = values_of(p)
+    given = {k: getattr(have, k, None) for k in names}
+    if missing := [k for k, v in given.items() if v is None]:
+        law = ": give a LuGre model" * ("sigma0" in given)
+        raise InputError(f"{who} needs {', '.join(missing)} of the drive{law}.")
+    found = {k: number(v, k) for k, v in given.items()}
     for k, value in found.items():
-        if value < 0.0 or (value == 0.0 and k != "sigma1"):
-            raise InputError(f"{k} = {value:g}: the observer's error system needs {k} > 0.")
-    return Drive(**found)
+        if value < 0.0 or (value == 0.0 and k not in free):
+            raise InputError(f"{k} = {value:g}: {who} needs {k} > 0.")
+    return found
 
 
 def bristle_errors(m: Any, slope: float = 0.0, Fv: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Build M0 and M1 for a copy of the bristles that nothing corrects.
-
-    ``slope`` is that of dz/dt over e_w where the copy does not know w, and ``Fv`` the viscous
-    friction that it then gets wrong; both are 0 for one that reads w.
-    """
+    """Build M0 and M1 for a copy of the bristles that nothing corrects; ``slope`` is that of dz/dt
+    over e_w where it does not know w, ``Fv`` the viscous friction that it then gets wrong."""
     at_rest = [[0.0, slope], [-m.sigma0 / m.J, -(m.sigma1 * slope + Fv) / m.J]]
     return np.array(at_rest), np.array([[-1.0, 0.0], [m.sigma1 / m.J, 0.0]])
 
@@ -87,10 +83,8 @@ def error_matrices(p: Any, K1: float, K2: float) -> tuple[np.ndarray, np.ndarray
 
 
 def slowest_pole(p: Any, K1: float, K2: float) -> float:
-    """Largest real part in 1/s of the error system's poles at w = 0.
-
-    Roots of s^2 + K3 s - K1 sigma0/J. No rate that holds for every w(t) can be faster than this.
-    """
+    """Largest real part in 1/s of the error system's poles at w = 0, s^2 + K3 s - K1 sigma0/J: no
+    rate that holds for every w(t) can be faster than this."""
     m = drive(p)
     half = (K2 - m.sigma1 * K1) / m.J / 2.0
     product = -K1 * m.sigma0 / m.J
@@ -182,8 +176,7 @@ class Certificate(Result):
 
         The largest r with -dV/dt >= 2 r V. Over a motion, V(t) <= V(0) exp(-2 int rate_at(a)).
         """
-        P, Q = self._matrix(self.P), self._matrix(self.Q0)
-        Q1 = self._matrix(self.Q1)
+        P, Q, Q1 = map(self._matrix, (self.P, self.Q0, self.Q1))
         a = np.asarray(a, dtype=float)
         q = [[Q[i, j] + a * Q1[i, j] for j in (0, 1)] for i in (0, 1)]
         det = np.maximum(q[0][0] * q[1][1] - q[0][1] ** 2, 0.0)

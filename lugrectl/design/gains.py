@@ -19,7 +19,7 @@ from scipy.optimize import minimize
 
 from ..blocks.aliases import meant
 from ..blocks.friction import level, relaxation
-from ..blocks.model import model_first, values_of
+from ..blocks.model import model_first
 from ..blocks.observers import observer_block
 from ..core.display import Row, Shown
 from ..core.errors import InputError
@@ -32,6 +32,7 @@ from .certificate import (
     Certificate,
     Drive,
     bristle_errors,
+    checked,
     constant_certificate,
     drive,
     slowest_pole,
@@ -406,7 +407,9 @@ def design_observer(p: Any, observer: str, choices: Mapping[str, Any]) -> Observ
             "with lugrectl.compare_observers."
         )
     given = _chosen(short, rule, choices)
-    gains, certificate = rule.build(_values(p, made.name, rule), given)
+    free = {"Fv"} if made.name in DAMPED else {"Fv", "sigma1"}
+    values = checked(p, rule.needs.split(), free, f"the design rule of {made.name}")
+    gains, certificate = rule.build(SimpleNamespace(**values), given)
     own = {k: v for k, v in given.items() if v is not None}
     return ObserverDesign(short, gains, own, replace(certificate, lemma=short))
 
@@ -423,20 +426,6 @@ def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any
             raise InputError(f"{key} must be a positive number, not {shown(value)}.")
         made[key] = least
     return made
-
-
-def _values(p: Any, name: str, rule: Rule) -> SimpleNamespace:
-    """The values of the drive that a rule needs, checked."""
-    have, needed = values_of(p), rule.needs.split()
-    missing = [k for k in needed if getattr(have, k, None) is None]
-    if missing:
-        raise InputError(f"the design rule of {name} needs {', '.join(missing)} of the drive.")
-    found = {k: number(getattr(have, k), k) for k in needed}
-    for key, value in found.items():
-        free = key == "Fv" or (key == "sigma1" and name not in DAMPED)
-        if value < 0.0 or (value == 0.0 and not free):
-            raise InputError(f"{key} = {value:g}: the design rule of {name} needs {key} > 0.")
-    return SimpleNamespace(**found)
 
 
 @dataclass(frozen=True, repr=False)
@@ -641,10 +630,8 @@ def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], flo
 def _scheduled(
     m: Drive, given: dict[str, float]
 ) -> tuple[ScheduledGain, float | ScheduledGain, Certificate]:
-    """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M.
-
-    V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2.
-    """
+    """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M:
+    V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
     C, M = given.get("C", 1.0), given.get("M")
     A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
     alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)

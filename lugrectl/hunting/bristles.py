@@ -9,6 +9,7 @@ a turn.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -72,9 +73,8 @@ class Bristles:
         crossed.terminal, crossed.direction = True, -side  # type: ignore[attr-defined]
         span = WAIT * self.loop.kp / self.loop.ki
         atol = 1e-9 * np.r_[self.loop.unit, self.scale]
-        done = solve_ivp(
-            self.rates, (0.0, span), state, "LSODA", events=crossed, rtol=RTOL, atol=atol
-        )
+        options: Any = {"events": crossed, "rtol": RTOL, "atol": atol}
+        done = solve_ivp(self.rates, (0.0, span), state, "LSODA", **options)
         if not len(done.t_events[0]):
             return None
         return done.y_events[0][0][1:], float(done.t_events[0][0]), float(np.abs(done.y[0]).max())
@@ -85,8 +85,9 @@ class Bristles:
         made = self.crossing(np.array([e, 0.0, self.loop.kp * e - self.loop.curve.Fs, *bent]))
         x = None if made is None else made[0]
         for _ in range(turns):
-            ahead = None if x is None else self.half(x[:, None])
-            x = None if ahead is None else ahead.x[:, 0]
+            if x is None or (ahead := self.half(x[:, None])) is None:
+                return None
+            x = ahead.x[:, 0]
         return x
 
     def half(self, states: np.ndarray) -> Half | None:
@@ -146,9 +147,8 @@ class Bristles:
 def bristle_cycles(
     model: Model, loop: Loop, rigid: Iterable[Cycle], waited: Iterable[Cycle]
 ) -> tuple[Cycle, ...]:
-    """Find the cycles that Newton reaches from those of the sliding curve, from breakaway there,
-    and from those that were found by waiting, after some half turns; else the latter as they are.
-    """
+    """Find the cycles that Newton reaches from those of the sliding curve, and from those found by
+    waiting after some half turns; else the latter as they are."""
     own, found = Bristles(model, loop), []
     for start, turns in [*((c, 0) for c in rigid), *((c, SETTLES) for c in waited)]:
         x = own.from_breakaway(start.amplitude, turns)

@@ -88,12 +88,9 @@ def curve_of(model: Model) -> Curve:
 
 @dataclass(frozen=True)
 class Lanes:
-    """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s.
-
-    A stick at an error of at most ``calm`` (units) is known to come to rest; a swing beyond
-    ``large`` grows without bound. ``drift`` is the speed of a reference (units) in the direction of
-    the slip.
-    """
+    """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s. A stick
+    at an error of at most ``calm`` (units) is known to come to rest; a swing beyond ``large`` grows
+    without bound. ``drift``: the speed of a reference (units) in the direction of the slip."""
 
     delta: np.ndarray
     rho: np.ndarray
@@ -165,20 +162,14 @@ class Loop:
         gains = [-self.kp / self.J, -self.kd / self.J, 1.0 / self.J]
         return np.array([[0.0, 1.0, 0.0], gains, [-self.ki, 0.0, 0.0]])
 
-    @property
-    def reach(self) -> float:
-        """The largest error that friction can keep up, in units; inf where fast motion grows."""
-        return self.largest[1]
-
     @cached_property
     def largest(self) -> tuple[float, float]:
-        """The largest speed, and error, that friction can keep up about a steady motion, in units.
-
-        |F - Fv w| is bounded: that bound times the L1 norm from torque to each of the linear loop,
-        a sum over steps that double as motion gets slower; inf where fast motion grows.
-        """
+        """The largest speed, and error, that friction can keep up about a steady motion, in units;
+        inf where fast motion grows."""
         if not self.is_stable():
             return np.inf, np.inf
+        # |F - Fv w| is bounded: that bound times the L1 norm from torque to each of the linear
+        # loop, a sum over steps that double as motion gets slower
         own = self.matrix.copy()
         own[1, 1] -= self.curve.viscous / self.J
         step = STEP / self.wn
@@ -213,14 +204,13 @@ Hunts = Callable[..., bool | None]
 def varied(*values: Any) -> Callable[..., dict[str, float]]:
     """Return kp, ki and kd of the PID by gains that are changed, from kp, ki, kd and kv."""
     own = {k: v for k, v in zip(ALL, values, strict=True) if v is not None}
-    return lambda **changed: pid_gains(**dict.fromkeys(ALL) | (own or PAPER) | changed)
+    return lambda **changed: pid_gains(**(own or PAPER) | changed)
 
 
-def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
-    """Return kp, ki and kd of the PID: the paper's if none is given, else 0 for those left out."""
-    given = {k: v for k, v in zip(GAINS, (kp, ki, kd), strict=True) if v is not None}
-    gains: dict[str, float] = {k: number(given.get(k, 0.0), k) for k in GAINS}
-    gains = gains if given or kv is not None else dict(PAPER)
+def pid_gains(kp: Any = None, ki: Any = None, kd: Any = None, kv: Any = None) -> dict[str, float]:
+    """Return kp, ki and kd of the PID, 0 for those left out."""
+    given = zip(GAINS, (kp, ki, kd), strict=True)
+    gains = {k: number(0.0 if v is None else v, k) for k, v in given}
     if kv is not None:
         if kd is not None:
             raise InputError("with kv the loop is a cascade, which has no kd: give one of them.")
@@ -233,11 +223,8 @@ def pid_gains(kp: Any, ki: Any, kd: Any, kv: Any) -> dict[str, float]:
 
 
 def cascade_as_pid(kv: Any, kp: Any, ki: Any, dt: float = 0.0) -> tuple[Any, Any, Any]:
-    """Return kp, ki and kd of the PID that u = -(kp + ki int)(kv e + w) is.
-
-    With a step ``dt``, where w is a difference and the integral that of trapezoids,
-    int w = e - w dt/2.
-    """
+    """Return kp, ki and kd of the PID that u = -(kp + ki int)(kv e + w) is."""
+    # with a step dt w is a difference and the integral that of trapezoids: int w = e - w dt/2
     return kp * kv + ki, ki * kv, kp - 0.5 * dt * ki
 
 

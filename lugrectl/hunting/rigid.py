@@ -43,39 +43,14 @@ class Fixed(NamedTuple):
     stops: int
 
 
-class Found(NamedTuple):
-    """Fixed points of T and of T(T), errors at which T jumps over the diagonal, and the curve D."""
-
-    fixed: list[Fixed]
-    double: list[Fixed]
-    jumps: list[float]
-    x: np.ndarray
-    D: np.ndarray
-
-
-def fixed_points(lanes: Lanes, high: float) -> Found:
-    """Find all sign changes of D up to ``high``; ``lanes`` has one lane of the loop."""
-    grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
-    D = excess_on(lanes.many(len(grid)), grid)[0]
-    rests = np.cumprod(D <= -NEVER).sum()  # sticks up to here come to rest at once
-    lanes = replace(lanes, calm=float(grid[rests - 1]) if rests else 0.0)
-    x, D = _with_extrema(lanes, grid, D)
-    roots, jumps = _roots(lanes, x, D, 1)
-    fixed = _described(lanes, roots, 1)
-    return Found(fixed, _double_points(lanes, x, D, fixed, jumps), list(jumps), x, D)
-
-
 def _double_points(
     lanes: Lanes, x: np.ndarray, D: np.ndarray, fixed: list[Fixed], jumps: np.ndarray
 ) -> list[Fixed]:
-    """Fixed points of T(T) that are none of T: two unequal half turns.
-
-    On the grid log(T(T(e))/e) = D(e) + D(T(e)) is interpolated; where a fixed point of T has a
-    multiplier below -1, one is on either side of it, maybe close.
-    """
-    inside = np.abs(D) < NEVER
+    """Fixed points of T(T) that are none of T: two unequal half turns."""
+    inside = np.abs(D) < NEVER  # there log(T(T(e))/e) = D(e) + D(T(e)) is interpolated
     ahead = np.interp(np.log(x) + np.where(inside, D, 0.0), np.log(x), D)
     twice = np.where(inside, D + ahead, D)
+    # on either side of a fixed point of T with a multiplier below -1, maybe close
     near = np.array([f.x * (1 + k) for f in fixed if f.multiplier < -1.0 for k in CLOSE])
     if len(near):
         x, twice = np.r_[x, near], np.r_[twice, excess(lanes.many(len(near)), near, 2)]
@@ -98,11 +73,7 @@ def _turned(D: np.ndarray) -> np.ndarray:
 
 
 def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The grid with the extrema between its points that come near zero: close pairs of roots.
-
-    A cut brings an extremum closer by less than the cut before; where that is not enough to reach
-    zero, it is left.
-    """
+    """The grid with the extrema between its points that come near zero: close pairs of roots."""
     inner, size = np.arange(1, len(x) - 1), np.abs(D)
     dips = (size[inner] < size[inner - 1]) & (size[inner] <= size[inner + 1]) & (size[inner] < DIP)
     at = inner[dips & (D[inner - 1] * D[inner] > 0) & (D[inner] * D[inner + 1] > 0)]
@@ -116,6 +87,7 @@ def _with_extrema(lanes: Lanes, x: np.ndarray, D: np.ndarray) -> tuple[np.ndarra
         now = values[row, best]
         x, D = np.r_[x, np.exp(cut[row, best])], np.r_[D, now]
         low, high = cut[row, np.maximum(best - 1, 0)], cut[row, np.minimum(best + 1, PARTS)]
+        # a cut brings an extremum closer by less than the cut before
         left = (sign * now > 0.0) & (np.abs(now) < np.abs(now - before))
         low, high, sign, now = low[left], high[left], sign[left], now[left]
     order_of = np.argsort(x, kind="stable")
@@ -181,11 +153,8 @@ def repeated(
     nudge: Callable[[np.ndarray], np.ndarray],
     scale: np.ndarray,
 ) -> tuple[float, float, np.ndarray] | None:
-    """Find the state near x (n,) that half a turn repeats, by Newton.
-
-    ``half`` of states (n, k) is None where one has none; slopes are measured over ``nudge(x)``.
-    Amplitude, period, and the multipliers of a turn, the largest first.
-    """
+    """Find the state near x (n,) that half a turn repeats, by Newton with slopes over ``nudge(x)``:
+    amplitude, period, and the multipliers of a turn, the largest first."""
     for _ in range(NEWTON):
         steps = nudge(x)
         made = half(np.column_stack([x, x[:, None] + np.diag(steps)]))
@@ -228,28 +197,32 @@ def proven(loop: Loop) -> str | None:
 
 
 def rigid_cycles(loop: Loop) -> LimitCycles:
-    """Find the cycles of the loop, or the proof that there is none: from a thousandth of the error
-    at which kp alone breaks away up to the largest that friction can keep up.
-    """
+    """Find the cycles of the loop, or the proof that there is none."""
     proof = proven(loop)
     if proof:
         return LimitCycles((), None, proof, False, {})
     diverges = not loop.is_stable()
-    high = HIGH if diverges else max(HIGH, loop.reach)
+    high = HIGH if diverges else max(HIGH, loop.largest[1])
     lanes = replace(loop.lanes(1), large=BEYOND * high)
-    one = fixed_points(lanes, high)
-    swings = _swinging(lanes, one.x[one.D >= NEVER], one.jumps)
+    grid = np.geomspace(LOW, high, round(POINTS * np.log(high / LOW) / np.log(HIGH / LOW)))
+    D = excess_on(lanes.many(len(grid)), grid)[0]
+    rests = np.cumprod(D <= -NEVER).sum()  # sticks up to here come to rest at once
+    calm = replace(lanes, calm=float(grid[rests - 1]) if rests else 0.0)
+    x, D = _with_extrema(calm, grid, D)
+    roots, jumps = _roots(calm, x, D, 1)
+    fixed = _described(calm, roots, 1)
+    double = _double_points(calm, x, D, fixed, jumps)
     cycles = [
         Cycle(f.amplitude * loop.unit, f.period / loop.wn, abs(f.turn[0]) < 1.0, f.turn, f.stops)
-        for f in [*one.fixed, *one.double, *swings]
+        for f in [*fixed, *double, *_swinging(lanes, x[D >= NEVER], jumps)]
     ]
-    if not any(c.stable for c in cycles) and np.any(one.D > 0.0) and not diverges:
-        cycles += _persisting(loop, lanes, one.x, one.D)
+    if not any(c.stable for c in cycles) and np.any(D > 0.0) and not diverges:
+        cycles += _persisting(loop, lanes, x, D)
     said = ("large motions grow without bound: kd kp > ki J does not hold",) * diverges
     hunts = diverges or any(c.stable for c in cycles)
-    basin = _border(one.x, one.D, [*(f.x for f in one.fixed), *one.jumps]) if hunts else None
+    basin = _border(x, D, [*(f.x for f in fixed), *jumps]) if hunts else None
     cycles = tuple(sorted(cycles, key=lambda c: c.amplitude))
-    curve = (one.x * loop.unit, one.D)
+    curve = (x * loop.unit, D)
     return LimitCycles(cycles, basin and basin * loop.unit, None, diverges, {}, said, curve=curve)
 
 
@@ -286,7 +259,7 @@ def _persisting(loop: Loop, lanes: Lanes, x: np.ndarray, D: np.ndarray) -> list[
     return [Cycle(size * loop.unit, float(2.0 * made.t.mean()) / loop.wn, True)]
 
 
-def _swinging(lanes: Lanes, never: np.ndarray, borders: list[float]) -> list[Fixed]:
+def _swinging(lanes: Lanes, never: np.ndarray, borders: np.ndarray) -> list[Fixed]:
     """The cycles that never stick, by errors from which no stick followed."""
     if not len(never):
         return []

@@ -61,12 +61,8 @@ Run = Callable[[float, int], Motion]  # from a start, for so many times its firs
 
 
 class Seen(NamedTuple):
-    """What became of a start: amplitude, its scatter, the period, and the amplitude by side.
-
-    ``sure``: it repeats, or has scattered for many turns.
-    ``size`` is the largest error in the last third of what was seen, ``ratio`` that to the third
-    before.
-    """
+    """What became of a start; ``size`` is the largest error in the last third of what was seen,
+    ``ratio`` that to the third before; ``sure``: it repeats, or has scattered for many turns."""
 
     fate: str
     amplitude: float = 0.0
@@ -147,11 +143,7 @@ class Budget:
 
 
 class Search:
-    """Runs from several starts, each as long as it needs within a budget of simulated time.
-
-    A motion that swings as large as one that is known to go on, or that such a one has passed, goes
-    on like it; that a motion rests is seen of each by itself.
-    """
+    """Runs from several starts, each as long as it needs within a budget of simulated time."""
 
     def __init__(self, run: Run, starts: Iterable[float], budget: Budget) -> None:
         self.run, self.starts, self.budget = run, sorted(map(float, starts)), budget
@@ -184,7 +176,7 @@ class Search:
                 one = judged(self.run(start, length), self.small, self.large)
             except Diverged:
                 one = Seen(GROWS)
-            # changes, so that it is near no cycle of its own, where another goes on
+            # where another goes on so does this one, if it changes: it is near no cycle of its own
             near = any(a <= one.size <= b for a, b in self.passed)
             if one.fate == OPEN and near and abs(one.ratio - 1.0) > STEADY:
                 one = one._replace(fate=JOINS)
@@ -231,8 +223,9 @@ LOAD = "theta_load"
 
 def errors(loop: Loop) -> np.ndarray:
     """Return errors at breakaway, rad, up to the largest that friction can keep up."""
-    reach = loop.reach if np.isfinite(loop.reach) else 0.0
-    return loop.unit * np.geomspace(SMALLEST, max(LARGEST, reach), COUNT)
+    reach = loop.largest[1]
+    largest = max(LARGEST, reach) if np.isfinite(reach) else LARGEST
+    return loop.unit * np.geomspace(SMALLEST, largest, COUNT)
 
 
 def sampled_starts(loop: Loop, sensing: Sensing, cycles: list[float]) -> np.ndarray:
@@ -244,12 +237,7 @@ def sampled_starts(loop: Loop, sensing: Sensing, cycles: list[float]) -> np.ndar
 
 
 def sampled_run(model: Model, loop: Loop, sensing: Sensing, limit: float | None) -> Run:
-    """Return a run of a sampled PID: from breakaway at an error, for so many times its samples.
-
-    Exact from sample to sample: the encoder's counts, the difference that is its speed, the
-    torque that is held, and its dead time. Counts are shaken by a hundredth: a swing that locks to
-    a place within a count and ends when it is shaken is no hunting.
-    """
+    """Return a run of a sampled PID: from breakaway at an error, for so many times its samples."""
     body = plant(model, inputs=["u_late", "d"])
     pid, *limited = _controller(loop, limit, "w_m")
     drive = [
@@ -265,6 +253,7 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing, limit: float | None)
         seen = float(rounded(e, sensing.resolution))
         own = {"last": seen, "q": _integral(loop, seen), "last_e": seen}
         start = [next((v for k, v in own.items() if n.endswith(k)), 0.0) for n in names]
+        # a swing that locks to a place within a count and ends when it is shaken is no hunting
         shaken = np.random.default_rng(0).uniform(-SHAKEN, SHAKEN, length) * sensing.resolution
         t, inputs = sensing.dt * np.arange(length), {"r": 0.0, "n_theta": shaken}
         x = _at_breakaway(loop, body, e)
@@ -287,7 +276,7 @@ def _controller(loop: Loop, limit: float | None, speed: str) -> list[ct.Nonlinea
 
 
 def _integral(loop: Loop, e: float) -> float:
-    """The integrator's state at which the torque reaches breakaway; none without integral gain."""
+    """The integrator's state at which the torque reaches breakaway."""
     return (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
 
 

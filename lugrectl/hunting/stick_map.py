@@ -109,11 +109,8 @@ def _stepped(
 
 
 def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Whether the torque follows friction that grows with the speed: x decays, without a stop.
-
-    Then y and a hardly change, a = rho x, and the same holds at all lower speeds.
-    """
-    x, a, _ = state
+    """Whether the torque follows friction that grows with the speed: x decays, without a stop."""
+    x, a, _ = state  # then y and a hardly change, a = rho x, and the same holds at lower speeds
     follows = (x > 0.0) & (np.abs(slope[2]) < NEARLY * lanes.rho * np.abs(x))
     follows &= np.abs(slope[1] + lanes.rho * a) < NEARLY * lanes.rho * a
     if not follows.any():
@@ -123,13 +120,10 @@ def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
 
 
 def _follows(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Whether a slip stays about steady sliding, without a stop.
-
-    (a - v)^2 + (y - y0)^2 falls while the slope of the friction and delta together damp, by more
-    than the integral drives; its root, with the part of x, is what a may still differ from v by.
-    """
-    v = np.asarray(lanes.drift)
-    x, a, y = state
+    """Whether a slip stays about steady sliding, without a stop."""
+    v, (x, a, y) = np.asarray(lanes.drift), state
+    # (a - v)^2 + (y - y0)^2 falls while the slope of the friction and delta together damp, by more
+    # than the integral drives; its root, with the part of x, is what a may still differ from v by
     far = np.hypot(a - v, y - lanes.delta * v + lanes.drop(v)) + 2.0 * lanes.rho * np.abs(x)
     damped = [
         lanes.delta + lanes.steepness(np.maximum(v + far * s, FLOOR * np.abs(v))) for s in ASIDE
@@ -166,12 +160,9 @@ NEVER = 50.0  # the excess of what rests (negative) or never sticks
 
 @dataclass
 class Turn:
-    """What happened up to the next stick of each lane.
-
-    ``x`` its error (units), signed for a stop and positive for a half turn, and ``y`` its excess;
-    ``t`` the time with the wait for breakaway, ``high`` and ``low`` the largest errors on the side
-    of the start and on the other, ``stops``.
-    """
+    """What happened up to the next stick of each lane: its error ``x`` (units), signed for a stop
+    and positive for a half turn, and excess ``y``; ``t`` with the wait for breakaway; ``high`` and
+    ``low``, the largest errors on the side of the start and on the other."""
 
     x: np.ndarray
     y: np.ndarray
@@ -193,10 +184,8 @@ class Turn:
 
 
 def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
-    """Follow each lane from breakaway at x to the next stick, through reversals without one.
-
-    At rest x > 0; under a reference x = -e, and breakaway is forward or backward.
-    """
+    """Follow each lane from breakaway at x to the next stick, through reversals without one; under
+    a reference x = -e, and breakaway is forward or backward."""
     made, active, v, at = Turn.begun(x), np.arange(len(x)), lanes.drift, x.copy()
     excess, side, rises = np.zeros(len(x)), np.ones(len(x)), np.zeros(len(x), int)
     if v is not None:
@@ -271,11 +260,8 @@ def _bounded(D: np.ndarray, fate: np.ndarray) -> np.ndarray:
 
 
 def excess_on(lanes: Lanes, x: np.ndarray, loops: int = 1) -> np.ndarray:
-    """:func:`excess` of so many loops on an increasing grid, with one slip from each error.
-
-    A stop on the same side, at S(x) < x, goes on as from there: T(x) = T(S(x)), interpolated.
-    A row for each loop.
-    """
+    """:func:`excess` of so many loops, in rows, on an increasing grid, with one slip from each: a
+    stop on the same side, at S(x) < x, goes on as from there, T(x) = T(S(x)), interpolated."""
     made = next_stick(lanes, np.tile(x, loops))
     rows = zip(made.x.reshape(loops, -1), made.fate.reshape(loops, -1), strict=True)
     return np.array([_followed(np.log(x), stop, fate) for stop, fate in rows])
@@ -286,10 +272,8 @@ def _followed(place: np.ndarray, stop: np.ndarray, fate: np.ndarray) -> np.ndarr
     stays = (fate == STICKS) & (stop > 0.0)
     with np.errstate(divide="ignore"):
         logT = np.log(np.abs(stop))
-    for i in np.flatnonzero(stays):
-        if i == 0:
-            fate[0] = RESTS
-            continue
+    fate[0] = RESTS if stays[0] else fate[0]
+    for i in 1 + np.flatnonzero(stays[1:]):
         at = np.interp(logT[i], place[:i], np.arange(i))
         low, part = int(at), at % 1.0
         high = min(low + 1, i - 1)

@@ -44,11 +44,11 @@ def _errors(loop: Loop, error: float, count: int) -> np.ndarray:
     return np.r_[-x, x] if loop.ki else np.ones(1)
 
 
+@dataclass(frozen=True)
 class RampMap:
     """Stick-slip of a rigid drive; its state is the error at breakaway, units."""
 
-    def __init__(self, loop: Loop) -> None:
-        self.loop = loop
+    loop: Loop
 
     def candidates(self, v: np.ndarray, error: float) -> Iterator[tuple[float, float]]:
         """Speeds at which stick-slip goes on for a while, and its state; highest first."""
@@ -64,10 +64,8 @@ class RampMap:
 
 
 class RampRuns:
-    """Stick-slip of a drive whose friction has states; its state is that of the loop.
-
-    The loop is that of e = theta - v t, so that nothing in it grows but theta.
-    """
+    """Stick-slip of a drive whose friction has states; its state is that of the loop of
+    e = theta - v t, in which nothing grows but theta."""
 
     def __init__(self, model: Model, loop: Loop) -> None:
         frame = ct.nlsys(
@@ -110,9 +108,8 @@ class RampRuns:
     def followed(self, v: np.ndarray, state: Any) -> list[Any]:
         """Where stick-slip from a state persists, from speed to speed: the state then."""
         made = []
-        for speed in v:
-            state = self.run(float(speed), state)
-            made.append(state)
+        for speed in map(float, v):
+            made.append(state := self.run(speed, state))
             if state is None:
                 break
         return made
@@ -128,10 +125,8 @@ class RampRuns:
 
 
 def next_breakaway(lanes: Lanes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the error x of the next breakaway under a reference, and whether there is one.
-
-    A stick begins at an excess -2 <= y <= 0 and ends at 0, or backward at -2.
-    """
+    """Return the error x of the next breakaway under a reference, and whether there is one."""
+    # a stick begins at an excess -2 <= y <= 0 and ends at 0, or backward at -2
     stop, v = next_stick(lanes, x), np.asarray(lanes.drift)
     rate, bend = v + lanes.rho * stop.x, lanes.rho * v
     with np.errstate(all="ignore"):
@@ -143,11 +138,10 @@ def next_breakaway(lanes: Lanes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndarray:
-    """Return an error at breakaway that follows so many others, units, at each speed; nan: none.
-
-    ``x`` (n, count) are the first errors of each speed v in rad/s. Where a slow integral lets the
-    error change alike from breakaway to breakaway, many of them are taken in one stride.
-    """
+    """Return an error at breakaway that follows so many others, units, at each speed v in rad/s,
+    from the first ones x (n, count); nan: none."""
+    # where a slow integral lets the error change alike from breakaway to breakaway, many of them
+    # are taken in one stride
     place, made = np.repeat(np.arange(len(v)), x.shape[1]), np.full(len(v), np.nan)
     lanes, x = loop.lanes(len(place), v[place]), x.ravel()
     was, stride = np.full(len(x), np.nan), np.ones(len(x))

@@ -37,7 +37,7 @@ from .exact import (
     scale,
     squarefree,
 )
-from .transfer import TINY, to_float
+from .transfer import TINY, roots, to_float
 
 ROUNDING = 1e-14  # of the sum of its terms: what floating point does not resolve of a value
 PER_OCTAVE = 4
@@ -47,10 +47,8 @@ WINDOWS = 16  # octaves that are searched for the first changes of a sign that n
 
 
 class Signs(NamedTuple):
-    """The sign just above w = 0, where it changes (rad/s), and where q touches 0.
-
-    ``complete``: whether there are no more changes at higher frequencies.
-    """
+    """The sign just above w = 0, where it changes (rad/s), and where q touches 0; ``complete``:
+    there are no more changes at higher frequencies."""
 
     first: int
     changes: tuple[float, ...]
@@ -60,14 +58,15 @@ class Signs(NamedTuple):
 
 def signs(F: Quasi, end: float | None = None) -> Signs:
     """The signs of F(jw), w > 0, of an even F, which is real there; up to ``end``, where given.
-
-    Where the sign never settles as w grows, the changes of the first octaves that have any.
-    Raises InputError where neither can be decided.
-    """
+    Where the sign never settles as w grows, the changes of the first octaves that have any."""
     if not F:
         return Signs(0, ())
     if F.rational:
-        return _exact_signs(F)
+        x = even_odd(F.polynomial)[0]
+        factors = squarefree(x)
+        odd, even = (positive_roots(reduce(mul, factors[k::2], (1,))) for k in (0, 1))
+        first = 1 if next(c for c in x if c) > 0 else -1
+        return Signs(first, tuple(map(math.sqrt, odd)), tuple(map(math.sqrt, even)))
     end = settled(F) if end is None else end
     if end is not None:
         return _signs(F, end)
@@ -114,16 +113,14 @@ def reach(q: Quasi) -> float | None:
 def _outermost(sizes: list[Fraction]) -> float:
     """Fujiwara's bound on the roots of a polynomial with coefficients of these sizes."""
     most = len(sizes) - 1
-    logs = [(_log(c) - _log(sizes[-1])) / (most - i) for i, c in enumerate(sizes[:-1]) if c]
+    ratios = [(c / sizes[-1], most - i) for i, c in enumerate(sizes[:-1]) if c]
+    logs = [(math.log(c.numerator) - math.log(c.denominator)) / k for c, k in ratios]
     return 2.0 * math.exp(max(logs)) if logs else 0.0
 
 
 class Zeros(NamedTuple):
-    """Zeros right of the imaginary axis, at s = 0, and the frequency of one elsewhere on the axis.
-
-    ``right`` is inf where dead times act on the highest power of s too strongly, and a lower bound
-    where a zero lies elsewhere on the axis.
-    """
+    """Zeros right of the imaginary axis, at s = 0, and the frequency of one elsewhere on the axis;
+    with one ``right`` is a lower bound, inf: dead times act on the highest power of s too much."""
 
     right: float
     origin: int = 0
@@ -131,12 +128,14 @@ class Zeros(NamedTuple):
 
 
 def zeros(q: Quasi) -> Zeros:
-    """How many zeros are not left of the imaginary axis.
-
-    The argument of q(jw) is followed to ``reach``, beyond which it is that of the leading terms.
-    """
+    """How many zeros are not left of the imaginary axis: the argument of q(jw) is followed to
+    ``reach``, beyond which it is that of the leading terms."""
     if q.rational:
-        return _exact_zeros(q)
+        p = q.polynomial
+        if hurwitz(p):
+            return Zeros(0)
+        right = sum(s.real > TINY * abs(s) for s in roots(p))
+        return Zeros(right, q.order(), next(filter(None, axis_roots(p)[0]), None))
     end = reach(q)
     if end is None:
         last = q.leading
@@ -148,45 +147,22 @@ def zeros(q: Quasi) -> Zeros:
                 "the lag that the drive has."
             )
         return Zeros(math.inf, q.order())
-    unit = _power_of_2(end)
-    p = _sized(q.stretched(unit))
+    p, unit = _sized(q, end)
     low, m = _start(p)
     lowest = float(p.taylor(m)) * (1j * low) ** m
     turned = float(np.angle(p.at(np.array([1j * low])) / lowest)[0])
     if low < 1.0:
         a, b, undecided = _cells(p, *_octaves(low, 1.0), monotone=False)
         if undecided.any():
-            return Zeros(0, m, 0.5 * float((a + b)[undecided][0]) * float(unit))
+            return Zeros(0, m, 0.5 * float((a + b)[undecided][0]) * unit)
         turned += float(np.angle(p.at(1j * b) / p.at(1j * a)).sum())
     at_end = p.at(np.array([1j * max(low, 1.0)]))[0]
     top = float(np.angle(at_end / (float(p.leading[0]) * 1j**p.degree)))
     return Zeros(round((p.degree - m) / 2 + (top - turned) / math.pi), m)
 
 
-def _exact_signs(F: Quasi) -> Signs:
-    x = even_odd(F.polynomial)[0]
-    lowest = next(c for c in x if c)
-    factors = squarefree(x)
-    changes, touches = (
-        tuple(math.sqrt(root) for root in positive_roots(reduce(mul, factors[k::2], (1,))))
-        for k in (0, 1)
-    )
-    return Signs(1 if lowest > 0 else -1, changes, touches)
-
-
-def _exact_zeros(q: Quasi) -> Zeros:
-    p = q.polynomial
-    if hurwitz(p):
-        return Zeros(0)
-    on_axis = [w for w in axis_roots(p)[0] if w]
-    roots = np.roots([float(Fraction(c) / p[-1]) for c in reversed(p)])
-    right = int(np.count_nonzero(roots.real > TINY * np.abs(roots)))
-    return Zeros(right, q.order(), on_axis[0] if on_axis else None)
-
-
 def _signs(F: Quasi, end: float) -> Signs:
-    unit = _power_of_2(end)
-    f = _sized(F.stretched(unit))
+    f, unit = _sized(F, end)
     low, m = _start(f)
     first = 1 if f.taylor(m) * (-1) ** (m // 2) > 0 else -1
     if low >= 1.0:
@@ -196,9 +172,9 @@ def _signs(F: Quasi, end: float) -> Signs:
     ends[0] = first
     changed = (ends[1:] < 0) != (ends[:-1] < 0)
     changes = [
-        _between(f, a[k], b[k], ends[k], ends[k + 1]) * float(unit) for k in np.flatnonzero(changed)
+        _between(f, a[k], b[k], ends[k], ends[k + 1]) * unit for k in np.flatnonzero(changed)
     ]
-    touches = (0.5 * (a + b)[undecided & ~changed] * float(unit)).tolist()
+    touches = (0.5 * (a + b)[undecided & ~changed] * unit).tolist()
     apart = [w for k, w in enumerate(touches) if not k or w > touches[k - 1] * (1 + 1e-5)]
     return Signs(first, tuple(changes), tuple(apart))
 
@@ -265,19 +241,13 @@ def _octaves(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     return ends[:-1], ends[1:]
 
 
-def _sized(q: Quasi) -> Quasi:
-    """q over a power of 2, so that its largest coefficient is near 1."""
+def _sized(q: Quasi, end: float) -> tuple[Quasi, float]:
+    """q, its largest coefficient near 1, of frequencies in a unit from ``end`` on; and the unit."""
+    unit = Fraction(2) ** math.ceil(math.log2(end))
+    q = q.stretched(unit)
     largest = max(abs(Fraction(c)) for _, p in q.terms for c in p)
     exponent = largest.numerator.bit_length() - largest.denominator.bit_length()
-    return q.scaled(1 / Fraction(2) ** exponent)
-
-
-def _power_of_2(w: float) -> Fraction:
-    return Fraction(2) ** math.ceil(math.log2(w))
-
-
-def _log(c: Fraction) -> float:
-    return math.log(c.numerator) - math.log(c.denominator)
+    return q.scaled(1 / Fraction(2) ** exponent), float(unit)
 
 
 RISE = 1e-7  # of the gain: nothing is above it by more
@@ -286,24 +256,16 @@ LEVELS = 60
 START = 400  # frequencies at which the search for the largest value begins
 
 
-def least(num: Poly, den: Poly) -> tuple[float, float]:
-    """inf Re T(jw) of a stable, proper num/den, and the w at which it is; inf: as w grows."""
-    value, w = _extreme(real_product(num, den), real_product(den, den), -1)
-    return to_float(value), w
-
-
-def _extreme(N: Poly, D: Poly, sign: int) -> tuple[Fraction, float]:
-    """The largest (sign 1) or least (-1) N(x)/D(x) on x = w^2 >= 0, and w.
-
-    N/D has it at x = 0, as x grows, or where N'D - N D' changes its sign.
-    """
+def extreme(N: Poly, D: Poly, sign: int) -> tuple[float, float]:
+    """The largest (sign 1) or least (-1) N(x)/D(x) on x = w^2 >= 0, and w; inf: as w grows."""
+    # N/D has it at x = 0, as x grows, or where N'D - N D' changes its sign
     slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
     places = [Fraction(0), *map(Fraction, positive_roots(odd_roots(slope)))] if slope else [0]
     size = {math.sqrt(to_float(Fraction(x))): Fraction(at(N, x)) / at(D, x) for x in places}
     end = Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0)
     size.setdefault(math.inf, end)
     w = max(size, key=lambda place: sign * size[place])
-    return size[w], w
+    return to_float(size[w]), w
 
 
 def level_signs(T: DelayedTransfer, square: Fraction) -> Signs:
@@ -312,15 +274,15 @@ def level_signs(T: DelayedTransfer, square: Fraction) -> Signs:
 
 
 def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
-    """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows.
-
-    ``near``: frequencies at which |T| is known to be large, which shorten the search.
-    """
+    """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows. Frequencies
+    ``near``, at which |T| is known to be large, shorten the search."""
     if T.num.rational and T.den.rational:
         num, den = T.num.polynomial, T.den.polynomial
-        square, w = _extreme(real_product(num, num), real_product(den, den), 1)
-        return math.sqrt(to_float(square)), w
-    best, at = _higher((abs(T(0j)), 0.0), (_limit(T), math.inf))
+        square, w = extreme(real_product(num, num), real_product(den, den), 1)
+        return math.sqrt(square), w
+    proper = T.num.degree <= T.den.degree
+    limit = max(map(abs, limits(T)), default=0.0) if proper else math.inf
+    best, at = _higher((abs(T(0j)), 0.0), (limit, math.inf))
     if math.isinf(best):
         return best, at
     w = np.append(near, np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0))
@@ -347,8 +309,7 @@ def _top(T: DelayedTransfer, w: np.ndarray) -> tuple[float, float]:
     """The largest |T| among frequencies, climbed to its top."""
     sizes = np.abs(T(1j * w))
     k = int(np.argmax(np.where(np.isfinite(sizes), sizes, 0.0)))
-    late = max(T.dead_times, default=0.0)
-    width = min(0.05 * w[k], 0.5 / late) if late else 0.05 * w[k]
+    width = min(0.05 * w[k], 0.5 / max(T.dead_times))
     found: Any = minimize_scalar(
         lambda x: -abs(T(1j * x)),
         bounds=(w[k] - width, w[k] + width),
@@ -358,16 +319,8 @@ def _top(T: DelayedTransfer, w: np.ndarray) -> tuple[float, float]:
     return max((float(sizes[k]), float(w[k])), (abs(T(1j * found.x)), float(found.x)))
 
 
-def _limit(T: DelayedTransfer) -> float:
-    """The largest |T(jw)| as w grows without end, of a stable T."""
-    if T.num.degree > T.den.degree:
-        return math.inf
-    return max(map(abs, limits(T)), default=0.0)
-
-
 def limits(T: DelayedTransfer) -> tuple[float, ...]:
-    """The real values that T(jw) takes again and again, or tends to, as w grows; none for 0 and
-    infinity."""
+    """The real values that T(jw) takes again and again, or tends to, as w grows; not 0 or inf."""
     if T.num.degree != T.den.degree:
         return ()
     top, bottom = T.num.leading, T.den.leading

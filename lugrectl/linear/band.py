@@ -11,7 +11,7 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .state_system import UNDECIDED, StateSystem
+from .state_system import UNDECIDED
 from .systems import System, system_of
 from .transfer import number
 from .verdict import Verdict
@@ -120,11 +120,6 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     return _verdict(system_of(T), level_power(level), level).of(T)
 
 
-def _floating(T: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
-    """Return the verdict of floating point, whatever the number of states: to time it alone."""
-    return _verdict(StateSystem.single(T), power, level)
-
-
 def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVerdict:
     name = level if isinstance(level, str) else f"{level:g} dB"
     falls = system.falls(power)
@@ -133,9 +128,8 @@ def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVe
     start = f"{name} of |{falls.base}| = {falls.dc:.6g}" if falls.base else name
     size = f"|T({system.border.argument})|"
     if math.isnan(width):
-        value, more = (
-            ("infinite", "; of an open loop check T/(1 + T)") if falls.dc else ("zero", "")
-        )
+        value = "infinite" if falls.dc else "zero"
+        more = "; of an open loop check T/(1 + T)" if falls.dc else ""
         reason = f"{falls.base} is {value}{falls.said}, so there is no DC gain to measure a "
         reason += f"bandwidth from{more}"
     elif math.isinf(width):

@@ -11,18 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import control as ct
 import numpy as np
 
 from ..core.display import show_poles
-from .exact import Poly, axis_roots, hurwitz, mul, poly
+from .exact import Poly, add, axis_roots, hurwitz, mul, scale
 from .transfer import TINY, roots
-
-AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
-Matrices = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -30,9 +26,9 @@ class Axis:
     """The imaginary axis of s; frequencies on it are in rad/s."""
 
     dt: float | None = None
-    variable, argument = "s", "jw"
+    variable, argument, real = "s", "jw", "Re T(jw)"
     outside, on = "right of the imaginary axis", "on the imaginary axis"
-    least = "rightmost"
+    least, poles, unit = "rightmost", "poles", " 1/s"
 
     def frequency(self, v: float) -> float:
         """Return w in rad/s at the place jv."""
@@ -56,31 +52,22 @@ class Axis:
         """Return poles in the variable whose imaginary axis the frequencies lie on."""
         return poles
 
-    def place(self, w: np.ndarray) -> np.ndarray:
+    def place(self, w: Any) -> Any:
         """Return the v of frequencies in rad/s."""
         return w
 
     def show(self, poles: Iterable[complex]) -> str:
-        return f"poles {show_poles([*map(complex, poles)])} 1/s"
+        return f"{self.poles} {show_poles([*map(complex, poles)])}{self.unit}"
 
     def modes(self, poles: Iterable[complex]) -> str:
-        return f"s = {show_poles([*map(complex, poles)])} 1/s"
+        return f"{self.variable} = {show_poles([*map(complex, poles)])}{self.unit}"
 
     def least_stable(self, pole: complex) -> str:
         return f"poles left of the axis (the rightmost at Re s = {pole.real:.6g} 1/s)"
 
-    def worst(self, pole: complex) -> str:
-        """Return the least stable pole of a system that is not stable, in words."""
-        upper = complex(pole.real, abs(pole.imag))
-        return f"its {self.least} pole is {self.show([upper]).removeprefix('poles ')}"
-
     def mapped(self, a: Poly, degree: int) -> Poly:
         """Return a of s or z as a polynomial in s or, times (1 - v)^degree, in v."""
         return a
-
-    def mapped_states(self, A: Any, B: Any, C: Any, D: Any) -> Matrices:
-        """Return the continuous model with the same values on the border."""
-        return A, B, C, D
 
     def stable(self, a: Poly) -> bool:
         return hurwitz(a)
@@ -98,9 +85,9 @@ class Circle(Axis):
     """The unit circle of z; ``dt`` in s, 1 where it is not stated."""
 
     dt: float = 1.0
-    variable, argument = "z", "exp(jw dt)"
+    variable, argument, real = "z", "exp(jw dt)", "Re T(exp(jw dt))"
     outside, on = "outside the unit circle", "on the unit circle"
-    least = "largest"
+    least, poles, unit = "largest", "z =", ""
 
     def frequency(self, v: float) -> float:
         return 2.0 * math.atan(v) / self.dt
@@ -120,40 +107,19 @@ class Circle(Axis):
         with np.errstate(all="ignore"):
             return (poles - 1) / (poles + 1)
 
-    def place(self, w: np.ndarray) -> np.ndarray:
+    def place(self, w: Any) -> Any:
         return np.tan(0.5 * self.dt * w)
-
-    def show(self, poles: Iterable[complex]) -> str:
-        return f"z = {show_poles([*map(complex, poles)])}"
-
-    modes = show
 
     def least_stable(self, pole: complex) -> str:
         return f"poles inside the unit circle (the largest |z| = {abs(pole):.6g})"
 
     def mapped(self, a: Poly, degree: int) -> Poly:
-        up: list[Poly] = [(1,)]
-        down: list[Poly] = [(1,)]
-        for _ in range(degree):
-            up.append(mul(up[-1], (1, 1)))
-            down.append(mul(down[-1], (1, -1)))
-        out: list[Fraction | int] = [0] * (degree + 1)
-        for k, c in enumerate(a):
-            for i, term in enumerate(mul(up[k], down[degree - k])):
-                out[i] += c * term
-        return poly(out)
-
-    def mapped_states(self, A: Any, B: Any, C: Any, D: Any) -> Matrices:
-        eye = np.eye(len(A))
-        if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
-            A = A * (1 - AT_HALF)
-        inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
-        return (
-            inverse @ (A - eye),
-            root * inverse @ B,
-            root * C @ inverse,
-            D - C @ inverse @ B,
-        )
+        total: Poly = ()
+        down: Poly = (1,)  # powers of 1 - v, beside Horner's scheme
+        for c in reversed((*a, *[0] * (degree + 1 - len(a)))):
+            total = add(mul(total, (1, 1)), scale(down, c))
+            down = mul(down, (1, -1))
+        return total
 
     def stable(self, a: Poly) -> bool:
         m = self.mapped(a, len(a) - 1)

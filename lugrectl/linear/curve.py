@@ -21,31 +21,26 @@ NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phas
 
 
 def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies in rad/s and T(jw), or T(exp(jw dt)) up to half the sampling rate, of anything
-    that the checks take.
-
-    ``marks`` are frequencies that the grid must include.
-    """
+    """Frequencies in rad/s, ``marks`` among them, and T(jw), or T(exp(jw dt)) up to half the
+    sampling rate, of anything that the checks take."""
     if source is None:
         raise InputError("this verdict was not made by a check, so there is nothing to draw.")
     if is_measured(source):
         return response(source)
     T: Any = source
-    dt, late, poles = None, 0.0, np.zeros(0, complex)
+    if not isinstance(T, DelayedTransfer | ct.TransferFunction | ct.StateSpace):
+        T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
+    border, late, poles = border_of(T), 0.0, np.zeros(0, complex)
     if isinstance(T, DelayedTransfer):
         late = max(T.dead_times, default=0.0)
         both = [p for q in (T.num, T.den) for _, p in q.terms]
         around = [1.0 / late] if late else []
         places = np.abs([*(root for p in both for root in roots(p)), *around])
     else:
-        if not isinstance(T, ct.TransferFunction | ct.StateSpace):
-            T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
-        dt = border_of(T).dt
         with np.errstate(all="ignore"):
-            poles, zeros = (np.asarray(x, dtype=complex) for x in (T.poles(), T.zeros()))
-            poles, zeros = (x if dt is None else np.log(x) / dt for x in (poles, zeros))
+            poles, zeros = (border.rates(np.asarray(x, complex)) for x in (T.poles(), T.zeros()))
         places = np.abs(np.concatenate([poles, zeros]))
-    end = math.inf if dt is None else math.pi / dt
+    dt, end = border.dt, border.frequency(math.inf)
     places = np.append(places[places <= NEAR * end], marks)
     places = places[np.isfinite(places) & (places > 0)]
     if not len(places):

@@ -15,6 +15,7 @@ from .exact import Poly, Quasi, gcd, mul
 from .transfer import (
     coefficients,
     is_measured,
+    not_negative,
     number,
     require_continuous_siso,
     response,
@@ -184,7 +185,7 @@ def delayed(G: Any, dead_time: float) -> Any:
     >>> [bool(lg.stability_check(lg.delayed(G, T))) for T in (0.0157, 0.0158)]
     [True, False]
     """
-    late = dead_time_of(dead_time)
+    late = not_negative(dead_time, "dead_time")
     if is_measured(G):
         w, values = response(G, "G")
         return ct.frd(values * np.exp(-1j * w * float(late)), w)
@@ -195,14 +196,6 @@ def delayed(G: Any, dead_time: float) -> Any:
         )
     made = DelayedTransfer.of(G, "G")
     return DelayedTransfer(made.num.later(late), made.den, made.cancelled)
-
-
-def dead_time_of(value: Any) -> Fraction:
-    """A dead time in s, exactly; InputError for a negative one."""
-    late = number(0 if value is None else value, "dead_time")
-    if late < 0:
-        raise InputError(f"dead_time is {float(late):g} s, but a dead time cannot be negative.")
-    return late
 
 
 def reduced(num: Quasi, den: Quasi, cancelled: Poly = (1,)) -> DelayedTransfer:

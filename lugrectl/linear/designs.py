@@ -122,7 +122,10 @@ def check_designs(
         raise InputError(f"loop must be 'velocity' or 'position', not {shown(loop)}.")
     p = values_of(p)
     given = [getattr(p, name, None) for name in NAMES[:3]] + [kp, ki, kd, K2]
-    parts = [_array(value, name) for value, name in zip(given, NAMES, strict=True)]
+    parts = [numbers(value, name) for value, name in zip(given, NAMES, strict=True)]
+    for name, part in zip(NAMES, parts, strict=True):
+        if not np.isfinite(part).all():
+            raise InputError(f"{name} holds a value that is not a finite number.")
     try:
         shape = np.broadcast_shapes(*(part.shape for part in parts))
     except ValueError:
@@ -144,13 +147,6 @@ def check_designs(
         here = slice(start, min(start + CHUNK, size))
         _chunk([a.reshape(1) if a.size == 1 else a[here] for a in flat], here, loop, level, out)
     return DesignChecks(*(getattr(out, f).reshape(shape) for f in out.__dataclass_fields__))
-
-
-def _array(value: Any, name: str) -> NDArray[np.float64]:
-    array = numbers(value, name)
-    if not np.all(np.isfinite(array)):
-        raise InputError(f"{name} holds a value that is not a finite number.")
-    return array
 
 
 def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: DesignChecks) -> None:

@@ -130,10 +130,7 @@ def distinct_roots(a: Poly) -> Poly:
 
 def odd_roots(a: Poly) -> Poly:
     """A polynomial with the roots of odd multiplicity of a, once each: a changes sign there."""
-    out: Poly = (1,)
-    for factor in squarefree(a)[0::2]:
-        out = mul(out, factor)
-    return out
+    return reduce(mul, squarefree(a)[0::2], (1,))
 
 
 def sturm(a: Poly) -> list[tuple[int, ...]]:
@@ -145,8 +142,8 @@ def sturm(a: Poly) -> list[tuple[int, ...]]:
 
 def sign_at(a: tuple[int, ...], x: Fraction | None) -> int:
     """Sign of a(x), of a at +infinity when x is None; integer arithmetic only."""
-    if x is None or not a:
-        value = a[-1] if a else 0
+    if x is None:
+        value = a[-1]
     else:
         value, power = 0, 1
         for c in reversed(a):

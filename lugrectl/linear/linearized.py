@@ -112,11 +112,8 @@ def linearize(
 
 
 def _read(A: np.ndarray, C: np.ndarray) -> list[int]:
-    """The states without integrators that nothing reads, no other state and no row of C.
-
-    The position of a drive is one in a loop that is closed over its speed only: it adds a pole at
-    s = 0 that is no part of the loop.
-    """
+    """The states without integrators that nothing reads, no other state and no row of C: the
+    position of a drive in a loop over its speed adds a pole at s = 0 that is no part of it."""
     keep = [*range(len(A))]
     while True:
         free = [k for k in keep if not A[keep, k].any() and not C[:, k].any()]
@@ -127,12 +124,10 @@ def _read(A: np.ndarray, C: np.ndarray) -> list[int]:
 
 def closed_over(model: Any, late: Sequence[Fraction]) -> DelayedTransfer:
     """T(s) from the first input to the first output, where each further output, delayed, is the
-    further input.
-
-    With H the response of ``model``, z the diagonal of exp(-s h) and H22 its part of the further
-    channels, T = det(I - H z, of all channels but the first input's)/det(I - H22 z); both are sums
-    of principal minors of H.
-    """
+    further input."""
+    # With H the response of the model, z the diagonal of exp(-s h) and H22 its part of the further
+    # channels, T = det(I - H z, of all channels but the first input's)/det(I - H22 z); both are
+    # sums of principal minors of H.
     tops, den = state_space_polynomials(model)
     sets = [S for k in range(len(late) + 1) for S in combinations(range(1, len(late) + 1), k)]
     num_terms, den_terms = [], []

@@ -14,9 +14,9 @@ import control as ct
 
 from ..blocks.model import values_of
 from ..core.errors import InputError
-from .delayed import DelayedTransfer, dead_time_of, reduced
+from .delayed import DelayedTransfer, reduced
 from .exact import Poly, Quasi, add, divide, gcd, mul, poly, scale
-from .transfer import number, parameter, read_transfer, to_float
+from .transfer import not_negative, number, parameter, read_transfer, to_float
 
 Ratio = tuple[Poly, Poly]
 Taken = ParamSpec("Taken")
@@ -55,12 +55,22 @@ class Controller:
     @property
     def on_error(self) -> Ratio:
         """C(s) without the derivative action."""
-        num, den = _sum(self.integral, self.added)
+        (num, den), (more, below) = self.integral, self.added
+        if more:  # over the least common denominator, so that no shared pole is counted twice
+            shared = gcd(den, below)
+            left, right = divide(den, shared)[0], divide(below, shared)[0]
+            num, den = add(mul(num, right), mul(more, left)), mul(den, right)
         return add(num, scale(den, self.kp)), den
 
     @property
     def pure_integral(self) -> bool:
         return bool(self.ki) and not self.tau and not self.leak
+
+    def parts(self, J: Fraction, order: int) -> Ratio:
+        """J s^order and C(s), each times the denominators in C."""
+        (error_num, error_den), (rate_num, rate_den) = self.on_error, self.derivative
+        inertia = mul(poly([0] * order + [J]), mul(error_den, rate_den))
+        return inertia, add(mul(error_num, rate_den), mul(rate_num, error_den))
 
 
 @dataclass(frozen=True)
@@ -73,12 +83,11 @@ class Loop:
     order: int
     controller: Controller
 
-    def T(self) -> tuple[Poly, Poly]:
+    def T(self) -> Ratio:
         """(sigma1 s + sigma0)/(J s^order + C(s)), exactly."""
         C = self.controller
-        bristle = poly([self.sigma0, self.sigma1])
-        dens = mul(C.on_error[1], C.derivative[1])
-        return mul(bristle, dens), add(*_closed_parts(self.J, self.order, C))
+        num = mul(poly([self.sigma0, self.sigma1]), mul(C.on_error[1], C.derivative[1]))
+        return num, add(*C.parts(self.J, self.order))
 
 
 class LoopT(ct.TransferFunction):
@@ -104,17 +113,17 @@ def _gains(
 ) -> dict[str, Any]:
     """Read the arguments of a loop: the drive, C(s) and the dead time."""
     gains = (number(kp, "kp"), number(ki, "ki"), number(kd, "kd"))
-    lag = _not_negative(tau, "tau", "s")
-    smoothing = _not_negative(derivative_filter, "derivative_filter", "s")
-    rate = _not_negative(leak, "leak", "1/s")
+    lag = not_negative(tau, "tau", "time constant")
+    smoothing = not_negative(derivative_filter, "derivative_filter", "time constant")
+    rate = not_negative(leak, "leak", "leak rate", "1/s")
     if lag and rate:
         raise InputError(
             "tau and leak are both given, but the integral action is Ki/(tau s + 1) or "
             "Ki/(s + leak); give one of them."
         )
-    added = ((), (1,)) if controller is None else read_transfer(controller, "C")[:2]
+    added = ((), (1,)) if controller is None else read_transfer(controller, "C")
     C = Controller(*gains, lag, smoothing, rate, added)
-    return {"p": values_of(p), "C": C, "dead_time": dead_time_of(dead_time)}
+    return {"p": values_of(p), "C": C, "dead_time": not_negative(dead_time, "dead_time")}
 
 
 def _gains_and_prefilter(
@@ -295,7 +304,7 @@ def position_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool
     >>> bool((lg.position_loop_tf(p, kp=15.0, ki=1.55, kd=0.3).poles().real < 0).all())
     True
     """
-    return _reference_tf(_parts(p, 2, C), C, prefilter, "theta", dead_time)
+    return _reference_tf(p, 2, C, prefilter, dead_time)
 
 
 @_taking(_gains_and_prefilter)
@@ -332,7 +341,7 @@ def velocity_loop_tf(p: Any, C: Controller, dead_time: Fraction, prefilter: bool
     >>> np.round(np.sort(T.poles().real), 1).tolist()
     [-727.2, -0.1]
     """
-    return _reference_tf(_parts(p, 1, C), C, prefilter, "w", dead_time)
+    return _reference_tf(p, 1, C, prefilter, dead_time)
 
 
 @_taking(_gains)
@@ -366,7 +375,7 @@ def position_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     >>> round(1e3 * lg.stability_check(L).delay_margin, 2)
     2.84
     """
-    return _open_loop(*_parts(p, 2, C), dead_time)
+    return _open_loop(p, 2, C, dead_time)
 
 
 @_taking(_gains)
@@ -400,25 +409,14 @@ def velocity_L(p: Any, C: Controller, dead_time: Fraction) -> Any:
     >>> bool(lg.stability_check(L))
     False
     """
-    return _open_loop(*_parts(p, 1, C), dead_time)
-
-
-def _parts(p: Any, order: int, C: Controller) -> Ratio:
-    """J s^order and C(s) of a drive, each times the denominators in C."""
-    return _closed_parts(parameter(p, "J"), order, C)
-
-
-def _closed_parts(J: Fraction, order: int, C: Controller) -> Ratio:
-    (error_num, error_den), (rate_num, rate_den) = C.on_error, C.derivative
-    inertia = mul(poly([0] * order + [J]), mul(error_den, rate_den))
-    return inertia, add(mul(error_num, rate_den), mul(rate_num, error_den))
+    return _open_loop(p, 1, C, dead_time)
 
 
 def _error_T(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     loop = Loop(J, sigma0, sigma1, order, C)
     if delay:
-        inertia, torque = _closed_parts(loop.J, order, C)
+        inertia, torque = C.parts(J, order)
         return reduced(Quasi.of([(0, loop.T()[0])]), Quasi.of([(0, inertia), (delay, torque)]))
     T = LoopT(*rounded(*loop.T()))
     T.loop = loop
@@ -426,7 +424,7 @@ def _error_T(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
 
 
 def _reference_tf(
-    parts: Ratio, C: Controller, prefilter: bool | float, output: str, delay: Fraction
+    p: Any, order: int, C: Controller, prefilter: bool | float, delay: Fraction
 ) -> ct.TransferFunction | DelayedTransfer:
     num, filtered = mul(C.on_error[0], C.derivative[1]), (1,)
     if prefilter is not False and prefilter is not None:
@@ -434,13 +432,15 @@ def _reference_tf(
         if pole <= 0:
             raise InputError(f"prefilter is {float(pole):g} 1/s, but its pole must be above 0.")
         num, filtered = mul(num, (pole,)), (pole, 1)
-    inertia, torque = (mul(part, filtered) for part in parts)
+    inertia, torque = (mul(part, filtered) for part in C.parts(parameter(p, "J"), order))
     if delay:
         return reduced(Quasi.of([(delay, num)]), Quasi.of([(0, inertia), (delay, torque)]))
+    output = "theta" if order == 2 else "w"
     return ct.TransferFunction(*rounded(num, add(inertia, torque)), inputs="r", outputs=output)
 
 
-def _open_loop(inertia: Poly, torque: Poly, delay: Fraction) -> Any:
+def _open_loop(p: Any, order: int, C: Controller, delay: Fraction) -> Any:
+    inertia, torque = C.parts(parameter(p, "J"), order)
     if delay:
         return reduced(Quasi.of([(delay, torque)]), Quasi.of([(0, inertia)]))
     return ct.TransferFunction(*rounded(torque, inertia), inputs="u", outputs="u")
@@ -454,20 +454,3 @@ def rounded(num: Poly, den: Poly) -> tuple[list[float], list[float]]:
     if not all(map(math.isfinite, top + bottom)):
         raise InputError("A coefficient of the loop is above 1e308; give smaller gains.")
     return top, bottom
-
-
-def _not_negative(value: Any, name: str, unit: str) -> Fraction:
-    exact = number(0 if value is None else value, name)
-    if exact < 0:
-        kind = "leak rate" if name == "leak" else "time constant"
-        raise InputError(f"{name} is {float(exact):g} {unit}, but a {kind} cannot be negative.")
-    return exact
-
-
-def _sum(a: Ratio, b: Ratio) -> Ratio:
-    """a + b over the least common denominator, so that no shared pole is counted twice."""
-    if not b[0]:
-        return a
-    shared = gcd(a[1], b[1])
-    left, right = divide(a[1], shared)[0], divide(b[1], shared)[0]
-    return add(mul(a[0], right), mul(b[0], left)), mul(a[1], right)

@@ -111,12 +111,11 @@ def passivity_check(p: Any) -> PassivityVerdict:
     >>> round(check.speed, 2)
     4.51
     """
-    sigma1, Fc, Fs, Fv, vs = _values(p)
-    margin = Fv - sigma1 * (Fs - Fc) / Fc
-    most = Fv * Fc / (Fs - Fc) if Fs > Fc else math.inf
-    source = (sigma1, Fc, Fs, Fv, vs)
-    speed = math.inf if margin >= 0 else _speed(source)
+    sigma1, Fc, Fs, Fv, _ = source = _values(p)
     least = sigma1 * (Fs - Fc) / Fc
+    margin = Fv - least
+    most = Fv * Fc / (Fs - Fc) if Fs > Fc else math.inf
+    speed = math.inf if margin >= 0 else _speed(source)
     said = f"Fv = {Fv:.6g} against sigma1 (Fs - Fc)/Fc = {least:.6g} N m s/rad"
     if margin >= 0:
         reason = f"the friction is passive: {said}"
@@ -178,5 +177,5 @@ def _speed(source: tuple[float, ...]) -> float:
     low = high
     while least_power(low, *source) <= 0:
         low /= 2.0
-    found: Any = brentq(lambda w: float(least_power(w, *source)), low, high, xtol=1e-300)
-    return float(found)
+    zero: Any = brentq(lambda w: float(least_power(w, *source)), low, high, xtol=1e-300)
+    return float(zero)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -99,7 +100,7 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
         if Fraction(value) <= limit:
             return True
         T = read_transfer(rounded(*_with(loop, **{name: Fraction(float(value))}).T()))
-        return classify(*T[:2]) != "SPR"
+        return classify(*T) != "SPR"
 
     while fails(value):
         if value > 2 * start:
@@ -110,23 +111,17 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
 
 
 def least_passing(passes: Callable[[Fraction], bool]) -> Fraction | None:
-    """Lower end, to 50 bits, of the upward interval of positive numbers that pass.
-
-    0 if 2^-200 passes, None if 2^200 does not.
-    """
-    low, high = SMALLEST, -SMALLEST
-    if passes(Fraction(2) ** low):
+    """Lower end, to 50 bits, of the upward interval of positive numbers that pass; 0 if 2^-200
+    passes, None if 2^200 does not."""
+    powers = [Fraction(2) ** k for k in range(SMALLEST, 1 - SMALLEST)]
+    if passes(powers[0]):
         return Fraction(0)
-    if not passes(Fraction(2) ** high):
+    if not passes(powers[-1]):
         return None
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if passes(Fraction(2) ** middle) else (middle, high)
-    fails, passed = Fraction(2) ** low, Fraction(2) ** high
-    for _ in range(50):
-        middle = (fails + passed) / 2
-        fails, passed = (fails, middle) if passes(middle) else (middle, passed)
-    return passed
+    low = powers[bisect_left(powers, True, key=passes) - 1]
+    steps = range(1, 2**50)
+    k = bisect_left(steps, True, key=lambda k: passes(low + low * Fraction(k, 2**50)))
+    return low + low * Fraction(k + 1, 2**50)
 
 
 def _usual(loop: Loop, name: str) -> Fraction:
@@ -145,7 +140,7 @@ def _with(loop: Loop, **changes: Any) -> Loop:
 
 def _is_spr(loop: Loop) -> bool:
     num, den = loop.T()
-    return bool(den) and classify(*lowest_terms(num, den)[:2]) == "SPR"
+    return bool(den) and classify(*lowest_terms(num, den)) == "SPR"
 
 
 @dataclass(frozen=True, repr=False)
@@ -265,7 +260,7 @@ def _realness(T: Any) -> Realness:
     system = system_of(T)
     if isinstance(T, ct.StateSpace) and 0 < T.nstates <= EXACT:
         with suppress(InputError):  # of any size in exact arithmetic
-            if (found := StateSystem.single(T).realness()).rounded:
+            if (found := StateSystem.of(T).shown().realness()).rounded:
                 return found
     return system.realness()
 
@@ -313,7 +308,7 @@ def spr_repair(T: Any) -> Repair | None:
     >>> bool(lg.spr_check(lg.position_T(p, **{"kp": 15.0, **repair.gains})))
     True
     """
-    num, den, _ = read_transfer(T)
+    num, den = read_transfer(T)
     if not isinstance(T, LoopT) or classify(num, den) == "SPR":
         return None
     return find_repair(T.loop)

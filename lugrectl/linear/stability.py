@@ -12,7 +12,6 @@ from __future__ import annotations
 import cmath
 import math
 import warnings
-from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -32,7 +31,7 @@ from .delayed import DelayedTransfer
 from .exact import Quasi
 from .state_system import StateSystem
 from .systems import ExactSystem, has_many_states
-from .transfer import cleared, is_measured, require_siso, response, span
+from .transfer import along, cleared, crossings, is_measured, require_siso, response, span
 from .verdict import NONE, UNKNOWN, Margin, Verdict
 
 FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
@@ -98,10 +97,7 @@ class StabilityVerdict(Verdict):
         "delay_margin": "s",
         "phase_margin": "deg",
         "crossovers": "rad/s",
-        "gain_margin_frequency": "rad/s",
-        "phase_margin_frequency": "rad/s",
-        "modulus_margin_frequency": "rad/s",
-        "delay_margin_frequency": "rad/s",
+        **{f"{kind}_margin_frequency": "rad/s" for kind in ("gain", "phase", "modulus", "delay")},
     }
 
     def __bool__(self) -> bool:
@@ -197,7 +193,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     if is_measured(L):
         if getattr(L, "is_axis", False):
             warnings.warn(AXIS, AxisAsLoopWarning, stacklevel=2)
-        return _verdict(MeasuredLoop.of(L, open_poles)).of(L)
+        return _verdict(MeasuredLoop(*response(L, "L"), open_poles)).of(L)
     if open_poles:
         raise InputError(
             "open_poles is for a measured response; of any other L the poles are counted."
@@ -214,7 +210,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
 
 def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     crossovers, turns = loop.crossovers(), loop.real_crossings()
-    gains = loop.stable_gains(turns)
+    gains = _stable_gains(loop, turns)
     phase = delay = below = above = UNKNOWN
     disks = [UNKNOWN] * 3
     if loop.cause:
@@ -255,6 +251,19 @@ def _verdict(loop: ExactLoop | StateLoop | MeasuredLoop) -> StabilityVerdict:
     )
 
 
+def _stable_gains(loop: Any, turns: list[tuple[float, float]]) -> Intervals:
+    """The intervals of a factor on L, above 0, with which the closed loop is stable."""
+    # poles reach the axis only at factors that move L to -1: one point of each interval decides
+    factors = sorted({-1.0 / x for _, x in turns})
+    most = loop.known(factors)
+    borders = [0.0, *(x for x in factors if x < most), most]
+    return tuple(
+        (low, high)
+        for low, high in pairwise(borders)
+        if loop.unstable_poles(_between(low, high)) == 0
+    )
+
+
 def _lags(loop: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
     # the lag above 0 and up to 2 pi that turns L(jw) to the negative real axis
@@ -284,7 +293,7 @@ def _reason(delay: Margin, turns: float, open_poles: float) -> str:
     )
 
 
-class Loop(ABC):
+class Loop:
     """A closed loop L/(1 + L), by its open loop; a subclass for each kind of L.
 
     ``counts``: turns about -1, and poles of L and of the closed loop that are not stable.
@@ -292,35 +301,14 @@ class Loop(ABC):
     ``static``: L at w = 0, nan where that is no number.
     ``crossovers()``: w and L where |L| = 1; ``real_crossings()``: where L is real and negative.
     ``disk()``: 1/max |S + (skew - 1)/2| of a stable loop, S = 1/(1 + L); skew 1: least |1 + L|.
+    ``known(factors)``: the factor on L up to which these are all that move it to -1.
+    ``unstable_poles(gain)``: how many the loop with L times ``gain`` has.
     """
 
     alike = 1e-9  # of L at w = 0: closer to 1 is 1
     basis = remark = ""  # what a verdict that it is stable, or any verdict, rests on
     end = NONE  # the factor on L up to which it is known beyond a band
     open_at_infinity = False  # whether |L| is not below 1 as w grows
-
-    def stable_gains(self, crossings: list[tuple[float, float]]) -> Intervals:
-        """The intervals of a factor on L, above 0, with which the closed loop is stable.
-
-        Poles reach the axis only at factors that move L to -1: one point of each interval decides.
-        None is claimed beyond the largest factor up to which these are known.
-        """
-        factors = sorted({-1.0 / x for _, x in crossings})
-        most = self.known(factors)
-        borders = [0.0, *(x for x in factors if x < most), most]
-        return tuple(
-            (low, high)
-            for low, high in pairwise(borders)
-            if self.unstable_poles(_between(low, high)) == 0
-        )
-
-    @abstractmethod
-    def known(self, factors: list[float]) -> float:
-        """The factor on L up to which ``factors`` are all that move it to -1."""
-
-    @abstractmethod
-    def unstable_poles(self, gain: float) -> float:
-        """Poles of the loop with L times ``gain`` that are not stable."""
 
 
 @dataclass(frozen=True)
@@ -357,12 +345,12 @@ class ExactLoop(Loop):
 
     @property
     def open_at_infinity(self) -> bool:
-        if self.L.num.degree < self.L.den.degree:
-            return False
+        if self.L.num.degree != self.L.den.degree:
+            return self.L.num.degree > self.L.den.degree
         last = self.L.den.leading
         own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
         top = sum(map(abs, self.L.num.leading.values()))
-        return own <= 0 or self.L.num.degree > self.L.den.degree or top >= own
+        return own <= 0 or top >= own
 
     def crossovers(self) -> list[tuple[float, complex]]:
         """Where |L| = 1, crossing or touching: w in rad/s and L there."""
@@ -370,15 +358,10 @@ class ExactLoop(Loop):
         return [(self.border.frequency(v), self.L(1j * v)) for v in places]
 
     def real_crossings(self) -> list[tuple[float, float]]:
-        """Where L is real and negative: w in rad/s and L there.
-
-        A dead time makes it so at ever higher frequencies; those with the largest |L| below 1 and
-        with every |L| above 1 are among them.
-        """
+        """Where L is real and negative: w in rad/s and L there; with a dead time, which makes it so
+        at ever higher frequencies, those with the largest |L| below 1 and every |L| above 1."""
         found = [(v, self.L(1j * v).real) for v in self._real_places]
-        if self.L.den.taylor(0):
-            found.append((0.0, float(self.L.num.taylor(0) / self.L.den.taylor(0))))
-        found += [(math.inf, x) for x in limits(self.L)]
+        found += [(0.0, self.static), *((math.inf, x) for x in limits(self.L))]
         return [(self.border.frequency(v), x) for v, x in found if -math.inf < x < 0]
 
     @cached_property
@@ -432,10 +415,8 @@ class ExactLoop(Loop):
         return float(self.L.num.taylor(0) / below) if below else math.nan
 
     def known(self, factors: list[float]) -> float:
-        """The factor on L up to which ``factors`` are all that move it to -1: with dead times there
-        is no end of them."""
-        finite = self.L.num.rational and self.L.den.rational
-        return math.inf if finite else max(factors, default=math.inf)
+        """With dead times there is no end of them."""
+        return math.inf if self.system.rational else max(factors, default=math.inf)
 
 
 @dataclass(frozen=True)
@@ -446,13 +427,13 @@ class StateLoop(Loop):
     basis = " (in floating point)"
 
     def __post_init__(self) -> None:
-        if self._through == -1:
+        if self._direct == -1:
             raise InputError(
                 "L(s) is -1 as s grows, so that the closed loop L/(1 + L) is improper."
             )
 
     @property
-    def _through(self) -> float:
+    def _direct(self) -> float:
         return float(self.L.D[0, 0])
 
     @property
@@ -460,21 +441,14 @@ class StateLoop(Loop):
         return self.L.border
 
     @cached_property
-    def sensitivity(self) -> StateSystem:
-        """1/(1 + L)."""
-        M, own = self.L, 1.0 / (1.0 + self._through)
-        A = M.A - M.B @ M.C * own
-        return StateSystem(A, M.B * own, -M.C * own, np.array([[own]]), self.border)
-
-    @cached_property
     def counts(self) -> tuple[float, float, float]:
-        both = self.L, self.sensitivity
+        both = self.L, self.L.sensitivity
         mine, theirs = (int((one.beyond > one.rounding).sum()) for one in both)
         return mine - theirs, mine, theirs
 
     @property
     def cause(self) -> str:
-        closed = self.sensitivity
+        closed = self.L.sensitivity
         right = closed.beyond >= -closed.rounding
         if not right.any():
             return ""
@@ -485,7 +459,7 @@ class StateLoop(Loop):
 
     @property
     def open_at_infinity(self) -> bool:
-        return abs(self._through) >= 1
+        return abs(self._direct) >= 1
 
     @property
     def static(self) -> float:
@@ -512,16 +486,14 @@ class StateLoop(Loop):
             return part(value), slack
 
         edges = self.L.signs(function, self.L.places(zeros)).edges
-        return [(self.border.frequency(e.at), self.L.at(e.at)[0]) for e in edges]
+        return [(e.at, self.L.at(self.border.place(e.at))[0]) for e in edges]
 
     def disk(self, skew: int = 1) -> Margin:
-        S = self.sensitivity
-        most, w = S.plus(0.5 * (skew - 1)).largest()
+        most, w = self.L.sensitivity.plus(0.5 * (skew - 1)).largest()
         return Margin(1.0 / most if most else math.inf, w)
 
     def known(self, factors: list[float]) -> float:
-        """The factor on L up to which ``factors`` are all that move it to -1: a beginning or an end
-        of L that is 0 within rounding may be reached beyond it."""
+        """A beginning or an end of L that is 0 within rounding may be reached beyond it."""
         ends = [slack for value, slack in map(self.L.at, (0.0, math.inf)) if abs(value) <= slack]
         return min((1.0 / float(slack) for slack in ends if slack), default=math.inf)
 
@@ -539,10 +511,6 @@ class MeasuredLoop(Loop):
     open_poles: int
     border, alike = Axis(), LIKE_1
 
-    @classmethod
-    def of(cls, L: Any, open_poles: int) -> MeasuredLoop:
-        return cls(*response(L, "L"), open_poles)
-
     @property
     def basis(self) -> str:
         held = f"{self.open_poles or 'no'} pole{'s' * (self.open_poles != 1)}"
@@ -558,9 +526,7 @@ class MeasuredLoop(Loop):
     def _at(self, k: int, x: float) -> tuple[float, complex]:
         """w and L a part x of the way from point k to the next."""
         size, turned = (float(line[k] + x * (line[k + 1] - line[k])) for line in self._lines)
-        low, high = float(self.w[k]), float(self.w[k + 1])
-        w = low * (high / low) ** x if low > 0 else low + x * (high - low)
-        return w, complex(math.exp(size) * complex(math.cos(turned), math.sin(turned)))
+        return along(self.w, k, x), cmath.rect(math.exp(size), turned)
 
     @property
     def static(self) -> float:
@@ -575,7 +541,7 @@ class MeasuredLoop(Loop):
         return Margin(1.0 / size if size else math.inf, float(self.w[-1]))
 
     def crossovers(self) -> list[tuple[float, complex]]:
-        return [self._at(k, x) for k, x in _through(self._lines[0], 0.0)]
+        return [self._at(k, x) for k, x in crossings(self._lines[0])]
 
     def real_crossings(self) -> list[tuple[float, float]]:
         """Where L is real and negative, and L there; below the band as it is continued."""
@@ -590,7 +556,7 @@ class MeasuredLoop(Loop):
         return [
             (*self._at(k, x), 1 if turned[k + 1] > turned[k] else -1)
             for m in range(low, high + 2)
-            for k, x in _through(turned, (2 * m + 1) * math.pi)
+            for k, x in crossings(turned, (2 * m + 1) * math.pi)
         ]
 
     def disk(self, skew: int = 1) -> Margin:
@@ -617,12 +583,11 @@ class MeasuredLoop(Loop):
         return min(found)
 
     def known(self, factors: list[float]) -> float:
-        """The factor on L up to which ``factors`` are all that move it to -1: beyond the band |L|
-        may be as large as at its end."""
+        """Beyond the band |L| may be as large as at its end."""
         return self.end.value
 
     def unstable_poles(self, gain: float) -> float:
-        """Poles of the loop with L times ``gain`` that are not stable; nan where it is open."""
+        """Nan where it is open."""
         return MeasuredLoop(self.w, gain * self.L, self.open_poles).closed_poles
 
     @property
@@ -663,13 +628,6 @@ class MeasuredLoop(Loop):
             )
         many = f"{self.closed_poles:.0f} pole{'s' * (self.closed_poles != 1)}"
         return f"it has {many} right of the imaginary axis{self.basis}"
-
-
-def _through(line: np.ndarray, level: float) -> list[tuple[int, float]]:
-    """Where straight lines go through a level: the point before and the part of the way."""
-    above = line >= level
-    at = np.flatnonzero(above[1:] != above[:-1])
-    return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
 
 
 def _places(found: Signs) -> list[float]:

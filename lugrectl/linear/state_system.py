@@ -28,7 +28,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from ..core.errors import InputError
 from .border import Axis, border_of
-from .transfer import EPS, require_siso, state_space_polynomials
+from .transfer import EPS, state_space_polynomials
 from .verdict import Falls, NoGain, Realness
 
 SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
@@ -43,12 +43,12 @@ UNDECIDED = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
 BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
 AT_BORDER = "within rounding on the border of stability"
+AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
 FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
 SINGLE = 1e-9  # relative distance of two candidates that count as one
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
 
 Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
-Map = Callable[[float], float]
 
 
 class Edge(NamedTuple):
@@ -67,9 +67,6 @@ class Edge(NamedTuple):
         """Up to where nothing changes: the edge, or the last sure point before a blurred one."""
         return self.at if self.sharp else self.low
 
-    def moved(self, to: Map) -> Edge:
-        return Edge(*map(to, self))
-
     def __str__(self) -> str:
         if self.sharp:
             return f"{self.at:.6g}"
@@ -78,12 +75,9 @@ class Edge(NamedTuple):
 
 @dataclass(frozen=True)
 class SureSigns:
-    """The signs ``above`` at the points ``at`` where they are sure, and the ``edges`` between.
-
-    A computed zero of a function is a point at which its value is a rounding error: it says nothing
-    of the sign. So changes are looked for between points whose value exceeds its rounding bound.
-    ``touches``: where the function is 0 within rounding between points of one sign, or at an end.
-    """
+    """The signs ``above`` at the points ``at``, where the value exceeds its rounding bound, and the
+    ``edges`` between; ``touches``: where it is 0 within rounding between points of one sign, or at
+    an end."""
 
     at: np.ndarray
     above: np.ndarray
@@ -99,10 +93,6 @@ class SureSigns:
         turns = np.flatnonzero(above[1:] != above[:-1])
         edges = tuple(edge(function, *at[k : k + 2].tolist()) for k in turns)
         return cls(at, above, edges, tuple(_touches(function, x, sure, above)))
-
-    def moved(self, to: Map) -> SureSigns:
-        edges, touches = (tuple(e.moved(to) for e in part) for part in (self.edges, self.touches))
-        return SureSigns(np.array([*map(to, self.at)]), self.above, edges, touches)
 
     def below_beyond(self) -> SureSigns:
         """The same of a function that is below 0 as the frequency grows without end."""
@@ -163,29 +153,6 @@ def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
 _trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
 
 
-def balanced(A: Any, B: Any, C: Any, D: Any) -> tuple[np.ndarray, ...]:
-    """In units of the states that make rows and columns of A alike: powers of two, exactly.
-
-    InputError for matrices that floating point cannot multiply.
-    """
-    if len(A) and all(np.isfinite(M).all() for M in (A, B, C, D)):
-        found: Any = matrix_balance(A, permute=False, separate=True)
-        A, (units, _) = found
-        B, C = B / units[:, None], C * units
-        if (b := float(np.abs(B).max(initial=0.0))) and (c := float(np.abs(C).max(initial=0.0))):
-            gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
-            B, C = B * gain, C / gain
-    sizes = [float(np.abs(M).max(initial=0.0)) for M in (A, B, C, D)]
-    if not all(map(math.isfinite, sizes)):
-        raise InputError("an entry of the state-space matrices is not a finite number.")
-    if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
-        raise InputError(
-            f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for floating "
-            "point: give time, input or output in another unit."
-        )
-    return A, B, C, D
-
-
 def solve_shifted(
     S: np.ndarray, b: np.ndarray, s: complex, transposed: bool = False
 ) -> np.ndarray | None:
@@ -204,8 +171,7 @@ def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
-    alpha, beta = pairs
-    with np.errstate(all="ignore"):
+        alpha, beta = pairs
         return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
 
 
@@ -230,15 +196,28 @@ class StateSystem:
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
-        """In the units of :func:`balanced`; InputError for values that are not finite."""
-        A, B, C, D = balanced(*(np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D)))
-        return cls(A, B, C, D, border_of(T))
+        """In units of the states that make rows and columns of A alike: powers of two, exactly.
 
-    @classmethod
-    def single(cls, T: Any) -> StateSystem:
-        """Of one input and one output, without modes that are not stable and do not show."""
-        require_siso(T, "T")
-        return cls.of(T).shown()
+        InputError for matrices that floating point cannot multiply.
+        """
+        A, B, C, D = (np.asarray(M, dtype=float) for M in (T.A, T.B, T.C, T.D))
+        if len(A) and all(np.isfinite(M).all() for M in (A, B, C, D)):
+            balance: Any = matrix_balance(A, permute=False, separate=True)
+            A, (units, _) = balance
+            B, C = B / units[:, None], C * units
+            b, c = (float(np.abs(M).max(initial=0.0)) for M in (B, C))
+            if b and c:
+                gain = 2.0 ** round(0.5 * (math.log2(c) - math.log2(b)))
+                B, C = B * gain, C / gain
+        sizes = [float(np.abs(M).max(initial=0.0)) for M in (A, B, C, D)]
+        if not all(map(math.isfinite, sizes)):
+            raise InputError("an entry of the state-space matrices is not a finite number.")
+        if far := [x for x in sizes if x and not 1 / LARGEST < x < LARGEST]:
+            raise InputError(
+                f"the state-space matrices hold numbers of {far[0]:.1g}, too far from 1 for "
+                "floating point: give time, input or output in another unit."
+            )
+        return cls(A, B, C, D, border_of(T))
 
     # --- poles ---
 
@@ -296,24 +275,12 @@ class StateSystem:
         """The same without modes that are not stable and do not show."""
         if self.surely_stable:
             return self
-        part, unseen = self.split()
-        if not len(unseen):
-            return self
-        lost = bool(self.border.beyond(unseen).max() > self.rounding)
-        found = [complex(pole.real, abs(pole.imag)) for pole in self.border.order(unseen)]
-        return replace(part, unseen=tuple(found), lost=lost)
-
-    def split(self) -> tuple[StateSystem, np.ndarray]:
-        """The stable part, and the poles that are not stable but do not show in T.
-
-        Without such a part (a pole that is not stable shows), the system itself and no poles.
-        """
 
         def is_stable(pole: Any) -> bool:
             return bool(self.border.beyond(np.asarray(pole)) < -self.rounding)
 
-        found: Any = schur(self.A, output="complex", sort=is_stable)
-        S, Q, many = found
+        ordered: Any = schur(self.A, output="complex", sort=is_stable)
+        S, Q, many = ordered
         A1, A2, A12 = S[:many, :many], S[many:, many:], S[:many, many:]
         X = solve_sylvester(A1, -A2, -A12)  # the coordinates in which the two do not meet
         B, C = Q.conj().T @ self.B, self.C @ Q
@@ -324,8 +291,11 @@ class StateSystem:
         step /= max(np.linalg.norm(step), 1e-300)
         seen = [C2 @ np.linalg.matrix_power(step, k) @ B2 for k in range(len(A2))]
         if not many or max(np.abs(m).max() for m in seen) > UNSEEN * size:
-            return self, np.zeros(0)
-        return StateSystem(A1, B1, C1, self.D, self.border), np.diag(A2)
+            return self
+        poles = self.border.order(np.diag(A2))
+        unseen = tuple(complex(pole.real, abs(pole.imag)) for pole in poles)
+        lost = bool(self.border.beyond(poles).max() > self.rounding)
+        return StateSystem(A1, B1, C1, self.D, self.border, unseen=unseen, lost=lost)
 
     # --- values ---
 
@@ -375,8 +345,13 @@ class StateSystem:
         """The system, its shift apart, or the one in v with the same values."""
         if self.border.dt is None:
             return self
-        grow = math.exp(self.shift)
-        return StateSystem(*self.border.mapped_states(self.A * grow, self.B, self.C * grow, self.D))
+        grow, eye = math.exp(self.shift), np.eye(len(self.A))
+        A, B, C = self.A * grow, self.B, self.C * grow
+        if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
+            A = A * (1 - AT_HALF)
+        inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
+        D = self.D - C @ inverse @ B
+        return StateSystem(inverse @ (A - eye), root * inverse @ B, root * C @ inverse, D)
 
     def mirrored_zeros(self, sign: float) -> np.ndarray:
         """The zeros of T(s) + sign T(-s); among those with sign -1, where T(jw) is real."""
@@ -407,12 +382,9 @@ class StateSystem:
         return found if self.border.dt is None else np.append(found, math.inf)
 
     def signs(self, function: Function, points: np.ndarray, values: Any = None) -> SureSigns:
-        """The signs of a function of v, and where they change."""
-        if self.border.dt is None:
-            return SureSigns.of(function, points, values)
-        # along the circle: v ends at infinity
-        along = SureSigns.of(lambda x: function(math.tan(x)), np.arctan(points), values)
-        return along.moved(math.tan)
+        """The signs of a function of v, and where they change, in rad/s."""
+        w = [self.border.frequency(v) for v in points]
+        return SureSigns.of(lambda x: function(self.border.place(x)), w, values)
 
     # --- the checks ---
 
@@ -431,7 +403,6 @@ class StateSystem:
             return size - 1.0, 2 * size * share + EPS
 
         signs = self.signs(above, self.places(self.level_zeros(square)))
-        signs = signs.moved(self.border.frequency)
         first = min([*signs.edges[:1], *signs.touches[:1]], key=lambda e: e.low, default=None)
         width, said = first.first if first else math.inf, ""
         if first and (first in signs.touches or not first.sharp):
@@ -443,7 +414,9 @@ class StateSystem:
             return None
         said = UNDECIDED if not self.lost and self.stable is None else "the system is not stable"
         least_stable = self.unseen[0] if self.lost else self.poles[0]
-        return NoGain(f"{said}: {self.border.worst(least_stable)}")
+        upper = complex(least_stable.real, abs(least_stable.imag))
+        shown = self.border.show([upper]).removeprefix("poles ")
+        return NoGain(f"{said}: its {self.border.least} pole is {shown}")
 
     @property
     def size(self) -> str:
@@ -452,16 +425,21 @@ class StateSystem:
 
     @cached_property
     def _sweep(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there.
-
-        A level far from the top has its zeros off the axis by more than such a width.
-        """
+        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there."""
+        # a level far from the top has its zeros off the axis by more than such a width
         rates = self.border.rates(self.poles)
         w, width = np.imag(rates), np.abs(np.real(rates))
         sharp = (width > 0) & (width < 10 * w)
         near = self.border.place((w[sharp, None] + width[sharp, None] * BESIDE).ravel())
         places = np.unique([*between(self.continuous.poles), *near[near > 0]])
         return places, [self._states(x) for x in places]
+
+    @cached_property
+    def sensitivity(self) -> StateSystem:
+        """1/(1 + T)."""
+        own = 1.0 / (1.0 + float(self.D[0, 0]))
+        A = self.A - self.B @ self.C * own
+        return StateSystem(A, self.B * own, -self.C * own, np.array([[own]]), self.border)
 
     def plus(self, D: float) -> StateSystem:
         """The same with another direct term; what is known of A serves both."""
@@ -503,10 +481,6 @@ class StateSystem:
 
     # --- realness ---
 
-    @property
-    def name(self) -> str:
-        return f"Re T({self.border.argument})"
-
     def realness(self) -> Realness:
         found = self._realness()
         hidden = f"; {self.hidden}" if self.hidden else ""
@@ -516,14 +490,15 @@ class StateSystem:
         v = self.places(self.mirrored_zeros(1.0))
         values = np.array([self.real_part(x) for x in v])
         end, least = self.at_infinity()
-        signs = self.signs(self.real_part, v, values).moved(self.border.frequency)
+        signs = self.signs(self.real_part, v, values)
         if end < -least:
             signs = signs.below_beyond()
         touch = next((zone for zone in signs.touches if zone.low > 0), None)
         below, why = self._first_below(signs, touch)
+        name = self.border.real
         if (over := self.beyond > self.rounding).any():
             poles = f"T has poles {self.border.outside} ({self.border.show(self.poles[over])})"
-            blur = f"{self.name} is 0 within rounding at {touch} rad/s" if touch else ""
+            blur = f"{name} is 0 within rounding at {touch} rad/s" if touch else ""
             return Realness("not PR", "; ".join(filter(None, [poles, why or blur])), below)
         if why:
             return Realness("not PR", why, below)
@@ -531,42 +506,39 @@ class StateSystem:
             return self._on_the_border()
         if signs.touches:
             w = signs.touches[0].at if touch is None else touch.at
-            reason = f"{self.name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
+            reason = f"{name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
             return Realness("PR", reason, touch.first if touch else math.inf, rounded=True)
         if end <= least:
-            reason = f"{self.name} > 0 at every finite w, but {self._limit(end)} within rounding"
+            reason = f"{name} > 0 at every finite w, but {self._limit(end)} within rounding"
             return Realness("WSPR", reason)
         where, tail = self.border.least_stable(self.poles[0]), f" and {self._limit(end)}"
         if self.border.dt:
             k = int(np.argmin(values[:, 0]))
             w = self.border.frequency(v[k])
             tail = f", about {values[k, 0]:.6g} at w = {w:.6g} rad/s"
-        return Realness("SPR", f"{where}, {self.name} > 0 at every w{tail}", margin=self.margin())
+        return Realness("SPR", f"{where}, {name} > 0 at every w{tail}", margin=self.margin())
 
     def _on_the_border(self) -> Realness:
         """With poles that are, within rounding, neither stable nor unstable."""
         at = self.border.show(self.poles[self.beyond > -self.rounding])
-        own = 1.0 + float(self.D[0, 0])
-        closed = replace(self, A=self.A - self.B @ self.C / own) if own > 0 else None
-        if closed is None or (closed.beyond > closed.rounding).any():  # n + d is not Hurwitz
+        S = self.sensitivity if self.D[0, 0] > -1 else None
+        if S is None or (S.beyond > S.rounding).any():  # n + d is not Hurwitz
             why = f"a pole is repeated or its residue is not positive where T has one, at {at}"
             return Realness("not PR", f"{why}, {AT_BORDER}")
-        return Realness("PR", f"{self.name} >= 0, with poles, {AT_BORDER}: {at}")
+        return Realness("PR", f"{self.border.real} >= 0, with poles, {AT_BORDER}: {at}")
 
     def _first_below(self, signs: SureSigns, touch: Edge | None) -> tuple[float, str]:
-        """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any.
-
-        ``touch``: where Re T is first 0 within rounding, w = 0 apart.
-        """
+        """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any;
+        ``touch``: where Re T is first 0 within rounding, w = 0 apart."""
         if signs.above.all():
             return touch.first if touch else math.inf, ""
         ends = signs.edges if signs.above[0] else (Edge(0.0, 0.0, 0.0), *signs.edges)
         low, high, later = ends[0], ends[1] if len(ends) > 1 else None, (len(ends) - 1) // 2
-        said = f"{self.name} < 0 for w > {low} rad/s"
+        said = f"{self.border.real} < 0 for w > {low} rad/s"
         last = self.border.frequency(math.inf)
         if high is not None or math.isfinite(last):
             more = f" and at {later} higher places" if later else ""
-            said = f"{self.name} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
+            said = f"{self.border.real} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
         if signs.touches and not signs.touches[0].low:
             said += f"; below {signs.touches[0].high:.6g} rad/s rounding decides on its sign"
         if touch is None or touch.low > low.first:
@@ -574,11 +546,8 @@ class StateSystem:
         return touch.first, f"{said}; before it, it is 0 within rounding at {touch} rad/s"
 
     def at_infinity(self) -> tuple[float, float]:
-        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change.
-
-        The circle is closed: half the rate is a point like all others.
-        """
-        if self.border.dt:
+        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change."""
+        if self.border.dt:  # the circle is closed: half the rate is a point like all others
             return math.inf, 0.0
         if D := float(self.D[0, 0]):
             return D, 0.0
@@ -587,8 +556,8 @@ class StateSystem:
         return -float(np.real(self.C @ A @ self.B)[0, 0]), EPS * float(sizes)
 
     def _limit(self, end: float) -> str:
-        power = self.name if self.D.any() else f"w^2 {self.name}"
-        return f"{power} tends to {end:.6g} as w grows"
+        power = "" if self.D.any() else "w^2 "
+        return f"{power}{self.border.real} tends to {end:.6g} as w grows"
 
     def margin(self) -> float:
 

@@ -10,18 +10,19 @@ circle is closed, so that there is no WSPR.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import pairwise
 from typing import Any
 
 import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .axis import Signs, largest, least, level_signs, reach, settled, signs, zeros
+from .axis import Signs, extreme, largest, level_signs, reach, settled, signs, zeros
 from .border import Axis, border_of, says_hidden
 from .delayed import DelayedTransfer, reduced
 from .exact import (
@@ -41,7 +42,16 @@ from .exact import (
     shift,
 )
 from .state_system import StateSystem, last_that_holds
-from .transfer import coefficients, is_measured, require_siso, response, span, to_float
+from .transfer import (
+    along,
+    coefficients,
+    crossings,
+    is_measured,
+    require_siso,
+    response,
+    span,
+    to_float,
+)
 from .verdict import Falls, NoGain, Realness
 
 NEAR_ZERO = 1e-12
@@ -108,8 +118,6 @@ class ExactSystem:
 
     @cached_property
     def stable(self) -> bool:
-        if self.rational:
-            return self.border.stable(self.given.den.polynomial)
         return not self.why_unstable(self.given.den)
 
     @cached_property
@@ -169,10 +177,6 @@ class ExactSystem:
         gain, v = largest(self.axis)
         return gain, self.border.frequency(v)
 
-    @property
-    def name(self) -> str:
-        return f"Re T({self.border.argument})"
-
     def realness(self) -> Realness:
         real = self.num.real_product(self.den)
         found = signs(real)
@@ -180,14 +184,14 @@ class ExactSystem:
         if not why:
             kind, why = _how_real(self, real, found)
         why += _rounding(self) + (f"; {self.hidden}" if self.hidden else "")
-        return Realness(kind, why, self._edge(found), _margin(self) if kind == "SPR" else 0.0)
+        return Realness(kind, why, self._edge(real, found), _margin(self) if kind == "SPR" else 0.0)
 
-    def _edge(self, found: Signs) -> float:
+    def _edge(self, real: Quasi, found: Signs) -> float:
         """End of the band (0+, edge) with Re T > 0, in rad/s; inf if it reaches half the rate."""
         if not self.rational:
             first = [*found.changes[:1], *found.touches[:1]] if found.first > 0 else [0.0]
             return min(first, default=math.inf)
-        v, real = band_edge(*self.ratio), self.num.real_product(self.den)
+        v = band_edge(*self.ratio)
         ends = math.isfinite(v) or real.degree < 2 * self.den.degree
         return self.border.frequency(v) if ends else v
 
@@ -211,7 +215,7 @@ def _why_not(T: ExactSystem, found: Signs) -> str:
             return f"T has {T.seen}"
     causes = []
     if found.first < 0 or found.changes:
-        causes.append(f"{T.name} < 0 {_bands(T, found)}")
+        causes.append(f"{T.border.real} < 0 {_bands(T, found)}")
     if T.border.dt and T.excess > 0:
         causes.append(
             f"T has a delay of {T.excess} sample{'s' * (T.excess > 1)}: without a direct part, "
@@ -272,7 +276,7 @@ def _bands(T: ExactSystem, found: Signs) -> str:
 
 def _how_real(T: ExactSystem, real: Quasi, found: Signs) -> tuple[str, str]:
     """The kind of a positive real T, and why."""
-    name, closed = T.name, T.border.dt is not None
+    name, closed = T.border.real, T.border.dt is not None
     if not real:
         return "PR", f"T is lossless, {name} = 0 at every w" if T.given.num else "T is zero"
     at = [0.0] * bool(T.den.order())
@@ -293,7 +297,7 @@ def _how_real(T: ExactSystem, real: Quasi, found: Signs) -> tuple[str, str]:
     where = T.border.least_stable(T.poles[0]) if T.poles else "no poles"
     where = where if T.rational else "all poles are left of the axis"
     if closed:
-        value, v = least(*T.ratio)
+        value, v = extreme(real_product(*T.ratio), real_product(T.ratio[1], T.ratio[1]), -1)
         end = f", the least {value:.6g} at w = {T.border.frequency(v):.6g} rad/s"
     else:
         end = f" and {_limit(T)}"
@@ -409,11 +413,10 @@ def _last(holds: Callable[[Fraction], bool], high: Fraction) -> Fraction:
     """The largest value below ``high`` for which it holds, as for all smaller ones; bisection."""
     low = high / 2
     while not holds(low):
-        low, high = low / 2, low
-    while high - low > low / 2**50:
-        middle = (low + high) / 2
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
+        low /= 2
+    steps = range(1, 2**50)
+    k = bisect_left(steps, True, key=lambda k: not holds(low + low * Fraction(k, 2**50)))
+    return low + low * Fraction(k, 2**50)
 
 
 def band_edge(num: Poly, den: Poly) -> float:
@@ -440,10 +443,6 @@ class MeasuredSystem:
     border, stable, poles, seen, hidden, size = Axis(), True, (), "", "", "|T|"
     meaning = "the L2 gain is at least {:.6g}"
 
-    @classmethod
-    def of(cls, T: Any, name: str = "T") -> MeasuredSystem:
-        return cls(*response(T, name))
-
     @property
     def said(self) -> str:
         """What the largest value rests on."""
@@ -464,18 +463,14 @@ class MeasuredSystem:
         said = f", relative to |T| = {size[0]:.6g} at the lowest frequency, of {span(w)}; on lower"
         said += f" frequencies, and {BEYOND}"
         above = 20 * np.log10(np.maximum(size, LEAST) / size[0]) - 10 * math.log10(power)
-        turns = 1 + np.flatnonzero((above[1:] < 0) != (above[:-1] < 0))
-        found = tuple(_between(w, above, int(k)) for k in turns)
+        found = tuple(along(w, k, part) for k, part in crossings(above))
         return Falls(float(size[0]), found, min(found, default=math.inf), said, "")
 
     def realness(self) -> Realness:
         w, real = self.w, np.real(self.values)
         if (real < 0).any():
-            bands, k = [], 0
-            for below, group in groupby(real < 0):
-                many = len([*group])
-                bands += [f"from {w[k]:.6g} to {w[k + many - 1]:.6g} rad/s"] if below else []
-                k += many
+            ends = np.flatnonzero(np.diff([0, *(real < 0), 0])).reshape(-1, 2)
+            bands = [f"from {w[k]:.6g} to {w[end - 1]:.6g} rad/s" for k, end in ends]
             reason = f"Re T(jw) < 0 {' and '.join(bands)}, of {span(w)}"
             return Realness("not PR", reason, _edge(w, real), math.nan)
         kind, sign = ("SPR", ">") if (real > 0).all() else ("PR", ">=")
@@ -491,18 +486,7 @@ def _edge(w: np.ndarray, real: np.ndarray) -> float:
     """Where Re T, linear in log w between the measured frequencies, first reaches 0."""
     if real[0] <= 0:
         return 0.0
-    bad = np.flatnonzero(real <= 0)
-    if not len(bad):
-        return float(w[-1])
-    return _between(w, real, int(bad[0]))
-
-
-def _between(w: np.ndarray, values: np.ndarray, k: int) -> float:
-    """The zero of values between w[k - 1] and w[k]."""
-    part = values[k - 1] / (values[k - 1] - values[k])
-    if w[k - 1] <= 0:
-        return float(w[k - 1] + part * (w[k] - w[k - 1]))
-    return float(w[k - 1] * (w[k] / w[k - 1]) ** part)
+    return next((along(w, k, part) for k, part in crossings(-real)), float(w[-1]))
 
 
 System = ExactSystem | StateSystem | MeasuredSystem
@@ -515,5 +499,8 @@ def has_many_states(T: Any) -> bool:
 def system_of(T: Any) -> System:
     """Return T of one input and output; InputError for what the checks do not take."""
     if is_measured(T):
-        return MeasuredSystem.of(T)
-    return StateSystem.single(T) if has_many_states(T) else ExactSystem.of(T)
+        return MeasuredSystem(*response(T))
+    if not has_many_states(T):
+        return ExactSystem.of(T)
+    require_siso(T, "T")
+    return StateSystem.of(T).shown()

@@ -46,6 +46,14 @@ def number(value: Any, what: str) -> Fraction:
         raise InputError(said) from None
 
 
+def not_negative(value: Any, name: str, kind: str = "dead time", unit: str = "s") -> Fraction:
+    """The exact value, 0 for None."""
+    exact = number(0 if value is None else value, name)
+    if exact < 0:
+        raise InputError(f"{name} is {float(exact):g} {unit}, but a {kind} cannot be negative.")
+    return exact
+
+
 def to_float(value: Fraction) -> float:
     try:
         return float(value)
@@ -54,20 +62,14 @@ def to_float(value: Fraction) -> float:
 
 
 def parameter(p: Any, name: str) -> Fraction:
-    """Parameter ``name`` of p, exactly."""
     if not hasattr(p, name):
         raise InputError(f"{shown(p)} has no {name}: give Parameters, a Model or a model file.")
     return number(getattr(p, name), f"parameter {name}")
 
 
-def read_transfer(T: Any, name: str = "T") -> tuple[Poly, Poly, Poly]:
-    """Numerator and denominator in lowest terms, and the common factor that was removed.
-
-    T is a continuous single-input single-output control.TransferFunction or
-    control.StateSpace, or a pair (num, den) of coefficients in descending powers of s, which
-    may be fractions.Fraction: all are taken as exact. Raises InputError, which calls it ``name``,
-    for anything else.
-    """
+def read_transfer(T: Any, name: str = "T") -> tuple[Poly, Poly]:
+    """Numerator and denominator in lowest terms; InputError, which calls it ``name``, for anything
+    else than a continuous system of one input and one output, or a pair (num, den)."""
     if isinstance(T, ct.TransferFunction | ct.StateSpace):
         require_continuous_siso(T, name)
     return lowest_terms(*coefficients(T, name))
@@ -92,10 +94,9 @@ def coefficients(T: Any, name: str = "T") -> tuple[Poly, Poly]:
     return num, den
 
 
-def lowest_terms(num: Poly, den: Poly) -> tuple[Poly, Poly, Poly]:
-    """num/den without its common factor, and this."""
+def lowest_terms(num: Poly, den: Poly) -> tuple[Poly, Poly]:
     common = gcd(num, den)
-    return divide(num, common)[0], divide(den, common)[0], common
+    return divide(num, common)[0], divide(den, common)[0]
 
 
 def require_siso(T: Any, name: str) -> None:
@@ -146,9 +147,7 @@ def state_space_polynomials(T: Any) -> tuple[list[list[Poly]], Poly]:
 def _exact_matrix(M: Any) -> np.ndarray:
     rows = np.asarray(M, dtype=object)
     values = [number(x, "an entry of the state-space matrices") for x in rows.ravel()]
-    out = np.empty(rows.size, dtype=object)
-    out[:] = values
-    return out.reshape(rows.shape)
+    return np.array(values, dtype=object).reshape(rows.shape)
 
 
 def is_measured(T: Any) -> bool:
@@ -156,10 +155,7 @@ def is_measured(T: Any) -> bool:
 
 
 def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies w >= 0 in rad/s, ascending, and T(jw) there.
-
-    Raises InputError for several channels, too few frequencies, or values that are not finite.
-    """
+    """Frequencies w >= 0 in rad/s, ascending, and T(jw) there."""
     require_siso(T, name)
     w, values = np.asarray(T.omega, dtype=float), np.asarray(T.frdata, dtype=complex)[0, 0]
     if len(w) < FREQUENT:
@@ -172,15 +168,26 @@ def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
     return w[order], values[order]
 
 
+def crossings(line: np.ndarray, level: float = 0.0) -> list[tuple[int, float]]:
+    """Where straight lines go through a level: the point before and the part of the way."""
+    above = line >= level
+    at = np.flatnonzero(above[1:] != above[:-1])
+    return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
+
+
+def along(w: np.ndarray, k: int, part: float) -> float:
+    """The frequency a part of the way from point k to the next, over log w (over w from w = 0)."""
+    low, high = float(w[k]), float(w[k + 1])
+    return low * (high / low) ** part if low > 0 else low + part * (high - low)
+
+
 def span(w: np.ndarray) -> str:
     return f"the {len(w)} measured frequencies from {w[0]:.6g} to {w[-1]:.6g} rad/s"
 
 
 def cleared(L: Any) -> tuple[Any, str]:
-    """L, and a remark where it changed.
-
-    det(sI - A + BC) - det(sI - A) leaves leading coefficients of the numerator that are eps times
-    those of the denominator, and a pole at s = 0 becomes one of eps times the largest pole.
+    """L, and a remark where it changed: det(sI - A + BC) - det(sI - A) leaves leading coefficients
+    that are eps times those of the denominator, and a pole at s = 0 one of eps times the largest.
     """
     if not isinstance(L, ct.TransferFunction) or (L.ninputs, L.noutputs) != (1, 1) or L.dt:
         return L, ""

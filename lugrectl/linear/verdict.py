@@ -58,10 +58,8 @@ def _plain(value: Any) -> Any:
 
 
 class Realness(NamedTuple):
-    """The kind of T ("SPR", "WSPR", "PR", "not PR"), why, its band edge and its margin.
-
-    ``rounded``: floating point cannot tell it from a neighbour.
-    """
+    """The kind of T ("SPR", "WSPR", "PR", "not PR"), why, its band edge and its margin;
+    ``rounded``: floating point cannot tell it from a neighbour."""
 
     kind: str
     reason: str
@@ -72,7 +70,6 @@ class Realness(NamedTuple):
 
 class Falls(NamedTuple):
     """Where |T| crosses a level below ``dc``, its value at w = 0: 0, or inf, where it has none.
-
     ``width``: up to where it surely does not; ``said``: a remark; ``base``: what has the value dc.
     """
 

@@ -95,7 +95,17 @@ class Controller:
         if self.other is None and mapped(gains, "controller_gains"):
             raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
         if self.other is not None:
-            self._refuse(usual)
+            if strange := [k for k, v in own.items() if v != DEFAULTS[kind][k]]:
+                raise InputError(
+                    f"{strange[0]} is a gain of {usual}; give those of {self.other.name} in "
+                    "controller_gains."
+                )
+            limit.check(f"{kind}_loop")
+            if limit.tracking is not None:
+                raise InputError(
+                    f"tracking holds back the integral of {usual}; leave it out with "
+                    f"{self.other.name}."
+                )
         self.held = limit.held(own["kp"], own["ki"], f"{kind}_loop") if self.other is None else {}
         seen = () if observer is None else observer_block(observer).inputs
         read = () if self.other is None else self.other.inputs
@@ -103,22 +113,9 @@ class Controller:
         self.with_s = self.sliding or "s" in seen
         self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
 
-    def _refuse(self, usual: str) -> None:
-        """Raise where gains or a time belong to the usual controller."""
-        name = self.other.name if self.other else ""
-        if strange := [k for k, v in self.own.items() if v != DEFAULTS[self.kind][k]]:
-            raise InputError(
-                f"{strange[0]} is a gain of {usual}; give those of {name} in controller_gains."
-            )
-        self.limit.check(f"{self.kind}_loop")
-        if self.limit.tracking is not None:
-            raise InputError(
-                f"tracking holds back the integral of {usual}; leave it out with {name}."
-            )
-
     def blocks(self, p: Model, names: Mapping[str, str]) -> list[Any]:
-        """Return the controller by the model p, with the sliding error before it where something
-        reads s; ``names``: what the loop calls the reference and its derivatives."""
+        """The controller by the model p, with the sliding error where something reads s; ``names``:
+        what the loop calls the reference and its derivatives."""
         before = [error_s(self.kind, self.gains, names)] if self.with_s else []
         if self.other is None:
             make = controllers.pi if self.kind == "velocity" else controllers.pid
@@ -159,7 +156,6 @@ def loop_observer(
 
 
 def mapped(gains: Any, what: str) -> dict[str, Any]:
-    """Gains by name."""
     if not (gains is None or isinstance(gains, Mapping)):
         raise InputError(f"{what} must be a dict of numbers by name, not {shown(gains)}.")
     return dict(gains or {})
@@ -211,7 +207,6 @@ def _fits(made: Block, offered: Sequence[str]) -> None:
 def error_s(
     kind: str, gains: Mapping[str, Any] | None, names: Mapping[str, str]
 ) -> ct.NonlinearIOSystem:
-    """The sliding error of a loop."""
     lam = mapped(gains, "controller_gains").get("lam", 20.0)
     measured = ["theta", "w"] if kind == "position" else ["w"]
     wanted = [*measured, *("r", "dr", "ddr")[: 1 + len(measured)]]
@@ -265,14 +260,11 @@ class Control:
     ahead: bool = True
 
     def blocks(self, p: Model) -> list[Any]:
-        """Return the blocks from w_m, theta_m, r and its derivatives to u, by the model p.
-
-        u_fb is u without what else puts out u; ``compensation.scale`` is the share of Fhat in it.
-        """
+        """Return the blocks from w_m, theta_m, r and its derivatives to u, by the model p."""
         made = observer_block("no_observer" if self.observer is None else self.observer)
         measured = MEASURED[controllers.MEASURED[self.kind]]
         seen = [MEASURED.get(s, s) for s in made.inputs]
-        own: Any = {"outputs": ["u_fb"]}
+        own: Any = {"outputs": ["u_fb"]}  # u without what else puts out u
         if self.kind == "velocity":
             feedback = [controllers.pi(**self.feedback, **own)]
         else:  # D on the velocity error: on w alone it would act against the reference motion

@@ -75,7 +75,7 @@ CALLS = [
     (lambda: lg.design_gains(replace(P, sigma1=0.0)), "needs sigma1 > 0"),
     (lambda: lg.design_gains(replace(P, sigma1=0.0), "time-varying"), "give A"),
     (lambda: lg.design_gains(replace(P, Fc=0.0)), "Fc = 0"),
-    (lambda: lg.certify(lg.Model.of(P).with_values({"Fs": None}), -1, 1), "need Fs"),
+    (lambda: lg.certify(lg.Model.of(P).with_values({"Fs": None}), -1, 1), "needs Fs"),
     (lambda: lg.certify(P, np.abs, 1.0), "K1 must be a number"),
     (lambda: lg.certify(P, -1.0, float("nan")), "K2 must be finite"),
     (lambda: lg.excitation([1.0], [0.0]), "one length"),

@@ -185,7 +185,7 @@ def test_many_states_have_the_margins_of_exact_arithmetic(seed):
     B, C = random.normal(size=(2, 8))
     L = ct.ss(A, B[:, None], 0.3 * C[None], 0.2 * (seed % 3 - 1))
     L = L * ct.ss([[0.0 if seed % 2 else 0.2]], 1.0, 1.0, 0.5)  # an integrator, or not stable
-    num, den, _ = read_transfer(L)
+    num, den = read_transfer(L)
     found, exact = lg.stability_check(L), lg.stability_check((num[::-1], den[::-1]))
     assert L.nstates == 9 and (found.stable, found.closed_poles) == (
         exact.stable,
