@@ -318,6 +318,14 @@ def is_ours(home: str) -> bool:
     return home.partition(".")[0] == "lugrectl"
 
 
+class Steady:
+    """A function of a system whose arguments alone decide its answers."""
+
+    def rests_on(self) -> tuple[Any, ...]:
+        """The systems whose state decides the answers too: none."""
+        return ()
+
+
 class Called:
     """A block with values: python-control's ``keys`` by parameter, and ``functions`` of the
     user.

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import number, one_name, positive, renamed
-from .block import P
+from .block import P, Steady
 from .declaration import block
 from .effects import actuator_lag, actuator_saturation, input_delay
 from .factories import Names, factory
@@ -241,14 +241,8 @@ def _commanded(names: Names) -> Names:
     return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
 
 
-class _Steady:
-    def rests_on(self) -> tuple[Any, ...]:
-        """Nothing but its arguments decides the answer."""
-        return ()
-
-
 @dataclass(frozen=True)
-class _Shift(_Steady):
+class _Shift(Steady):
     """The update of a delay: each state takes the value of the one before."""
 
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
@@ -256,7 +250,7 @@ class _Shift(_Steady):
 
 
 @dataclass(frozen=True)
-class _Late(_Steady):
+class _Late(Steady):
     """The command of ``whole`` samples ago, mixed with the one before by ``part``."""
 
     whole: int

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..core.validation import nearest
 from ..engine.tracing.network import Net
 
 OPTIONAL = ("d",)  # a load: 0 is what is usually meant
@@ -47,9 +47,9 @@ def _unfed(net: Net, label: str) -> str:
         watched = declared is not None and declared.kind == "observer" and label[:1] != "F"
         if part.outputs and not read & {*part.outputs} and label not in part.inputs and not watched:
             idle.append(f"{', '.join(part.outputs)} of {part.block.name}")
-    near = difflib.get_close_matches(label, [k for k in net.signals if k not in read], n=1)
-    if near:
-        hint = f"Did you mean {near[0]} of {net.makers(near[0])}?"
+    near = nearest(label, [k for k in net.signals if k not in read])
+    if near is not None:
+        hint = f"Did you mean {near} of {net.makers(near)}?"
     elif idle:
         hint = f"Nothing reads {'; '.join(idle)}: is it meant?"
     else:

@@ -238,6 +238,11 @@ class Part:
     outputs: tuple[str, ...]
     group: int | None = None
 
+    @classmethod
+    def of(cls, block: Any, group: int | None = None) -> Part:
+        """Return a block with its own names for its signals."""
+        return cls(block, tuple(block.input_labels), tuple(block.output_labels), group)
+
     @property
     def sampled(self) -> bool:
         return self.group is not None
@@ -266,8 +271,7 @@ class Net:
     @classmethod
     def of(cls, system: Any, *, sampled: bool = True) -> Net:
         """Return the net of one system; without ``sampled`` a discrete one acts at any instant."""
-        group = 0 if sampled and system.isdtime(strict=True) else None
-        part = Part(system, tuple(system.input_labels), tuple(system.output_labels), group)
+        part = Part.of(system, 0 if sampled and system.isdtime(strict=True) else None)
         return cls(system.name, (part,), part.inputs, int(part.sampled), alone=True)
 
     @cached_property
