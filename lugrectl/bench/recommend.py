@@ -633,11 +633,7 @@ class Stand:
 
 @dataclass(frozen=True)
 class DriveSpec:
-    """A drive's sensor and task in SI units.
-
-    ``measured``: theta, w or both. ``speed_noise`` None: the speed is the difference of two
-    positions. ``source``: where the values come from.
-    """
+    """A drive's sensor and task in SI units; ``speed_noise`` None: w is the difference of theta."""
 
     rate: float
     noise: float

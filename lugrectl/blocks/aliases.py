@@ -49,11 +49,6 @@ _COMMON = {
 COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
 
 
-def own() -> str:
-    """How blocks of the user's own are loaded."""
-    return f"of your own: {option('blocks', 'FILE.py')}."
-
-
 def name_of(kind: str, given: Any) -> Any:
     """The name of a block that stands in its place; anything else but a system as it is."""
     if isinstance(given, Block):
@@ -105,10 +100,11 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
         return known[meant]
     near = nearest(typed, [*spelt, *common])
     if near is None:
-        hint = f"known: {', '.join(known)}; one {own()}"
+        hint = f"known: {', '.join(known)}; one"
     else:
         close = f"'{spelt[near]}'" if near in spelt else f"'{near}' ({common[near]})"
-        hint = f"did you mean {close}? One {own()}"
+        hint = f"did you mean {close}? One"
+    hint += f" of your own: {option('blocks', 'FILE.py')}."
     start = f"{where}: " if where else ""
     raise InputError(f"{start}there is no {what or kind} named {shown(name)}; {hint}")
 

@@ -18,7 +18,7 @@ from ..core.validation import number, one_name, positive, renamed
 from .block import P, Steady
 from .declaration import block
 from .effects import actuator_lag, actuator_saturation, input_delay
-from .factories import Names, factory
+from .factories import Names, factory, reading
 
 TURN = 2.0 * np.pi
 KV: Any = P(20.0, "1/s")
@@ -168,7 +168,7 @@ def current_lag(time_constant: float, **names: Unpack[Names]):
     >>> round(float(-pole[0].real / (2 * np.pi)), 1)
     300.0
     """
-    return actuator_lag.system(**_commanded(names), time_constant=time_constant)
+    return actuator_lag.system(**reading(names, "u_cmd"), time_constant=time_constant)
 
 
 # As a part of a drive it has no bound; an identification looks for an effect of up to 0.2 s.
@@ -216,7 +216,7 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     if late < 0.0:
         raise InputError(f"delay is {late:g} s, but a dead time cannot be negative.")
     if dt is None:
-        return _LATE.system(**_commanded(names), delay=late)
+        return _LATE.system(**reading(names, "u_cmd"), delay=late)
     step = positive(dt, "dt", "seconds")
     if late > MOST * step:
         raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
@@ -234,11 +234,6 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
         name=name,
         dt=step,
     )
-
-
-def _commanded(names: Names) -> Names:
-    """The names with the input u_cmd where none is given."""
-    return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,11 @@ class Names(TypedDict, total=False):
     outputs: Sequence[str] | None
 
 
+def reading(names: Names, *signals: str) -> Names:
+    """The names with these inputs where none are given."""
+    return {**names, "inputs": names.get("inputs") or signals}
+
+
 _NAMES = """name, inputs, outputs : str, list of str
     Block name and, in order, other names for the signals."""
 RETURNED = "ct.NonlinearIOSystem"
@@ -260,15 +265,10 @@ def effect(
     array([0.4])
     """
     made = block_named("effect", kind)
-    _has_its_period(made, values)
-    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
-
-
-def _has_its_period(made: Block, values: Mapping[str, Any]) -> None:
-    """InputError for an effect of the catalogue that has a size, and a period left to chance."""
-    if not is_ours(made.home):  # the default of a user's own may be that of the drive
-        return
     left = [k for k in _PERIOD if k in made.own and k not in values]
-    if left and real(values.get(made.gain)) not in (None, made.own[made.gain].neutral):
-        unit = made.own[left[0]].unit
-        raise InputError(f"{made.name}: {left[0]} is missing: give it in {unit}, {left[0]}=NUMBER.")
+    # the default of a user's own may be that of the drive
+    if is_ours(made.home) and left:
+        if real(values.get(made.gain)) not in (None, made.own[made.gain].neutral):
+            key, unit = left[0], made.own[left[0]].unit
+            raise InputError(f"{made.name}: {key} is missing: give it in {unit}, {key}=NUMBER.")
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)

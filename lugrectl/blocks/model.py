@@ -379,15 +379,13 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
     check_keys(plant, ("J",), f"{where}: [plant]")
     law = friction.get("model", "lugre")
     made = block_named("friction", law, where=f"{where}: [friction]", what="friction model")
-    friction = with_usual(made, friction)
-    part = _part(made, "model", friction, f"{where}: [friction]")
+    part, held = _part(made, "model", friction, f"{where}: [friction]")
     model = Model(
         name=text(data.get("name", "drive"), f"{where}: name"),
         motion=motion,
         J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
         friction=part,
-        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]")
-        | _statements(friction, part.block.own, f"{where}: [friction]"),
+        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]") | held,
         blocks=blocks,
     )
     effects = data.get("effects", [])
@@ -406,18 +404,15 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
     if "name" not in entry:
         raise InputError(f'{where} needs a name, such as name = "gravity".')
     made = block_named("effect", entry["name"], where=where, what="effect")
-    entry = with_usual(made, entry)
-    use = _part(made, "name", entry, f"{where} {entry['name']}")
-    twin = next((part for part in model.effects if _alike(part, use)), None)
-    if twin is not None:
+    use, held = _part(made, "name", entry, f"{where} {entry['name']}")
+    if any(_alike(part, use) for part in model.effects):
         raise InputError(
             f"{where} {use.block.name} is declared twice, and no record can distinguish the "
             "two: keep one of them."
         )
-    made = model.with_effect(use.block.name, use.values)
-    more = _statements(entry, use.block.own, f"{where} {use.block.name}")
-    own = {f"{made.effects[-1].key}.{k}": one for k, one in more.items()}
-    return replace(made, stated={**made.stated, **own})
+    model = model.with_effect(use.block.name, use.values)
+    own = {f"{model.effects[-1].key}.{k}": one for k, one in held.items()}
+    return replace(model, stated={**model.stated, **own})
 
 
 def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) -> dict[str, Stated]:
@@ -431,8 +426,7 @@ def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) ->
 
 
 def _alike(one: Part, other: Part) -> bool:
-    """True if two effects add up to one of their kind, because they differ in strength and phase
-    at most. Two ripples of different or of unknown harmonics do not."""
+    """Whether two effects add up to one of a kind: they differ in strength and phase at most."""
     if one.block.name != other.block.name:
         return False
     own = one.block.own
@@ -443,15 +437,16 @@ def _alike(one: Part, other: Part) -> bool:
     return known and all(one.values[k] == other.values[k] for k in differing)
 
 
-def _part(made: Block, tag: str, entry: Any, where: str) -> Part:
-    """The block with the values of an entry, in which ``tag`` names it."""
+def _part(made: Block, tag: str, entry: Any, where: str) -> tuple[Part, dict[str, Stated]]:
+    """The block with the values of an entry, in which ``tag`` names it, and what it states."""
+    entry = with_usual(made, entry)
     check_keys(entry, (tag, *made.own, *form_keys(made)), where)
     made, entry = formed(made, entry, where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
         for k, p in made.own.items()
     }
-    return Part(made.name, made, values)
+    return Part(made.name, made, values), _statements(entry, made.own, where)
 
 
 def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:

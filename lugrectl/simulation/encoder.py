@@ -45,10 +45,7 @@ class Sensing:
 
 @dataclass(frozen=True)
 class _Encoder(Steady):
-    """theta_m = q round((theta + n_theta)/q); w_m is its difference, or w + n_w.
-
-    ``moves``: the next state, which is theta_m.
-    """
+    """theta_m = q round((theta + n_theta)/q), w_m its difference or w + n_w; or the state."""
 
     step: float
     dt: float

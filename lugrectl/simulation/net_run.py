@@ -28,11 +28,7 @@ NEAR = 1e-6  # of the shortest sample time: updates and times closer than that a
 
 
 def net_of(system: Any) -> tuple[Net, list[float]]:
-    """The net of a system, or of a list of blocks with its sample times.
-
-    InputError for an item that is not a block, two blocks of one name, or dt = True without a
-    sample time.
-    """
+    """The net of a system, or of a list of blocks with its sample times."""
     if not isinstance(system, (list, tuple)):
         return Net.of(arguments.system(system)), []
     blocks = [arguments.system(b, "a block") for b in system]
@@ -219,8 +215,7 @@ def _warn_if_approximate(run: Run) -> None:
 
 
 def _by_python_control(run: Run) -> Track:
-    """A discrete system as python-control simulates it; sample by sample if a loop has to be solved
-    or a block that is not a number to be named."""
+    """A discrete system by python-control, or sample by sample where that cannot."""
     system, course = run.net.parts[0].block, run.course
     options: dict[str, Any] = {"params": run.params, "squeeze": False}
     try:

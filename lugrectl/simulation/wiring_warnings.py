@@ -18,10 +18,7 @@ TINY = 1e-6  # step of the differences
 
 
 def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> None:
-    """Warn of inputs that nothing feeds, and of a feedback with the wrong sign.
-
-    In a list of blocks, and within an interconnection.
-    """
+    """Warn of inputs that nothing feeds in a list of blocks, and of feedback of the wrong sign."""
     if net.alone:
         system = net.parts[0].block
         if net.looped:
@@ -107,8 +104,7 @@ def _warn_of_sign(
 def _plainly_right(
     block: Any, blocks: Sequence[Any], matrix: np.ndarray, row: int, params: Any
 ) -> bool:
-    """Whether e comes from ``error`` with a measured signal that a block puts out, and no gain
-    is negative."""
+    """Whether e comes from ``error`` of a signal that a block measures, with no negative gain."""
     values = {**block.params, **(params or {})}
     gains = [values[k] for k in block.params if k.rpartition(".")[2] in ("kp", "ki", "kd")]
     ends = np.concatenate([[i] * b.noutputs for i, b in enumerate(blocks)]).astype(int)

@@ -44,11 +44,7 @@ class Equations:
 
 
 def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[Node]]:
-    """The state after a step of length ``h`` (a symbol) and the estimate of its error.
-
-    ``divided``: all equations are divided by gamma h, which takes fewer operations and needs
-    h > 0.
-    """
+    """The state after a step ``h`` and its error; ``divided`` by gamma h: fewer operations."""
     graph = system.graph
     h = graph.symbol("h")
     gh = h * GAMMA

@@ -85,8 +85,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Now:
-    """Where a run is: continuous states, sampled states, held values, and the sizes of the
-    continuous states (``Adaptive.run``)."""
+    """Where a run is: continuous and sampled states, held values, and sizes (``Adaptive.run``)."""
 
     x: np.ndarray
     q: np.ndarray
@@ -103,8 +102,7 @@ class Now:
 
 @dataclass(frozen=True)
 class Run:
-    """States (n, N) at the grid points, the number of trial steps, and the last time at which
-    the error test was given up because a relay did not come to rest (nan: never)."""
+    """States (n, N), the number of trial steps, and ``unsettled`` as in :class:`Track`."""
 
     states: np.ndarray
     steps: int
@@ -117,8 +115,7 @@ def chosen_backend() -> str:
 
 
 class Adaptive:
-    """Compiled adaptive run and outputs of a program, with a backend of "c", "numba" or "python";
-    None: the first one available."""
+    """Compiled adaptive run and outputs of a program; ``backend`` None: the first one available."""
 
     backend: Any
     hybrid: Any = None  # the equations of a net
@@ -183,9 +180,7 @@ class Adaptive:
     def part(
         self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy
     ) -> tuple[list[np.ndarray], float]:
-        """A part of a run from ``now``, which is moved to its end: at the kept points the
-        continuous states, the sampled ones, the held values after and before the update; and
-        when a sign did not settle."""
+        """The rows of a part of a run from ``now``, which is moved to its end; ``unsettled``."""
         states, unsettled, none = now.x[:, None], np.nan, np.empty((0, len(course.grid)))
         if len(now.x) and len(course.grid) > 1:
             options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
@@ -197,10 +192,7 @@ class Adaptive:
     def follow(
         self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, accuracy: Accuracy
     ) -> Track:
-        """The track that starts at the continuous states x and the sampled ones q.
-
-        Raises Diverged, with the state, or the sampled block and its output or state, and the time.
-        """
+        """The track that starts at the continuous states x and the sampled ones q."""
         kept, now = course.kept, Now.start(x, q, self.held)
         (states, before, h, b), unsettled = self.part(course, now, p, accuracy)
         given = course.given[:, kept]
@@ -247,10 +239,7 @@ class Portable:
         return cls(*labels, engine.backend, run_code, output_code(program))
 
     def loaded(self) -> Adaptive:
-        """The run, ready to use; fast after the first call. Of a program it reads only the labels.
-
-        A worker compiles with what it has, which may be another compiler.
-        """
+        """The run, compiled with what a worker has; of a program it reads only labels."""
         engine = Adaptive.__new__(Adaptive)
         engine.backend = self.backend if self.backend == "python" else compiler() or self.backend
         engine._load(self, self.run_code, self.output_code)
@@ -284,8 +273,7 @@ def interpreted() -> Iterator[None]:
 
 
 class Held(Adaptive):
-    """Compiled run and signals of a net, with a backend of "c", "numba" or "python"; None: plain
-    Python for up to FEW grid points, because compiling would take longer than running."""
+    """Compiled run and signals of a net; ``backend`` None: plain Python up to FEW points."""
 
     def __init__(self, hybrid: Hybrid, backend: str | None = None) -> None:
         self.hybrid, self.program, self.held = hybrid, hybrid.flow, len(hybrid.net.held)

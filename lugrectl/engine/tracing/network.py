@@ -230,8 +230,7 @@ class Wires:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A block, the names of its signals in the net, and the number of its sample time; ``group``
-    is None if the block acts at every instant."""
+    """A block, its signals in the net, and the number of its sample time, None for none."""
 
     block: Any
     inputs: tuple[str, ...]
