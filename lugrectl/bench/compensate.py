@@ -105,11 +105,8 @@ class Spread(Shown):
 
     def rows(self, unit: str) -> list[Row]:
         """Median and spread of each loop, for display."""
-        made = []
-        for key in self.errors:
-            middle, low, high = self.of(key)
-            made.append(Row(f"on a drive, {key}", f"{middle:.3g} ({low:.3g} to {high:.3g}) {unit}"))
-        return made
+        words = "{:.3g} ({:.3g} to {:.3g}) {}"
+        return [Row(f"on a drive, {k}", words.format(*self.of(k), unit)) for k in self.errors]
 
     def advice(self, unit: str) -> list[str]:
         """One sentence where a compensation makes tracking worse than none."""

@@ -211,10 +211,8 @@ class Model(Shown):
         return changed(given, changes, "Model.of") if changes else as_model(given)
 
     def values(self) -> dict[str, float | None]:
-        flat: dict[str, float | None] = {"J": self.J, **self.friction.values}
-        for part in self.effects:
-            flat |= {f"{part.key}.{k}": v for k, v in part.values.items()}
-        return flat
+        own = {f"{part.key}.{k}": v for part in self.effects for k, v in part.values.items()}
+        return {"J": self.J, **self.friction.values, **own}
 
     def part(self, key: str) -> Part:
         """The effect of that key."""
@@ -294,10 +292,8 @@ class Model(Shown):
 
     def declarations(self) -> dict[str, Any]:
         """The parameter declarations (unit, bounds) under the names of ``values()``."""
-        flat = {"J": J_DECLARATION, **self.friction.block.parameters}
-        for part in self.effects:
-            flat |= {f"{part.key}.{k}": p for k, p in part.block.own.items()}
-        return flat
+        own = {f"{part.key}.{k}": p for part in self.effects for k, p in part.block.own.items()}
+        return {"J": J_DECLARATION, **self.friction.block.parameters, **own}
 
     def bounds(self, key: str) -> tuple[float, float]:
         """Where a value may lie: by its declaration, and as the model states it."""
