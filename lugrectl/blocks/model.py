@@ -668,10 +668,10 @@ def _effects(given: Any) -> list[Any]:
     return made
 
 
-def values_of(p: Any, what: str = "p") -> Any:
+def values_of(p: Any) -> Any:
     """An object with the parameters as attributes: p itself, or the values of a model."""
     if isinstance(p, (Model, str, os.PathLike, Mapping)):
-        return SimpleNamespace(**as_model(p, what).values())
+        return SimpleNamespace(**as_model(p, "p").values())
     return p
 
 
@@ -698,12 +698,12 @@ class Sent:
         return pickle.loads(self.packed)
 
 
-def model_first(p: Any, other: Any, what: str, name: str = "p") -> None:
+def model_first(p: Any, other: Any, what: str) -> None:
     """InputError where ``other``, the argument ``what``, is a model, and ``p`` rather not one."""
     if _how_surely(other) > _how_surely(p):
         log = isinstance(p, Mapping) and holds_samples(p)
         called = f"'{p}'" if is_file(p) else "a log" if log else shown(p)
-        raise InputError(f"{name} is {called} and {what} is a model: swap them.")
+        raise InputError(f"p is {called} and {what} is a model: swap them.")
 
 
 def _how_surely(given: Any) -> int:

@@ -128,11 +128,9 @@ class SparseLU:
             for i in self.order[place + 1 :]:
                 if (i, k) in self.lower:
                     value[i] = value[i] - self.lower[i, k] * value[k]
-        for place in reversed(range(len(self.order))):
-            k = self.order[place]
-            known = [j for j in self.order[place + 1 :] if (k, j) in self.upper]
-            total = value[k]
-            for j in known:
-                total = total - self.upper[k, j] * value[j]
-            value[k] = total * self.inverse[k]
+        for place, k in reversed([*enumerate(self.order)]):
+            for j in self.order[place + 1 :]:
+                if (k, j) in self.upper:
+                    value[k] = value[k] - self.upper[k, j] * value[j]
+            value[k] = value[k] * self.inverse[k]
         return [value[i] for i in range(len(right))]
