@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ..blocks.aliases import name_of
 from ..blocks.observers import observer_block
 from ..core.display import Row, noticed
 from ..core.display import number as figure
@@ -23,7 +22,7 @@ from ..estimates.members import Belief, Members
 from ..simulation.encoder import Sensing
 from . import member_runs
 from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
-from .gains import controller, designed, fastest, lacking
+from .gains import controller, designed, fastest, given_gains, lacking
 from .loop import Task, enough_samples, kind_of, unit_of
 from .member_runs import HUNTS, RESTS, Choice, Jobs, Pairs, Setting, believed, grows
 
@@ -353,16 +352,16 @@ def _sensing(
 def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str, Any]]:
     """Return the observers that are tried, by full name, with their gains by the design rule."""
     given = OBSERVERS if wanted is None else [wanted] if isinstance(wanted, str) else wanted
-    own = {observer_block(name_of("observer", k)).name: dict(v) for k, v in (gains or {}).items()}
-    found, model = {}, setting.task.model
-    for name in (observer_block(name_of("observer", k)).name for k in given):
+    own, found, model = given_gains(gains), {}, setting.task.model
+    dt, speed = setting.sensing.dt, setting.speed
+    for name in (observer_block(k).name for k in given):
         if not (lacks := lacking(name, model)):
-            found[name] = (
-                own.get(name) or designed(model, name, setting.sensing.dt, setting.speed)[0]
-            )
+            found[name] = own.get(name) or designed(model, name, dt, speed)[0]
         elif wanted is not None:
-            raise InputError(f"{name} must know {', '.join(lacks)}, which "
-                             f"{model.friction.block.name} friction does not have.")  # fmt: skip
+            law = model.friction.block.name
+            raise InputError(
+                f"{name} must know {', '.join(lacks)}, which {law} friction does not have."
+            )
     return found
 
 

@@ -182,14 +182,8 @@ class HuntingChance(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as ``lugrectl hunt --json`` prints it for a report."""
-        rows = {"amplitudes": list(self.amplitudes), "periods": list(self.periods)}
-        made = {
-            "schema": 1,
-            "hunts": self.chance.count > 0,
-            "chance": self.chance.summary(),
-            **rows,
-        }
-        return plain(made | {"loop": dict(self.loop)})
+        made = {"schema": 1, "hunts": self.chance.count > 0, "chance": self.chance.summary()}
+        return plain(made | {k: getattr(self, k) for k in ("amplitudes", "periods", "loop")})
 
     def plot(self, ax: Any = None) -> Any:
         """Draw amplitude over period of each member that hunts; returns the Axes."""

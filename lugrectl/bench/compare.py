@@ -167,11 +167,13 @@ class ObserverComparison(ComparedRows[Compared]):
         return grid_html(self._grid()) + left
 
     def _left_out(self) -> list[str]:
-        """A line for each reason, with the observers that it is about."""
-        reasons: dict[str, list[str]] = {}
-        for name, why in self.refused.items():
-            reasons.setdefault(why, []).append(name)
-        return [f"{', '.join(names)} left out: {why}" for why, names in reasons.items()]
+        return [f"{names} left out: {why}" for why, names in by_reason(self.refused)]
+
+
+def by_reason(refused: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Each reason once, with the observers that it is about."""
+    reasons = dict.fromkeys(refused.values())
+    return [(why, ", ".join(k for k, own in refused.items() if own == why)) for why in reasons]
 
 
 @shows_progress

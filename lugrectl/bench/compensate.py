@@ -105,11 +105,8 @@ class Spread(Shown):
 
     def rows(self, unit: str) -> list[Row]:
         """Median and spread of each loop, for display."""
-        made = []
-        for key in self.errors:
-            middle, low, high = self.of(key)
-            made.append(Row(f"on a drive, {key}", f"{middle:.3g} ({low:.3g} to {high:.3g}) {unit}"))
-        return made
+        words = "{:.3g} ({:.3g} to {:.3g}) {}"
+        return [Row(f"on a drive, {k}", words.format(*self.of(k), unit)) for k in self.errors]
 
     def advice(self, unit: str) -> list[str]:
         """One sentence where a compensation makes tracking worse than none."""
@@ -356,7 +353,7 @@ def compensate(
     designs = {k: observer_gains(one, observer, K1, K2, gains) for k, one in believed.items()}
     controls = {"none": task.control(None)}
     controls |= {k: task.control(one, observer, designs[k].gains) for k, one in believed.items()}
-    three, report = Three(task, way, controls, _copies(observer)), reporter(progress)
+    three, report = Three(task, way, controls, observer), reporter(progress)
     loops = {key: task.closed(blocks, key) for key, blocks in controls.items()}
     runs, errors, messages = three.simulated(loops, report)
     drive = None if record is None else three.spread(record, drives, report)
@@ -403,15 +400,6 @@ def _completed(declared: Any, model: Model) -> Model:
     return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
 
 
-def _copies(observer: str | None) -> list[str]:
-    """Return the observer's states that follow the position: they start where the drive stands."""
-    if observer is None:
-        return []
-    block = observer_block(observer)
-    pairs = zip(block.states, block.start, strict=True)
-    return [f"{block.name}_{state}" for state, start in pairs if start == "theta"]
-
-
 @dataclass(frozen=True)
 class Drives:
     """How drives are drawn: from what is known of the parameters, how many, the seed."""
@@ -441,17 +429,21 @@ class Drives:
 
 @dataclass(frozen=True, eq=False)
 class Three:
-    """Three loops that follow one reference; ``copies``: states that start at its position."""
+    """Three loops that follow one reference."""
 
     task: Task
     way: Course
     controls: Mapping[str, Sequence[Any]]
-    copies: Sequence[str]
+    observer: str | None
 
     @property
     def start(self) -> dict[str, float]:
-        """The states that begin at the position of the reference."""
-        states = ("plant_theta", "encoder_last", *self.copies)
+        """The states that begin at the position of the reference, those of the observer too."""
+        states = ["plant_theta", "encoder_last"]
+        if self.observer is not None:
+            block = observer_block(self.observer)
+            pairs = zip(block.states, block.start, strict=True)
+            states += [f"{block.name}_{state}" for state, start in pairs if start == "theta"]
         return dict.fromkeys(states, float(self.way.theta[0]))
 
     def simulated(

@@ -59,6 +59,18 @@ def unknown(name: str, model: Model) -> str | None:
     return f"it must know {', '.join(missing)}, which the model with {law} friction does not have."
 
 
+def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
+    """Return gains by the full name of an observer, checked."""
+    if gains is None:
+        return {}
+    if not isinstance(gains, Mapping) or not all(isinstance(v, Mapping) for v in gains.values()):
+        raise InputError(f"gains must be a dict of dicts by observer, not {shown(gains)}.")
+    checked = {observer_block(name).name: dict(own) for name, own in gains.items()}
+    for name, own in checked.items():
+        observer_block(name).check(own)
+    return checked
+
+
 def designed(
     model: Model, name: str, dt: float, speed: float, **more: float
 ) -> tuple[dict[str, Any], Certificate]:

@@ -27,10 +27,6 @@ from .loop import FASTEST, PERIODS, SETTLED, SampledLoop, Task, samples, sensing
 
 def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
     """The models with their distributions, and the drive as recorded, of a result or its report."""
-    if isinstance(p, Fitted):
-        if p.model is None:
-            raise Refused("the record was refused, so that there is no model to compensate with.")
-        return _sure(p.beliefs()), seen_in(p.record, p.torque_noise)
     what = "p"
     if isinstance(p, (str, Path)):
         what = str(p)
@@ -40,13 +36,20 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
             raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
         except ValueError as error:
             raise InputError(f"{p}: not a JSON document ({error}).") from None
-    if not isinstance(p, Mapping) or "members" not in p or p.get("schema", 1) != 1:
+    if isinstance(p, Fitted):
+        beliefs = () if p.model is None else p.beliefs()
+        seen = seen_in(p.record, p.torque_noise) if beliefs else {}
+    elif isinstance(p, Mapping) and "members" in p and p.get("schema", 1) == 1:
+        beliefs, seen = tuple(Belief.read(one) for one in p["members"]), p.get("drive") or {}
+    else:
         raise InputError(
             f"{what} must be a result or the report.json of one, by this version of lugrectl."
         )
-    if not p["members"]:
+    if not beliefs:
         raise Refused("the record was refused, so that there is no model to compensate with.")
-    return _sure(tuple(Belief.read(one) for one in p["members"])), p.get("drive") or {}
+    for belief in beliefs:
+        refuse_unknown(belief)
+    return beliefs, seen
 
 
 def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
@@ -66,12 +69,6 @@ def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
         "torque": torque,
         "speed": speed_of(record),
     }
-
-
-def _sure(beliefs: tuple[Belief, ...]) -> tuple[Belief, ...]:
-    for one in beliefs:
-        refuse_unknown(one)
-    return beliefs
 
 
 RESTS, UNDECIDED, HUNTS = 0.0, 1.0, 2.0

@@ -30,8 +30,8 @@ from ..loops.parts import crossing
 from ..record import Record
 from ..record.as_record import as_record, is_record
 from ..simulation.encoder import Sensing
-from .compare import chosen_observers
-from .gains import LUGRE, correction, designed, fastest, unknown
+from .compare import by_reason, chosen_observers
+from .gains import LUGRE, correction, designed, fastest, given_gains, unknown
 from .loop import SETTLED, Terms, enough_samples, sensing_of, sine, top_speed, unit_of, wrong
 
 EXACT = "exact parameters"
@@ -174,9 +174,7 @@ class Recommendation(Result):
         rows = [
             Row(f"{i + 1}. {row.name}", " ".join(row.reasons)) for i, row in enumerate(self.ranked)
         ]
-        for why in dict.fromkeys(self.refused.values()):
-            names = ", ".join(k for k, other in self.refused.items() if other == why)
-            rows.append(Row("not admissible", f"{names}: {why}"))
+        rows += [Row("not admissible", f"{k}: {why}") for why, k in by_reason(self.refused)]
         drive = f"{self.drive['rate']:g} Hz, {', '.join(self.drive['measured'])} measured"
         rows.append(Row("drive", drive, "", f"(from {self.drive['source']})"))
         rows.append(Row("without", f"{figure(self.none, 3)} {self.unit}", "", "RMS error"))
@@ -278,14 +276,12 @@ def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
     return f"it reads {missing[0]}, and this drive measures only {measured[0]}; {cure}."
 
 
-def broken(
-    errors: Mapping[str, float], none: float, unit: str, rate: float, compared: bool
-) -> str | None:
+def broken(errors: Mapping[str, float], none: float, unit: str, rate: float) -> str | None:
     """Why an observer does not work at this rate; None if it does."""
     bad = [case for case, error in errors.items() if not error < float("inf")]
     if bad:
         return f"it cannot run at {rate:g} Hz here: the loop diverges with {bad[0]}."
-    if compared and errors[EXACT] > HELPS * none:
+    if errors[EXACT] > HELPS * none:
         return (
             f"it does not help at {rate:g} Hz with this sensor: even with exact parameters the "
             f"error is {quantity(errors[EXACT], unit)}, without an observer {quantity(none, unit)}."
@@ -410,18 +406,22 @@ def recommend_observer(
         record, p = (p.record if record is None else record), own
     model = as_model(p, "p").with_defaults()
     plant(model)  # a missing value is named
-    stand = _stand(model, drive_spec(record, said, model.motion), given_gains(gains))
+    known = {k: float(v) for k, v in model.values().items() if k in LUGRE and v is not None}
+    spec = completed(drive_spec(record, said, model.motion), known)
+    kind = "velocity" if "w" in spec.measured else "position"
+    terms = Terms(model, correction(known, spec.bandwidth), True, given_gains(gains), ahead=True)
+    stand = Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
     wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
     if not wanted:
         raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
     able, refused = _admissible(stand, wanted, flag(certified, "certified"))
-    terms = replace(stand.terms, designed={name: gains for name, (gains, _) in able.items()})
+    terms = replace(terms, designed={name: gains for name, (gains, _) in able.items()})
     stand, report = replace(stand, terms=terms), reporter(progress)
     report(0.0, "simulating the loop without an observer")
     none = stand.error("no_observer", {})
-    unit, rows = unit_of(stand.kind, model), []
+    unit, rows = unit_of(kind, model), []
     for name, trial in _trials(stand, list(able), report).items():
-        why = broken(trial.errors, none, unit, stand.spec.rate, bool(np.isfinite(none)))
+        why = broken(trial.errors, none, unit, spec.rate)
         if why:
             refused[name] = why
         else:
@@ -430,26 +430,6 @@ def recommend_observer(
     alike = [row for row in rows if row.worst <= ALIKE * rows[0].worst]
     rows[: len(alike)] = sorted(alike, key=lambda row: row.noise)
     return _answer(rows, refused, none, stand)
-
-
-def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
-    """Return gains by the full name of an observer, checked."""
-    if gains is None:
-        return {}
-    if not isinstance(gains, Mapping) or not all(isinstance(v, Mapping) for v in gains.values()):
-        raise InputError(f"gains must be a dict of dicts by observer, not {shown(gains)}.")
-    checked = {observer_block(name).name: dict(own) for name, own in gains.items()}
-    for name, own in checked.items():
-        observer_block(name).check(own)
-    return checked
-
-
-def _stand(model: Model, said: Mapping[str, Any], gains: Mapping[str, Any]) -> Stand:
-    known = {k: float(v) for k, v in model.values().items() if k in LUGRE and v is not None}
-    spec = completed(said, known)
-    kind = "velocity" if "w" in spec.measured else "position"
-    terms = Terms(model, correction(known, spec.bandwidth), True, gains, ahead=True)
-    return Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
 
 
 Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certificate by name
@@ -653,11 +633,7 @@ class Stand:
 
 @dataclass(frozen=True)
 class DriveSpec:
-    """A drive's sensor and task in SI units.
-
-    ``measured``: theta, w or both. ``speed_noise`` None: the speed is the difference of two
-    positions. ``source``: where the values come from.
-    """
+    """A drive's sensor and task in SI units; ``speed_noise`` None: w is the difference of theta."""
 
     rate: float
     noise: float

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from typing import Any
 
 from ..core.errors import InputError
 from ..core.option_names import option
-from ..core.validation import shown
+from ..core.validation import nearest, shown
 from .block import Block, is_ours, members
 
 VARIANTS = (  # kinds of another controller, which its function builds
@@ -48,11 +47,6 @@ _COMMON = {
     "encoder_eccentricity": "eccentric_encoder encoder_runout",
 }
 COMMON = {common: name for name, many in _COMMON.items() for common in many.split()}
-
-
-def own() -> str:
-    """How blocks of the user's own are loaded."""
-    return f"of your own: {option('blocks', 'FILE.py')}."
 
 
 def name_of(kind: str, given: Any) -> Any:
@@ -104,13 +98,13 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     meant = spelt.get(typed) or common.get(typed)
     if meant in known:
         return known[meant]
-    near = difflib.get_close_matches(typed, [*spelt, *common], n=1)
-    hint = f"known: {', '.join(known)}"
-    if near:
-        close = spelt.get(near[0])
-        hint = f"did you mean '{close}'" if close else f"did you mean '{near[0]}' "
-        hint += "" if close else f"({common[near[0]]})"
-    hint += f"? One {own()}" if near else f"; one {own()}"
+    near = nearest(typed, [*spelt, *common])
+    if near is None:
+        hint = f"known: {', '.join(known)}; one"
+    else:
+        close = f"'{spelt[near]}'" if near in spelt else f"'{near}' ({common[near]})"
+        hint = f"did you mean {close}? One"
+    hint += f" of your own: {option('blocks', 'FILE.py')}."
     start = f"{where}: " if where else ""
     raise InputError(f"{start}there is no {what or kind} named {shown(name)}; {hint}")
 
@@ -118,9 +112,9 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
 def meant(name: Any, known: Iterable[str]) -> str:
     """What a sentence says of a mistyped name: the nearest known one, or all."""
     spelt = {_spelling(k): k for k in known}
-    near = difflib.get_close_matches(_spelling(name), [*spelt], n=1)
+    near = nearest(_spelling(name), spelt)
     all_of = ", ".join(spelt.values()) or "none"
-    return f"did you mean '{spelt[near[0]]}'?" if near else f"known: {all_of}."
+    return f"did you mean '{spelt[near]}'?" if near else f"known: {all_of}."
 
 
 def also_called(kind: str, name: str) -> tuple[str, ...]:

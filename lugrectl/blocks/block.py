@@ -19,8 +19,9 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import partial
 from types import FunctionType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -318,10 +319,16 @@ def is_ours(home: str) -> bool:
     return home.partition(".")[0] == "lugrectl"
 
 
+class Steady:
+    """A function of a system whose arguments alone decide its answers."""
+
+    def rests_on(self) -> tuple[Any, ...]:
+        """The systems whose state decides the answers too: none."""
+        return ()
+
+
 class Called:
-    """A block with values: python-control's ``keys`` by parameter, and ``functions`` of the
-    user.
-    """
+    """A block with values: python-control's ``keys`` by parameter, ``functions`` of the user."""
 
     __slots__ = ("__weakref__", "_fresh", "_steady", "block", "functions", "keys", "name")
 
@@ -403,9 +410,7 @@ class Outputs(Called):
 
 
 def is_steady(value: Any) -> bool:
-    """Whether neither a value nor what it reads can change: numbers, texts, what is of this
-    package.
-    """
+    """Whether neither a value nor what it reads can change: numbers, texts, this package's own."""
     if value is None or isinstance(value, (bool, int, float, str)):
         return True
     if isinstance(value, tuple):
@@ -427,18 +432,12 @@ def described(system: Any, block: Block) -> Any:
     if block.states:
         why = f"has the states {', '.join(block.states)}, so its output depends on the past"
     if block.states or len(block.inputs) != 1:
-        system.describing_function = NoDescribingFunction(f"{system.name} {why}")
+        system.describing_function = partial(_no_describing_function, f"{system.name} {why}")
     return system
 
 
-class NoDescribingFunction:
-    """What control.describing_function calls of a block that has none."""
-
-    def __init__(self, why: str) -> None:
-        self.why = why
-
-    def __call__(self, amplitude: Any) -> complex:
-        raise InputError(
-            f"{self.why}: a describing function is for blocks without states and with one input, "
-            "such as lugrectl.friction('coulomb'); simulate this one with a sine instead."
-        )
+def _no_describing_function(why: str, amplitude: Any) -> NoReturn:
+    raise InputError(
+        f"{why}: a describing function is for blocks without states and with one input, such as "
+        "lugrectl.friction('coulomb'); simulate this one with a sine instead."
+    )

@@ -224,11 +224,9 @@ class Catalogue(NamedRows[Entry]):
 
     def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """The head and the rows of the table; ``source`` only where an entry has one."""
-        head = ("name", "equation", "parameters", "source")
+        count = 4 if any(entry.source for entry in self._rows) else 3
         rows = [(e.name, e.equation, ", ".join(_labels(e)), e.source) for e in self._rows]
-        if any(source for *_, source in rows):
-            return head, rows
-        return head[:3], [row[:3] for row in rows]
+        return ("name", "equation", "parameters", "source")[:count], [row[:count] for row in rows]
 
 
 _ABOUT = """

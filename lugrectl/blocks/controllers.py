@@ -14,7 +14,7 @@ from ..core.errors import InputError
 from ..core.validation import number
 from .block import P
 from .declaration import block
-from .factories import Names, factory
+from .factories import Names, factory, reading
 from .friction import PAPER, J
 from .model import Model, Parameters, as_model
 
@@ -168,13 +168,13 @@ def _built(
     of: str, gains: dict[str, Any], limit: float | None, tracking: float | None, names: Names
 ) -> ct.NonlinearIOSystem:
     """A controller without a limit, with its own, or with one elsewhere in the loop."""
+    free, limited, tracked = _FORMS[of]
     if limit is None and tracking is None:
-        return _FORMS[of][0].system(**names, **gains)
-    values = dict(gains)
-    values["tracking"] = tracking_time(gains["kp"], gains["ki"], tracking, of)
+        return free.system(**names, **gains)
+    time = tracking_time(gains["kp"], gains["ki"], tracking, of)
     if limit is None:
-        return _FORMS[of][2].system(**names, **values)
-    return _FORMS[of][1].system(**names, **values, limit=limit)
+        return tracked.system(**names, **gains, tracking=time)
+    return limited.system(**names, **gains, tracking=time, limit=limit)
 
 
 _FORMS = {"pi": (_pi, _pi_limited, _pi_tracked), "pid": (_pid, _pid_limited, _pid_tracked)}
@@ -190,11 +190,6 @@ def check_kind(kind: Any, known: Iterable[Any]) -> None:
     """Raise InputError for a kind that is not known."""
     if kind not in known:
         raise InputError(f"unknown kind {kind!r}; known: {', '.join(map(str, known))}.")
-
-
-def _reading(names: Names, *signals: str) -> Names:
-    """The names with these inputs where none are given."""
-    return {**names, "inputs": names.get("inputs") or signals}
 
 
 @factory()
@@ -223,7 +218,7 @@ def error(kind: str = "velocity", **names: Unpack[Names]):
     0.25
     """
     check_kind(kind, MEASURED)
-    return _error.system(**_reading(names, "r", MEASURED[kind]))
+    return _error.system(**reading(names, "r", MEASURED[kind]))
 
 
 @factory()
@@ -396,7 +391,7 @@ def feedforward(p: Parameters | Model, kind: str = "velocity", **names: Unpack[N
     array([0.22])
     """
     check_kind(kind, DERIVATIVE)
-    return _feedforward.system(**_reading(names, DERIVATIVE[kind]), J=as_model(p, "p").J)
+    return _feedforward.system(**reading(names, DERIVATIVE[kind]), J=as_model(p, "p").J)
 
 
 @factory()

@@ -32,7 +32,7 @@ def kind_of(kind: str) -> str:
     return kind
 
 
-def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict, list[Any]]:
+def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict, tuple[Any, ...]]:
     """The names of the signals, the parameters by name, and those that are taken in groups."""
     signals, parameters, groups = [], {}, []
     for key, one in inspect.signature(function).parameters.items():
@@ -52,7 +52,7 @@ def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict,
                 f"{name}: the default of {key} is {shown(one.default)}; declare the parameter as "
                 f"{key}=P({shown(one.default)}, unit)."
             )
-    return signals, parameters, groups
+    return signals, parameters, tuple(groups)
 
 
 def check(made: Block, known: Iterable[str]) -> None:
@@ -67,7 +67,7 @@ def check(made: Block, known: Iterable[str]) -> None:
         raise InputError(
             f"{made.name}: acts belongs to effects, not to a block of the kind {made.kind}."
         )
-    results = _tried(made, {k: p.value for k, p in made.parameters.items()})
+    results = _tried(made, made.defaults())
     if results is not None:
         _check_count(made, results)
     if made.kind == "effect" and made.acts:
@@ -161,7 +161,7 @@ def _check_neutral(made: Block) -> None:
             "neutral=0.0 (or math.inf, for a limit): P(value, unit, neutral=0.0)."
         )
     first = next(iter(neutral))
-    values = {k: p.value for k, p in made.parameters.items()} | {first: neutral[first]}
+    values = made.defaults() | {first: neutral[first]}
     results = None if made.states else _tried(made, values)
     if results is None:
         return
@@ -184,7 +184,7 @@ def true_spans(made: Block) -> dict[str, Any]:
 
     def at(key: str, x: float, size: float) -> np.ndarray:
         still = made.parameters[made.gain].neutral or 0.0
-        values = {k: p.value for k, p in made.parameters.items()} | {key: x}
+        values = made.defaults() | {key: x}
         gains = (1.0 if math.isinf(still) else still + 1.0, still)
         found = [_tried(made, values | {made.gain: gain}, size) for gain in gains]
         if found[0] is None or found[1] is None:
@@ -243,18 +243,6 @@ def is_same(known: Block, function: Callable[..., Any], home: str) -> bool:
     files = [getattr(getattr(f, "__code__", None), "co_filename", "") for f in (old, function)]
     homes = known.home == home or files[0] == files[1] != ""
     return None not in names and names[0] == names[1] and homes
-
-
-def as_function(made: Block) -> Block:
-    """The block with the docstring and the signature of its function."""
-    same = {
-        "__doc__": made.function.__doc__,
-        "__wrapped__": made.function,
-        "__signature__": inspect.signature(getattr(made.function, "function", made.function)),
-    }
-    for key, value in same.items():
-        object.__setattr__(made, key, value)
-    return made
 
 
 def block(
@@ -344,54 +332,51 @@ def block(
     def declare(function: Callable[..., Any]) -> Block:
         if not callable(function):
             raise InputError(f"a block is declared of a function, not of {shown(function)}.")
-        made = replace(
-            _declared(function, name, kind, tuple(out.split()), tuple(states.split())),
+        label, own = name or function.__name__, tuple(states.split())
+        signals, parameters, groups = signature(label, function)
+        timed = signals[:1] == ["t"]
+        inputs = tuple(s for s in signals[timed:] if s not in own)
+        if tuple(signals[timed:]) != inputs + own:
+            raise InputError(f"{label}: signals come first, then states {own}.")
+        made = Block(
+            name=label,
+            kind=kind_of(kind),
+            function=Grouped(function, groups) if groups else function,
+            inputs=inputs,
+            outputs=tuple(out.split()),
+            states=own,
+            parameters=parameters,
+            timed=timed,
             acts=tuple(acts.split()),
             confused=tuple(confused.split()),
             experiment=experiment,
             exact=exact,
             tries=tries,
-            start=tuple(start.split()) or ("0",) * len(states.split()),
+            start=tuple(start.split()) or ("0",) * len(own),
             load=load,
             abrupt=abrupt,
+            home=function.__module__,
             source=source,
         )
-        ours = is_ours(made.home)
-        known = REGISTRY if ours else registered()  # of the package, those so far
-        if not ours:
-            laws = (b.parameters for (of, _), b in known.items() if of == "friction")
-            check(made, [key for law in laws for key in law])
-            made = replace(made, parameters=true_spans(made))
-        before = dict(known).get((kind, made.name))
-        if before is not None and not is_same(before, function, made.home):
-            raise InputError(f"{kind}: a block named '{made.name}' exists; choose another name.")
-        REGISTRY[kind, made.name] = as_function(made)
-        return made
+        return _entered(made, function)
 
     return declare
 
 
-def _declared(
-    function: Callable[..., Any],
-    name: str,
-    kind: str,
-    out: tuple[str, ...],
-    states: tuple[str, ...],
-) -> Block:
-    name = name or function.__name__
-    signals, parameters, groups = signature(name, function)
-    timed = bool(signals) and signals[0] == "t"
-    inputs = tuple(s for s in signals[timed:] if s not in states)
-    if tuple(signals[timed:]) != inputs + states:
-        raise InputError(f"{name}: signals come first, then states {states}.")
-    return Block(
-        name=name,
-        kind=kind_of(kind),
-        function=Grouped(function, tuple(groups)) if groups else function,
-        inputs=inputs,
-        outputs=out,
-        states=states,
-        parameters=parameters,
-        timed=timed,
-        home=function.__module__,
-    )
+def _entered(made: Block, function: Callable[..., Any]) -> Block:
+    """The block as the registry then has it; InputError for one that it cannot have."""
+    known = REGISTRY  # of the package, those so far
+    if not is_ours(made.home):
+        known = registered()
+        laws = (b.parameters for (of, _), b in known.items() if of == "friction")
+        check(made, [key for law in laws for key in law])
+        made = replace(made, parameters=true_spans(made))
+    before = dict(known).get((made.kind, made.name))
+    if before is not None and not is_same(before, function, made.home):
+        raise InputError(f"{made.kind}: a block named '{made.name}' exists; choose another name.")
+    same = {"__doc__": function.__doc__, "__wrapped__": made.function}
+    same["__signature__"] = inspect.signature(function)
+    for key, value in same.items():
+        object.__setattr__(made, key, value)
+    REGISTRY[made.kind, made.name] = made
+    return made

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from ..core.errors import InputError
-from ..core.validation import number, positive
+from ..core.validation import nearest, number, positive
 
 KEYS = ("value", "fixed", "min", "max", "std")
 
@@ -89,8 +88,8 @@ def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> No
 
 
 def _hint(name: Any, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(str(name), list(known), n=1)
-    return f" Did you mean '{near[0]}'?" if near else ""
+    near = nearest(str(name), known)
+    return f" Did you mean '{near}'?" if near else ""
 
 
 def holding(

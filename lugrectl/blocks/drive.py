@@ -15,10 +15,10 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import number, one_name, positive, renamed
-from .block import P
+from .block import P, Steady
 from .declaration import block
 from .effects import actuator_lag, actuator_saturation, input_delay
-from .factories import Names, factory
+from .factories import Names, factory, reading
 
 TURN = 2.0 * np.pi
 KV: Any = P(20.0, "1/s")
@@ -168,7 +168,7 @@ def current_lag(time_constant: float, **names: Unpack[Names]):
     >>> round(float(-pole[0].real / (2 * np.pi)), 1)
     300.0
     """
-    return actuator_lag.system(**_commanded(names), time_constant=time_constant)
+    return actuator_lag.system(**reading(names, "u_cmd"), time_constant=time_constant)
 
 
 # As a part of a drive it has no bound; an identification looks for an effect of up to 0.2 s.
@@ -216,7 +216,7 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     if late < 0.0:
         raise InputError(f"delay is {late:g} s, but a dead time cannot be negative.")
     if dt is None:
-        return _LATE.system(**_commanded(names), delay=late)
+        return _LATE.system(**reading(names, "u_cmd"), delay=late)
     step = positive(dt, "dt", "seconds")
     if late > MOST * step:
         raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
@@ -236,19 +236,8 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     )
 
 
-def _commanded(names: Names) -> Names:
-    """The names with the input u_cmd where none is given."""
-    return {**names, "inputs": names.get("inputs") or ["u_cmd"]}
-
-
-class _Steady:
-    def rests_on(self) -> tuple[Any, ...]:
-        """Nothing but its arguments decides the answer."""
-        return ()
-
-
 @dataclass(frozen=True)
-class _Shift(_Steady):
+class _Shift(Steady):
     """The update of a delay: each state takes the value of the one before."""
 
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
@@ -256,7 +245,7 @@ class _Shift(_Steady):
 
 
 @dataclass(frozen=True)
-class _Late(_Steady):
+class _Late(Steady):
     """The command of ``whole`` samples ago, mixed with the one before by ``part``."""
 
     whole: int

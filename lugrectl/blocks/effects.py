@@ -401,6 +401,13 @@ def input_delay(u, p1, p2, delay: Any = P(0.0, "s", 0.0, 0.2, neutral=0.0)):
     return u - p2, rate * p2, rate * (12.0 * (u - p1) - 6.0 * p2)
 
 
+def _lag(signal: Any, lagged: Any, time_constant: Any) -> tuple[Any, Any]:
+    """A first-order lag and its rate; the signal itself without a time constant."""
+    lags = time_constant > 0.0
+    rate = np.where(lags, 1.0 / np.maximum(time_constant, 1e-12), 0.0)
+    return np.where(lags, lagged, signal), rate * (signal - lagged)
+
+
 @input_effect(
     states="lagged",
     start="u",
@@ -414,8 +421,7 @@ def actuator_lag(u, lagged, time_constant: Any = P(0.0, "s", 0.0, 10.0, neutral=
     The current loop as a first-order lag; tau = 0 passes u unchanged. In a log: fast changes of
     the torque arrive late and smaller. Well below 1/tau it looks like a delay.
     """
-    rate = np.where(time_constant > 0.0, 1.0 / np.maximum(time_constant, 1e-12), 0.0)
-    return np.where(time_constant > 0.0, lagged, u), rate * (u - lagged)
+    return _lag(u, lagged, time_constant)
 
 
 @input_effect(
@@ -601,9 +607,8 @@ def velocity_sensor_lag(w, theta, lagged, time_constant: Any = P(0.0, "s", 0.0, 
     over w has loops whose direction changes with the sign of the acceleration, and w differs
     from dtheta/dt if theta was recorded. Without theta a delay of the torque looks the same.
     """
-    lags = time_constant > 0.0
-    rate = np.where(lags, 1.0 / np.maximum(time_constant, 1e-12), 0.0)
-    return np.where(lags, lagged, w), theta, rate * (w - lagged)
+    measured, rate = _lag(w, lagged, time_constant)
+    return measured, theta, rate
 
 
 @sensor_effect(

@@ -158,9 +158,10 @@ def _run(file: Path, text: bytes, name: str) -> None:
     module.__file__ = str(file)
     before = sys.modules.get(name)
     sys.modules[name] = module  # as for an import: dataclasses and pickles look there
+    folder = str(file.parent)
+    sys.path.insert(0, folder)  # modules beside the file can be imported, as from a script
     try:
-        with _folder(file.parent):
-            exec(compile(text, str(file), "exec", dont_inherit=True), module.__dict__)
+        exec(compile(text, str(file), "exec", dont_inherit=True), module.__dict__)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit of a script as well
@@ -169,17 +170,9 @@ def _run(file: Path, text: bytes, name: str) -> None:
         else:
             sys.modules[name] = before
         raise InputError(_sentence(file, error)) from error
-
-
-@contextlib.contextmanager
-def _folder(folder: Path) -> Iterator[None]:
-    """Modules beside the file can be imported, as from a script."""
-    sys.path.insert(0, str(folder))
-    try:
-        yield
     finally:
         with contextlib.suppress(ValueError):
-            sys.path.remove(str(folder))
+            sys.path.remove(folder)
 
 
 @contextlib.contextmanager

@@ -41,6 +41,11 @@ class Names(TypedDict, total=False):
     outputs: Sequence[str] | None
 
 
+def reading(names: Names, *signals: str) -> Names:
+    """The names with these inputs where none are given."""
+    return {**names, "inputs": names.get("inputs") or signals}
+
+
 _NAMES = """name, inputs, outputs : str, list of str
     Block name and, in order, other names for the signals."""
 RETURNED = "ct.NonlinearIOSystem"
@@ -104,30 +109,26 @@ def _completed(written: Callable[..., Any], made: Block | None) -> str:
         parts.insert(at, "Parameters\n----------")
         at += 1
     parts[at - 1] += f"\n{_NAMES}"
+    of_drive = "p" in inspect.signature(written).parameters
     if made is not None:
-        _describe(made, parts, at, "p" in inspect.signature(written).parameters)
+        known = ", ".join(_from_drive(made))
+        refused = [f"p has no value of {known}"] if of_drive else []
+        refused += ["a value is out of its bounds"] if made.parameters else []
+        refused += ["``inputs`` or ``outputs`` are not one name for each signal"]
+        said = textwrap.fill(f"When {', or '.join(refused)}.", 92, break_on_hyphens=False)
+        parts.insert(at + 1, f"Raises\n------\n{said}")
+        if of_drive and "\np : " not in parts[at - 1]:
+            first = known.split(",")[0]
+            said = f"p : Parameters or Model\n    Gives {known}: ``{made.name}.{first}`` ..."
+            parts[at - 1] = parts[at - 1].replace("----------", f"----------\n{said}", 1)
+        if made.equation.rstrip(".,") not in parts[0]:
+            parts.insert(1, made.doc)
     for i, part in enumerate(parts):
         head, *text = part.split("\n", 2)
         if head in _KINDS:
             said = textwrap.indent(text[1], "    ")
             parts[i] = f"{head}\n{text[0]}\n{_KINDS[head]}\n{said}"
     return "\n\n".join(parts)
-
-
-def _describe(made: Block, parts: list[str], at: int, of_drive: bool) -> None:
-    """Add equation, p and Raises to the parts of a docstring; Returns is the part ``at``."""
-    known = ", ".join(_from_drive(made))
-    refused = [f"p has no value of {known}"] if of_drive else []
-    refused += ["a value is out of its bounds"] if made.parameters else []
-    refused += ["``inputs`` or ``outputs`` are not one name for each signal"]
-    said = textwrap.fill(f"When {', or '.join(refused)}.", 92, break_on_hyphens=False)
-    parts.insert(at + 1, f"Raises\n------\n{said}")
-    if of_drive and "\np : " not in parts[at - 1]:
-        first = known.split(",")[0]
-        said = f"p : Parameters or Model\n    Gives {known}: ``{made.name}.{first}`` ..."
-        parts[at - 1] = parts[at - 1].replace("----------", f"----------\n{said}", 1)
-    if made.equation.rstrip(".,") not in parts[0]:
-        parts.insert(1, made.doc)
 
 
 def _from_drive(made: Block) -> list[str]:
@@ -260,15 +261,10 @@ def effect(
     array([0.4])
     """
     made = block_named("effect", kind)
-    _has_its_period(made, values)
-    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
-
-
-def _has_its_period(made: Block, values: Mapping[str, Any]) -> None:
-    """InputError for an effect of the catalogue that has a size, and a period left to chance."""
-    if not is_ours(made.home):  # the default of a user's own may be that of the drive
-        return
     left = [k for k in _PERIOD if k in made.own and k not in values]
-    if left and real(values.get(made.gain)) not in (None, made.own[made.gain].neutral):
-        unit = made.own[left[0]].unit
-        raise InputError(f"{made.name}: {left[0]} is missing: give it in {unit}, {left[0]}=NUMBER.")
+    # the default of a user's own may be that of the drive
+    if is_ours(made.home) and left:
+        if real(values.get(made.gain)) not in (None, made.own[made.gain].neutral):
+            key, unit = left[0], made.own[left[0]].unit
+            raise InputError(f"{made.name}: {key} is missing: give it in {unit}, {key}=NUMBER.")
+    return made.system(name=name, inputs=inputs, outputs=outputs, **values)

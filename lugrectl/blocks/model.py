@@ -211,10 +211,8 @@ class Model(Shown):
         return changed(given, changes, "Model.of") if changes else as_model(given)
 
     def values(self) -> dict[str, float | None]:
-        flat: dict[str, float | None] = {"J": self.J, **self.friction.values}
-        for part in self.effects:
-            flat |= {f"{part.key}.{k}": v for k, v in part.values.items()}
-        return flat
+        own = {f"{part.key}.{k}": v for part in self.effects for k, v in part.values.items()}
+        return {"J": self.J, **self.friction.values, **own}
 
     def part(self, key: str) -> Part:
         """The effect of that key."""
@@ -294,10 +292,8 @@ class Model(Shown):
 
     def declarations(self) -> dict[str, Any]:
         """The parameter declarations (unit, bounds) under the names of ``values()``."""
-        flat = {"J": J_DECLARATION, **self.friction.block.parameters}
-        for part in self.effects:
-            flat |= {f"{part.key}.{k}": p for k, p in part.block.own.items()}
-        return flat
+        own = {f"{part.key}.{k}": p for part in self.effects for k, p in part.block.own.items()}
+        return {"J": J_DECLARATION, **self.friction.block.parameters, **own}
 
     def bounds(self, key: str) -> tuple[float, float]:
         """Where a value may lie: by its declaration, and as the model states it."""
@@ -379,15 +375,13 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
     check_keys(plant, ("J",), f"{where}: [plant]")
     law = friction.get("model", "lugre")
     made = block_named("friction", law, where=f"{where}: [friction]", what="friction model")
-    friction = with_usual(made, friction)
-    part = _part(made, "model", friction, f"{where}: [friction]")
+    part, held = _part(made, "model", friction, f"{where}: [friction]")
     model = Model(
         name=text(data.get("name", "drive"), f"{where}: name"),
         motion=motion,
         J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
         friction=part,
-        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]")
-        | _statements(friction, part.block.own, f"{where}: [friction]"),
+        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]") | held,
         blocks=blocks,
     )
     effects = data.get("effects", [])
@@ -406,18 +400,15 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
     if "name" not in entry:
         raise InputError(f'{where} needs a name, such as name = "gravity".')
     made = block_named("effect", entry["name"], where=where, what="effect")
-    entry = with_usual(made, entry)
-    use = _part(made, "name", entry, f"{where} {entry['name']}")
-    twin = next((part for part in model.effects if _alike(part, use)), None)
-    if twin is not None:
+    use, held = _part(made, "name", entry, f"{where} {entry['name']}")
+    if any(_alike(part, use) for part in model.effects):
         raise InputError(
             f"{where} {use.block.name} is declared twice, and no record can distinguish the "
             "two: keep one of them."
         )
-    made = model.with_effect(use.block.name, use.values)
-    more = _statements(entry, use.block.own, f"{where} {use.block.name}")
-    own = {f"{made.effects[-1].key}.{k}": one for k, one in more.items()}
-    return replace(made, stated={**made.stated, **own})
+    model = model.with_effect(use.block.name, use.values)
+    own = {f"{model.effects[-1].key}.{k}": one for k, one in held.items()}
+    return replace(model, stated={**model.stated, **own})
 
 
 def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) -> dict[str, Stated]:
@@ -431,8 +422,7 @@ def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) ->
 
 
 def _alike(one: Part, other: Part) -> bool:
-    """True if two effects add up to one of their kind, because they differ in strength and phase
-    at most. Two ripples of different or of unknown harmonics do not."""
+    """Whether two effects add up to one of a kind: they differ in strength and phase at most."""
     if one.block.name != other.block.name:
         return False
     own = one.block.own
@@ -443,15 +433,16 @@ def _alike(one: Part, other: Part) -> bool:
     return known and all(one.values[k] == other.values[k] for k in differing)
 
 
-def _part(made: Block, tag: str, entry: Any, where: str) -> Part:
-    """The block with the values of an entry, in which ``tag`` names it."""
+def _part(made: Block, tag: str, entry: Any, where: str) -> tuple[Part, dict[str, Stated]]:
+    """The block with the values of an entry, in which ``tag`` names it, and what it states."""
+    entry = with_usual(made, entry)
     check_keys(entry, (tag, *made.own, *form_keys(made)), where)
     made, entry = formed(made, entry, where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
         for k, p in made.own.items()
     }
-    return Part(made.name, made, values)
+    return Part(made.name, made, values), _statements(entry, made.own, where)
 
 
 def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
@@ -677,10 +668,10 @@ def _effects(given: Any) -> list[Any]:
     return made
 
 
-def values_of(p: Any, what: str = "p") -> Any:
+def values_of(p: Any) -> Any:
     """An object with the parameters as attributes: p itself, or the values of a model."""
     if isinstance(p, (Model, str, os.PathLike, Mapping)):
-        return SimpleNamespace(**as_model(p, what).values())
+        return SimpleNamespace(**as_model(p, "p").values())
     return p
 
 
@@ -707,12 +698,12 @@ class Sent:
         return pickle.loads(self.packed)
 
 
-def model_first(p: Any, other: Any, what: str, name: str = "p") -> None:
+def model_first(p: Any, other: Any, what: str) -> None:
     """InputError where ``other``, the argument ``what``, is a model, and ``p`` rather not one."""
     if _how_surely(other) > _how_surely(p):
         log = isinstance(p, Mapping) and holds_samples(p)
         called = f"'{p}'" if is_file(p) else "a log" if log else shown(p)
-        raise InputError(f"{name} is {called} and {what} is a model: swap them.")
+        raise InputError(f"p is {called} and {what} is a model: swap them.")
 
 
 def _how_surely(given: Any) -> int:

@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 
 def borrowed(block: Block, plant: Mapping[str, Any]) -> dict[str, Any]:
-    """The values that an effect shares with the plant: without Fs, Fs = Fc; without Fc, both are
-    0.
-    """
+    """The plant's values that an effect shares: without Fs, Fs = Fc; without Fc, both are 0."""
     fallback = {"Fc": 0.0, "Fs": plant.get("Fc", 0.0)}
     return {
         k: plant.get(k, fallback.get(k, p.value)) for k, p in block.parameters.items() if p.shared
@@ -43,36 +41,31 @@ class Part:
     def parameters(self) -> dict[str, P]:
         return {self.prefix + k: p for k, p in self.block.own.items()}
 
-    def arguments(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """The block's parameters, its own and shared ones, from the values of the plant."""
-        own = {k: values[self.prefix + k] for k in self.block.own}
-        return own | borrowed(self.block, values)
-
-    def results(self, signals: Mapping[str, Any], values: Mapping[str, Any]) -> tuple[Any, ...]:
-        """The block's outputs, then its rates, for the signals and values of the whole plant."""
+    def outputs(
+        self, signals: Mapping[str, Any], values: Mapping[str, Any], rates: Rates
+    ) -> tuple[Any, ...]:
+        """The outputs for signals and values of the whole plant; the rates go into ``rates``."""
         args = [signals["t"]] if self.block.timed else []
         args += [signals[name] for name in (*self.block.inputs, *self.states)]
-        return self.block(*args, **self.arguments(values))
+        own = {k: values[self.prefix + k] for k in self.block.own}
+        results = self.block(*args, **own, **borrowed(self.block, values))
+        count = len(self.block.fresh)
+        rates[self.prefix] = results[count:]
+        return results[:count]
 
-    def outputs(self, results: Sequence[Any]) -> dict[str, Any]:
-        return dict(zip(self.block.fresh, results, strict=False))
 
-    def rates(self, results: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple(results[len(self.block.fresh) :])
+Rates = dict[str, tuple[Any, ...]]  # of the states of each part, by its prefix
 
 
 def through_sensors(
-    sensors: Sequence[Part],
-    signals: Mapping[str, Any],
-    values: Mapping[str, Any],
-    rates: dict[str, tuple[Any, ...]],
+    sensors: Sequence[Part], signals: Mapping[str, Any], values: Mapping[str, Any], rates: Rates
 ) -> tuple[Any, Any]:
     """w and theta after all sensors in series; the sensors' rates are stored in ``rates``."""
     w, theta = signals["w"], signals["theta"]
     for part in sensors:
-        results = part.results({**signals, "w": w, "theta": theta}, values)
-        said, rates[part.prefix] = part.outputs(results), part.rates(results)
-        w, theta = said["w_m"], said["theta_m"]
+        outputs = part.outputs({**signals, "w": w, "theta": theta}, values, rates)
+        seen = dict(zip(part.block.fresh, outputs, strict=True))
+        w, theta = seen["w_m"], seen["theta_m"]
     return w, theta
 
 
@@ -150,19 +143,18 @@ class _Motion:
 
     def __call__(self, t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
         signals = {"t": t, **dict(zip(("u", "d", *self.states), given, strict=True))}
-        rates: dict[str, tuple[Any, ...]] = {}
+        rates: Rates = {}
         torque, values = _applied(self.effects, signals, values, rates)
-        law = self.friction.results(signals, values)
-        rates[""] = self.friction.rates(law)
+        F, *_ = self.friction.outputs(signals, values, rates)
         measured = through_sensors(self.sensors, signals, values, rates) if self.sensed else ()
-        dw = acceleration(signals["u"], law[0], torque, values["J"])
+        dw = acceleration(signals["u"], F, torque, values["J"])
         flat = [rate for part in self.parts for rate in rates[part.prefix]]
         beyond: list[Any] = []  # position and speed of the load of each coupling
         for part in self.couplings:
             own = dict(zip(part.block.states, (signals[k] for k in part.states), strict=True))
             turn, inertia = (own["twist"], own["w_load"]), values[f"{part.prefix}load_inertia"]
             beyond += load_motion(signals["theta"], signals["w"], *turn, inertia)
-        return law[0], *measured, *beyond, signals["w"], dw, *flat
+        return F, *measured, *beyond, signals["w"], dw, *flat
 
     def block(self) -> Block:
         loads = _load_names(len(self.couplings))
@@ -194,10 +186,7 @@ def stage(block: Block) -> str:
 
 
 def _applied(
-    effects: Sequence[Part],
-    signals: dict[str, Any],
-    values: Mapping[str, Any],
-    rates: dict[str, tuple[Any, ...]],
+    effects: Sequence[Part], signals: dict[str, Any], values: Mapping[str, Any], rates: Rates
 ) -> tuple[Any, dict[str, Any]]:
     """All effects: the resisting torque and the plant's values; u and load are set in signals.
 
@@ -207,9 +196,7 @@ def _applied(
     def deeds(at: str, values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
         for part in effects:
             if stage(part.block) == at:
-                results = part.results(signals, values)
-                rates[part.prefix] = part.rates(results)
-                yield from part.block.deeds(results)
+                yield from part.block.deeds(part.outputs(signals, values, rates))
 
     for at in ("command", "motor"):
         for _, u in deeds(at, values):
@@ -331,7 +318,7 @@ class _Sensing:
 
     def __call__(self, *given: Any, **values: Any) -> tuple[Any, ...]:
         signals = dict(zip(("t", "w", "theta", *self.states), given, strict=True))
-        rates: dict[str, tuple[Any, ...]] = {}
+        rates: Rates = {}
         w, theta = through_sensors(self.parts, signals, values, rates)
         return w, theta, *(rate for part in self.parts for rate in rates[part.prefix])
 

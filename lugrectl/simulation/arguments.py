@@ -21,11 +21,7 @@ FINEST = 1e-14  # least rtol: below it a step cannot be distinguished from round
 
 
 def system(given: Any, what: str = "system") -> Any:
-    """A python-control system that can be simulated: a transfer function as a state space, a
-    model as its plant.
-
-    InputError for anything else, and for a system whose sizes are not known.
-    """
+    """What can be simulated: of a transfer function its state space, of a model its plant."""
     if isinstance(given, Model):
         return plant(given)
     if isinstance(given, ct.TransferFunction):

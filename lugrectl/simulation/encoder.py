@@ -8,6 +8,8 @@ from typing import Any
 import control as ct
 import numpy as np
 
+from ..blocks.block import Steady
+
 WHOLE = 1.5 * 2.0**52  # a number of this size has no fraction: to add and subtract it rounds
 
 
@@ -42,11 +44,8 @@ class Sensing:
 
 
 @dataclass(frozen=True)
-class _Encoder:
-    """theta_m = q round((theta + n_theta)/q); w_m is its difference, or w + n_w.
-
-    ``moves``: the next state, which is theta_m.
-    """
+class _Encoder(Steady):
+    """theta_m = q round((theta + n_theta)/q), w_m its difference or w + n_w; or the state."""
 
     step: float
     dt: float
@@ -58,10 +57,6 @@ class _Encoder:
         if self.moves:
             return np.array([angle])
         return np.array([angle, v[1] + v[3] if self.own else (angle - x[0]) / self.dt])
-
-    def rests_on(self) -> tuple[Any, ...]:
-        """Nothing but its arguments decides the answer."""
-        return ()
 
 
 def rounded(x: Any, step: float) -> Any:

@@ -28,11 +28,7 @@ NEAR = 1e-6  # of the shortest sample time: updates and times closer than that a
 
 
 def net_of(system: Any) -> tuple[Net, list[float]]:
-    """The net of a system, or of a list of blocks with its sample times.
-
-    InputError for an item that is not a block, two blocks of one name, or dt = True without a
-    sample time.
-    """
+    """The net of a system, or of a list of blocks with its sample times."""
     if not isinstance(system, (list, tuple)):
         return Net.of(arguments.system(system)), []
     blocks = [arguments.system(b, "a block") for b in system]
@@ -47,12 +43,7 @@ def net_of(system: Any) -> tuple[Net, list[float]]:
     rates = [_rate(b, blocks) for b in blocks]
     periods = sorted({rate for rate in rates if rate is not None})
     parts = [
-        Part(
-            block,
-            tuple(block.input_labels),
-            tuple(block.output_labels),
-            None if rate is None else periods.index(rate),
-        )
+        Part.of(block, None if rate is None else periods.index(rate))
         for block, rate in zip(blocks, rates, strict=True)
     ]
     return Net("blocks", tuple(parts), outside(parts), len(periods)), periods
@@ -211,10 +202,11 @@ def _track(run: Run) -> Track:
 
 def _warn_if_approximate(run: Run) -> None:
     """Warn of the first block with a dead time, where a run cannot keep the past of a signal."""
-    late = [one for part in run.net.parts for one in dead_times(part.block, run.params)]
-    for one in [one for one in late if one.seconds > 0.0][:1]:
+    times = (one for part in run.net.parts for one in dead_times(part.block, run.params))
+    late = next((one for one in times if one.seconds > 0.0), None)
+    if late is not None:
         warnings.warn(
-            f"{one.block}: in this run its dead time of {one.seconds:g} s is the Pade "
+            f"{late.block}: in this run its dead time of {late.seconds:g} s is the Pade "
             "approximation of order 2; it is exact where lg.simulate compiles all blocks, "
             "with its own method.",
             RuntimeWarning,
@@ -223,8 +215,7 @@ def _warn_if_approximate(run: Run) -> None:
 
 
 def _by_python_control(run: Run) -> Track:
-    """A discrete system as python-control simulates it; sample by sample if a loop has to be solved
-    or a block that is not a number to be named."""
+    """A discrete system by python-control, or sample by sample where that cannot."""
     system, course = run.net.parts[0].block, run.course
     options: dict[str, Any] = {"params": run.params, "squeeze": False}
     try:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import control as ct
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..blocks.block import Steady
 from ..core.errors import InputError
 from ..core.validation import array, whole
 from ..engine.runtime.adaptive_run import Accuracy, Course
@@ -134,7 +135,7 @@ def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
     rates = {float(b.dt) for b in blocks if b.nstates and b.dt is not True}
     if len(rates) > 1:
         raise InputError(f"the drive's blocks have different sample times: {sorted(rates)} s.")
-    logic = [Part(b, tuple(b.input_labels), tuple(b.output_labels), 0) for b in blocks]
+    logic = [Part.of(b, 0) for b in blocks]
     made = {k for part in logic for k in part.outputs}
     read = {k for part in logic for k in part.inputs}
     twice = sorted({*plant.output_labels} & made)
@@ -148,17 +149,16 @@ def _parts(plant: Any, blocks: Sequence[Any], delay: int) -> tuple[Part, ...]:
             "connected by signal names."
         )
     if not delay:
-        return (Part(plant, tuple(plant.input_labels), tuple(plant.output_labels)), *logic)
-    late = [k + LATE for k in acting]
-    entries = tuple(k + LATE if k in acting else k for k in plant.input_labels)
-    n, functions = len(acting), [_Delay(len(acting), moves) for moves in (True, False)]
+        return Part.of(plant), *logic
+    late = {k: k + LATE for k in acting}
+    n, functions = len(late), [_Delay(len(late), moves) for moves in (True, False)]
     line = ct.nlsys(*functions, inputs=n, outputs=n, states=n * delay, dt=True, name="delay")
-    first = Part(plant, entries, tuple(plant.output_labels))
-    return (first, *logic, Part(line, tuple(acting), tuple(late), 0))
+    first = replace(Part.of(plant), inputs=tuple(late.get(k, k) for k in plant.input_labels))
+    return first, *logic, Part(line, tuple(late), tuple(late.values()), 0)
 
 
 @dataclass(frozen=True)
-class _Delay:
+class _Delay(Steady):
     """n signals in a row of samples: how the row moves on, or what leaves it."""
 
     n: int
@@ -166,9 +166,6 @@ class _Delay:
 
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
         return np.concatenate([x[self.n :], u]) if self.moves else x[: self.n]
-
-    def rests_on(self) -> tuple[Any, ...]:
-        return ()
 
 
 def _inputs(net: Net, t: np.ndarray, given: Any) -> np.ndarray:

@@ -111,10 +111,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Task:
-    """The data of the members ``index``: (c, q) parameters, (c, n) initial states, seeds.
-
-    ``y`` and ``x``, if given, are arrays for the answers of a worker in this process.
-    """
+    """Members: (c, q) parameters, (c, n) initial states, seeds, and places of the answers."""
 
     index: range
     p: np.ndarray
@@ -281,11 +278,7 @@ def prepare(asked: Asked) -> Prepared:
 
 
 def parameter_columns(table: Any) -> dict[str, np.ndarray]:
-    """Name -> (L,) array, or a 0-d array for a value that all members share.
-
-    InputError for another form, text in a column, lengths that differ, a member without one of the
-    parameters.
-    """
+    """The columns of a table of parameters, each (L,), or 0-d for a value that all share."""
     found: dict[str, np.ndarray] = {}
     for name, values in _raw_columns(table).items():
         try:
@@ -382,8 +375,7 @@ Solver = tuple[Traced | OneByOne, tuple[str, ...], np.ndarray, Mapping[int, np.n
 
 
 def _solver(net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]) -> Solver:
-    """By generated code where a continuous system has some, else member by member; names, defaults
-    and columns of its parameters."""
+    """Generated code, or ``alone``, with names, defaults and columns of its parameters."""
     if not net.groups:
         try:
             engine, given = _engine(net, columns)

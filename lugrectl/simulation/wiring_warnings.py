@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..core.validation import nearest
 from ..engine.tracing.network import Net
 
 OPTIONAL = ("d",)  # a load: 0 is what is usually meant
@@ -18,10 +18,7 @@ TINY = 1e-6  # step of the differences
 
 
 def warn_of_wiring(net: Net, given: Any, params: Mapping[str, Any] | None) -> None:
-    """Warn of inputs that nothing feeds, and of a feedback with the wrong sign.
-
-    In a list of blocks, and within an interconnection.
-    """
+    """Warn of inputs that nothing feeds in a list of blocks, and of feedback of the wrong sign."""
     if net.alone:
         system = net.parts[0].block
         if net.looped:
@@ -47,9 +44,9 @@ def _unfed(net: Net, label: str) -> str:
         watched = declared is not None and declared.kind == "observer" and label[:1] != "F"
         if part.outputs and not read & {*part.outputs} and label not in part.inputs and not watched:
             idle.append(f"{', '.join(part.outputs)} of {part.block.name}")
-    near = difflib.get_close_matches(label, [k for k in net.signals if k not in read], n=1)
-    if near:
-        hint = f"Did you mean {near[0]} of {net.makers(near[0])}?"
+    near = nearest(label, [k for k in net.signals if k not in read])
+    if near is not None:
+        hint = f"Did you mean {near} of {net.makers(near)}?"
     elif idle:
         hint = f"Nothing reads {'; '.join(idle)}: is it meant?"
     else:
@@ -107,8 +104,7 @@ def _warn_of_sign(
 def _plainly_right(
     block: Any, blocks: Sequence[Any], matrix: np.ndarray, row: int, params: Any
 ) -> bool:
-    """Whether e comes from ``error`` with a measured signal that a block puts out, and no gain
-    is negative."""
+    """Whether e comes from ``error`` of a signal that a block measures, with no negative gain."""
     values = {**block.params, **(params or {})}
     gains = [values[k] for k in block.params if k.rpartition(".")[2] in ("kp", "ki", "kd")]
     ends = np.concatenate([[i] * b.noutputs for i, b in enumerate(blocks)]).astype(int)

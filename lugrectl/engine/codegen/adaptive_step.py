@@ -547,8 +547,7 @@ for i in range(1, size - 1):
 
 
 def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
-    """The function ``alternate``, with the ``run`` of the flow; ``kind`` "compiled" or
-    "python"."""
+    """The function ``alternate``, with the ``run`` of the flow, for a kind as in that."""
     flow, outside, guarded = hybrid.flow, range(len(hybrid.net.outside)), kind == "python"
     fixed = [] if guarded else [node.value for node in flow.p]
     held, own = [node.value for node in flow.u[len(outside) :]], [q.value for q in tick.q]

@@ -183,8 +183,7 @@ class _Writer:
         return [f"{target.id}_ = {code};"]
 
     def _room(self, name: str, call: ast.Call) -> list[str]:
-        """``np.zeros`` of a few numbers, on the stack; ``np.empty`` of any number, until the end
-        of the block. Zeros in both cases."""
+        """Zeros: ``np.zeros`` of a few numbers on the stack, ``np.empty`` of any number."""
         assert isinstance(call.func, ast.Attribute)
         size, *of = call.args
         kind = "i" if of else "d"

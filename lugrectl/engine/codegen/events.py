@@ -171,11 +171,7 @@ class Sliding:
 def sliding(
     program: Program, smooth: Sequence[Node], leads: Sequence[Node], jumps: Sequence[bool]
 ) -> Sliding:
-    """Rests for the smooth rates and switching functions of ``freeze_modes``.
-
-    Expressions after the rates of the states (outputs, for instance) are converted as well.
-    Jumps that rest at the same time are added.
-    """
+    """Rests for the smooth rates of ``freeze_modes``, and for outputs after them; jumps add up."""
     make, one = program.graph.make, program.graph.constant(1.0)
     apart: dict[int, list[Node]] = {}
     for i in (i for i, jump in enumerate(jumps) if jump):
@@ -217,10 +213,7 @@ def _along(program: Program, lead: Node, motion: Sequence[Node]) -> Node:
 
 
 def _at_zero(gain: Node, lead: Node) -> bool:
-    """Whether a jump vanishes where its switching function is 0 (w = 0, or w = v).
-
-    It does for |w| sign(w), for instance.
-    """
+    """Whether a jump vanishes where its switching function is 0, as |w| sign(w) does at w = 0."""
     pair = [lead, lead.graph.constant(0.0)] if lead.op != "subtract" else list(lead.args)
     for one, other in (pair, pair[::-1]):
         if one.op == "symbol" and one.value not in symbols_in([other]):

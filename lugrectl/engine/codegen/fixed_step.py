@@ -15,7 +15,7 @@ from ..expression.graph import Node, reachable, rename, substitute, symbols_in
 from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS, WIDTH
 from ..tracing.tracer import Program
 from .events import average_jumps
-from .python_source import Emitter, indent, lines_of, summed
+from .python_source import Emitter, indent, summed
 from .rosenbrock import Equations, step
 
 ZERO = 1e-8  # of a state's scale: within this it has reached zero
@@ -65,11 +65,7 @@ class Relay:
 
 @dataclass(frozen=True, eq=False)
 class Relays:
-    """The relays of a program, and its rates within a step.
-
-    The rates contain the symbol ``side<place>`` for the sign of a state, and ``free<place>``, 0
-    while the state is held, else 1.
-    """
+    """The relays of a program; its rates contain ``side<place>`` and ``free<place>``, 0 if held."""
 
     program: Program
     rates: list[Node]
@@ -167,8 +163,7 @@ def relays(program: Program) -> Relays:
 
 
 def _jumps(x: Node) -> list[tuple[Node, Callable[[Node], Node]]]:
-    """What jumps where x passes zero, and how it follows from the sign of x: the sign itself, and
-    comparisons with zero, x > 0."""
+    """What jumps where x passes zero, and how it follows from the sign of x."""
     make = x.graph.make
     made = [(_sign(x), lambda side: side)]
     for op in sorted(COMPARISONS):
@@ -312,16 +307,15 @@ def trial(
     made = [f"n{i} = {code}" for i, code in enumerate(new)]
     parts = [f"abs({e}) / {_most(kind, f's{i}', f'n{i}')}" for i, e in enumerate(errors)]
     parts += ["slip"] if any(relay.turning for relay in switching.every) else []
-    return lines_of(
-        template.format(
-            tired=TIRED,
-            code="\n".join([*emitter.body, *made, *switching.after(kind)]),
-            error=summed(parts),
-            state=summed(states),
-            advance="\n".join(advance),
-            **switching.filling(kind),
-        )
+    text = template.format(
+        tired=TIRED,
+        code="\n".join([*emitter.body, *made, *switching.after(kind)]),
+        error=summed(parts),
+        state=summed(states),
+        advance="\n".join(advance),
+        **switching.filling(kind),
     )
+    return [line for line in text.split("\n") if line]
 
 
 def fixed_step(program: Program, switching: Relays) -> tuple[list[Node], list[Node]]:
@@ -335,10 +329,7 @@ def fixed_step(program: Program, switching: Relays) -> tuple[list[Node], list[No
 
 
 def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
-    """x += gain e, e = y - y_hat, without the outputs that were not measured (nan).
-
-    What e has within ``half`` is reduced by the part ``dull``.
-    """
+    """x += gain e, e = y - y_hat; of e within ``half`` the part ``dull`` is dropped."""
     drop, clip = "0.0 if c{0} != c{0} else c{0}", "max(-half[{0}], min(half[{0}], c{0}))"
     if kind == "array":
         drop, clip = "np.where(np.isnan(c{0}), 0.0, c{0})", "np.clip(c{0}, -half[{0}], half[{0}])"

@@ -80,10 +80,7 @@ class Emitter:
 
 
 class Section:
-    """Code that leaves the values of nodes in named variables.
-
-    ``at_once``: none is set before all are computed, because they are computed from each other.
-    """
+    """Code that leaves the values of nodes in named variables, ``at_once`` if they overlap."""
 
     def __init__(
         self,
@@ -99,8 +96,7 @@ class Section:
         self.codes = self.emitter.write(nodes)
 
     def lines(self, guarded: bool = False) -> list[str]:
-        """The code. In plain Python an overflow raises; ``guarded`` code then computes the values
-        by NumPy's rules, with :meth:`robust`."""
+        """The code; where plain Python raises, ``guarded`` code computes with :meth:`robust`."""
         if not self.names:
             return self.emitter.body
         left = ", ".join(self.names)
@@ -216,11 +212,6 @@ def _added(terms: Sequence[tuple[int, Node]], known: _Known) -> Node:
 def indent(lines: Iterable[str], depth: int) -> str:
     """The lines as one text, indented by ``depth`` steps; ``pass`` if there are none."""
     return "\n".join("    " * depth + line for line in (list(lines) or ["pass"]))
-
-
-def lines_of(text: str) -> list[str]:
-    """The lines of a filled template, without the empty ones."""
-    return [line for line in text.split("\n") if line]
 
 
 def summed(terms: Sequence[str]) -> str:

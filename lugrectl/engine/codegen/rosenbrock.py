@@ -44,11 +44,7 @@ class Equations:
 
 
 def step(system: Equations, *, divided: bool = False) -> tuple[list[Node], list[Node]]:
-    """The state after a step of length ``h`` (a symbol) and the estimate of its error.
-
-    ``divided``: all equations are divided by gamma h, which takes fewer operations and needs
-    h > 0.
-    """
+    """The state after a step ``h`` and its error; ``divided`` by gamma h: fewer operations."""
     graph = system.graph
     h = graph.symbol("h")
     gh = h * GAMMA
@@ -132,11 +128,9 @@ class SparseLU:
             for i in self.order[place + 1 :]:
                 if (i, k) in self.lower:
                     value[i] = value[i] - self.lower[i, k] * value[k]
-        for place in reversed(range(len(self.order))):
-            k = self.order[place]
-            known = [j for j in self.order[place + 1 :] if (k, j) in self.upper]
-            total = value[k]
-            for j in known:
-                total = total - self.upper[k, j] * value[j]
-            value[k] = total * self.inverse[k]
+        for place, k in reversed([*enumerate(self.order)]):
+            for j in self.order[place + 1 :]:
+                if (k, j) in self.upper:
+                    value[k] = value[k] - self.upper[k, j] * value[j]
+            value[k] = value[k] * self.inverse[k]
         return [value[i] for i in range(len(right))]

@@ -181,16 +181,7 @@ class Symbolic(NDArrayOperatorsMixin):
     __int__ = __index__ = __complex__ = __float__
 
     def __round__(self, digits: Any = None) -> Any:
-        return np.rint(self) if digits is None else np.rint(self * 10.0**digits) / 10.0**digits
-
-    def __floor__(self) -> Any:
-        return np.floor(self)
-
-    def __ceil__(self) -> Any:
-        return np.ceil(self)
-
-    def __trunc__(self) -> Any:
-        return np.trunc(self)
+        return _round(self, digits or 0)
 
     def clip(self, low: Any = None, high: Any = None) -> Any:
         return _clip(self, low, high)
@@ -205,6 +196,8 @@ _UNARY = [k for k, op in OPS.items() if isinstance(op.value, np.ufunc) and op.va
 _UNARY += "ceil rint trunc square reciprocal fabs degrees radians deg2rad rad2deg".split()
 for _name in _UNARY:
     setattr(Symbolic, _name, _method(_name))
+for _name in ("floor", "ceil", "trunc"):  # for functions of math
+    setattr(Symbolic, f"__{_name}__", _method(_name))
 
 
 class SignalArray(np.ndarray):

@@ -85,8 +85,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Now:
-    """Where a run is: continuous states, sampled states, held values, and the sizes of the
-    continuous states (``Adaptive.run``)."""
+    """Where a run is: continuous and sampled states, held values, and sizes (``Adaptive.run``)."""
 
     x: np.ndarray
     q: np.ndarray
@@ -103,8 +102,7 @@ class Now:
 
 @dataclass(frozen=True)
 class Run:
-    """States (n, N) at the grid points, the number of trial steps, and the last time at which
-    the error test was given up because a relay did not come to rest (nan: never)."""
+    """States (n, N), the number of trial steps, and ``unsettled`` as in :class:`Track`."""
 
     states: np.ndarray
     steps: int
@@ -117,8 +115,7 @@ def chosen_backend() -> str:
 
 
 class Adaptive:
-    """Compiled adaptive run and outputs of a program, with a backend of "c", "numba" or "python";
-    None: the first one available."""
+    """Compiled adaptive run and outputs of a program; ``backend`` None: the first one available."""
 
     backend: Any
     hybrid: Any = None  # the equations of a net
@@ -161,20 +158,10 @@ class Adaptive:
         carries the sizes from one part of a run to the next: zeros before the first. Raises
         Diverged, with state and time.
         """
-        shape = (len(self.program.states), len(t))
+        states = np.empty((len(self.program.states), len(t)))
         status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], [] if sizes is None else sizes)
-        arguments = [np.require(a, float, ["C", "W"]) for a in (t, u, x0, p)]
-        grid, inputs, start, values = arguments
-        accuracy = float(rtol), Accuracy(rtol, atol).floor
-        if self.backend != "python":
-            states = np.empty(shape)
-            good = self._run(grid, inputs, bool(hold), start, values, *accuracy, states, status)
-        else:
-            grid, inputs, start, values = (a.tolist() for a in arguments)
-            lists = [[0.0] * shape[1] for _ in range(shape[0])]
-            good = self._run(grid, inputs, bool(hold), start, values, *accuracy, lists, status)
-            states = np.array(lists).reshape(shape)
-        if not good:
+        given = (t, u, bool(hold), x0, p, float(rtol), Accuracy(rtol, atol).floor)
+        if not _call(self._run, self.backend, given, [states], status):
             raise no_bound(self.program.name, self.program.states, status)
         if sizes is not None:
             sizes[:] = status[5:]
@@ -183,9 +170,7 @@ class Adaptive:
     def part(
         self, course: Course, now: Now, p: np.ndarray, accuracy: Accuracy
     ) -> tuple[list[np.ndarray], float]:
-        """A part of a run from ``now``, which is moved to its end: at the kept points the
-        continuous states, the sampled ones, the held values after and before the update; and
-        when a sign did not settle."""
+        """The rows of a part of a run from ``now``, which is moved to its end; ``unsettled``."""
         states, unsettled, none = now.x[:, None], np.nan, np.empty((0, len(course.grid)))
         if len(now.x) and len(course.grid) > 1:
             options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
@@ -197,10 +182,7 @@ class Adaptive:
     def follow(
         self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, accuracy: Accuracy
     ) -> Track:
-        """The track that starts at the continuous states x and the sampled ones q.
-
-        Raises Diverged, with the state, or the sampled block and its output or state, and the time.
-        """
+        """The track that starts at the continuous states x and the sampled ones q."""
         kept, now = course.kept, Now.start(x, q, self.held)
         (states, before, h, b), unsettled = self.part(course, now, p, accuracy)
         given = course.given[:, kept]
@@ -216,10 +198,32 @@ class Adaptive:
         return self.outputs(t, x, u, p)
 
     def outputs(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        return self._filled(self._outputs, t, x, u, p)
+
+    def _filled(self, function: Any, t: np.ndarray, *given: np.ndarray) -> np.ndarray:
         y = np.empty((len(self.program.outputs), len(t)))
         with np.errstate(all="ignore"):
-            self._outputs(t, x, u, p, y)
+            function(t, *given, y)
         return y
+
+
+def _call(
+    run: Any, backend: str, given: Sequence[Any], filled: Sequence[np.ndarray], status: np.ndarray
+) -> int:
+    """Call generated code that fills arrays; with lists in plain Python, where they are faster."""
+    form = np.ndarray.tolist if backend == "python" else _laid_out
+    given = [form(a) if isinstance(a, np.ndarray) else a for a in given]
+    if backend != "python":
+        return run(*given, *filled, status)
+    lists = [a.tolist() for a in filled]
+    code = run(*given, *lists, status)
+    for target, rows in zip(filled, lists, strict=True):
+        target[...] = np.array(rows).reshape(target.shape)
+    return code
+
+
+def _laid_out(values: np.ndarray) -> np.ndarray:
+    return np.require(values, float if values.dtype.kind == "f" else np.int64, ["C", "W"])
 
 
 @dataclass(frozen=True)
@@ -247,10 +251,7 @@ class Portable:
         return cls(*labels, engine.backend, run_code, output_code(program))
 
     def loaded(self) -> Adaptive:
-        """The run, ready to use; fast after the first call. Of a program it reads only the labels.
-
-        A worker compiles with what it has, which may be another compiler.
-        """
+        """The run, compiled with what a worker has; of a program it reads only labels."""
         engine = Adaptive.__new__(Adaptive)
         engine.backend = self.backend if self.backend == "python" else compiler() or self.backend
         engine._load(self, self.run_code, self.output_code)
@@ -284,8 +285,7 @@ def interpreted() -> Iterator[None]:
 
 
 class Held(Adaptive):
-    """Compiled run and signals of a net, with a backend of "c", "numba" or "python"; None: plain
-    Python for up to FEW grid points, because compiling would take longer than running."""
+    """Compiled run and signals of a net; ``backend`` None: plain Python up to FEW points."""
 
     def __init__(self, hybrid: Hybrid, backend: str | None = None) -> None:
         self.hybrid, self.program, self.held = hybrid, hybrid.flow, len(hybrid.net.held)
@@ -300,9 +300,10 @@ class Held(Adaptive):
         counts = (len(now.x), len(now.q), self.held, self.held if net.earlier else 0)
         out = [np.empty((count, np.count_nonzero(columns >= 0))) for count in counts]
         status = np.append([0.0, 0.0, 0.0, np.nan, 0.0], now.sizes)
-        fixed = (course.grid, course.given, course.ticks, course.flags, columns)
-        given = (*fixed, course.hold, p, float(accuracy.rtol), accuracy.floor)
-        code = self._call(given, [now.x, now.q, now.h], out, status)
+        given = (course.grid, course.given, course.ticks, course.flags, columns, bool(course.hold))
+        given = (*given, p, float(accuracy.rtol), accuracy.floor)
+        backend, run = self._chosen(len(course.grid))
+        code = _call(run, backend, given, [now.x, now.q, now.h, *out], status)
         now.sizes[:] = status[5:]
         if code == 1:
             raise no_bound(net.name, self.program.states, status)
@@ -313,15 +314,11 @@ class Held(Adaptive):
     def signals(
         self, t: np.ndarray, x: np.ndarray, u: np.ndarray, b: np.ndarray, p: np.ndarray
     ) -> np.ndarray:
-        y = np.empty((len(self.program.outputs), len(t)))
-        with np.errstate(all="ignore"):
-            self._signals(t, x, u, b, p, y)
-        return y
+        return self._filled(self._signals, t, x, u, b, p)
 
-    def _call(self, fixed: Any, now: Any, out: Any, status: np.ndarray) -> int:
-        """Call the generated function; with lists in plain Python, where they are faster."""
-        *arrays, hold, p, rtol, floor = fixed
-        self._points += len(arrays[0])
+    def _chosen(self, points: int) -> tuple[str, Any]:
+        """The backend for so many more points, and the generated function."""
+        self._points += points
         few = FEW if self.program.x else 25 * FEW
         backend = self.backend or (self._points > few and compiler()) or "python"
         backend = "python" if getattr(_HERE, "plain", False) else backend
@@ -329,17 +326,7 @@ class Held(Adaptive):
             assert self.hybrid.tick is not None
             text = held_code(self.hybrid, self.hybrid.tick, kind_of(backend))
             self._runs[backend] = load_steps(text, backend).alternate
-        run = self._runs[backend]
-        if backend != "python":
-            kinds = [float if a.dtype.kind == "f" else np.int64 for a in (*arrays, p)]
-            pairs = zip((*arrays, p), kinds, strict=True)
-            arrays = [np.require(a, kind, ["C", "W"]) for a, kind in pairs]
-            return run(*arrays[:-1], bool(hold), arrays[-1], rtol, floor, *now, *out, status)
-        arrays, lists, kept = ([a.tolist() for a in group] for group in (arrays, now, out))
-        code = run(*arrays, bool(hold), p.tolist(), rtol, floor, *lists, *kept, status)
-        for target, rows in zip([*now, *out], [*lists, *kept], strict=True):
-            target[...] = np.array(rows).reshape(target.shape)
-        return code
+        return backend, self._runs[backend]
 
 
 def not_finite(net: Net, q: np.ndarray, h: np.ndarray, t: float) -> str:

@@ -98,7 +98,7 @@ class Lanes:
         (L, n). InputError when the shapes do not fit together or a lane leaves the record.
 
         L-stable Rosenbrock steps of order 4. A step ends where a state reaches zero whose own
-        rate contains its sign (see :mod:`.codegen.relay`); other kinks are not located. A
+        rate contains its sign (see :mod:`.codegen.fixed_step`); other kinks are not located. A
         condition on time is weighted by its share of the step. At the default rtol a result, as a
         function of the parameters, has noise of about 1e-7 of its range: finite differences need
         much larger steps.

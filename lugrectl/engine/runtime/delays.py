@@ -53,10 +53,7 @@ def run_late(
     params: Mapping[str, Any] | None,
     accuracy: Accuracy,
 ) -> Track | None:
-    """The track of a net with exact dead times, from its continuous and sampled states.
-
-    None where a net has no dead times, or all are too short for the length of the run.
-    """
+    """The track of a net with exact dead times; None without one of a sensible length."""
     program, t = engine.program, course.grid
     if not program.graph.late or len(t) < 2:
         return None
@@ -197,8 +194,7 @@ class _Run:
         return rough & (np.diff(edges) > SHORTEST * self.longest)
 
     def _advance(self, edges: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, Any]:
-        """A segment from where the last accepted one ended: what will be delayed, at the nodes of
-        the panels (d, P, 5), and how to go on from its end."""
+        """What will be delayed, at the nodes (d, P, 5) of a segment, and how to accept it."""
         rows = [coefficients(own, np.diff(edges)).T for own in late]
         columns = np.vstack([self._panels(edges), *rows, edges[None, :-1]])
         inputs = np.append(np.repeat(columns, 4, axis=1), self._last(edges), axis=1)
@@ -297,8 +293,7 @@ class History:
         return polynomial(np.moveaxis(rows, -1, 0), s)
 
     def extend(self, edges: np.ndarray, values: np.ndarray, rtol: float) -> list[float]:
-        """Add panels with their values (P, 5); the times at which the delayed signal is not
-        smooth."""
+        """Add panels with values (P, 5); the times at which the delayed signal is not smooth."""
         lengths = np.diff(edges)
         rows = coefficients(values, lengths)
         self.size = max(self.size, float(np.max(np.abs(values))))

@@ -119,8 +119,7 @@ class Called:
         return h, fresh, y
 
     def _advance(self, course: Course, x: np.ndarray, accuracy: Accuracy) -> Advance:
-        """The states at the end of a step of the grid: by the traced flow, or by SciPy, without
-        updates and held inputs in one run over all steps."""
+        """How to step the states: by the traced flow, or by SciPy, in one run where that can be."""
         if self.engine is not None:
             engine, p = self.engine, self.engine.program.arguments(self.params)
             options = {"hold": course.hold, "rtol": accuracy.rtol, "atol": accuracy.atol}
@@ -151,8 +150,7 @@ class Called:
     def _solved(
         self, t: np.ndarray, rows: np.ndarray, x: np.ndarray, hold: bool, given: Any
     ) -> np.ndarray:
-        """States (n, N) at the times, with inputs and held values (m, N) that are linear between
-        them, or held."""
+        """States (n, N) at the times, for inputs and held values (m, N), linear or held."""
         m, last = len(self.net.outside), len(t) - 2
 
         def rates(now: float, state: np.ndarray) -> np.ndarray:

@@ -38,7 +38,7 @@ def described(system: Any, *, by_trace: bool = True) -> Any:
     """
     if type(system) not in PLAIN or "_rhs" in vars(system) or "_out" in vars(system):
         return None
-    if not numbers_alone(system.params):
+    if not all(map(is_number, system.params.values())):
         return None
     inside = _inside(system, by_trace)
     if inside is None:
@@ -86,10 +86,6 @@ def _array(value: Any) -> Any:
     return (array.shape, array.dtype.str, array.tobytes()) if array.dtype.kind in "biuf" else None
 
 
-def numbers_alone(given: Mapping[str, Any]) -> bool:
-    return all(is_number(v) for v in given.values())
-
-
 def is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
 
@@ -112,7 +108,8 @@ def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Adaptive:
         for block in blocks:
             block._update_params(given)
         backend = None if net.groups else chosen_backend()
-        plain = tuple(map(described, blocks)) if numbers_alone(given) else (None,)
+        numbers = all(map(is_number, given.values()))
+        plain = tuple(map(described, blocks)) if numbers else (None,)
         widths = frozenset[str]().union(*map(smooth_keys, blocks))
         known = (backend, frozenset(given), widths, net.wiring, plain)
         ready = None if None in plain else _traced.get(known)

@@ -91,10 +91,7 @@ class Substeps:
     def step(
         self, x: np.ndarray, before: np.ndarray, now: np.ndarray, params: Mapping[str, Any]
     ) -> np.ndarray:
-        """The states after a sample, from the time and the inputs at its start and its end.
-
-        Raises Diverged, with the state and the time.
-        """
+        """The states after a sample, from the time and the inputs at its start and its end."""
         own = {k: v for k, v in params.items() if k in self.system.params}
         kind = self._kind(own)
         values = tuple(v if is_number(v) else id(v) for v in own.values())
@@ -133,10 +130,7 @@ class Substeps:
 
 
 def affine_by_probes(system: Any) -> bool:
-    """Whether f(a + b) + f(0) = f(a) + f(b) at states of all sizes and at other parameters.
-
-    False also if no point gives finite values.
-    """
+    """Whether f(a + b) + f(0) = f(a) + f(b) wherever it is finite, and that is somewhere."""
     random, seen, variants = np.random.default_rng(0), False, [dict(system.params)]
     for size in (0.3, 3.0, 30.0):  # all numbers changed
         numbers = {k: v for k, v in system.params.items() if is_number(v)}

@@ -230,13 +230,17 @@ class Wires:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A block, the names of its signals in the net, and the number of its sample time; ``group``
-    is None if the block acts at every instant."""
+    """A block, its signals in the net, and the number of its sample time, None for none."""
 
     block: Any
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     group: int | None = None
+
+    @classmethod
+    def of(cls, block: Any, group: int | None = None) -> Part:
+        """Return a block with its own names for its signals."""
+        return cls(block, tuple(block.input_labels), tuple(block.output_labels), group)
 
     @property
     def sampled(self) -> bool:
@@ -266,8 +270,7 @@ class Net:
     @classmethod
     def of(cls, system: Any, *, sampled: bool = True) -> Net:
         """Return the net of one system; without ``sampled`` a discrete one acts at any instant."""
-        group = 0 if sampled and system.isdtime(strict=True) else None
-        part = Part(system, tuple(system.input_labels), tuple(system.output_labels), group)
+        part = Part.of(system, 0 if sampled and system.isdtime(strict=True) else None)
         return cls(system.name, (part,), part.inputs, int(part.sampled), alone=True)
 
     @cached_property

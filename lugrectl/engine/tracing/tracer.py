@@ -55,20 +55,14 @@ class Program:
     y: tuple[Node, ...]
 
     def outline(self, *more: tuple[Node, ...]) -> tuple[Any, ...]:
-        """The equations, and other nodes, as a hashable value.
-
-        Programs of the same value differ in nothing but the defaults of their parameters.
-        """
+        """The equations and other nodes as a hashable value: all but the defaults of parameters."""
         names = (self.name, self.states, self.inputs, self.outputs, self.parameters, self.keys)
         return *names, outline([(self.t,), self.x, self.u, self.p, self.xdot, self.y, *more])
 
     def sharpened(
         self, params: Mapping[str, Any] | None = None, *, of: Sequence[Node] | None = None
     ) -> Program:
-        """The program with sign(x) for tanh(x/p) where p only smooths the sign for solvers.
-
-        ``of`` are the nodes x of which this is done, None: all.
-        """
+        """The program with sign(x) for tanh(x/p) of ``of``, None: any, where p only smooths it."""
         rows = zip(self.p, self.widths, self.arguments(params), strict=True)
         narrow = [node for node, width, value in rows if 0.0 < value <= width]
         if not narrow:
@@ -136,11 +130,7 @@ def check(
 
 
 def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The system's rates and outputs; None if there are none at this point.
-
-    python-control reports some loops that have an answer as algebraic; these are evaluated
-    block by block.
-    """
+    """The system's rates and outputs, block by block where python-control reports a loop."""
     system._update_params(params)
     try:
         with np.errstate(all="ignore"):
@@ -210,16 +200,16 @@ class Hybrid:
         return self.tick.new_q + self.tick.new_h if self.tick else ()
 
     def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
-        """Compare each block with its own equations: :func:`.verify.check`."""
+        """Compare each block with its own equations."""
         for program, block in self.blocks:
             check(program, block, params, *scales)
 
     def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
-        """The flow and the signals as :meth:`.equations.Program.sharpened`."""
+        """The same with the flow as :meth:`Program.sharpened`."""
         return replace(self, flow=self.flow.sharpened(params))
 
     def outline(self) -> tuple[Any, ...]:
-        """The equations as a hashable value: :meth:`.equations.Program.outline`."""
+        """The equations as a hashable value, as :meth:`Program.outline`."""
         names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
         tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
         return self.net.wiring, names, self.flow.outline(*tick)
@@ -244,8 +234,7 @@ def trace(
 
 
 def single(system: Any) -> Program:
-    """The equations of a system in continuous or discrete time, with the parameters that are set,
-    not yet checked."""
+    """The equations of any system, with the parameters that are set, not yet checked."""
     return _Tracer(Net.of(system, sampled=False)).hybrid(False, ()).flow
 
 
@@ -474,10 +463,7 @@ class _Tracer:
     def _call(
         self, block: Any, function: Callable[..., Any], x: Any, u: Any, size: int
     ) -> list[Node]:
-        """One block's function on symbols; parameters needed as numbers are given as numbers.
-
-        Called once for each set of inputs: the passes through a system repeat the same calls.
-        """
+        """One block's function on symbols, once for the same ones; counts are given as numbers."""
         asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
         if asked not in self.answers:
             signals = signal_array(list(x)), signal_array(list(u))
