@@ -11,7 +11,7 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .state_system import UNDECIDED
+from .state_system import UNDECIDED, StateSystem
 from .systems import System, system_of
 from .transfer import number
 from .verdict import Verdict
@@ -118,6 +118,11 @@ def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:
     (20.4, False, False)
     """
     return _verdict(system_of(T), level_power(level), level).of(T)
+
+
+def _floating(T: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
+    """Return the verdict of floating point, whatever the number of states: to time it alone."""
+    return _verdict(StateSystem.of(T).shown(), power, level)
 
 
 def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVerdict:
