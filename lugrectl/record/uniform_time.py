@@ -14,7 +14,8 @@ from .columns.units import UNITS
 from .record import Record
 from .samples import clock
 from .samples.resampling import HELD, between, how, on_grid, speed
-from .samples.rows import Stamped, count, runs, smallest_steps
+from .samples.rows import Stamped, count, smallest_steps
+from .signal_noise import repeats
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
@@ -52,8 +53,7 @@ def _fill_missing(log: Stamped) -> None:
     for role in log.required:
         lost = ~np.isfinite(log.channels[role])
         some |= lost
-        for a, n in runs(lost):
-            long[a : a + n] |= n > clock.FILL
+        long |= lost & (repeats(lost) > clock.FILL)
         if lost.any() and not lost.all():
             log.channels[role] = _filled(role, log.channels[role], lost)
     log.dropped += int(some.sum())
@@ -67,7 +67,7 @@ def _fill_optional(log: Stamped) -> None:
     """Fill the channels beside torque and motion, or leave them out."""
     for role in [role for role in log.channels if role not in log.required]:
         lost = ~np.isfinite(log.channels[role])
-        longest = max((length for _, length in runs(lost)), default=0)
+        longest = repeats(lost)[lost].max(initial=0)
         isolated = longest <= clock.FILL and lost.mean() < _FILL_SHARE
         if lost.all() or (role != "temperature" and not isolated):
             del log.channels[role]

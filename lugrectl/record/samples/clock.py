@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ...core.option_names import option
 from .resampling import HELD
-from .rows import Stamped, bridged, count
+from .rows import Stamped, bridged, count, means_from
 
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
@@ -217,16 +217,11 @@ def _merge_doubles(log: Stamped) -> None:
     if first.all():
         return
     starts = np.flatnonzero(first)
-    counts = np.diff(np.r_[starts, len(first)])
-    channels = {}
-    for role, values in log.channels.items():
-        good = np.isfinite(values)
-        if role in HELD:
-            channels[role] = values[starts + counts - 1]
-        else:
-            total = np.add.reduceat(np.where(good, values, 0.0), starts)
-            with np.errstate(invalid="ignore"):
-                channels[role] = total / np.add.reduceat(good.astype(float), starts)
+    last = np.append(starts[1:], len(first)) - 1
+    channels = {
+        role: values[last] if role in HELD else means_from(starts, values)
+        for role, values in log.channels.items()
+    }
     merged = len(first) - len(starts)
     log.keep(first)
     log.channels = channels

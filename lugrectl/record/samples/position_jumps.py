@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..signal_noise import quantum, resolution
+from ..columns.units import si_unit
+from ..signal_noise import quantum, repeats, resolution
 from .clock import usual_step
 from .outliers import OFF, confirmed, distances, leave_out, limits, over_loss
-from .rows import Stamped, count, in_runs, runs
+from .rows import Stamped, count
 
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _TURN = 2 * np.pi
@@ -207,10 +208,12 @@ def make_continuous(log: Stamped) -> None:
     at = [k for k in range(len(found)) if not log.new[found.a[k] + 1 : found.b[k] + 1].any()]
     if at:
         log.new[found.b[at]] = True
-        unit = "rad" if log.motion == "rotary" else "m"
-        where = f"by {found.size[at[0]]:.4g} {unit} at {log.place(found.b[at[0]])}"
+        size = f"{found.size[at[0]]:.4g} {si_unit('theta', log.motion)}"
         more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
-        log.say(f"theta jumps {where}{more}, which is no motion: the parts are treated separately.")
+        log.say(
+            f"theta jumps by {size} at {log.place(found.b[at[0]])}{more}, which is no motion: the "
+            "parts are treated separately."
+        )
 
 
 def _leave_out_excursions(log: Stamped, role: str) -> None:
@@ -235,24 +238,18 @@ def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
     """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
     speed that loses its noise, or a channel that stands still with all others, was not read."""
     x = log.channels[role]
-    bad, edges = np.zeros(len(x), bool), np.flatnonzero(np.diff(x) != 0) + 1
+    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
     for before, after in zip(found.a, found.b, strict=True):
-        k = np.searchsorted(edges, before, side="right")
-        start = int(edges[k - 1]) if k else 0
-        k = np.searchsorted(edges, after, side="right")
-        stop = int(edges[k]) if k < len(edges) else len(x)
-        for run, backward in (
-            (slice(start, int(before) + 1), True),
-            (slice(int(after), stop), False),
-        ):
+        start = edges[np.searchsorted(edges, before, side="right") - 1]
+        stop = edges[np.searchsorted(edges, after, side="right")]
+        for run, backward in ((slice(start, before + 1), True), (slice(after, stop), False)):
             starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
             if not starts and run.stop - run.start >= _FEWEST:
                 bad[run] |= _is_stuck(log, role, run, backward)
     if not bad.any():
         return
     if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
-        flat = [(a - 1, n + 1) for a, n in runs(np.r_[False, np.diff(x) == 0]) if x[a] != 0]
-        kept = in_runs(len(x), [(a, n) for a, n in flat if n > _LONG])
+        kept = (x != 0) & (repeats(x) > _LONG)
         bad |= kept & _differ(x[~kept])
     first = int(bad.argmax())
     log.leave_out(
@@ -266,16 +263,13 @@ def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
 def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
     """Return whether the rows of one value before (``backward``) or after a jump were not read."""
     x = log.channels[role]
-    near = (
-        slice(max(run.start - 4, 0), run.start + 1)
-        if backward
-        else slice(run.stop - 1, run.stop + 4)
-    )
-    beside = x[near]
+    beside = x[max(run.start - 4, 0) : run.start + 1]
+    if not backward:
+        beside = x[run.stop - 1 : run.stop + 4][::-1]
     steps = np.diff(beside[np.isfinite(beside)])
     if len(steps) > 1:  # the motion stops or sets in at once
-        last, usual = steps[-1] if backward else steps[0], abs(np.median(steps))
-        if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(last) > 0.5 * usual:
+        usual = abs(np.median(steps))
+        if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(steps[-1]) > 0.5 * usual:
             return True
     others = (log.channels[other][run] for other in log.required)
     if all(bool((part == part[0]).all()) for part in others):
