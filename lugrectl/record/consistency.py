@@ -33,11 +33,7 @@ Labels = Mapping[str, str | None]
 
 
 def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
-    """Check a record: correct the faults that have one possible cause, report the others.
-
-    ``labels`` are the units by role as stated. Raises Refused when ``u`` or the motion is constant
-    or only noise; a constant torque at a steady speed is a point of a friction curve, and beside
-    other runs (not ``alone``) it may be one of several torques (:func:`refuse_dead`)."""
+    """Correct faults of a record that have one possible cause, report others; Refused if dead."""
     return _saturation(_torque_sign(fitting_speed(_alive(record, alone), labels)))
 
 
@@ -73,8 +69,7 @@ def _low_passed(
 def _jackknifed(
     columns: Sequence[np.ndarray], y: np.ndarray, function: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit y by columns: the coefficients, and the standard error of a function of them, by leaving
-    out one block of time after the other."""
+    """Coefficients of a fit of y, and the error of a function of them by leaving out blocks."""
     x = np.column_stack(columns)
     size = column_sizes(x)
     x = x / size
@@ -150,6 +145,7 @@ def _alive(record: Record, alone: bool) -> Record:
         values = getattr(record, role)
         if values is None or not _is_constant(values):
             continue
+        # one point of a friction curve, and beside other runs one of several torques
         on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
         if not on_a_curve and (alone or role != "u"):
             raise _dead(record.source, role, values[0], "reverses")
@@ -199,9 +195,7 @@ class _Speeds:
         return float(g), float(T), float(found[3]), float(error[0])
 
     def compared(self) -> _Compared:
-        """Compare w with d theta/dt. Noise in the regressor biases a fitted ratio towards zero: the
-        two regressions bracket the true one, which is less certain with few swings of the
-        motion."""
+        """Compare both: noise biases a ratio towards 0, so two regressions bracket the true one."""
         w, slope = self.w, self.slope
         (ratio, lead, *_), (inverse, lag, *_) = self.fitted(w, slope), self.fitted(slope, w)
         agreement = ratio * inverse
@@ -238,8 +232,7 @@ class _Compared(NamedTuple):
 
 
 def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
-    """Return the record with a w that is consistent with d theta/dt, each change a message; a w
-    that does not fit d theta/dt is left out."""
+    """The record with a w that fits d theta/dt, or without one; each change is a message."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return record
@@ -291,8 +284,7 @@ class Mistake:
 
 
 def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
-    """Return the mistake where w and d theta/dt differ by a factor of units, else None; InputError
-    where the unit of t is the one that is not as assumed: all rates depend on it."""
+    """The mix-up by which w is not d theta/dt, else None; InputError if the unit of t is wrong."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return None
@@ -304,8 +296,7 @@ def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
 
 
 def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
-    """Return the first mix-up of units that makes w so many times d theta/dt: of those without a
-    stated unit, then of one in SI, which is often stated by habit."""
+    """The likeliest mix-up of units at this ratio; units in SI are often stated by habit."""
     found = []
     for role in ("w", "theta"):
         label = labels.get(role)
@@ -328,9 +319,7 @@ def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
 
 
 def _check_time(record: Record, labels: Labels, ratio: float) -> None:
-    """InputError if the unit of t is what makes w so many times d theta/dt: where no drive is
-    logged at the rate it means, or only t has no stated unit; and one is at the rate of the other
-    unit."""
+    """InputError if a wrong unit of t makes w so many times d theta/dt, and the rate unusual."""
     if "t" not in labels:
         return
     stated = labels["t"] is not None

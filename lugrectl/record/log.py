@@ -78,8 +78,7 @@ def rows_of(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Log:
-    """The rows of a log in the units that are stated or assumed; InputError if it or an argument
-    of :func:`read_record` cannot be read or understood."""
+    """The rows of a log in units stated or assumed; arguments as of :func:`read_record`."""
     named, stated = roles.texts(columns, "columns"), roles.texts(units, "units")
     scaled = roles.factors(scale)
     rate = None if rate is None else _rate(rate, named)
@@ -146,8 +145,7 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
 def _merged(
     names: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
-    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged:
-    tools that merge topics leave a cell empty where a topic has no message."""
+    """Columns on the rows of the motion, where merged topics leave empty cells, and a sentence."""
     by = dict(zip(names, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:

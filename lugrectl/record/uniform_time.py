@@ -26,9 +26,7 @@ _NEAR = 0.25  # rates of runs that differ by more are not brought together
 
 
 def uniform(log: Stamped) -> Record:
-    """Bring the rows of a log, in SI units, to uniform time; Refused without 12 rows in one piece.
-    Up to 3 missing samples in a row are filled, jitter is resampled, a longer loss becomes a
-    gap."""
+    """Bring rows to uniform time: short losses filled, jitter resampled, longer losses gaps."""
     _enough(log, len(log.t))
     _fill_optional(log)
     _fill_missing(log)
@@ -125,8 +123,7 @@ def _regular(log: Stamped) -> Record:
 def _piece(
     log: Stamped, part: slice, counts: np.ndarray, dt: float
 ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """Return the grid of a part in steps, its channels there, and whether they are resampled;
-    ``counts`` are the steps of the clock from the first row on."""
+    """The grid of a part in steps, its channels there, whether resampled; by ``counts`` of time."""
     at = (log.t[part] - log.t[part.start]) / dt
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
@@ -148,8 +145,7 @@ def _piece(
 
 
 def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Return the runs at their commonest rate, where theirs differ by a little, with common
-    channels; each change is a message of the run."""
+    """The runs at one rate, where theirs are near, with common channels; changes are messages."""
     if len(records) < 2:
         return tuple(records)
     rates = [float(f"{r.rate:.4g}") for r in records]
@@ -199,8 +195,7 @@ def _with_common_channels(records: Sequence[Record]) -> tuple[Record, ...]:
 
 
 def long_enough_to_judge(record: Record) -> None:
-    """Raise Refused for a record that is too short or too slow to compare models on; the torque
-    balance needs less and answers beside the refusal."""
+    """Refused for a record too short or too slow to compare models by simulation."""
     parts = record.segments()
     most = max(p.stop - p.start for p in parts)
     samples, seconds = _TO_JUDGE
@@ -218,8 +213,7 @@ def long_enough_to_judge(record: Record) -> None:
 
 
 def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
-    """Raise Refused where t has no unit and no drive writes a log in steps of ``dt`` s, on which
-    all rates and the inertia depend. A record that was built of arrays is in s."""
+    """Refused where t has no unit and no drive writes a log in steps of ``dt`` s."""
     if labels.get("t", "s") is not None or clock.plausible(dt):
         return
     times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]

@@ -63,8 +63,7 @@ def usual_names(role: str) -> list[str]:
 
 
 def split_unit(header: str) -> tuple[str, str | None]:
-    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none, as behind an
-    index, position[0], or where words such as (measured) belong to the name)."""
+    """Split 'name [unit]' or 'name (unit)'; None without one, as in position[0] or (measured)."""
     header = header.strip()
     match = re.fullmatch(r"(.*?)(\s*)(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>)", header)
     if match is None:
@@ -78,8 +77,7 @@ def split_unit(header: str) -> tuple[str, str | None]:
 
 
 def unit_in_name(name: str) -> tuple[str, str | None]:
-    """Split torque_mNm, 'angle, deg', 'n / rpm' or speedRpm into plain name and unit, if a channel
-    of that name can be in it; the longest ending is tried first."""
+    """Split torque_mNm, 'angle, deg' or speedRpm into name and unit, if a channel can be in it."""
     for at in re.finditer(r"\s*[,/|]\s*|[_\s-]+|(?<=[a-z])(?=[A-Z])", name):
         plain, text = name[: at.start()], name[at.end() :]
         if not plain or not text or (text == "m" and plain.lower() not in _LENGTHS):  # measured

@@ -57,8 +57,7 @@ class Table:
 
 
 def heads(headers: Sequence[str]) -> list[tuple[str, str, str | None]]:
-    """Name (without a unit in brackets), plain name (without one behind it, as in torque_mNm, too)
-    and unit of each header."""
+    """Name, plain name (without a unit behind it, as in torque_mNm) and unit of each header."""
     made = []
     for header in headers:
         name, unit = split_unit(header)
@@ -118,8 +117,7 @@ def array_table(
     headed: bool = True,
     number_of: Callable[[int], np.ndarray] | None = None,
 ) -> Table:
-    """Return the table of (name, plain name, unit, values) in memory; ``number_of`` makes numbers
-    of the values of a column, in place of :func:`as_float`."""
+    """The table of (name, plain name, unit, values); ``number_of`` replaces :func:`as_float`."""
     names, plain, units, values = (list(part) for part in zip(*columns, strict=True))
     arrays = [_as_array(one).ravel() for one in values]
     epoch = {}  # columns of seconds since 1970, and their unit
@@ -191,9 +189,7 @@ def source_of(given: Any) -> str:
 
 
 def table_of(given: Any, named: Mapping[str, str]) -> Table:
-    """The columns as those of a file; ``named`` are the roles whose columns the user names. The
-    index of a DataFrame is a column where it holds instants or has a usual name of t, and no column
-    is t."""
+    """The columns as those of a file; ``named`` are the roles whose columns the user names."""
     source, columns = source_of(given), _columns(given)
     if _is_frame(given):
         columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)
@@ -234,7 +230,7 @@ def _label(name: Any) -> str:
 
 
 def _index(frame: Any, names: Sequence[str], named: Mapping[str, str]) -> list[tuple[str, Any]]:
-    """The index as the column of t, or nothing."""
+    """The index as the column of t, where it holds instants or is named so and no column is t."""
     index = getattr(frame, "index", None)
     if not hasattr(index, "dtype"):
         return []

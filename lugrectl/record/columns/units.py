@@ -15,8 +15,7 @@ from ...core.validation import nearest
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: SI value = ``factor`` times the number in this unit; quantity "raw" has no SI
-    meaning before the user's own scale is applied."""
+    """A unit and its ``factor`` to SI; of "raw" ones, the user's own scale comes before it."""
 
     name: str
     quantity: str

@@ -17,8 +17,7 @@ Column = tuple[str, str, str | None, np.ndarray]  # name, plain name, unit, valu
 
 
 def columns_of(content: Any) -> list[Column]:
-    """The columns of nested content, each 1-D, named as ``--columns`` takes them: ``rec.x[2]`` is
-    the second column of the matrix x (N x 6 or 6 x N) in the struct rec."""
+    """The 1-D columns of nested content: ``rec.x[2]`` is column 2 of the matrix x in rec."""
     found = list(_flat("", content, "", _DEPTH))
     longest = max((len(values) for *_, values in found), default=0)
     made = []

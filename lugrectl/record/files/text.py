@@ -158,8 +158,7 @@ def without_commas(
 
 
 def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
-    """Raise InputError at the line where both points and commas have occurred; text is left for
-    the reader of the cells to name."""
+    """InputError at the line where points and commas have both occurred; text is named later."""
     points = commas = False
     for line, row in rows:
         plain = [c for c in row if not is_stamp(c) and re.fullmatch(r"[\d+.,eEdD-]*", c.strip())]
@@ -259,8 +258,7 @@ class _Text:
             return None
 
     def by_cells(self, indices: Sequence[int]) -> Columns:
-        """The columns cell by cell: an empty cell is a missing sample, and so is one that was
-        typed over; other text raises InputError."""
+        """The columns cell by cell: one empty or typed over is missing; InputError for text."""
         said: list[str] = []
         rows: list[tuple[int, list[str]]] = []
         width = len(self.names)
@@ -458,7 +456,7 @@ def _is_numeric(cells: Sequence[str]) -> bool:
 def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, list[list[str]]]:
     """Return the delimiter, the usual number of cells, and the last rows of that many."""
     tail = [line for _, line in sniffed[-max(3, len(sniffed) // 4) :]]
-    best: tuple[float, str, int, list[list[str]]] | None = None
+    found = []
     for delimiter in "\t;|," + _BLANKS:
         rows = [_cells(line, delimiter) for line in tail]
         width = Counter(map(len, rows)).most_common(1)[0][0]
@@ -469,10 +467,9 @@ def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, l
         share = float(np.mean([_is_numeric(cells) for cells in filled]))
         if delimiter == _BLANKS and share < 0.5:  # words of a text
             continue
-        if best is None or share > best[0]:
-            best = share, delimiter, width, rows
-    if best is not None:
-        return best[1:]
+        found.append((share, delimiter, width, rows))
+    if found:
+        return max(found, key=lambda one: one[0])[1:]
     if any(is_number(_cells(line, ";")[0]) for line in tail if _cells(line, ";")):
         raise InputError(
             f"{source} has one column; a record needs u and one of w, theta "

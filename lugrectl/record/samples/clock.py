@@ -56,8 +56,7 @@ def put_in_time(log: Stamped) -> None:
 
 
 def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
-    """A sentence on a sampling rate, Hz, that shows no friction; ``labels`` are the units of the
-    log's columns by role, without one of t where the user gave the rate."""
+    """A sentence on a rate, Hz, that shows no friction; ``labels`` without t: the user gave it."""
     if labels and "t" not in labels:
         given = option("rate", f"{1e3 / rate:.6g}")
         step = f"; if {rate:.6g} is the step in ms, give {given}" if rate < _RATES[0] else ""
@@ -324,8 +323,7 @@ def _believed(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the distance of samples x (N,) from the cubic through two on either side, over their
-    stamps; nan where these do not allow it."""
+    """Distance of samples x (N,) from the cubic in time through two on either side, or nan."""
     off, beside = np.full(len(x), np.nan), (0, 1, 3, 4)
     since = [t[k : len(t) - 4 + k] - t[2:-2] for k in beside]
     value = np.zeros(len(x) - 4)

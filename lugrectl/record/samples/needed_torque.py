@@ -87,8 +87,7 @@ class _Rows:
 
 
 def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
-    """Fit the balance to the rows of a log but those where u is ``unknown``; None if the motion
-    explains less than half of the torque."""
+    """Fit the balance to the rows not ``unknown``; None if it explains less than half of u."""
     u, motion = log.channels.get("u"), log.motion_signal
     parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
     if u is None or motion is None or not parts or not np.isfinite(u).any():
@@ -308,8 +307,7 @@ def _span(values: np.ndarray) -> float:
 def _turns(
     missing: np.ndarray, segments: Sequence[slice], u: np.ndarray, span: float
 ) -> np.ndarray:
-    """Return for each segment the multiple of the span that is missing there; the longest segment
-    is as it was read."""
+    """Return the multiple of the span that each segment misses against the longest of them."""
     turns = np.zeros(len(segments), int)
     jumps = [np.rint((u[s.start - 1] - u[s.start]) / span) for s in segments[1:]]
     known = [i for i, part in enumerate(segments) if np.isfinite(missing[part]).any()]

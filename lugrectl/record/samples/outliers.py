@@ -92,8 +92,7 @@ def leave_out_bad_samples(log: Stamped, *roles: str) -> None:
 
 
 def code(x: np.ndarray) -> np.ndarray:
-    """Return where a channel (N,), all finite, holds a code instead of a value: one value that
-    comes again and again for a few rows, far off the curve through the other rows."""
+    """Return where a channel (N,), all finite, holds one frequent value for a few rows, far off."""
     values, counts = np.unique(x, return_counts=True)
     if len(values) < 20:
         return np.zeros(len(x), bool)

@@ -166,8 +166,7 @@ def _counters(values: np.ndarray) -> list[float]:
 
 
 def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray, int]:
-    """Return the period of a position that stays within it (0: none), the position without wraps,
-    and how many there are."""
+    """Return the period of a position within it (0: none), it without wraps, and their number."""
     good = np.flatnonzero(np.isfinite(theta))
     values = theta[good]
     travel = float(np.ptp(values)) if values.size else 0.0
@@ -191,8 +190,7 @@ def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray, int]
 
 
 def make_continuous(log: Stamped) -> None:
-    """Leave out what jumps away and back or stands still by mistake, and begin a new part where a
-    position jumps for another reason."""
+    """Leave out excursions and what stands still; begin a part where a position jumps else."""
 
     def unconfirmed(role: str) -> Jumps:
         found = _jumps(log, role)
