@@ -125,13 +125,7 @@ DECLARED: dict[str, Any] = {"metavar": "MODEL.toml", "help": "the declared model
 MODEL = (("--model",), {**DECLARED, "required": True})
 DRAWN: dict[str, Any] = {"metavar": "FILE", "help": "draw the answer: .png, .svg, .pdf or .jpg"}
 PICTURE = (("--plot",), DRAWN)
-PICTURE_OUT = (
-    (
-        "--plot",
-        "--out",
-    ),
-    {**DRAWN, "dest": "plot"},
-)
+PICTURE_OUT = (("--plot", "--out"), {**DRAWN, "dest": "plot"})
 PROPERTY = (
     "l2: is the L2 gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error of the "
     "proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the position loop, "

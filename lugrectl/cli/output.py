@@ -28,8 +28,7 @@ def say(sentence: str) -> None:
 
 
 def answer(found: Any, a: Namespace, text: str | None = None, picture: Any = None) -> None:
-    """Draw a result (or ``picture``) where --plot asks for it, print it (or ``text`` in place of
-    its JSON or ``repr``), then say where the picture is."""
+    """Draw a result or ``picture`` for --plot, print it or ``text``, say where the picture is."""
     said = drawn(found if picture is None else picture, a.plot) if a.plot else ""
     print_out(text or (found.to_json() if a.json else repr(found)))
     if said:

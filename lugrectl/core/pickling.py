@@ -16,8 +16,7 @@ class NotPicklable(InputError, pickle.PicklingError):
 
 
 def carried(what: str, value: Any, cure: str = "") -> None:
-    """Raise NotPicklable where a part of a system cannot be pickled (``cure``: what to do), unless
-    functions are copied, or carried by value: cloudpickle can do that."""
+    """NotPicklable where a value does not pickle, unless it is copied or carried by value."""
     try:
         pickle.dumps(value)
     except NotPicklable:

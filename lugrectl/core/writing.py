@@ -41,11 +41,7 @@ def write_whole(path: Path, content: bytes) -> None:
 
 
 def write_together(content: Mapping[str, str], folder: Path, complaint: str) -> list[Path]:
-    """Write texts by file name into a folder, which is created if it is missing; the paths.
-
-    All is written to a hidden folder first. On failure the previous state is restored, and
-    InputError says the ``complaint``, of which {} is why. A killed process may leave a part of the
-    files in an old folder, but then without the first."""
+    """Write texts by file name into a folder, all or none; InputError's ``complaint`` takes why."""
     try:
         _together(content, folder.absolute())
     except OSError as error:

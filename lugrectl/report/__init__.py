@@ -37,8 +37,7 @@ def fragment(d: Any) -> str:
 
 
 def html(d: Any, folder: Path | None = None) -> str:
-    """The report as one self-contained page: inline style and plots, nothing to fetch. Its model
-    file is that of the folder."""
+    """The report as one self-contained page, with the model file as it stands in the folder."""
     return _page(d, [*_model_file(d, folder), *_provenance(d)]).html()
 
 
@@ -92,12 +91,7 @@ def content(d: Any, folder: Path) -> dict[str, str]:
 
 
 def write(d: Any, folder: str | Path) -> list[Path]:
-    """Write report.html, report.json and model.toml into a folder, all of them or none.
-
-    The folder is created if it is missing; other files in it are not changed. Returns the paths.
-    A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
-    written.
-    """
+    """Write report.html, report.json and, unless refused, model.toml into a folder, all or none."""
     folder = _folder(folder)
     return written(content(d, folder), folder, "report")
 

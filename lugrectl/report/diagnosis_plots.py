@@ -230,8 +230,7 @@ def _times(d: Any, block: Block | None) -> str:
 def _explaining(
     d: Any, times: str, block: Block | None, values: dict[str, float]
 ) -> tuple[np.ndarray, str, float, float]:
-    """The abscissa of the residual, its label with unit, what it is folded over and how often the
-    effect repeats in that; never the signal ``times`` of an unexplained residual."""
+    """The abscissa, its label, what it is folded over and how often the effect repeats in that."""
     signals = {"t": d.traces.t, **d.traces.signals}
     own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
     wanted = [*own, *(s for s in d.depends_on if block or s != times)]
@@ -358,12 +357,7 @@ def figures(d: Any) -> list[Figure]:
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:
-    """All plots that the result has data for, in one new figure; returns an array of their Axes.
-
-    If there is only one plot, its Axes is returned. With ``ax`` given, only the first plot
-    (measured and simulated motion, if there is any) is drawn into it, and that Axes is returned.
-    Raises InputError when there is nothing to plot.
-    """
+    """All plots that there is data for: their Axes, or the one; into ``ax`` the first alone."""
     plots = [figure.draw for figure in figures(d)]
     if not plots:
         raise InputError("there is nothing to plot here (refused, or without traces).")

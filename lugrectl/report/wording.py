@@ -122,7 +122,9 @@ def _size(d: Any, finding: Any) -> str:
             said.insert(1, f"{e.value:.4g} per turn")
         elif key != "phase":
             said.append(f"{key.replace('_', ' ')} {value}{'' if unit == '1' else f' {unit}'}")
-    share = share_of(d, finding.name)
+    parts = getattr(_get(d, "comparison"), "budget", ())
+    rows = zip(terms(parts), parts, strict=True)
+    share = next((percent(s.share) for term, s in rows if term == finding.name), None)
     return ", ".join(said if share is None else [*said, f"{share} of friction"])
 
 
@@ -160,7 +162,7 @@ def _table(d: Any) -> Section | None:
     table = _get(d, "table")
     if table is None:
         return None
-    (factor, unit) = readable([table.rms], table.unit)
+    factor, unit = readable([table.rms], table.unit)
     lines = (
         f"{table.name[0].upper()}{table.name[1:]}: {table.values.size} values, "
         f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
@@ -235,9 +237,6 @@ SINGLE = (
 )
 
 
-RELATIVE = "Improvement is relative to the refitted model."
-
-
 def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
@@ -265,7 +264,7 @@ def errors(d: Any) -> Section | None:
     if all(row[4] == NONE for row in rows):  # an identification: to it nothing was added
         keep = (0, 1, 2, 3, 5)
     elif lines:
-        lines = (f"{lines[0]} {RELATIVE}", *lines[1:])
+        lines = (f"{lines[0]} Improvement is relative to the refitted model.", *lines[1:])
     head, *rows = (tuple(row[i] for i in keep) for row in (head, *rows))
     grid = Grid(head, "llrrrrr"[: len(head)], tuple(rows))
     return Section(ERRORS, lines, grid, footnote)
@@ -360,8 +359,7 @@ def bench_tables(d: Any) -> Iterator[Section]:
 
 
 def _plain_notes(d: Any) -> list[str]:
-    """What the balance noticed, where nothing is missing that biases it; the headline may have said
-    it."""
+    """What the balance noticed, where nothing biases it and the headline has not said it."""
     balance = _get(d, "plain")
     if balance is None or _get(d, "effects", ()) or _get(d, "depends_on"):
         return []
@@ -425,13 +423,6 @@ def budget(d: Any) -> Section | None:
         why = FEW.format(many, "es" * (many > 1)) if many < FEWEST_PARTS else BIASED
         footnote = f"{footnote} {why}"
     return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
-
-
-def share_of(d: Any, name: str) -> str | None:
-    """A term's torque as a share of friction, None where the budget has no such term."""
-    parts = getattr(_get(d, "comparison"), "budget", ())
-    rows = zip(terms(parts), parts, strict=True)
-    return next((percent(s.share) for term, s in rows if term == name), None)
 
 
 def compared(d: Any) -> Section | None:
