@@ -208,7 +208,14 @@ def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
 
 def _planned(a: Namespace) -> int:
     """Write the references to record as CSV, and print how to play them."""
-    if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
+    pairs = [one.partition("=") for one in (a.limits or "").split(",") if one.strip()]
+    try:
+        limits: dict[str, Any] = {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError:
+        limits = {"": 0.0}
+    if not {*limits} <= {"w", "u", "theta"}:
+        raise InputError(f"--limits is '{a.limits}', but w=60,u=3,theta=6 or part of it is needed.")
+    if a.records or a.rate is None or not {"w", "u"} <= {*limits}:
         raise InputError(
             "--plan needs the rate and the limits of the drive in place of a record, such as "
             "--plan excitation.csv --rate 1000 --limits w=60,u=3."
@@ -219,18 +226,6 @@ def _planned(a: Namespace) -> int:
     write(Path(a.plan), plan.to_csv().encode(), "--plan")
     answer(plan, a)
     return 0
-
-
-def _limits(text: str | None) -> dict[str, Any]:
-    """ "w=60,u=3" by name."""
-    pairs = [one.partition("=") for one in (text or "").split(",") if one.strip()]
-    try:
-        found: dict[str, Any] = {name.strip(): float(value) for name, _, value in pairs}
-    except ValueError:
-        found = {"": 0.0}
-    if not {*found} <= {"w", "u", "theta"}:
-        raise InputError(f"--limits is '{text}', but w=60,u=3,theta=6 or part of it is needed.")
-    return found
 
 
 # --- hunt, assure --------------------------------------------------------------------------

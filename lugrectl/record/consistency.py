@@ -40,15 +40,11 @@ def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -
 # ---- slow signals -------------------------------------------------------------------
 
 
-def _longest(record: Record) -> Record:
+def _longest(record: Record, band: float = _BAND) -> Record | None:
+    """Return the longest stretch; None where, without its ends, it is too short for a band."""
     part = max(record.segments(), key=lambda s: s.stop - s.start)
-    return record.slice(part.start, part.stop)
-
-
-def _long_enough(record: Record, band: float = _BAND) -> bool:
-    """Return whether the longest stretch, without its ends, is long enough for slow signals."""
-    part = _longest(record)
-    return len(part.u) > 2 * (int(part.rate / _edge(part, band)) + _BLOCKS)
+    least = 2 * (int(record.rate / _edge(record, band)) + _BLOCKS)
+    return record.slice(part.start, part.stop) if part.stop - part.start > least else None
 
 
 def _edge(record: Record, band: float) -> float:
@@ -134,8 +130,7 @@ def _is_noise(values: np.ndarray) -> bool:
 
 
 def _alive(record: Record, alone: bool) -> Record:
-    """Return the record, without a w that is constant while theta changes its speed; Refused where
-    a channel is dead."""
+    """The record without a w that is constant while theta is not; Refused if it is dead."""
     theta, w = record.theta, record.w
     moves = theta is not None and not (_is_constant(theta) or _is_steady(record))
     if w is not None and moves and _is_constant(w):
@@ -177,11 +172,10 @@ class _Speeds:
     @classmethod
     def of(cls, record: Record) -> _Speeds | None:
         """Return both; None where one is missing, too short, or does not change."""
-        if record.w is None or record.theta is None or not _long_enough(record):
+        if record.w is None or record.theta is None or (part := _longest(record)) is None:
             return None
         if not (np.ptp(record.w) > 0 and np.ptp(record.theta) > 0):
             return None
-        part = _longest(record)
         assert part.w is not None and part.theta is not None
         w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
         return cls(w, slope, part.dt)
@@ -363,9 +357,9 @@ def _converted(record: Record, labels: Labels, ratio: float) -> Record:
 def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
     """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz: J
     and the mean friction power over their standard errors, and the share of u that is explained."""
-    if _is_constant(record.u) or not _long_enough(record, band):
+    part = _longest(record, band)
+    if part is None or _is_constant(record.u):
         return None
-    part = _longest(record)
     angle, speed = part.theta, part.w
     if speed is None:
         assert angle is not None

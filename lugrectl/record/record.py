@@ -133,9 +133,13 @@ class Record(Shown):
     def _rows(self) -> Iterable[Row]:
         length = f"{self.samples} at {self.rate:.6g} Hz, {self.duration:.6g} s"
         lost = f"({self.dropped} dropped)" if self.dropped else ""
+        spans = {
+            role: f"{x.min():.6g} to {x.max():.6g}" if len(x) else "empty"
+            for role, x in self.channels().items()
+        }
         return [
             Row("samples", length, "", lost),
-            *(Row(k, _span(x), si_unit(k, self.motion)) for k, x in self.channels().items()),
+            *(Row(role, span, si_unit(role, self.motion)) for role, span in spans.items()),
             *([Row("gaps", len(self.gaps))] if self.gaps else []),
             *noticed(self.messages, "messages"),
         ]
@@ -190,7 +194,3 @@ class Record(Shown):
             "duration": self.duration,
             "dropped": self.dropped,
         }
-
-
-def _span(x: np.ndarray) -> str:
-    return f"{x.min():.6g} to {x.max():.6g}" if len(x) else "empty"

@@ -94,9 +94,8 @@ def repeats(x: np.ndarray, count: float = 0.0) -> np.ndarray:
 
 
 def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Return the standard deviation of a signal's own noise by the median size of its third
-    differences (too high if the motion changes within four samples); never below the rounding of
-    ``resolution``, which interpolated samples do not show."""
+    """Return the standard deviation of a signal's own noise by its third differences (too high if
+    the motion changes within four samples); never below the rounding of ``resolution``."""
     x = x[np.isfinite(x)]
     third = np.abs(np.diff(x, 3))
     noise = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE

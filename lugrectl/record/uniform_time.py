@@ -152,7 +152,15 @@ def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
     dt = records[rates.index(Counter(rates).most_common(1)[0][0])].dt
     if not any(abs(r.dt / dt - 1) > _NEAR for r in records):
         records = [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
-    return _with_common_channels(records)
+    for role, other in (("w", "theta"), ("theta", "w")):  # left out where a run has the other only
+        without = [r for r in records if getattr(r, role) is None]
+        if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
+            first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
+            made = [replace(r, **{role: None}, log=None).read_from(r.log) for r in records]
+            said = f"{without[0].source} has no {role}: it is left out in all runs."
+            made[first] = made[first].with_messages(said)
+            return tuple(made)
+    return tuple(records)
 
 
 def _resampled(record: Record, dt: float) -> Record:
@@ -176,19 +184,6 @@ def _resampled(record: Record, dt: float) -> Record:
         f"{record.source} has {record.rate:.6g} samples per second: resampled to {1 / dt:.6g}, "
         "the rate of the other runs."
     )
-
-
-def _with_common_channels(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Leave out w or theta where a run has none, if the other is in every run."""
-    for role, other in (("w", "theta"), ("theta", "w")):
-        without = [r for r in records if getattr(r, role) is None]
-        if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
-            first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
-            made = [replace(r, **{role: None}, log=None).read_from(r.log) for r in records]
-            said = f"{without[0].source} has no {role}: it is left out in all runs."
-            made[first] = made[first].with_messages(said)
-            return tuple(made)
-    return tuple(records)
 
 
 # ---- what time says of a log --------------------------------------------------------

@@ -38,7 +38,13 @@ def fragment(d: Any) -> str:
 
 def html(d: Any, folder: Path | None = None) -> str:
     """The report as one self-contained page, with the model file as it stands in the folder."""
-    return _page(d, [*_model_file(d, folder), *_provenance(d)]).html()
+    more, known = _model_file(d, folder), getattr(d, "provenance", None)
+    if known is not None:
+        said = [f"lugrectl {known.version}, {known.date}", known.command]
+        said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
+        lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
+        more.append(f"<h2>Provenance</h2>\n{lines}")
+    return _page(d, more).html()
 
 
 def _page(d: Any, more: list[str]) -> Page:
@@ -70,17 +76,6 @@ def _model_file(d: Any, folder: Path | None) -> list[str]:
     if getattr(d, "model", None) is None:
         return []
     return [f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>"]
-
-
-def _provenance(d: Any) -> list[str]:
-    """What the report was computed by and from, in small print."""
-    known = getattr(d, "provenance", None)
-    if known is None:
-        return []
-    said = [f"lugrectl {known.version}, {known.date}", known.command]
-    said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
-    lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
-    return [f"<h2>Provenance</h2>\n{lines}"]
 
 
 def content(d: Any, folder: Path) -> dict[str, str]:

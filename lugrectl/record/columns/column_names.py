@@ -110,8 +110,7 @@ def fitting(plain: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[
 
 def rank(name: str, role: str) -> tuple[tuple[int, int], str | None] | None:
     """How well a name fits a role, smaller is better, and the unit it implies; None if not. Of a
-    path such as /joint_states/elbow/position or log.x[2] the last part counts that says more than
-    data or values."""
+    path such as /joint_states/elbow/position its last part counts that is no word such as data."""
     whole = _rank_plain(name, role)
     if whole is not None:
         return whole

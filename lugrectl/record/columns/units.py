@@ -131,9 +131,8 @@ def fits(role: str, unit: Unit) -> bool:
 
 
 def role_unit(role: str, text: str, *, scaled: bool, where: str, named: bool = False) -> Unit:
-    """Return the unit ``text`` of a role; InputError, which begins with ``where``, when it is
-    unknown, measures something else, or is raw (A, V, %, counts) without a scale. ``named``: only
-    the column's name says the unit."""
+    """Return the unit ``text`` of a role, which only the column's name says where ``named``;
+    InputError, which begins with ``where``, for another unit, or a raw one without a scale."""
     unit = parse_unit(text)
     if unit is None and re.sub(r"[\W_]", "", text).lower() in ("erpm", "electricalrpm"):
         raise InputError(

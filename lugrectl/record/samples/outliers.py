@@ -125,9 +125,8 @@ def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
 
 
 def outliers(role: str, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return where samples of a channel (N,), all finite, are far off their neighbours: outside
-    their middle and off the cubic through four of them, in rows and in stamps ``t`` (s), by far
-    more than others near it or anywhere. In the motion, up to four in a row may be so."""
+    """Return where samples of a channel (N,), all finite, are far off their neighbours, over rows
+    and over stamps ``t`` (s), by more than others; in the motion, up to four in a row."""
     if len(x) < 16 or np.ptp(x) == 0:
         return np.zeros(len(x), bool)
     far = distances(t, x)

@@ -111,9 +111,8 @@ def unwrap_positions(log: Stamped) -> None:
 def unwrapped(
     role: str, theta: np.ndarray, found: Jumps, motion: str, label: str | None = None
 ) -> tuple[np.ndarray, list[str]]:
-    """Return a position without wraps, and a sentence if there were any: wraps by whole turns, by a
-    power of two of its own steps, or by any period where all its jumps are of one size and span its
-    range while the motion goes on. Jumps by 360 mean that degrees were read as radians."""
+    """Return a position without wraps, by whole turns, a power of two of its steps, or any period
+    of all jumps that span its range in motion; and a sentence if there were any."""
     lasting = np.ones(len(found), bool)  # not taken back within a few rows
     for i in range(len(found) - 1):
         near = found.b[i + 1] - found.a[i] <= _BRIEF + 1

@@ -14,9 +14,8 @@ _ROUNDED = 1e-6  # rows, for rounding
 
 
 def renewed_every(x: np.ndarray) -> tuple[float, float]:
-    """Every how many rows a channel (N,) changes, and the place (below that) where; (1, 0) if it
-    may change in any row. A clock of its own may renew it every 2.5 rows: it then changes in the
-    first row after each beat. NaN counts as no change."""
+    """Every how many rows (2.5, if it has a clock of its own) a channel (N,) changes, and the place
+    below that where; (1, 0) if it may change in any row. NaN counts as no change."""
     good = np.flatnonzero(np.isfinite(x))
     changes = np.diff(x[good])
     at = good[1:][changes != 0]
