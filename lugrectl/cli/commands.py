@@ -18,8 +18,9 @@ import lugrectl as lg
 from ..core.errors import InputError, Refused
 from ..core.progress import Terminal
 from ..core.provenance import stamp
+from ..core.writing import write_whole
 from .inputs import AUTO, declared, files, fixed, given, logs, searched, spare, with_holdout
-from .output import answer, as_json, drawn, has_screen, listed, print_out, say, write
+from .output import answer, as_json, drawn, has_screen, listed, print_out, say
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
@@ -223,7 +224,7 @@ def _planned(a: Namespace) -> int:
     if a.tune or a.plot:
         raise InputError("--plan writes an excitation only: use --tune and --plot with its log.")
     plan = lg.response_plan(lg.read_model(a.model), rate=a.rate, kp=a.kp, **limits)
-    write(Path(a.plan), plan.to_csv().encode(), "--plan")
+    write_whole(Path(a.plan), plan.to_csv().encode(), "--plan")
     answer(plan, a)
     return 0
 

@@ -101,12 +101,12 @@ class Store:
         spare(str(self._folder), [*files, model], targets)
 
     def __call__(self, outcome: Outcome, content: dict[str, str] | None) -> Outcome:
-        from ..report.fleet_page import store
+        from ..report import written
 
         name = self._names[outcome.file]
         try:
             if content is not None:
-                store(content, self._folder / name)
+                written(content, self._folder / name, "report")
                 self._links[outcome.file] = f"{name}/report.html"
         except InputError as no:
             return replace(outcome, exit_code=no.exit_code, reason=str(no))

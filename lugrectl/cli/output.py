@@ -88,15 +88,5 @@ def drawn(result: Any, out: str | None) -> str:
     picture = io.BytesIO()
     figure.savefig(picture, format=Path(out).suffix.lower().lstrip("."), dpi=130)
     plt.close(figure)
-    write(Path(out), picture.getvalue(), "--plot")
+    write_whole(Path(out), picture.getvalue(), "--plot")
     return f"picture: {out}"
-
-
-def write(path: Path, content: bytes, option: str) -> None:
-    """Write a file whole or not at all."""
-    try:
-        write_whole(path, content)
-    except OSError as error:
-        raise InputError(
-            f"{option} {path} cannot be written ({error.strerror or error})."
-        ) from None

@@ -13,8 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..core.display import NONE, Grid, grid_text, number
-from ..core.writing import write_together
-from . import FILES, check_folder, write
+from . import FILES, check_folder, write, written
 from .page import Page, wrapped
 from .wording import readable
 
@@ -147,11 +146,6 @@ def folder_names(files: Iterable[str]) -> list[str]:
     return names
 
 
-def store(content: Mapping[str, str], folder: Path) -> list[Path]:
-    """Write texts by file name into a folder, all or none; InputError if that fails."""
-    return write_together(content, folder, f"{' and '.join(content)} cannot be written ({{}}).")
-
-
 def write_all(fleet: Any, folder: str | Path) -> list[Path]:
     """Write the reports that were kept, index.html and summary.csv; the paths of these two."""
     check_folder(folder)
@@ -165,4 +159,4 @@ def write_all(fleet: Any, folder: str | Path) -> list[Path]:
 def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:
     """Write index.html and summary.csv; returns their paths."""
     made = (page(fleet, links).html(), table_csv(fleet, links))
-    return store(dict(zip(INDEX, made, strict=True)), Path(folder))
+    return written(dict(zip(INDEX, made, strict=True)), Path(folder), "table")

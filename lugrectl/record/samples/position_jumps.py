@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ..columns.units import si_unit
 from ..signal_noise import quantum, repeats, resolution
@@ -84,14 +85,12 @@ def _jumps(log: Stamped, role: str) -> Jumps:
 
 def _medians(x: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
     """Return the medians of up to four values before and after each place; nan without any."""
-    sides = []
-    for side in (np.arange(-4, 0), np.arange(1, 5)):
-        where = at[:, None] + side
-        values = np.where((where >= 0) & (where < len(x)), x[where.clip(0, len(x) - 1)], np.nan)
+    around, sides = sliding_window_view(np.pad(x, 4, constant_values=np.nan), 9)[at], []
+    for values in (around[:, :4], around[:, 5:]):
         some = np.isfinite(values).any(1)
-        found = np.full(len(at), np.nan)
-        found[some] = np.nanmedian(values[some], axis=1)
-        sides.append(found)
+        medians = np.full(len(at), np.nan)
+        medians[some] = np.nanmedian(values[some], axis=1)
+        sides.append(medians)
     return sides
 
 
@@ -113,11 +112,10 @@ def unwrapped(
 ) -> tuple[np.ndarray, list[str]]:
     """Return a position without wraps, by whole turns, a power of two of its steps, or any period
     of all jumps that span its range in motion; and a sentence if there were any."""
+    back = (found.b[1:] - found.a[:-1] <= _BRIEF + 1) & (found.size[1:] * found.size[:-1] < 0)
     lasting = np.ones(len(found), bool)  # not taken back within a few rows
-    for i in range(len(found) - 1):
-        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
-        if near and found.size[i] * found.size[i + 1] < 0:
-            lasting[i : i + 2] = False
+    lasting[1:] &= ~back
+    lasting[:-1] &= ~back
     period, is_wrap = _period(theta, found, lasting, motion)
     if period:
         turns = np.zeros(len(theta))
