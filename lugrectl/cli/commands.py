@@ -75,7 +75,6 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
 
 
 def identify(a: Namespace) -> int:
-    """``lugrectl identify``."""
     from ..diagnosis.identify import identify as work
 
     return _fitted(work, a)
@@ -303,7 +302,6 @@ def template(a: Namespace) -> int:
 
 
 def schema(a: Namespace) -> int:
-    """``lugrectl schema``."""
     file = resources.files("lugrectl") / "report" / "report.schema.json"
     print_out(file.read_text(encoding="utf-8"))
     return 0

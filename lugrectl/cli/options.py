@@ -23,7 +23,6 @@ from . import checks, commands
 
 
 def finite(text: str) -> float:
-    """A finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -102,7 +101,6 @@ class Command:
     needs_one: bool = False  # one of these must be given
 
     def add(self, command: Any) -> None:
-        """Give the options to the command."""
         places: list[tuple[Any, Mapping[str, str]]] = [(command, ALL)]
         if self.either:
             group = command.add_mutually_exclusive_group(required=self.needs_one)

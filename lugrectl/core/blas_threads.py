@@ -11,7 +11,6 @@ _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *B
 
 
 def processors() -> int:
-    """Processors that this process may use."""
     given = getattr(os, "sched_getaffinity", None)  # not on every system
     return len(given(0)) if given else os.cpu_count() or 1
 

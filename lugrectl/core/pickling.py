@@ -52,7 +52,6 @@ def rebuilt(function: Any) -> Any:
 
 
 def from_fields(cls: type, state: dict[str, Any]) -> Any:
-    """A frozen object from its fields."""
     made: Any = object.__new__(cls)
     made.__dict__.update(state)
     return made

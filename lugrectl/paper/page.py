@@ -151,7 +151,6 @@ def _window(row: Errors, to: str) -> str:
 
 
 def _columns(o: Outcome) -> str:
-    """The meaning of the columns, with every gain."""
     said = ["k: existing observer and its gain"]
     for c in o.study.compensations[1:]:
         gains = ", ".join(f"{k[0].upper() + k[1:]} = {v:g}" for k, v in c.gains.items())
@@ -180,7 +179,6 @@ def _ranking(o: Outcome, row: Errors) -> str:
 
 
 def responses(figure: PaperFigure, ax: Axes) -> Axes:
-    """Reference and the three responses."""
     line = figure.reference
     ax.plot(*thinned(line.t, line.y), color=QUIET, lw=4.5, label="reference")
     looks: dict[str, dict[str, Any]] = {

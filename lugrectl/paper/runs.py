@@ -135,7 +135,6 @@ class Reproduction(Result):
         return next((f for f in self.figures if f.key == key), None)
 
     def _width(self, loop: str, label: str, level: str = "-3dB") -> Width:
-        """The bandwidth of a loop by its label."""
         wanted = (loop, label, level)
         return next(w for w in self.widths if (w.loop, w.label, w.level) == wanted)
 

@@ -87,7 +87,6 @@ def inline_svg(panel: Callable[[Axes], Any], name: str, size: tuple[float, float
 
 
 def style() -> Any:
-    """The style of all plots, as a context."""
     import matplotlib
 
     return matplotlib.rc_context(_RC)

@@ -64,7 +64,7 @@ def starts(balance: Balance) -> list[float]:
     for one in balance.stretches:
         if run is not None and one.run != run:
             shift = last - float(one.t[0])
-        made.append(shift if run is not None else 0.0)
+        made.append(shift)
         run, last = one.run, shift + float(one.t[-1])
     return made
 
@@ -108,9 +108,8 @@ def fit(balance: Balance, ax: Axes) -> Axes:
     """What the plain balance leaves of the torque, in windows over time."""
     windows = balance.residual
     assert windows is not None
-    shifts: dict[int, float] = {}
-    for one, shift in zip(balance.stretches, starts(balance), strict=True):
-        shifts.setdefault(one.run, shift)
+    pairs = zip(balance.stretches, starts(balance), strict=True)
+    shifts = {one.run: shift for one, shift in pairs}
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
     factor, unit = readable([np.abs(windows.value).max()], unit_for("N m", balance.motion))
     _between_runs(balance, ax)
@@ -148,11 +147,10 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
 
 def _between_runs(balance: Balance, ax: Axes) -> None:
     """A line where a run ends and the next one begins."""
-    run = None
-    for one, shift in zip(balance.stretches, starts(balance), strict=True):
-        if run not in (None, one.run):
+    parts, shifts = balance.stretches, starts(balance)
+    for before, one, shift in zip(parts, parts[1:], shifts[1:], strict=False):
+        if one.run != before.run:
             ax.axvline(float(one.t[0]) + shift, color="#9aa4b0", lw=0.9, ls="--")
-        run = one.run
 
 
 @drawn

@@ -10,7 +10,7 @@ from typing import Any
 from ..blocks.block import members, unit_for
 from ..blocks.model import model_toml
 from ..core.display import NONE, Grid, between, number, to_interval, with_interval
-from ..estimates.findings import AGAINST_HELD, Estimate
+from ..estimates.findings import AGAINST_HELD
 from .page import Section
 
 LISTED = 8  # runs with a line each; of more, the names
@@ -331,19 +331,15 @@ def plain(d: Any) -> Section | None:
     balance = _get(d, "plain")
     if balance is None:
         return None
-    found = balance.summary()
-    rows = [
-        (key, *with_interval(Estimate(one["value"], one["unit"], one["ci95"])), one["unit"])
-        for key, one in found["parameters"].items()
-    ]
+    rows = [(key, *with_interval(e), e.unit) for key, e in balance.parameters.items()]
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     lines = [test.text for test in balance.bench_tests]
-    if found["left"] is not None:
-        lines.append(f"It leaves {number(100.0 * found['left'], 2)} % of the RMS torque.")
+    if balance.left is not None:
+        lines.append(f"It leaves {number(100.0 * balance.left, 2)} % of the RMS torque.")
     if _get(d, "verdict") == "unexplained":
         lines.append("What is missing from the model is missing here too, and biases these values.")
     elif not _get(d, "effects", ()):
-        lines += [*map(_together, found["combinations"]), *balance.why_not]
+        lines += [*map(_together, balance.combinations), *balance.why_not]
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
@@ -366,10 +362,10 @@ def _plain_notes(d: Any) -> list[str]:
     return [note for note in balance.notes if note != _get(d, "reason")]
 
 
-def _together(one: Mapping[str, Any]) -> str:
-    value, interval = with_interval(Estimate(one["value"], one["unit"], one["ci95"]))
-    how = f" To separate them: {one['to_separate']}." if one["to_separate"] else ""
-    return f"Only together: {one['text']} = {value} {one['unit']} ({interval}).{how}"
+def _together(one: Any) -> str:
+    value, interval = with_interval(one)
+    how = f" To separate them: {one.to_separate}." if one.to_separate else ""
+    return f"Only together: {one.text} = {value} {one.unit} ({interval}).{how}"
 
 
 def _record(d: Any) -> Section | None:

@@ -58,7 +58,6 @@ def usual_unit(role: str, name: str) -> str | None:
 
 
 def usual_names(role: str) -> list[str]:
-    """The usual names of a role."""
     return [name for names in _USUAL[role] for name in names]
 
 

@@ -33,17 +33,13 @@ class Table:
 
     source: str
     names: tuple[str, ...]
+    plain: tuple[str, ...]  # names without units, by which roles are found
     units: tuple[str | None, ...]
     load: Callable[[Sequence[int]], Columns]  # float64 columns of these indices
     where: Callable[[int], str] = row_number  # "line 2102" of a text, its header counted
-    plain: tuple[str, ...] = ()  # names without units, by which roles are found
     hint: str = ""  # a sentence for a table whose columns cannot be identified
     headed: bool = True  # whether the file has names
     begins: str = "sample 1"  # the place of the first row
-
-    def __post_init__(self) -> None:
-        if not self.plain:
-            object.__setattr__(self, "plain", self.names)
 
     def listed(self) -> str:
         """The names as ``--columns`` takes them, in a sentence."""
@@ -140,8 +136,8 @@ def array_table(
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
         return chosen, epoch_said(names, epoch, indices)
 
-    made = Table(source, tuple(names), tuple(units), load, plain=tuple(plain))
-    return joined_stamps(replace(made, hint=hint, headed=headed))
+    table = Table(source, tuple(names), tuple(plain), tuple(units), load, hint=hint, headed=headed)
+    return joined_stamps(table)
 
 
 def _as_array(values: Any) -> np.ndarray:

@@ -197,11 +197,10 @@ class _Text:
     epoch: dict[int, str] = field(default_factory=dict)
 
     def table(self) -> Table:
-        where, begins = Lines(self.lines, self.first), f"line {self.first + 1}"
-        made = Table(self.source, self.names, self.units, self.load, where, self.plain)
-        return joined_stamps(
-            replace(made, headed=self.headed, hint=self.one_in_a_row(), begins=begins)
-        )
+        where, hint = Lines(self.lines, self.first), self.one_in_a_row()
+        columns, begins = (self.names, self.plain, self.units), f"line {self.first + 1}"
+        table = Table(self.source, *columns, self.load, where, hint, self.headed, begins)
+        return joined_stamps(table)
 
     def one_in_a_row(self) -> str:
         """What to do with a table of channel and value; empty for any other."""
@@ -377,7 +376,6 @@ def _is_comment(line: str) -> bool:
 
 
 def lines_table(source: str, lines: list[str]) -> Table:
-    """The table in the lines of a text."""
     sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
     if not sniffed:
         raise InputError(f"{source} is empty: it has no line of data.")

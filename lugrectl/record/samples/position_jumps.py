@@ -40,7 +40,6 @@ class Jumps:
         return len(self.a)
 
     def only(self, which: np.ndarray) -> Jumps:
-        """Return some of them."""
         some = {k: getattr(self, k)[which] for k in ("a", "b", "size", "steady", "pace")}
         return replace(self, **some)
 
@@ -98,7 +97,6 @@ def _medians(x: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
 
 
 def unwrap_positions(log: Stamped) -> None:
-    """Unwrap the positions of a log."""
     for role in ("theta", "theta_load"):
         if role in log.channels:
             log.channels[role], said = unwrapped(
