@@ -230,7 +230,6 @@ def record_files(logs: Iterable[Any]) -> list[Any]:
 
 # ---- files that names, patterns and folders stand for ----------------------------
 
-
 _LOOSE = (".txt", ".dat", ".json")  # in a folder such files are logs only if they hold a table
 
 

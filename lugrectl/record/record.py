@@ -12,6 +12,7 @@ import numpy as np
 from ..core.display import Row, Shown, noticed
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
+from ..core.result import picked
 from ..core.validation import array
 from ..core.views import view
 from .columns.units import si_unit
@@ -188,9 +189,4 @@ class Record(Shown):
 
     def summary(self) -> dict[str, int | float]:
         """Return samples, rate (Hz), duration (s) and dropped as plain numbers."""
-        return {
-            "samples": self.samples,
-            "rate": self.rate,
-            "duration": self.duration,
-            "dropped": self.dropped,
-        }
+        return picked(self, "samples rate duration dropped")

@@ -11,7 +11,6 @@ from ...core.option_names import option
 
 # ---- angles without a unit -------------------------------------------------------
 
-
 _FASTEST = 1e4  # rad/s, 95 000 rpm: no drive that is logged by position turns faster
 _MARK = 1e30  # what is larger is a mark of a missing value
 _CELLS = 100  # least number of encoder steps that show their size

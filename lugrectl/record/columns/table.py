@@ -165,7 +165,6 @@ def as_float(values: np.ndarray) -> np.ndarray:
 
 # ---- in memory -------------------------------------------------------------------
 
-
 FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
 
 

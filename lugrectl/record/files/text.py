@@ -31,7 +31,6 @@ from ..columns.units import parse_unit
 
 # ---- dates and times of day ------------------------------------------------------
 
-
 _DATE = r"(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
 _CLOCK = r"(?P<clock>\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?)\s*(?P<half>[AaPp][Mm])?"
 _ZONE = r"(?P<zone>Z|UTC|\s?[+-]\d{2}:?\d{2})?"
@@ -81,7 +80,6 @@ def _day(text: str, before: Sequence[str]) -> float:
 
 
 # ---- numbers ---------------------------------------------------------------------
-
 
 DECIMAL_COMMAS = "Decimal commas were read as decimal points."
 THOUSANDS = "Commas were read as separators of thousands."
@@ -172,7 +170,6 @@ def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
 
 
 # ---- the table -------------------------------------------------------------------
-
 
 _SNIFF = 400  # lines read to find the delimiter, the header and the first row
 _STEADY = 10  # rows of numbers in a row that begin the data

@@ -135,10 +135,7 @@ def _back(log: Stamped) -> None:
 
 def _goes_on(log: Stamped, k: int) -> bool:
     """Whether the motion goes on from row k to the next as it does around them."""
-    x = log.motion_signal
-    if x is None:
-        return False
-    x = x if "theta" in log.channels else np.cumsum(x)
+    x = log.motion_signal if "theta" in log.channels else np.cumsum(log.motion_signal)
     before, after = np.diff(x[max(k - 10, 0) : k + 1]), np.diff(x[k + 1 : k + 12])
     if not len(before) or not len(after):
         return False
@@ -188,9 +185,9 @@ def _even_out(log: Stamped) -> None:
             continue
         dt = nice(float(np.polyfit(rows, since, 1)[0]))
         even = t[part.start] + dt * rows
-        if x is not None and np.all(np.diff(t[part]) > 0):
-            if _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
-                continue
+        ahead = np.all(np.diff(t[part]) > 0)
+        if ahead and _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
+            continue
         t[part] = even
         log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
     log.t = t
@@ -293,8 +290,6 @@ def _jitter(log: Stamped) -> None:
 def use_true_times(log: Stamped) -> None:
     """Replace stamps by a smooth clock where that makes the motion much smoother."""
     x, t = log.motion_signal, log.t.copy()
-    if x is None:
-        return
     for part in log.parts():
         values = x[part]
         good = np.isfinite(values)

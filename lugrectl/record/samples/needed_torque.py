@@ -88,11 +88,9 @@ class _Rows:
 
 def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
     """Fit the balance to the rows not ``unknown``; None if it explains less than half of u."""
-    u, motion = log.channels.get("u"), log.motion_signal
+    u, motion = log.channels["u"], log.motion_signal
     parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
-    if u is None or motion is None or not parts or not np.isfinite(u).any():
-        return None
-    if np.isfinite(motion).sum() < FEWEST:
+    if not parts or not np.isfinite(u).any() or np.isfinite(motion).sum() < FEWEST:
         return None
     skip = ~np.isfinite(u) if unknown is None else ~np.isfinite(u) | unknown
     motion = bridged(motion, ~np.isfinite(motion))
@@ -202,7 +200,7 @@ def _over(parts: Sequence[slice], x: np.ndarray, kernel: np.ndarray) -> np.ndarr
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
     u, unit = log.channels["u"], log.unit_of_u
-    if not np.isfinite(u).any() or len(log.required) < 2:
+    if not np.isfinite(u).any():
         return
     lengths = repeats(u)
     limit, stuck = _suspects(u, lengths)
@@ -269,7 +267,7 @@ def _least(fit: Needed, u: np.ndarray, unknown: np.ndarray) -> float:
 def unwrap_torque(log: Stamped) -> None:
     """Add the multiples of a register's span that bring u to what the motion needs."""
     u = log.channels["u"]
-    span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() and len(log.required) > 1 else 0.0
+    span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() else 0.0
     values = np.nan_to_num(u)
     steps = np.abs(np.diff(values))
     if not span or not (steps > span / 2).any():

@@ -80,9 +80,9 @@ class Stamped:
         return [role for role in REQUIRED if role in self.channels]
 
     @property
-    def motion_signal(self) -> np.ndarray | None:
+    def motion_signal(self) -> np.ndarray:
         """The position where it was recorded, else the speed."""
-        return self.channels.get("theta", self.channels.get("w"))
+        return self.channels["theta" if "theta" in self.channels else "w"]
 
     @property
     def unit_of_u(self) -> str:
