@@ -12,7 +12,8 @@ from scipy.signal import butter, sosfiltfilt
 from ..core.errors import InputError, Refused
 from ..core.numeric import column_sizes
 from ..core.option_names import option
-from .columns.units import UNITS, si_unit
+from ..core.unit_names import si_unit
+from .columns.units import UNITS
 from .record import Record
 from .samples.clock import plausible
 

@@ -13,11 +13,12 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
+from ..core.unit_names import si_unit
 from ..core.validation import as_path, positive, shown
 from .columns import roles
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
-from .columns.units import Unit, parse_unit, role_unit, si_unit
+from .columns.units import Unit, parse_unit, role_unit
 from .files.readers import read_stdin, read_table
 from .samples.resampling import held_mean
 

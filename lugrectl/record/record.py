@@ -13,9 +13,9 @@ from ..core.display import Row, Shown, noticed
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
 from ..core.result import picked
+from ..core.unit_names import si_unit
 from ..core.validation import array
 from ..core.views import view
-from .columns.units import si_unit
 from .log import Log, log_of_arrays
 
 _MOTIONS = ("rotary", "linear")

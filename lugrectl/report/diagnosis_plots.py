@@ -11,10 +11,11 @@ import numpy as np
 from ..blocks.block import Block, members, unit_for
 from ..core.errors import InputError
 from ..core.numeric import Z95
+from ..core.unit_names import si_unit
 from . import loop_plots
 from .canvas import AFTER, BEFORE, MEASURED, QUIET, binned, drawn, headed, on_pyplot
 from .page import Figure
-from .wording import BUDGET, UNITS, kind, motion_of, percent, readable, terms
+from .wording import BUDGET, kind, motion_of, percent, readable, terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -236,7 +237,7 @@ def _explaining(
     wanted = [*own, *(s for s in d.depends_on if block or s != times)]
     name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
     motion = motion_of(d)
-    unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]
+    unit, x = si_unit(name, motion), signals[name]
     if block and block.acts == ("input",) and block.states and name == "u":
         return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]", 0.0, 1.0
     period = _period(name, block, values, motion)

@@ -11,11 +11,12 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..core.numeric import top_speed
+from ..core.unit_names import si_unit
 from ..estimates.balance import Balance, at_samples, friction
 from .canvas import AFTER as FITTED
 from .canvas import HALF, MEASURED, binned, drawn, headed, on_pyplot
 from .page import Figure
-from .wording import UNITS, number, readable
+from .wording import number, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,7 +81,7 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
             start, end = float(one.t[a]) + shift, float(one.t[b - 1]) + shift
             ax.axvspan(start, end, color=LEFT_OUT, alpha=0.5, lw=0)
     _between_runs(balance, ax)
-    ax.set(xlabel="t [s]", ylabel=f"{role} [{unit_for(UNITS[role], balance.motion)}]")
+    ax.set(xlabel="t [s]", ylabel=f"{role} [{si_unit(role, balance.motion)}]")
     ax.margins(x=0.01)
     return headed(ax, f"{TITLES[role]} as recorded")
 
@@ -139,7 +140,7 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     ax.plot(*binned(x, factor * y, edges), color=FITTED, lw=1.8)
     low, high = np.quantile(factor * y, [0.005, 0.995])
     ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
-    over = f"{role}{' modulo one turn' * turns} [{unit_for(UNITS[role], balance.motion)}]"
+    over = f"{role}{' modulo one turn' * turns} [{si_unit(role, balance.motion)}]"
     ax.set(xlabel=over, ylabel=f"residual torque [{unit}]")
     ax.margins(x=0.01)
     return headed(ax, f"Plain fit: what it leaves over {role}, and its mean")

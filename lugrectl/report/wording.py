@@ -15,7 +15,7 @@ from .page import Section
 
 LISTED = 8  # runs with a line each; of more, the names
 ERRORS = "Error before and after"
-UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}  # of signals of a rotary drive
+
 BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
 FEWEST_PARTS = 12  # independent stretches without which a budget has no intervals

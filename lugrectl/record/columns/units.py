@@ -10,6 +10,7 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.option_names import option
+from ...core.unit_names import si_unit
 from ...core.validation import nearest
 
 
@@ -95,10 +96,7 @@ _QUANTITIES = {
     "temperature": ("temperature", "raw"),
     "theta_load": ("position", "raw"),
 }
-_SI = {
-    "rotary": {"t": "s", "u": "N m", "w": "rad/s", "theta": "rad", "d": "N m"},
-    "linear": {"t": "s", "u": "N", "w": "m/s", "theta": "m", "d": "N"},
-}
+
 
 # What a factor to SI is computed from.
 _HOW = {
@@ -109,11 +107,6 @@ _HOW = {
 }
 
 ROLES = tuple(_QUANTITIES)
-
-
-def si_unit(role: str, motion: str) -> str:
-    """Return the SI unit of a role; empty if it has none (r, temperature)."""
-    return _SI[motion].get("theta" if role == "theta_load" else role, "")
 
 
 def parse_unit(text: str) -> Unit | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ...core.numeric import column_sizes, top_speed
 from ...core.regression import spread
+from ...core.unit_names import si_unit
 from ..signal_noise import quantum, repeats
 from .clock import FEWEST, typical_step
 from .rows import Stamped, bridged, count
@@ -199,7 +200,7 @@ def _over(parts: Sequence[slice], x: np.ndarray, kernel: np.ndarray) -> np.ndarr
 
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
-    u, unit = log.channels["u"], log.unit_of_u
+    u, unit = log.channels["u"], si_unit("u", log.motion)
     if not np.isfinite(u).any():
         return
     lengths = repeats(u)
@@ -286,7 +287,7 @@ def unwrap_torque(log: Stamped) -> None:
     if not 0 < changed.mean() <= 0.5 or left > before:
         return
     log.say(
-        f"u wraps by {span:.6g} {log.unit_of_u} {log.places(changed)} "
+        f"u wraps by {span:.6g} {si_unit('u', log.motion)} {log.places(changed)} "
         f"({log.value('u', int(changed.argmax()))}), as the motion shows: unwrapped."
     )
     log.channels["u"] = np.where(np.isfinite(u), moved, np.nan)

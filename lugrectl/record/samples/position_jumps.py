@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from ..columns.units import si_unit
+from ...core.unit_names import si_unit
 from ..signal_noise import quantum, repeats, resolution
 from .clock import usual_step
 from .outliers import OFF, confirmed, distances, leave_out, limits, over_loss

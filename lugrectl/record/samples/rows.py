@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..columns.units import si_unit
+from ...core.unit_names import si_unit
 from ..log import Log
 from ..signal_noise import smallest_step
 from .resampling import MOTION
@@ -83,10 +83,6 @@ class Stamped:
     def motion_signal(self) -> np.ndarray:
         """The position where it was recorded, else the speed."""
         return self.channels["theta" if "theta" in self.channels else "w"]
-
-    @property
-    def unit_of_u(self) -> str:
-        return si_unit("u", self.motion)
 
     def keep(self, mask: np.ndarray) -> None:
         """Leave out the other rows; a part begins at the first of its rows that is left."""
