@@ -228,7 +228,7 @@ def leave_out_untrue_torque(log: Stamped) -> None:
                 f"u stays at the end of its register, {value:.6g} {unit}, {log.places(ends)}, "
                 f"while the motion needs up to {np.max(beyond):.3g} {unit} more: left out.",
             )
-    for a in np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0)):
+    for a in np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0)).tolist():
         n = int(lengths[a])
         judged = missing[a : a + n][fit.judged[a : a + n]]
         if n >= fit.width and len(judged) >= 5 and abs(np.median(judged)) > least:
