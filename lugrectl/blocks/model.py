@@ -539,10 +539,7 @@ def write_model(model: Model, path: str | Path) -> None:
     model, path = as_model(model), as_path(path, "path")
     content = model_toml(model, path.parent)
     model_from_dict(tomllib.loads(model_toml(model)), f"model {model.name}")
-    try:
-        write_whole(path, content.encode())
-    except OSError as error:
-        raise InputError(f"{path} cannot be written: {error.strerror or error}.") from None
+    write_whole(path, content.encode())
 
 
 def model_toml(

@@ -51,6 +51,7 @@ def check(a: Namespace) -> int:
     """``lugrectl check``: 0 when the property holds, 1 when not."""
     from ..core.result import plain
 
+    a.loop = next((loop for loop in PAPER if getattr(a, loop)), None)
     T, work = _transfer(a), getattr(lg, f"{a.property}_check")
     if a.property == "bandwidth":
         work = partial(work, level="half-power" if a.half_power else "-3dB")

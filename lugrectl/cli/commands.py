@@ -18,8 +18,9 @@ import lugrectl as lg
 from ..core.errors import InputError, Refused
 from ..core.progress import Terminal
 from ..core.provenance import stamp
+from ..core.writing import write_whole
 from .inputs import AUTO, declared, files, fixed, given, logs, searched, spare, with_holdout
-from .output import answer, as_json, drawn, has_screen, listed, print_out, say, write
+from .output import answer, as_json, drawn, has_screen, listed, print_out, say
 
 if TYPE_CHECKING:
     from ..blocks.model import Model
@@ -74,7 +75,6 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
 
 
 def identify(a: Namespace) -> int:
-    """``lugrectl identify``."""
     from ..diagnosis.identify import identify as work
 
     return _fitted(work, a)
@@ -95,8 +95,7 @@ def _fitted(work: Any, a: Namespace) -> int:
     """Fit, print and write; a record that cannot answer gives the verdict "refused"."""
     from ..blocks.extending import files_loaded
     from ..diagnosis.notes import refusal
-    from ..report import FILES, check_folder, text
-    from ..report import write as write_report
+    from ..report import FILES, check_folder
 
     model = fixed(declared(a), a)
     a.records = files(a.records)
@@ -116,9 +115,9 @@ def _fitted(work: Any, a: Namespace) -> int:
         result = refusal(no, model, [], no.plain)
     result = stamp(result, a.typed, sources)
     refused = getattr(result, "verdict", None) == "refused"
-    written = write_report(result, a.out) if a.out is not None else []
+    written = result.save(a.out) if a.out is not None else []
     a.plot = None if refused else a.plot
-    answer(result, a, None if a.json else text(result))
+    answer(result, a, None if a.json else str(result))
     listed("report", written, a)
     if refused and a.json:
         say(f"refused: {result.reason}")
@@ -128,8 +127,6 @@ def _fitted(work: Any, a: Namespace) -> int:
 def reproduce(a: Namespace) -> int:
     """``lugrectl reproduce``: the source paper's numbers and figures, and what is not in it."""
     from ..paper import reproduce as work
-    from ..paper import text
-    from ..paper import write as write_page
     from ..report import check_folder
 
     if a.out is not None:
@@ -137,8 +134,8 @@ def reproduce(a: Namespace) -> int:
     with Terminal(sys.stderr) as bar:
         result = stamp(work(progress=bar), a.typed)
         bar(1.0, "writing")
-        written = write_page(result, a.out) if a.out is not None else []
-    print_out(result.to_json() if a.json else text(result))
+        written = result.save(a.out) if a.out is not None else []
+    print_out(result.to_json() if a.json else str(result))
     listed("page", written, a)
     return 0
 
@@ -169,8 +166,7 @@ def plot(a: Namespace) -> int:
 
 
 def bode(a: Namespace) -> int:
-    """Print the response, and draw it; a refusal is printed as JSON all the same. With --plan it
-    writes the excitation to record instead; without a record it tunes a model."""
+    """Print the response, and draw it; with --plan write an excitation, else tune a model."""
     if a.plan is not None:
         return _planned(a)
     more = [k for k in ("ms", "bandwidth", "dead_time", "no_hunting") if getattr(a, k)]
@@ -212,7 +208,14 @@ def _tuned(axis: Any, a: Namespace, **known: Any) -> Any:
 
 def _planned(a: Namespace) -> int:
     """Write the references to record as CSV, and print how to play them."""
-    if a.records or a.rate is None or not {"w", "u"} <= {*(limits := _limits(a.limits))}:
+    pairs = [one.partition("=") for one in (a.limits or "").split(",") if one.strip()]
+    try:
+        limits: dict[str, Any] = {name.strip(): float(value) for name, _, value in pairs}
+    except ValueError:
+        limits = {"": 0.0}
+    if not {*limits} <= {"w", "u", "theta"}:
+        raise InputError(f"--limits is '{a.limits}', but w=60,u=3,theta=6 or part of it is needed.")
+    if a.records or a.rate is None or not {"w", "u"} <= {*limits}:
         raise InputError(
             "--plan needs the rate and the limits of the drive in place of a record, such as "
             "--plan excitation.csv --rate 1000 --limits w=60,u=3."
@@ -220,21 +223,9 @@ def _planned(a: Namespace) -> int:
     if a.tune or a.plot:
         raise InputError("--plan writes an excitation only: use --tune and --plot with its log.")
     plan = lg.response_plan(lg.read_model(a.model), rate=a.rate, kp=a.kp, **limits)
-    write(Path(a.plan), plan.to_csv().encode(), "--plan")
+    write_whole(Path(a.plan), plan.to_csv().encode(), "--plan")
     answer(plan, a)
     return 0
-
-
-def _limits(text: str | None) -> dict[str, Any]:
-    """ "w=60,u=3" by name."""
-    pairs = [one.partition("=") for one in (text or "").split(",") if one.strip()]
-    try:
-        found: dict[str, Any] = {name.strip(): float(value) for name, _, value in pairs}
-    except ValueError:
-        found = {"": 0.0}
-    if not {*found} <= {"w", "u", "theta"}:
-        raise InputError(f"--limits is '{text}', but w=60,u=3,theta=6 or part of it is needed.")
-    return found
 
 
 # --- hunt, assure --------------------------------------------------------------------------
@@ -256,8 +247,15 @@ def hunt(a: Namespace) -> int:
             ) from None
         vary[name.strip()] = low, high
     moving = _moving(a, gains, vary or None) if a.speed else None
-    found = _cycles(a, gains | loop, None if moving else vary or None)
-    found = replace(found, stick_slip=moving) if moving else found
+    if not a.report:
+        vary = None if moving else vary or None
+        model = lg.read_model(a.model)
+        found: Any = lg.limit_cycles(model, **gains, **loop, vary=vary, progress=True)
+        found = replace(found, stick_slip=moving) if moving else found
+    elif vary:
+        raise InputError("--vary is for one drive: give --model instead of --report.")
+    else:
+        found = lg.hunting_chance(a.report, members=a.members, progress=True, **gains, **loop)
     answer(found, a, picture=moving)
     return int(not math.isfinite(moving.speed_end)) if moving else OUTCOMES[found.outcome]
 
@@ -272,15 +270,6 @@ def _moving(a: Namespace, gains: dict[str, Any], vary: Any) -> Any:
             "--dead-time, --counts and --limit."
         )
     return lg.stick_slip_speed(lg.read_model(a.model), **gains, vary=vary, progress=True)
-
-
-def _cycles(a: Namespace, loop: dict[str, Any], vary: Any) -> Any:
-    """The limit cycles of a model, or their chance over the drives that a report allows."""
-    if not a.report:
-        return lg.limit_cycles(lg.read_model(a.model), **loop, vary=vary, progress=True)
-    if vary:
-        raise InputError("--vary is for one drive: give --model instead of --report.")
-    return lg.hunting_chance(a.report, members=a.members, progress=True, **loop)
 
 
 def assure(a: Namespace) -> int:
@@ -313,7 +302,6 @@ def template(a: Namespace) -> int:
 
 
 def schema(a: Namespace) -> int:
-    """``lugrectl schema``."""
     file = resources.files("lugrectl") / "report" / "report.schema.json"
     print_out(file.read_text(encoding="utf-8"))
     return 0

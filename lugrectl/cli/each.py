@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from argparse import Namespace
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.blas_threads import processors
 from ..core.errors import INTERRUPTED, UNEXPECTED, InputError
 from ..core.progress import Terminal
 from .inputs import declared, fixed, reading, searched, spare
@@ -80,16 +80,8 @@ def _tell(fleet: Fleet, a: Namespace) -> None:
         say(f"passed over, as no logs: {', '.join(path.name for path in left)}.")
 
 
-def processors() -> int:
-    """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 class Store:
-    """Writes the reports: a folder per log as soon as the log is done, the index at the end;
-    InputError if nothing can be written, or if an input would be overwritten."""
+    """Writes the report of each log as soon as it is done, and the index at the end."""
 
     def __init__(self, folder: str, files: Sequence[str], model: str) -> None:
         from ..report import FILES, check_folder
@@ -109,12 +101,12 @@ class Store:
         spare(str(self._folder), [*files, model], targets)
 
     def __call__(self, outcome: Outcome, content: dict[str, str] | None) -> Outcome:
-        from ..report.fleet_page import store
+        from ..report import written
 
         name = self._names[outcome.file]
         try:
             if content is not None:
-                store(content, self._folder / name)
+                written(content, self._folder / name, "report")
                 self._links[outcome.file] = f"{name}/report.html"
         except InputError as no:
             return replace(outcome, exit_code=no.exit_code, reason=str(no))

@@ -24,7 +24,6 @@ def given(a: Namespace, names: str) -> dict[str, Any]:
 
 
 def searched(a: Namespace) -> dict[str, Any]:
-    """The options of a fit."""
     options = {"holdout": a.holdout, "horizon": a.horizon, "seed": a.seed}
     return options | given(a, "time_limit least alpha")
 
@@ -45,7 +44,6 @@ def reading(a: Namespace) -> dict[str, Any]:
 
 
 def logs(a: Namespace, motion: str | None = None) -> list[Log]:
-    """The logs of the records."""
     from ..record import read_log
 
     return [read_log(name, **reading(a), motion=motion) for name in a.records]

@@ -2,7 +2,8 @@
 
 An option is written as in a help, ``"--seed N >= 0 = 0": "seed of ..."``: its name, the word for
 its value with its bound, its default, and ``...`` where it may be given several times. A word in
-braces is one of several; without a word the option is a flag.
+braces is one of several; without a word the option is a flag. At the end ``!`` stands for what must
+be given, ``?``, ``*`` and ``+`` for how many words a place takes.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import argparse
 import math
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
@@ -22,7 +23,6 @@ from . import checks, commands
 
 
 def finite(text: str) -> float:
-    """A finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -66,16 +66,18 @@ KINDS: dict[str, Callable[[str], Any]] = {
 
 
 Group = tuple[str, str, Mapping[str, str]]  # title, text, table
-Option = tuple[tuple[str, ...], Mapping[str, Any]]  # names and settings of ``add_argument``
 
 
-def _read(table: Mapping[str, str]) -> Iterator[Option]:
-    """The options as they are written in the tables."""
+def _read(table: Mapping[str, str]) -> Iterator[tuple[list[str], dict[str, Any]]]:
+    """The names and settings for ``add_argument`` of the options in a table."""
     for written, what in table.items():
         written, _, default = written.partition(" = ")
         written, several, _ = written.partition(" ...")
-        name, _, word = written.partition(" ")
+        written, mark = (written[:-2], written[-1]) if written[-1] in "!?*+" else (written, "")
+        names, _, word = written.partition(" ")
         more: dict[str, Any] = {"help": what}
+        if mark:
+            more |= {"required": True} if mark == "!" else {"nargs": mark}
         if not word:
             more |= {"action": "store_true"}
         elif word[0] == "{":
@@ -84,7 +86,7 @@ def _read(table: Mapping[str, str]) -> Iterator[Option]:
             more |= {"metavar": word.split(" ")[0], "type": KINDS.get(word, str)}
         more |= {"action": "append"} if several else {}
         more |= {"default": more.get("type", str)(default)} if default else {}
-        yield (name,), more
+        yield names.split(","), more
 
 
 @dataclass(frozen=True)
@@ -93,23 +95,20 @@ class Command:
 
     what: str
     run: Callable[[argparse.Namespace], int]
-    first: Sequence[Option] = ()
     table: Mapping[str, str] = field(default_factory=dict)
     groups: Sequence[Group] = ()  # options under a title of their own
-    either: Sequence[Option] = ()  # of which one at most is given
+    either: Mapping[str, str] = field(default_factory=dict)  # of which one at most is given
     needs_one: bool = False  # one of these must be given
 
     def add(self, command: Any) -> None:
-        """Give the options to the command."""
-        places: list[tuple[Any, Iterable[Option]]] = [(command, _read(ALL))]
+        places: list[tuple[Any, Mapping[str, str]]] = [(command, ALL)]
         if self.either:
             group = command.add_mutually_exclusive_group(required=self.needs_one)
             places.append((group, self.either))
-        places.append((command, (*self.first, *_read(self.table))))
-        for title, text, table in self.groups:
-            places.append((command.add_argument_group(title, text), _read(table)))
-        for place, options in places:
-            for names, settings in options:
+        places.append((command, self.table))
+        places += [(command.add_argument_group(*said), table) for *said, table in self.groups]
+        for place, table in places:
+            for names, settings in _read(table):
                 place.add_argument(*names, **settings)
 
 
@@ -119,19 +118,10 @@ RECORDS = (
     "text (CSV and the like), JSON, MAT, NPY, NPZ, HDF5, Parquet or Excel file, or - for standard "
     "input; several files are runs of one drive"
 )
-LOGS: Option = (("records",), {"nargs": "+", "metavar": "RECORD", "help": RECORDS})
-LOGS_OR_NONE = (("records",), {**LOGS[1], "nargs": "*"})
-DECLARED: dict[str, Any] = {"metavar": "MODEL.toml", "help": "the declared model"}
-MODEL = (("--model",), {**DECLARED, "required": True})
-DRAWN: dict[str, Any] = {"metavar": "FILE", "help": "draw the answer: .png, .svg, .pdf or .jpg"}
-PICTURE = (("--plot",), DRAWN)
-PICTURE_OUT = (
-    (
-        "--plot",
-        "--out",
-    ),
-    {**DRAWN, "dest": "plot"},
-)
+LOGS, LOGS_OR_NONE = {"records RECORD +": RECORDS}, {"records RECORD *": RECORDS}
+MODEL = {"--model MODEL.toml !": "the declared model"}
+DRAWN = "draw the answer: .png, .svg, .pdf or .jpg"
+PICTURE, PICTURE_OUT = {"--plot FILE": DRAWN}, {"--plot,--out FILE": DRAWN}
 PROPERTY = (
     "l2: is the L2 gain of (J s + K2)/(sigma1 s + sigma0), from speed to bristle error of the "
     "proposed observer, finite; spr: is (sigma1 s + sigma0)/(J s^2 + C(s)) for the position loop, "
@@ -140,14 +130,10 @@ PROPERTY = (
     "what are its gain, phase, modulus and delay margin; passivity: can the friction of the model "
     "never give back more energy than it stores"
 )
-CHECKED = (("property",), {"choices": tuple(checks.UNUSED), "help": PROPERTY})
-LOOPS = [
-    ((f"--{k}",), {"dest": "loop", "action": "store_const", "const": k, "help": what})
-    for k, what in {
-        "position": "check the position loop (default for spr)",
-        "velocity": "check the velocity loop (default for bandwidth and stability)",
-    }.items()
-]
+LOOPS = {
+    "--position": "check the position loop (default for spr)",
+    "--velocity": "check the velocity loop (default for bandwidth and stability)",
+}
 ONE_OR_MANY = {
     "--model MODEL.toml": "the drive, all values known",
     "--report report.json": "a result: the chance of hunting over drives that its covariance draws",
@@ -166,17 +152,23 @@ READING = {
 }
 SEED = {"--seed N >= 0 = 0": "seed of random numbers (default: 0)"}
 OUT = "write report.html, report.json and model.toml there"
-FITTED = READING | {
-    "--holdout RECORD|last": "hold out this file, or the last half, to compute the errors "
-    "(default: every other block)",
-    "--horizon S > 0 = 1.0": "seconds of simulation between restarts (default: 1)",
-    "--out DIR": OUT,
-    "--law NAME": "friction law in place of the model's; values that both laws have are kept; "
-    "auto: the simplest that predicts held-out samples as well as any",
-    "--fix J,Fc ...": "hold these declared values: J, parameters of the friction law, "
-    "EFFECT.PARAMETER",
-    **SEED,
-}
+FITTED = (
+    LOGS
+    | MODEL
+    | PICTURE
+    | READING
+    | {
+        "--holdout RECORD|last": "hold out this file, or the last half, to compute the errors "
+        "(default: every other block)",
+        "--horizon S > 0 = 1.0": "seconds of simulation between restarts (default: 1)",
+        "--out DIR": OUT,
+        "--law NAME": "friction law in place of the model's; values that both laws have are kept; "
+        "auto: the simplest that predicts held-out samples as well as any",
+        "--fix J,Fc ...": "hold these declared values: J, parameters of the friction law, "
+        "EFFECT.PARAMETER",
+        **SEED,
+    }
+)
 DIAGNOSED = FITTED | {
     "--time-limit S > 0 = 270.0": "seconds after which the fit stops itself (default: 270); what "
     "was compared before stands all the same",
@@ -225,6 +217,8 @@ TO_RECORD: Group = (
     },
 )
 CHECK = {
+    f"property {{{','.join(checks.UNUSED)}}}": PROPERTY,
+    **PICTURE,
     "--model MODEL.toml": "default: Table 1 of the source paper",
     "--kp X": "proportional gain (default of kp, ki, kd: the paper's if none is given, else 0)",
     "--ki X": "integral gain",
@@ -242,7 +236,7 @@ CHECK = {
     "--dt S > 0": "T(z) with this sample time (default: T(s))",
     "--half-power": "bandwidth at half power (-3.0103 dB) instead of -3 dB",
 }
-HUNT = {
+HUNT = PICTURE | {
     "--members N = 40": "with --report: drives (40)",
     "--kp X": "gain of the position error in N m/rad (default of kp, ki, kd: the paper's if none "
     "is given, else 0)",
@@ -261,6 +255,8 @@ HUNT = {
     "sticks and slips)",
 }
 ASSURE = {
+    "report report.json": "of diagnose or identify",
+    **PICTURE,
     "--confidence P = 0.95": "share of the drives for which the bound of the error holds "
     "(default: 0.95)",
     "--hunts P = 0.05": "share of the drives that may hunt at rest (default: 0.05)",
@@ -281,66 +277,45 @@ ASSURE = {
     **SEED,
     "--jobs N = 1": "processes (default: 1)",
 }
-DEMO = {"--out DIR = lugrectl-demo": f"{OUT} (default: lugrectl-demo)", **SEED}
-PLOT = READING | {"--model MODEL.toml": "the declared model, if there is one"}
+DEMO = PICTURE | {"--out DIR = lugrectl-demo": f"{OUT} (default: lugrectl-demo)"} | SEED
+PLOT = LOGS | PICTURE_OUT | READING
+PLOT |= {"--model MODEL.toml": "the declared model, if there is one"}
 PAPER = {"--out DIR": "write reproduce.html and reproduce.json there"}
-NAME = (
-    ("name",),
-    {"nargs": "?", "metavar": "NAME", "help": "an effect; common names such as cogging will do"},
-)
-REPORT = (("report",), {"metavar": "report.json", "help": "of diagnose or identify"})
+NAME = {"name NAME ?": "an effect; common names such as cogging will do"}
 
 COMMANDS: dict[str, dict[str, Command]] = {
     "On records": {
-        "demo": Command(
-            "diagnose a sample record that is included", commands.demo, [PICTURE], DEMO
-        ),
+        "demo": Command("diagnose a sample record that is included", commands.demo, DEMO),
         "diagnose": Command(
-            "name what is missing from the model",
-            commands.diagnose,
-            [LOGS, MODEL, PICTURE],
-            DIAGNOSED,
-            [FLEET],
+            "name what is missing from the model", commands.diagnose, DIAGNOSED, [FLEET]
         ),
-        "identify": Command(
-            "fit the declared model only", commands.identify, [LOGS, MODEL, PICTURE], FITTED
-        ),
-        "plot": Command(
-            "draw a log as it was read, and its friction", commands.plot, [LOGS, PICTURE_OUT], PLOT
-        ),
+        "identify": Command("fit the declared model only", commands.identify, FITTED),
+        "plot": Command("draw a log as it was read, and its friction", commands.plot, PLOT),
         "bode": Command(
             "frequency response of the axis, friction taken out",
             commands.bode,
-            [LOGS_OR_NONE, MODEL, PICTURE_OUT],
-            READING,
+            LOGS_OR_NONE | MODEL | PICTURE_OUT | READING,
             [AXIS_GAINS, TO_RECORD],
         ),
     },
     "On models": {
         "model": Command("print a commented model file to start from", commands.template),
         "check": Command(
-            "checks: l2, spr, bandwidth, stability, passivity",
-            checks.check,
-            [CHECKED, PICTURE],
-            CHECK,
-            either=LOOPS,
+            "checks: l2, spr, bandwidth, stability, passivity", checks.check, CHECK, either=LOOPS
         ),
         "hunt": Command(
             "find friction limit cycles of a position loop",
             commands.hunt,
-            [PICTURE],
             HUNT,
-            either=[*_read(ONE_OR_MANY)],
+            either=ONE_OR_MANY,
             needs_one=True,
         ),
-        "assure": Command(
-            "how much compensation to dare", commands.assure, [REPORT, PICTURE], ASSURE
-        ),
+        "assure": Command("how much compensation to dare", commands.assure, ASSURE),
     },
     "To look up": {
-        "effects": Command("list the effects, or explain one", commands.effects, [NAME]),
+        "effects": Command("list the effects, or explain one", commands.effects, NAME),
         "schema": Command("print the JSON schema of report.json", commands.schema),
-        "reproduce": Command("recompute the source paper", commands.reproduce, table=PAPER),
+        "reproduce": Command("recompute the source paper", commands.reproduce, PAPER),
     },
 }
 

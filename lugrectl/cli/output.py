@@ -28,8 +28,7 @@ def say(sentence: str) -> None:
 
 
 def answer(found: Any, a: Namespace, text: str | None = None, picture: Any = None) -> None:
-    """Draw a result (or ``picture``) where --plot asks for it, print it (or ``text`` in place of
-    its JSON or ``repr``), then say where the picture is."""
+    """Draw a result or ``picture`` for --plot, print it or ``text``, say where the picture is."""
     said = drawn(found if picture is None else picture, a.plot) if a.plot else ""
     print_out(text or (found.to_json() if a.json else repr(found)))
     if said:
@@ -89,15 +88,5 @@ def drawn(result: Any, out: str | None) -> str:
     picture = io.BytesIO()
     figure.savefig(picture, format=Path(out).suffix.lower().lstrip("."), dpi=130)
     plt.close(figure)
-    write(Path(out), picture.getvalue(), "--plot")
+    write_whole(Path(out), picture.getvalue(), "--plot")
     return f"picture: {out}"
-
-
-def write(path: Path, content: bytes, option: str) -> None:
-    """Write a file whole or not at all."""
-    try:
-        write_whole(path, content)
-    except OSError as error:
-        raise InputError(
-            f"{option} {path} cannot be written ({error.strerror or error})."
-        ) from None

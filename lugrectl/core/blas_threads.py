@@ -10,10 +10,14 @@ BLAS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # to be set before NumPy is 
 _THREADS = ("OMP_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "NUMBA_NUM_THREADS", *BLAS)
 
 
+def processors() -> int:
+    given = getattr(os, "sched_getaffinity", None)  # not on every system
+    return len(given(0)) if given else os.cpu_count() or 1
+
+
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Linear algebra inside uses one thread, if threadpoolctl is installed: on small matrices the
-    threads wait for each other longer than they work. The setting holds for the whole process."""
+    """Linear algebra on one thread, if threadpoolctl is there: more only wait on small matrices."""
     try:
         from threadpoolctl import threadpool_limits
     except ImportError:

@@ -45,8 +45,7 @@ def with_interval(estimate: Any) -> tuple[str, str]:
 
 
 def between(interval: Sequence[float]) -> str:
-    """ "low to high", with the digits that the width knows; where both ends are one number in all
-    digits that are shown, "low +- <unit of the last digit"."""
+    """ "low to high" in the digits that the width knows; "low +- <digit" where these are one."""
     low, high = (_to_width(x, interval[1] - interval[0]) for x in interval)
     if low != high:
         return f"{low} to {high}"

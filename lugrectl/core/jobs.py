@@ -28,7 +28,6 @@ from .validation import whole
 
 T = TypeVar("T")
 R = TypeVar("R")
-Progress = Callable[[float, str], None]
 Job = tuple[int, Any]  # index, item
 _AHEAD = 2  # jobs in progress for each worker: one at work, one waiting
 _UNKNOWN = 16  # number of workers assumed for an executor that does not give it
@@ -36,8 +35,7 @@ _UNKNOWN = 16  # number of workers assumed for an executor that does not give it
 
 @dataclass(frozen=True)
 class JobError:
-    """A job that failed: its index, what happened in one sentence, and an exit code: the error's
-    own, 2 if a file cannot be read, 70 for any other exception or a worker process that died."""
+    """A job that failed: its index, what happened in one sentence, and the exit code of that."""
 
     index: int
     sentence: str
@@ -61,12 +59,9 @@ def run_jobs(
     executor: Executor | None = None,
     jobs: int = 1,
 ) -> Generator[tuple[int, R | JobError]]:
-    """``(index, function(item))`` for each item, in the order in which they are done; a job that
-    raised yields a ``JobError``, and if a worker process dies, only its item is lost.
-
-    Without ``executor``, ``jobs`` processes are started (1: none), to which ``function`` must be
-    picklable; else it is the number of its workers if it does not give it itself. Ctrl-C yields
-    what is finished first."""
+    """``(index, function(item))`` for each item, in the order in which they are done; a JobError
+    where it raised, or its process died. ``jobs`` are processes to start (1: none), or the workers
+    of an executor that does not give their number. Ctrl-C yields what is finished first."""
     jobs, numbered = whole(jobs, "jobs", 1), enumerate(items)
     if executor is not None:
         workers = jobs if jobs > 1 else getattr(executor, "_max_workers", None) or _UNKNOWN
@@ -172,7 +167,6 @@ def _processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _begin(typed: bool) -> None:
-    """Ignore Ctrl-C, which the process that started the workers handles; it may be the command
-    line."""
+    """Ignore Ctrl-C, which the process that started the workers handles."""
     speak_as(typed)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

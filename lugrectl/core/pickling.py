@@ -16,8 +16,7 @@ class NotPicklable(InputError, pickle.PicklingError):
 
 
 def carried(what: str, value: Any, cure: str = "") -> None:
-    """Raise NotPicklable where a part of a system cannot be pickled (``cure``: what to do), unless
-    functions are copied, or carried by value: cloudpickle can do that."""
+    """NotPicklable where a value does not pickle, unless it is copied or carried by value."""
     try:
         pickle.dumps(value)
     except NotPicklable:
@@ -53,7 +52,6 @@ def rebuilt(function: Any) -> Any:
 
 
 def from_fields(cls: type, state: dict[str, Any]) -> Any:
-    """A frozen object from its fields."""
     made: Any = object.__new__(cls)
     made.__dict__.update(state)
     return made

@@ -45,8 +45,7 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a result was computed by and from; ``date`` is ISO 8601 with its time zone, ``command``
-    the line as it was typed, or the Python function."""
+    """What a result was computed by and from; ``date`` is ISO 8601, ``command`` as it was typed."""
 
     version: str
     date: str
@@ -77,8 +76,7 @@ def now() -> datetime:
 
 
 def provenance(command: str, inputs: Iterable[Any] = ()) -> Provenance:
-    """The provenance of a result of this moment; ``inputs`` are paths, and records and models with
-    a ``file``; anything else is left out."""
+    """The provenance of a result of this moment; inputs that name no file are left out."""
     files = tuple(dict.fromkeys(_files(inputs)))
     return Provenance(version(), now().isoformat(timespec="seconds"), command, files)
 

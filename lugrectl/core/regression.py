@@ -170,8 +170,7 @@ class Blocks:
     def left_out(
         self, fit: Fit, X: np.ndarray, prior: Prior, scale: float, stretch: float
     ) -> np.ndarray:
-        """Log density of each block (number,) under the fit without it, to which one Newton step
-        leads."""
+        """Log density of each block (number,) under the fit without it, by one Newton step."""
         own, r = X[:, fit.free], fit.r
         weighted = own * (fit.w / scale**2)[:, None]
         score = own * (weight(r) * r / scale)[:, None]

@@ -19,8 +19,7 @@ T = TypeVar("T")
 
 
 def plain(value: Any) -> Any:
-    """The value as JSON has it: results by their summary, arrays as lists, NaN and infinity as
-    None."""
+    """The value as JSON has it: results by their summary, arrays as lists, no NaN or infinity."""
     if hasattr(value, "summary"):
         return plain(value.summary())
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Names of units on rotary and on linear drives."""
+"""Names of units on rotary and on linear drives, and those of channels."""
 
 from __future__ import annotations
 
@@ -23,6 +23,14 @@ _LINEAR = {
 }
 
 
+_OF_ROLE = {"t": "s", "u": "N m", "d": "N m", "w": "rad/s", "theta": "rad", "theta_load": "rad"}
+
+
 def unit_for(unit: str, motion: str = "rotary") -> str:
     """The unit's name on a rotary or a linear drive."""
     return _LINEAR.get(unit, unit) if motion == "linear" else unit
+
+
+def si_unit(role: str, motion: str) -> str:
+    """The SI unit of a channel; empty if it has none (r, temperature)."""
+    return unit_for(_OF_ROLE.get(role, ""), motion)

@@ -54,8 +54,7 @@ def shown(value: Any) -> str:
 
 
 def real(value: Any) -> float | None:
-    """A real number as a float, NumPy's and an array of no dimension too; None for all else, and
-    for a whole number that no float holds. inf and nan are numbers here."""
+    """A real number as a float, inf and nan too; None for all else and for what no float holds."""
     if isinstance(value, np.generic) or (isinstance(value, np.ndarray) and value.ndim == 0):
         value = value.item()
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
@@ -109,8 +108,7 @@ def flag(value: Any, name: str) -> bool:
 
 
 def array(value: Any, name: str) -> np.ndarray:
-    """A new float64 array of any shape, a masked sample nan; InputError for text, complex numbers
-    or ragged lists."""
+    """A new float64 array, a masked sample nan; InputError for what holds no real numbers."""
     try:
         made = np.asarray(value)
     except ValueError:

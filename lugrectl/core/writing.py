@@ -31,21 +31,21 @@ def whole(path: Path, mode: int = 0o666) -> Iterator[Path]:
             part.unlink()
 
 
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; OSError leaves what was there."""
-    if path.exists() and not path.is_file():  # a device or a pipe
-        path.write_bytes(content)
-        return
-    with whole(path.resolve()) as part:  # what a link points at
-        part.write_bytes(content)
+def write_whole(path: Path, content: bytes, option: str = "") -> None:
+    """Write a file whole or not at all; InputError leaves what was there."""
+    try:
+        if path.exists() and not path.is_file():  # a device or a pipe
+            path.write_bytes(content)
+            return
+        with whole(path.resolve()) as part:  # what a link points at
+            part.write_bytes(content)
+    except OSError as error:
+        name = f"{option} {path}".strip()
+        raise InputError(f"{name} cannot be written: {error.strerror or error}.") from None
 
 
 def write_together(content: Mapping[str, str], folder: Path, complaint: str) -> list[Path]:
-    """Write texts by file name into a folder, which is created if it is missing; the paths.
-
-    All is written to a hidden folder first. On failure the previous state is restored, and
-    InputError says the ``complaint``, of which {} is why. A killed process may leave a part of the
-    files in an old folder, but then without the first."""
+    """Write texts by file name into a folder, all or none; InputError's ``complaint`` takes why."""
     try:
         _together(content, folder.absolute())
     except OSError as error:

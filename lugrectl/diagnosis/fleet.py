@@ -21,7 +21,7 @@ from ..core.blas_threads import one_thread_each
 from ..core.display import Row, Shown
 from ..core.errors import InputError, Refused
 from ..core.jobs import JobError, run_jobs
-from ..core.progress import Wanted, reporter, shows_progress
+from ..core.progress import Progress, Wanted, reporter, shows_progress
 from ..core.provenance import Provenance, SourceFile, provenance, stamp
 from ..core.result import Result, library, picked, plain
 from ..core.validation import positive, share, shown
@@ -35,7 +35,6 @@ from .diagnose import LIMIT, diagnose
 from .result import VERDICTS, Diagnosis
 
 FAILED = "failed"
-Progress = Callable[[float, str], None]
 Logs = Any  # a path, a table, a Record, or several of them
 
 
@@ -201,7 +200,7 @@ class Fleet(Result):
         return view("fleet_page.text")(self)
 
     def _repr_html_(self) -> str:
-        return view("fleet_page.fragment")(self)
+        return view("fleet_page.page")(self).fragment()
 
 
 @shows_progress

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from .page import html, text, write
 from .runs import Reproduction, reproduce
 
-__all__ = ["Reproduction", "html", "reproduce", "text", "write"]
+__all__ = ["Reproduction", "reproduce"]

@@ -12,76 +12,72 @@ HOLDS, CORRECTED, FAILS = "holds", "holds corrected", "does not hold"
 
 
 class Label(NamedTuple):
-    """A label of the paper, its status, a note, and the test that names it."""
+    """A label of the paper, the test that names it, a note, and its status."""
 
     label: str
-    status: str
-    note: str
     test: str
+    note: str = ""
+    status: str = HOLDS
 
 
 _OF, _RUN = "test_lemmas.py::test_", "test_lemma_runs.py::test_"
 
 
-def _holds(label: str, test: str, note: str = "") -> Label:
-    return Label(label, HOLDS, note, test)
-
-
 def _corrected(label: str, test: str, note: str) -> Label:
-    return Label(label, CORRECTED, note, test)
+    return Label(label, test, note, CORRECTED)
 
 
 PAPER: tuple[Label, ...] = (
-    _holds(
+    Label(
         "mechanical_sys1", _OF + "drive", "the plant; here with a load torque d in addition to F"
     ),
-    _holds("sys1", _OF + "compensated_drive", "the drive if Fhat = F"),
-    _holds("mechanical_sys2", _OF + "compensated_drive"),
-    _holds("LuGre1", _OF + "drive"),
-    _holds("LuGre2", _OF + "drive"),
-    _holds(
+    Label("sys1", _OF + "compensated_drive", "the drive if Fhat = F"),
+    Label("mechanical_sys2", _OF + "compensated_drive"),
+    Label("LuGre1", _OF + "drive"),
+    Label("LuGre2", _OF + "drive"),
+    Label(
         "Lugre3", _OF + "drive", "the Stribeck velocity w_s is v_s in the paper's table and vs here"
     ),
-    _holds("Lugre_ss", _OF + "drive", "the torque at constant speed"),
-    _holds("z_hat_dot", _OF + "natural_observer"),
-    _holds("F_est", _OF + "natural_observer"),
-    _holds("err_z_dot", _OF + "natural_observer", "for equal parameters in drive and observer"),
+    Label("Lugre_ss", _OF + "drive", "the torque at constant speed"),
+    Label("z_hat_dot", _OF + "natural_observer"),
+    Label("F_est", _OF + "natural_observer"),
+    Label("err_z_dot", _OF + "natural_observer", "for equal parameters in drive and observer"),
     _corrected(
         "F_err", _OF + "F_err", "e_f = sigma0 (1 - sigma1 |w|/h) e_z; sigma1 is missing in print"
     ),
-    _holds("V_dot", _OF + "V_dot_and_proof1"),
+    Label("V_dot", _OF + "V_dot_and_proof1"),
     _corrected("proof1_eq", _OF + "V_dot_and_proof1", "C1 = min(Fs, Fc) must be > 0, not >= 0"),
-    _holds("proof1_eq2", _OF + "V_dot_and_proof1"),
-    _holds("lemma1", _RUN + "lemma1", "rate sigma0 alpha/C2 in e_z"),
-    _holds("lemma2_eq", _RUN + "lemma2", "excitation(w, t) finds T and beta"),
-    _holds("lemma2", _RUN + "lemma2", "with proof2_eq2 corrected: rate sigma0 beta/(C2 T)"),
-    _holds("proof2_eq", _RUN + "proof2_eq", "natural_decay(p, w, t)"),
+    Label("proof1_eq2", _OF + "V_dot_and_proof1"),
+    Label("lemma1", _RUN + "lemma1", "rate sigma0 alpha/C2 in e_z"),
+    Label("lemma2_eq", _RUN + "lemma2", "excitation(w, t) finds T and beta"),
+    Label("lemma2", _RUN + "lemma2", "with proof2_eq2 corrected: rate sigma0 beta/(C2 T)"),
+    Label("proof2_eq", _RUN + "proof2_eq", "natural_decay(p, w, t)"),
     _corrected(
         "proof2_eq2",
         _OF + "proof2_eq2",
         "int |w|/h >= (1/C2) int |w|; in print with a sigma0 that is missing on the left",
     ),
-    _holds("remark1", _RUN + "remark1", "T = 1/(2f), beta = 1/(pi f)"),
-    _holds("remark2", _RUN + "remark2", "for w in L1, e_z keeps at least exp(-sigma0/C1 int |w|)"),
-    _holds("lemma3", _RUN + "lemma3", "e_f/e_z is bounded for bounded w"),
-    _holds("remark3", _RUN + "remark3", "the error acts as a decaying disturbance"),
-    _holds(
+    Label("remark1", _RUN + "remark1", "T = 1/(2f), beta = 1/(pi f)"),
+    Label("remark2", _RUN + "remark2", "for w in L1, e_z keeps at least exp(-sigma0/C1 int |w|)"),
+    Label("lemma3", _RUN + "lemma3", "e_f/e_z is bounded for bounded w"),
+    Label("remark3", _RUN + "remark3", "the error acts as a decaying disturbance"),
+    Label(
         "Canudas_z",
         _OF + "existing_observer",
         "k has no unit on a velocity error and is in 1/s on a position error",
     ),
-    _holds(
+    Label(
         "Canudas_u",
         _OF + "existing_observer",
         "its T(s) must be SPR, which no pure integral action and no C with a finite C(inf) "
         "gives; tau in C(s) is a time constant, not a cut-off frequency",
     ),
-    _holds("obs_1", _OF + "proposed_observer", "K1 < 0 at rest"),
-    _holds("obs_2", _OF + "proposed_observer", "Fhat contains the K1 term of dzhat/dt"),
-    _holds("err_z_dot_new", _OF + "error_system"),
-    _holds("err_w_dot_new", _OF + "error_system", "both lines; u cancels"),
-    _holds("V_dot_new", _OF + "V_dot_new_and_K1"),
-    _holds("K1", _OF + "V_dot_new_and_K1", "alpha in N m s/rad here"),
+    Label("obs_1", _OF + "proposed_observer", "K1 < 0 at rest"),
+    Label("obs_2", _OF + "proposed_observer", "Fhat contains the K1 term of dzhat/dt"),
+    Label("err_z_dot_new", _OF + "error_system"),
+    Label("err_w_dot_new", _OF + "error_system", "both lines; u cancels"),
+    Label("V_dot_new", _OF + "V_dot_new_and_K1"),
+    Label("K1", _OF + "V_dot_new_and_K1", "alpha in N m s/rad here"),
     _corrected(
         "lemma4", _RUN + "lemma4", "(i) holds; (ii) under lemma2 by this V needs w bounded as well"
     ),
@@ -113,10 +109,10 @@ PAPER: tuple[Label, ...] = (
         _RUN + "remark4",
         "K2 > 0 is not needed; independent of u only once M is known to bound |w|",
     ),
-    _holds("new_V_dot", _OF + "new_V_dot"),
-    _holds("ineq1", _OF + "step_by_step_solution"),
-    _holds("ineq2", _OF + "step_by_step_solution"),
-    _holds(
+    Label("new_V_dot", _OF + "new_V_dot"),
+    Label("ineq1", _OF + "step_by_step_solution"),
+    Label("ineq2", _OF + "step_by_step_solution"),
+    Label(
         "ineq3",
         _OF + "step_by_step_solution",
         "and cannot be avoided: any V that is valid for every |w|/h satisfies it",
@@ -126,11 +122,11 @@ PAPER: tuple[Label, ...] = (
         _OF + "ineq4",
         "B K3 + 2 C sigma0/J + 2 A K1 = 0; the printed factor B in the last term is wrong",
     ),
-    _holds("AB", _OF + "step_by_step_solution", "with sigma1 > 0"),
-    _holds("K3_new", _OF + "step_by_step_solution", "alpha in 1/s here, K2 = J alpha"),
-    _holds("eq_1", _OF + "step_by_step_solution", "B^2 - 4 A C = -2 beta C"),
-    _holds(
+    Label("AB", _OF + "step_by_step_solution", "with sigma1 > 0"),
+    Label("K3_new", _OF + "step_by_step_solution", "alpha in 1/s here, K2 = J alpha"),
+    Label("eq_1", _OF + "step_by_step_solution", "B^2 - 4 A C = -2 beta C"),
+    Label(
         "lemma6", _RUN + "lemma6", "with sigma1 > 0; every K1 < 0 < K2 is sufficient, see certify"
     ),
-    _holds("fric_params", _OF + "drive", "table1()"),
+    Label("fric_params", _OF + "drive", "table1()"),
 )

@@ -49,32 +49,15 @@ LINES: dict[str, dict[str, Any]] = {
 }
 
 
-def text(r: Reproduction) -> str:
-    """The reproduction in about 80 columns."""
-    return _page(r).text()
-
-
-def fragment(r: Reproduction) -> str:
-    """The reproduction as an HTML fragment with its own style and inline plots, for Jupyter."""
-    return _page(r).fragment()
-
-
-def html(r: Reproduction) -> str:
-    """The reproduction as one self-contained page: inline style and plots, nothing to fetch."""
-    return _page(r).html()
-
-
 def write(r: Reproduction, folder: str | Path) -> list[Path]:
-    """Write reproduce.html and reproduce.json into a folder, both or none.
-
-    Raises InputError when the folder cannot be written.
-    """
+    """Write reproduce.html and reproduce.json into a folder, both or none."""
     report.check_folder(folder)
-    content = dict(zip(FILES, (html(r), r.to_json() + "\n"), strict=True))
+    content = dict(zip(FILES, (page(r).html(), r.to_json() + "\n"), strict=True))
     return report.written(content, Path(folder), "page")
 
 
-def _page(r: Reproduction) -> Page:
+def page(r: Reproduction) -> Page:
+    """The reproduction, of which the text has about 80 columns."""
     v, pi = (r._width(loop, "paper's PI") for loop in ("velocity", "position"))
     title = "The position PI of the paper is unstable once friction is compensated"
     meaning = (
@@ -168,7 +151,6 @@ def _window(row: Errors, to: str) -> str:
 
 
 def _columns(o: Outcome) -> str:
-    """The meaning of the columns, with every gain."""
     said = ["k: existing observer and its gain"]
     for c in o.study.compensations[1:]:
         gains = ", ".join(f"{k[0].upper() + k[1:]} = {v:g}" for k, v in c.gains.items())
@@ -197,7 +179,6 @@ def _ranking(o: Outcome, row: Errors) -> str:
 
 
 def responses(figure: PaperFigure, ax: Axes) -> Axes:
-    """Reference and the three responses."""
     line = figure.reference
     ax.plot(*thinned(line.t, line.y), color=QUIET, lw=4.5, label="reference")
     looks: dict[str, dict[str, Any]] = {

@@ -63,11 +63,7 @@ class Outcome(Shown):
 
 @dataclass(frozen=True, repr=False)
 class Width(Shown):
-    """Bandwidth of one loop, r to w or theta, with all friction or all but Fv compensated.
-
-    ``spr``: class of the loop's T(s), the existing observer's condition; None if it does not
-    apply. Hz and 1/s.
-    """
+    """Bandwidth of one loop, r to w or theta, with all friction or all but Fv compensated."""
 
     loop: str
     label: str
@@ -75,8 +71,8 @@ class Width(Shown):
     level: str
     hertz: float
     stable: bool
-    poles: tuple[complex, ...]
-    spr: str | None
+    poles: tuple[complex, ...]  # 1/s
+    spr: str | None  # class of T(s), the existing observer's condition; None if not applicable
     paper: str
 
     def summary(self) -> dict[str, Any]:
@@ -101,15 +97,12 @@ class PaperFigure(Shown):
 
 @dataclass(frozen=True, repr=False)
 class Growth(Shown, Fields):
-    """Growth of the compensated position PI: predicted from its poles, and simulated.
+    """Growth of the compensated position PI: predicted from its poles, and simulated."""
 
-    Time constants in s; ``observer`` and ``window`` (s) are those of the simulation.
-    """
-
-    predicted: float
+    predicted: float  # time constant, s
     simulated: float
     observer: str
-    window: tuple[float, float]
+    window: tuple[float, float]  # s, of the simulation
 
 
 @dataclass(frozen=True)
@@ -142,7 +135,6 @@ class Reproduction(Result):
         return next((f for f in self.figures if f.key == key), None)
 
     def _width(self, loop: str, label: str, level: str = "-3dB") -> Width:
-        """The bandwidth of a loop by its label."""
         wanted = (loop, label, level)
         return next(w for w in self.widths if (w.loop, w.label, w.level) == wanted)
 
@@ -161,10 +153,7 @@ class Reproduction(Result):
         }
 
     def save(self, folder: str | Path) -> list[Path]:
-        """Write reproduce.html and reproduce.json into a folder, both or none; returns the paths.
-
-        Raises InputError when the folder cannot be written.
-        """
+        """Write reproduce.html and reproduce.json into a folder, both or none; their paths."""
         return view("page.write", "paper")(self, folder)
 
     def _title(self) -> str:
@@ -178,10 +167,10 @@ class Reproduction(Result):
         ]
 
     def __str__(self) -> str:
-        return view("page.text", "paper")(self)
+        return view("page.page", "paper")(self).text()
 
     def _repr_html_(self) -> str:
-        return view("page.fragment", "paper")(self)
+        return view("page.page", "paper")(self).fragment()
 
 
 def milli(value: float) -> str:
@@ -233,25 +222,8 @@ CHOSEN = "(the text of the paper gives no reference: this one is chosen here)"
 
 
 @shows_progress
-def reproduce(
-    *,
-    only: Collection[str] | None = None,
-    progress: Wanted = None,
-) -> Reproduction:
-    """Recompute the source paper's numbers and figures, and cases that it does not show.
-
-    Parameters
-    ----------
-    only : collection of str, optional
-        Keys of studies and figures ("velocity", "position") to run; default: all.
-    progress : callable, True, False or None
-        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
-
-    Raises
-    ------
-    InputError
-        For an unknown key.
-    """
+def reproduce(*, only: Collection[str] | None = None, progress: Wanted = None) -> Reproduction:
+    """Recompute the paper, and cases not in it; ``only``: keys of studies and figures to run."""
     p, report = lg.table1(), reporter(progress)
     bench, known = Bench(p), studies.all_studies(same_width(p), same_width_spr(p))
     keys = [*LOOPS, *(s.key for s in known)]
@@ -306,25 +278,21 @@ def _crossing(p: lg.Parameters, gains: Mapping[str, float] = studies.POSITION) -
 
 
 def same_width(p: lg.Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
-    """A stable PID with the -3 dB crossing of the source paper's position PI.
-
-    Kp = J wn^2, Kd = 2 damping J wn, Ki in the paper's ratio to Kp; wn is solved for.
-    """
+    """A stable PID with the -3 dB crossing of the source paper's position PI, its Ki/Kp."""
     wanted, ratio = _crossing(p), studies.POSITION["ki"] / studies.POSITION["kp"]
 
     def gains(wn: float) -> dict[str, float]:
         kp = p.J * wn**2
         return {"kp": kp, "ki": ratio * kp, "kd": 2 * damping * p.J * wn}
 
-    miss = lambda wn: _crossing(p, gains(wn)) - wanted  # noqa: E731
+    def miss(wn: float) -> float:
+        return _crossing(p, gains(wn)) - wanted
+
     return gains(float(brentq(miss, 0.2 * wanted, 5 * wanted, xtol=1e-10)))  # type: ignore
 
 
 def same_width_spr(p: lg.Parameters) -> dict[str, float]:
-    """A PD with the same crossing whose T(s) is SPR: Kd 5 % above sigma0 J / sigma1.
-
-    Kp solves c |Kp + j Kd w - J w^2|^2 = Kp^2 at the crossing w, with c = 10^(-3/10).
-    """
+    """A PD with the same crossing whose T(s) is SPR: Kd 5 % above sigma0 J / sigma1."""
     w = _crossing(p)
     kd, c = 1.05 * p.sigma0 * p.J / p.sigma1, 10 ** (-3 / 10)
     a, half = 1 / c - 1, p.J * w**2
@@ -403,33 +371,28 @@ def run(bench: Bench, study: Study, tick: Callable[[str], None]) -> Outcome:
 def figure(bench: Bench, loop: str) -> PaperFigure:
     """A loop without friction, with friction, and with the proposed observer."""
     if loop == "velocity":
-        gains, case = (
-            studies.VELOCITY,
-            Case("", studies.SINE, (Measure("w", "rad/s", (1.0, 3.0)),), duration=3.0),
-        )
+        measure, gains = Measure("w", "rad/s", (1.0, 3.0)), studies.VELOCITY
+        case = Case("", studies.SINE, (measure,), duration=3.0)
         text = f"{studies.VELOCITY_TEXT}, no feed-forward, no prefilter, {studies.SINE_TEXT}"
     else:
-        gains, case = (
-            studies.POSITION,
-            Case("", studies.STEP, (Measure("theta", "rad", (1.0, 5.0)),)),
-        )
+        measure, gains = Measure("theta", "rad", (1.0, 5.0)), studies.POSITION
+        case = Case("", studies.STEP, (measure,))
         text = "Position loop, Kp 15, Ki 1.55, prefilter 2/(s + 2), no feed-forward, reference a "
         text += "step of 1 rad"
-    (m,) = case.measures
     t, with_friction = bench.respond(loop, gains, studies.NONE, case)
     _, compensated = bench.respond(loop, gains, studies.PROPOSED, case)
     r = case.reference.inputs(t, loop, False)[0]
+    free = ct.forced_response(LOOPS_TF[loop](bench.p, **gains), t, r).outputs
     responses = {
-        "no friction": np.asarray(
-            ct.forced_response(LOOPS_TF[loop](bench.p, **gains), t, r).outputs
-        ),
-        "friction, no observer": with_friction[m.signal],
-        f"friction, {studies.PROPOSED.label}": compensated[m.signal],
+        "no friction": np.asarray(free),
+        "friction, no observer": with_friction[measure.signal],
+        f"friction, {studies.PROPOSED.label}": compensated[measure.signal],
     }
     said = f"{text} {CHOSEN}, observer parameters exact, all states 0 at the start."
-    errors = {name: rms(t, y - r, m.window) for name, y in responses.items()}
+    unit, window = measure.unit, measure.window
+    errors = {name: rms(t, y - r, window) for name, y in responses.items()}
     traces = tuple(Trace(name, t, y) for name, y in responses.items())
-    return PaperFigure(loop, said, m.unit, m.window, Trace("reference", t, r), traces, errors)
+    return PaperFigure(loop, said, unit, window, Trace("reference", t, r), traces, errors)
 
 
 def growth(bench: Bench, observer: Compensation = studies.PROPOSED) -> Growth:

@@ -23,15 +23,12 @@ PERCENT = (-30, -20, -10, 0, 10, 20, 40)
 
 @dataclass(frozen=True)
 class Compensation:
-    """A friction compensation with its gains, or a controller without compensation.
+    """A friction compensation with its gains, or a controller without compensation."""
 
-    ``label`` names observer and gains, ``name`` is the column's heading; ``gains`` holds K1, K2,
-    k of the observer, or kp, ki in place of those of the study's controller.
-    """
-
-    name: str
-    label: str
+    name: str  # the column's heading
+    label: str  # observer and gains
     observer: str | None = None
+    # K1, K2, k of the observer, or kp, ki in place of those of the study's controller
     gains: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -46,10 +43,7 @@ class Reference:
     prefilter: bool = False
 
     def inputs(self, t: np.ndarray, loop: str, feedforward: bool) -> np.ndarray:
-        """(2, N): r, and its first (velocity) or second (position) derivative, or 0 for none.
-
-        With the prefilter r' = 2 (c - r) and r'' = 2 c' - 4 (c - r), c the command.
-        """
+        """(2, N): r, and its first (velocity) or second (position) derivative, or 0 for none."""
         a, w = self.amplitude, 2 * np.pi * self.hertz
         sin, cos, still = a * np.sin(w * t), a * np.cos(w * t), 0.0 * t
         r, first, second = {
@@ -81,36 +75,29 @@ class Measure:
 
 @dataclass(frozen=True)
 class Case:
-    """One simulation for each compensation, and the measures of it.
-
-    ``scale``: factors on the observer's parameters, by name; ``start``: initial states by label
-    (those of other observers are ignored); ``x``: abscissa in a sweep.
-    """
+    """One simulation for each compensation, and the measures of it."""
 
     label: str
     reference: Reference
     measures: tuple[Measure, ...]
-    scale: Mapping[str, float] = field(default_factory=dict)
-    start: Mapping[str, float] = field(default_factory=dict)
+    scale: Mapping[str, float] = field(default_factory=dict)  # on the observer's parameters
+    start: Mapping[str, float] = field(default_factory=dict)  # states by label, of any observer
     feedforward: bool = False
     duration: float = 5.0
     dt: float = 1e-3
-    x: float | None = None
+    x: float | None = None  # abscissa in a sweep
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """The trace to draw: the case's number, its signal with unit, and the time shown in s.
-
-    ``columns``: names of the curves, all if empty; ``log``: magnitude, logarithmic.
-    """
+    """The trace to draw: the case's number, its signal with unit, and the time shown in s."""
 
     case: int
     signal: str
     unit: str
     span: tuple[float, float]
-    columns: tuple[str, ...] = ()
-    log: bool = False
+    columns: tuple[str, ...] = ()  # names of the curves, all if empty
+    log: bool = False  # magnitude, logarithmic
 
 
 def _observer(kind: str, **gains: float) -> Compensation:

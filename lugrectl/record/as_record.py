@@ -85,15 +85,12 @@ def read_record(
     """
     if isinstance(path, Record):
         return already_read(path, columns=columns, units=units, scale=scale, rate=rate)
-    if isinstance(path, Log):
-        return record_of(path)
-    log = read_log(path, columns=columns, units=units, scale=scale, rate=rate, motion=motion)
-    return record_of(log)
+    reading = {"columns": columns, "units": units, "scale": scale, "rate": rate, "motion": motion}
+    return record_of(path if isinstance(path, Log) else read_log(path, **reading))
 
 
 def read_log(path: Any, **reading: Any) -> Log:
-    """Read the rows of a log in SI units; the options are those of :func:`read_record`. Where w and
-    d theta/dt differ by a factor of two units, one of them is converted before all else."""
+    """The rows of a log, read as by :func:`read_record`; a mixed-up unit of w, theta corrected."""
     log = rows_of(path, **reading)
     if not {"w", "theta"} <= set(log.channels):
         return log
@@ -113,8 +110,7 @@ def read_log(path: Any, **reading: Any) -> Log:
 
 
 def record_of(log: Log | Record, *, alone: bool = True) -> Record:
-    """A log on uniform time, without its bad samples; Refused where there is no motion in it.
-    ``alone``: no other run of the drive stands beside it, whose torque may be another."""
+    """A log on uniform time, without bad samples; ``alone``: it is the drive's only run."""
     if isinstance(log, Record):
         return log
     made = audit(_uniform(log), log.labels, alone=alone)
@@ -135,8 +131,7 @@ def _uniform(log: Log) -> Record:
 
 
 def consistent(record: Record) -> Record:
-    """The record on uniform time, without bad samples, and w consistent with d theta/dt; Refused
-    if too little is left."""
+    """The record on uniform time, with a w that fits d theta/dt; Refused if too little is left."""
     log = record.log
     assert log is not None  # a record always has one
     made = record
@@ -166,8 +161,7 @@ def is_record(given: Any) -> bool:
 def as_record(
     given: Any, motion: str | None = None, what: str = "record", **reading: Any
 ) -> Record:
-    """The record that is meant, read for a drive of that motion with these options of
-    :func:`read_record`; InputError names the argument."""
+    """The record that is meant, read with options of :func:`read_record`; errors name ``what``."""
     return record_of(as_log(given, motion, what, **reading))
 
 
@@ -236,7 +230,6 @@ def record_files(logs: Iterable[Any]) -> list[Any]:
 
 # ---- files that names, patterns and folders stand for ----------------------------
 
-
 _LOOSE = (".txt", ".dat", ".json")  # in a folder such files are logs only if they hold a table
 
 
@@ -248,8 +241,7 @@ def there(name: Any) -> None:
 
 
 def files_of(name: str | Path, folders: bool = True) -> list[Path]:
-    """The files that a name, a pattern or (with ``folders``) a folder stands for: axis2 before
-    axis10; a pattern (``*``, ``?``, ``**``) stands for itself where a file has that very name."""
+    """The files of a name, a pattern (itself where a file has that name) or a folder, in order."""
     path = Path(name)
     if folders and path.is_dir():
         files = [p for p in path.iterdir() if _is_record(p)]

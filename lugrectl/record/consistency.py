@@ -12,7 +12,8 @@ from scipy.signal import butter, sosfiltfilt
 from ..core.errors import InputError, Refused
 from ..core.numeric import column_sizes
 from ..core.option_names import option
-from .columns.units import UNITS, si_unit
+from ..core.unit_names import si_unit
+from .columns.units import UNITS
 from .record import Record
 from .samples.clock import plausible
 
@@ -33,26 +34,18 @@ Labels = Mapping[str, str | None]
 
 
 def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
-    """Check a record: correct the faults that have one possible cause, report the others.
-
-    ``labels`` are the units by role as stated. Raises Refused when ``u`` or the motion is constant
-    or only noise; a constant torque at a steady speed is a point of a friction curve, and beside
-    other runs (not ``alone``) it may be one of several torques (:func:`refuse_dead`)."""
+    """Correct faults of a record that have one possible cause, report others; Refused if dead."""
     return _saturation(_torque_sign(fitting_speed(_alive(record, alone), labels)))
 
 
 # ---- slow signals -------------------------------------------------------------------
 
 
-def _longest(record: Record) -> Record:
+def _longest(record: Record, band: float = _BAND) -> Record | None:
+    """Return the longest stretch; None where, without its ends, it is too short for a band."""
     part = max(record.segments(), key=lambda s: s.stop - s.start)
-    return record.slice(part.start, part.stop)
-
-
-def _long_enough(record: Record, band: float = _BAND) -> bool:
-    """Return whether the longest stretch, without its ends, is long enough for slow signals."""
-    part = _longest(record)
-    return len(part.u) > 2 * (int(part.rate / _edge(part, band)) + _BLOCKS)
+    least = 2 * (int(record.rate / _edge(record, band)) + _BLOCKS)
+    return record.slice(part.start, part.stop) if part.stop - part.start > least else None
 
 
 def _edge(record: Record, band: float) -> float:
@@ -73,8 +66,7 @@ def _low_passed(
 def _jackknifed(
     columns: Sequence[np.ndarray], y: np.ndarray, function: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit y by columns: the coefficients, and the standard error of a function of them, by leaving
-    out one block of time after the other."""
+    """Coefficients of a fit of y, and the error of a function of them by leaving out blocks."""
     x = np.column_stack(columns)
     size = column_sizes(x)
     x = x / size
@@ -139,8 +131,7 @@ def _is_noise(values: np.ndarray) -> bool:
 
 
 def _alive(record: Record, alone: bool) -> Record:
-    """Return the record, without a w that is constant while theta changes its speed; Refused where
-    a channel is dead."""
+    """The record without a w that is constant while theta is not; Refused if it is dead."""
     theta, w = record.theta, record.w
     moves = theta is not None and not (_is_constant(theta) or _is_steady(record))
     if w is not None and moves and _is_constant(w):
@@ -150,6 +141,7 @@ def _alive(record: Record, alone: bool) -> Record:
         values = getattr(record, role)
         if values is None or not _is_constant(values):
             continue
+        # one point of a friction curve, and beside other runs one of several torques
         on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
         if not on_a_curve and (alone or role != "u"):
             raise _dead(record.source, role, values[0], "reverses")
@@ -181,11 +173,10 @@ class _Speeds:
     @classmethod
     def of(cls, record: Record) -> _Speeds | None:
         """Return both; None where one is missing, too short, or does not change."""
-        if record.w is None or record.theta is None or not _long_enough(record):
+        if record.w is None or record.theta is None or (part := _longest(record)) is None:
             return None
         if not (np.ptp(record.w) > 0 and np.ptp(record.theta) > 0):
             return None
-        part = _longest(record)
         assert part.w is not None and part.theta is not None
         w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
         return cls(w, slope, part.dt)
@@ -199,9 +190,7 @@ class _Speeds:
         return float(g), float(T), float(found[3]), float(error[0])
 
     def compared(self) -> _Compared:
-        """Compare w with d theta/dt. Noise in the regressor biases a fitted ratio towards zero: the
-        two regressions bracket the true one, which is less certain with few swings of the
-        motion."""
+        """Compare both: noise biases a ratio towards 0, so two regressions bracket the true one."""
         w, slope = self.w, self.slope
         (ratio, lead, *_), (inverse, lag, *_) = self.fitted(w, slope), self.fitted(slope, w)
         agreement = ratio * inverse
@@ -238,8 +227,7 @@ class _Compared(NamedTuple):
 
 
 def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
-    """Return the record with a w that is consistent with d theta/dt, each change a message; a w
-    that does not fit d theta/dt is left out."""
+    """The record with a w that fits d theta/dt, or without one; each change is a message."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return record
@@ -291,8 +279,7 @@ class Mistake:
 
 
 def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
-    """Return the mistake where w and d theta/dt differ by a factor of units, else None; InputError
-    where the unit of t is the one that is not as assumed: all rates depend on it."""
+    """The mix-up by which w is not d theta/dt, else None; InputError if the unit of t is wrong."""
     speeds = _Speeds.of(record)
     if speeds is None:
         return None
@@ -304,8 +291,7 @@ def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
 
 
 def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
-    """Return the first mix-up of units that makes w so many times d theta/dt: of those without a
-    stated unit, then of one in SI, which is often stated by habit."""
+    """The likeliest mix-up of units at this ratio; units in SI are often stated by habit."""
     found = []
     for role in ("w", "theta"):
         label = labels.get(role)
@@ -328,9 +314,7 @@ def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
 
 
 def _check_time(record: Record, labels: Labels, ratio: float) -> None:
-    """InputError if the unit of t is what makes w so many times d theta/dt: where no drive is
-    logged at the rate it means, or only t has no stated unit; and one is at the rate of the other
-    unit."""
+    """InputError if a wrong unit of t makes w so many times d theta/dt, and the rate unusual."""
     if "t" not in labels:
         return
     stated = labels["t"] is not None
@@ -374,9 +358,9 @@ def _converted(record: Record, labels: Labels, ratio: float) -> Record:
 def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
     """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz: J
     and the mean friction power over their standard errors, and the share of u that is explained."""
-    if _is_constant(record.u) or not _long_enough(record, band):
+    part = _longest(record, band)
+    if part is None or _is_constant(record.u):
         return None
-    part = _longest(record)
     angle, speed = part.theta, part.w
     if speed is None:
         assert angle is not None

@@ -13,11 +13,12 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.option_names import option
 from ..core.provenance import SourceFile
+from ..core.unit_names import si_unit
 from ..core.validation import as_path, positive, shown
 from .columns import roles
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
-from .columns.units import Unit, parse_unit, role_unit, si_unit
+from .columns.units import Unit, parse_unit, role_unit
 from .files.readers import read_stdin, read_table
 from .samples.resampling import held_mean
 
@@ -78,8 +79,7 @@ def rows_of(
     rate: float | None = None,
     motion: str | None = None,
 ) -> Log:
-    """The rows of a log in the units that are stated or assumed; InputError if it or an argument
-    of :func:`read_record` cannot be read or understood."""
+    """The rows of a log in units stated or assumed; arguments as of :func:`read_record`."""
     named, stated = roles.texts(columns, "columns"), roles.texts(units, "units")
     scaled = roles.factors(scale)
     rate = None if rate is None else _rate(rate, named)
@@ -146,8 +146,7 @@ def _rate(given: Any, named: Mapping[str, str]) -> float:
 def _merged(
     names: Sequence[str], columns: Sequence[np.ndarray]
 ) -> tuple[list[np.ndarray], list[str]]:
-    """Columns (N,) by role, on the rows that hold the motion, and a sentence if rows were merged:
-    tools that merge topics leave a cell empty where a topic has no message."""
+    """Columns on the rows of the motion, where merged topics leave empty cells, and a sentence."""
     by = dict(zip(names, columns, strict=True))
     base = next((role for role in ("theta", "w") if role in by), None)
     if base is None or "t" not in by or "u" not in by:

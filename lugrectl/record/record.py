@@ -12,9 +12,10 @@ import numpy as np
 from ..core.display import Row, Shown, noticed
 from ..core.errors import InputError
 from ..core.provenance import SourceFile
+from ..core.result import picked
+from ..core.unit_names import si_unit
 from ..core.validation import array
 from ..core.views import view
-from .columns.units import si_unit
 from .log import Log, log_of_arrays
 
 _MOTIONS = ("rotary", "linear")
@@ -133,9 +134,13 @@ class Record(Shown):
     def _rows(self) -> Iterable[Row]:
         length = f"{self.samples} at {self.rate:.6g} Hz, {self.duration:.6g} s"
         lost = f"({self.dropped} dropped)" if self.dropped else ""
+        spans = {
+            role: f"{x.min():.6g} to {x.max():.6g}" if len(x) else "empty"
+            for role, x in self.channels().items()
+        }
         return [
             Row("samples", length, "", lost),
-            *(Row(k, _span(x), si_unit(k, self.motion)) for k, x in self.channels().items()),
+            *(Row(role, span, si_unit(role, self.motion)) for role, span in spans.items()),
             *([Row("gaps", len(self.gaps))] if self.gaps else []),
             *noticed(self.messages, "messages"),
         ]
@@ -184,13 +189,4 @@ class Record(Shown):
 
     def summary(self) -> dict[str, int | float]:
         """Return samples, rate (Hz), duration (s) and dropped as plain numbers."""
-        return {
-            "samples": self.samples,
-            "rate": self.rate,
-            "duration": self.duration,
-            "dropped": self.dropped,
-        }
-
-
-def _span(x: np.ndarray) -> str:
-    return f"{x.min():.6g} to {x.max():.6g}" if len(x) else "empty"
+        return picked(self, "samples rate duration dropped")

@@ -83,8 +83,8 @@ def repeating(x: np.ndarray, resolution: float = 0.0) -> float:
     return float(np.median(np.diff(changed))) if len(changed) > 1 else 1.0
 
 
-def repeats(x: np.ndarray, count: float) -> np.ndarray:
-    """Return for each sample how many in a row stay on the same count."""
+def repeats(x: np.ndarray, count: float = 0.0) -> np.ndarray:
+    """Return for each sample (N,) how many in a row stay on its count, or keep its value."""
     steps = np.round((x - x[0]) / count) if count > 0.0 else x
     lengths = np.diff(np.flatnonzero(np.diff(steps, prepend=np.nan, append=np.nan) != 0.0))
     return np.repeat(lengths, lengths)
@@ -94,9 +94,8 @@ def repeats(x: np.ndarray, count: float) -> np.ndarray:
 
 
 def sensor_noise(x: np.ndarray, resolution: float = 0.0) -> float:
-    """Return the standard deviation of a signal's own noise by the median size of its third
-    differences (too high if the motion changes within four samples); never below the rounding of
-    ``resolution``, which interpolated samples do not show."""
+    """Return the standard deviation of a signal's own noise by its third differences (too high if
+    the motion changes within four samples); never below the rounding of ``resolution``."""
     x = x[np.isfinite(x)]
     third = np.abs(np.diff(x, 3))
     noise = float(np.median(third)) / NORMAL_MAD / _THIRD_DIFFERENCE

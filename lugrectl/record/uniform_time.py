@@ -14,7 +14,8 @@ from .columns.units import UNITS
 from .record import Record
 from .samples import clock
 from .samples.resampling import HELD, between, how, on_grid, speed
-from .samples.rows import Stamped, count, runs, smallest_steps
+from .samples.rows import Stamped, count, smallest_steps
+from .signal_noise import repeats
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
@@ -25,9 +26,7 @@ _NEAR = 0.25  # rates of runs that differ by more are not brought together
 
 
 def uniform(log: Stamped) -> Record:
-    """Bring the rows of a log, in SI units, to uniform time; Refused without 12 rows in one piece.
-    Up to 3 missing samples in a row are filled, jitter is resampled, a longer loss becomes a
-    gap."""
+    """Bring rows to uniform time: short losses filled, jitter resampled, longer losses gaps."""
     _enough(log, len(log.t))
     _fill_optional(log)
     _fill_missing(log)
@@ -52,8 +51,7 @@ def _fill_missing(log: Stamped) -> None:
     for role in log.required:
         lost = ~np.isfinite(log.channels[role])
         some |= lost
-        for a, n in runs(lost):
-            long[a : a + n] |= n > clock.FILL
+        long |= lost & (repeats(lost) > clock.FILL)
         if lost.any() and not lost.all():
             log.channels[role] = _filled(role, log.channels[role], lost)
     log.dropped += int(some.sum())
@@ -67,7 +65,7 @@ def _fill_optional(log: Stamped) -> None:
     """Fill the channels beside torque and motion, or leave them out."""
     for role in [role for role in log.channels if role not in log.required]:
         lost = ~np.isfinite(log.channels[role])
-        longest = max((length for _, length in runs(lost)), default=0)
+        longest = repeats(lost)[lost].max(initial=0)
         isolated = longest <= clock.FILL and lost.mean() < _FILL_SHARE
         if lost.all() or (role != "temperature" and not isolated):
             del log.channels[role]
@@ -125,8 +123,7 @@ def _regular(log: Stamped) -> Record:
 def _piece(
     log: Stamped, part: slice, counts: np.ndarray, dt: float
 ) -> tuple[np.ndarray, dict[str, np.ndarray], bool]:
-    """Return the grid of a part in steps, its channels there, and whether they are resampled;
-    ``counts`` are the steps of the clock from the first row on."""
+    """The grid of a part in steps, its channels there, whether resampled; by ``counts`` of time."""
     at = (log.t[part] - log.t[part.start]) / dt
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
@@ -148,15 +145,22 @@ def _piece(
 
 
 def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Return the runs at their commonest rate, where theirs differ by a little, with common
-    channels; each change is a message of the run."""
+    """The runs at one rate, where theirs are near, with common channels; changes are messages."""
     if len(records) < 2:
         return tuple(records)
     rates = [float(f"{r.rate:.4g}") for r in records]
     dt = records[rates.index(Counter(rates).most_common(1)[0][0])].dt
     if not any(abs(r.dt / dt - 1) > _NEAR for r in records):
         records = [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
-    return _with_common_channels(records)
+    for role, other in (("w", "theta"), ("theta", "w")):  # left out where a run has the other only
+        without = [r for r in records if getattr(r, role) is None]
+        if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
+            first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
+            made = [replace(r, **{role: None}, log=None).read_from(r.log) for r in records]
+            said = f"{without[0].source} has no {role}: it is left out in all runs."
+            made[first] = made[first].with_messages(said)
+            return tuple(made)
+    return tuple(records)
 
 
 def _resampled(record: Record, dt: float) -> Record:
@@ -182,25 +186,11 @@ def _resampled(record: Record, dt: float) -> Record:
     )
 
 
-def _with_common_channels(records: Sequence[Record]) -> tuple[Record, ...]:
-    """Leave out w or theta where a run has none, if the other is in every run."""
-    for role, other in (("w", "theta"), ("theta", "w")):
-        without = [r for r in records if getattr(r, role) is None]
-        if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
-            first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
-            made = [replace(r, **{role: None}, log=None).read_from(r.log) for r in records]
-            said = f"{without[0].source} has no {role}: it is left out in all runs."
-            made[first] = made[first].with_messages(said)
-            return tuple(made)
-    return tuple(records)
-
-
 # ---- what time says of a log --------------------------------------------------------
 
 
 def long_enough_to_judge(record: Record) -> None:
-    """Raise Refused for a record that is too short or too slow to compare models on; the torque
-    balance needs less and answers beside the refusal."""
+    """Refused for a record too short or too slow to compare models by simulation."""
     parts = record.segments()
     most = max(p.stop - p.start for p in parts)
     samples, seconds = _TO_JUDGE
@@ -218,8 +208,7 @@ def long_enough_to_judge(record: Record) -> None:
 
 
 def refuse_open_time(source: str, labels: Mapping[str, str | None], dt: float) -> None:
-    """Raise Refused where t has no unit and no drive writes a log in steps of ``dt`` s, on which
-    all rates and the inertia depend. A record that was built of arrays is in s."""
+    """Refused where t has no unit and no drive writes a log in steps of ``dt`` s."""
     if labels.get("t", "s") is not None or clock.plausible(dt):
         return
     times = [u for u in UNITS.values() if u.quantity == "time" and u.factor < 1.0]

@@ -37,9 +37,14 @@ def fragment(d: Any) -> str:
 
 
 def html(d: Any, folder: Path | None = None) -> str:
-    """The report as one self-contained page: inline style and plots, nothing to fetch. Its model
-    file is that of the folder."""
-    return _page(d, [*_model_file(d, folder), *_provenance(d)]).html()
+    """The report as one self-contained page, with the model file as it stands in the folder."""
+    more, known = _model_file(d, folder), getattr(d, "provenance", None)
+    if known is not None:
+        said = [f"lugrectl {known.version}, {known.date}", known.command]
+        said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
+        lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
+        more.append(f"<h2>Provenance</h2>\n{lines}")
+    return _page(d, more).html()
 
 
 def _page(d: Any, more: list[str]) -> Page:
@@ -73,17 +78,6 @@ def _model_file(d: Any, folder: Path | None) -> list[str]:
     return [f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>"]
 
 
-def _provenance(d: Any) -> list[str]:
-    """What the report was computed by and from, in small print."""
-    known = getattr(d, "provenance", None)
-    if known is None:
-        return []
-    said = [f"lugrectl {known.version}, {known.date}", known.command]
-    said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
-    lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
-    return [f"<h2>Provenance</h2>\n{lines}"]
-
-
 def content(d: Any, folder: Path) -> dict[str, str]:
     """The files of a report in a folder as text, by name; model.toml where there is a model."""
     made = {FILES[0]: html(d, folder), FILES[1]: d.to_json() + "\n"}
@@ -92,12 +86,7 @@ def content(d: Any, folder: Path) -> dict[str, str]:
 
 
 def write(d: Any, folder: str | Path) -> list[Path]:
-    """Write report.html, report.json and model.toml into a folder, all of them or none.
-
-    The folder is created if it is missing; other files in it are not changed. Returns the paths.
-    A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
-    written.
-    """
+    """Write report.html, report.json and, unless refused, model.toml into a folder, all or none."""
     folder = _folder(folder)
     return written(content(d, folder), folder, "report")
 

@@ -50,8 +50,7 @@ def drawn(draw: Draw) -> Draw:
 
 
 def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axes]:
-    """Draw panels into one new figure of pyplot, which a panel that fails takes away; their
-    Axes."""
+    """Draw panels into one new figure of pyplot, which a panel that fails takes away."""
     import matplotlib.pyplot as plt
 
     columns = min(columns, len(panels))
@@ -71,8 +70,7 @@ def on_pyplot(panels: list[Callable[[Axes], Any]], columns: int = 1) -> list[Axe
 
 
 def inline_svg(panel: Callable[[Axes], Any], name: str, size: tuple[float, float] = SIZE) -> str:
-    """One panel as SVG to stand inside an HTML page: no header, no address, ids of its own. A
-    smaller ``size`` (inches) makes larger letters."""
+    """One panel as SVG inside an HTML page, with ids of its own; a smaller size: larger letters."""
     from matplotlib.figure import Figure
 
     file = io.StringIO()
@@ -89,7 +87,6 @@ def inline_svg(panel: Callable[[Axes], Any], name: str, size: tuple[float, float
 
 
 def style() -> Any:
-    """The style of all plots, as a context."""
     import matplotlib
 
     return matplotlib.rc_context(_RC)
@@ -101,8 +98,7 @@ def empty(ax: Axes, said: str) -> None:
 
 
 def headed(ax: Axes, title: str, marks: Sequence[Any] = (), columns: int = 3) -> Axes:
-    """Set the title, with the legend, of all that has a label or of ``marks``, in lines of three
-    between it and the axes."""
+    """Set the title, with the legend of all labels or of ``marks`` between it and the axes."""
     known = marks or ax.get_legend_handles_labels()[0]
     ax.set_title(title, pad=8 + 14 * -(-len(known) // columns))
     if known:

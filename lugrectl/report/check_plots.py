@@ -221,8 +221,7 @@ def _panels(panels: list[Any], ax: Any) -> Sequence[Axes]:
 
 
 def bode(found: Any) -> Sequence[Axes]:
-    """Magnitude, phase and coherence over Hz; only points of high coherence are drawn in full.
-    With gains also their loop and its step."""
+    """Magnitude, phase and coherence over Hz, certain points in full; gains with their loop."""
     f = found.frequency / (2.0 * np.pi)
     sure = np.where(found.certain, 1.0, np.nan)
 

@@ -11,10 +11,11 @@ import numpy as np
 from ..blocks.block import Block, members, unit_for
 from ..core.errors import InputError
 from ..core.numeric import Z95
+from ..core.unit_names import si_unit
 from . import loop_plots
 from .canvas import AFTER, BEFORE, MEASURED, QUIET, binned, drawn, headed, on_pyplot
 from .page import Figure
-from .wording import BUDGET, UNITS, kind, motion_of, percent, readable, terms
+from .wording import BUDGET, kind, motion_of, percent, readable, terms
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -230,14 +231,13 @@ def _times(d: Any, block: Block | None) -> str:
 def _explaining(
     d: Any, times: str, block: Block | None, values: dict[str, float]
 ) -> tuple[np.ndarray, str, float, float]:
-    """The abscissa of the residual, its label with unit, what it is folded over and how often the
-    effect repeats in that; never the signal ``times`` of an unexplained residual."""
+    """The abscissa, its label, what it is folded over and how often the effect repeats in that."""
     signals = {"t": d.traces.t, **d.traces.signals}
     own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
     wanted = [*own, *(s for s in d.depends_on if block or s != times)]
     name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
     motion = motion_of(d)
-    unit, x = unit_for(UNITS.get(name, ""), motion), signals[name]
+    unit, x = si_unit(name, motion), signals[name]
     if block and block.acts == ("input",) and block.states and name == "u":
         return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]", 0.0, 1.0
     period = _period(name, block, values, motion)
@@ -358,12 +358,7 @@ def figures(d: Any) -> list[Figure]:
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:
-    """All plots that the result has data for, in one new figure; returns an array of their Axes.
-
-    If there is only one plot, its Axes is returned. With ``ax`` given, only the first plot
-    (measured and simulated motion, if there is any) is drawn into it, and that Axes is returned.
-    Raises InputError when there is nothing to plot.
-    """
+    """All plots that there is data for: their Axes, or the one; into ``ax`` the first alone."""
     plots = [figure.draw for figure in figures(d)]
     if not plots:
         raise InputError("there is nothing to plot here (refused, or without traces).")

@@ -13,8 +13,7 @@ from typing import Any
 from urllib.parse import quote
 
 from ..core.display import NONE, Grid, grid_text, number
-from ..core.writing import write_together
-from . import FILES, check_folder, write
+from . import FILES, check_folder, write, written
 from .page import Page, wrapped
 from .wording import readable
 
@@ -88,18 +87,9 @@ def _shown(files: Sequence[str]) -> list[str]:
     return [os.path.relpath(file, common) if common else file for file in files]
 
 
-def fragment(fleet: Any) -> str:
-    """The table as an HTML fragment with its own style."""
-    return _page(fleet, {}).fragment()
-
-
-def html(fleet: Any, links: Mapping[str, str] | None = None) -> str:
-    """The table as one self-contained page that links to the reports."""
-    return _page(fleet, links or {}).html()
-
-
-def _page(fleet: Any, links: Mapping[str, str]) -> Page:
-    parts = [_table(fleet.rows, links), f'<p class="small">{_NOTE}</p>']
+def page(fleet: Any, links: Mapping[str, str] | None = None) -> Page:
+    """The table as a page that links to the reports."""
+    parts = [_table(fleet.rows, links or {}), f'<p class="small">{_NOTE}</p>']
     left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
     parts += [f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>"] if left else []
     return Page(*headline(fleet), parts, style="fleet")
@@ -140,8 +130,7 @@ def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def folder_names(files: Iterable[str]) -> list[str]:
-    """A folder name for each log: its own name without suffix, with more of its path if needed. No
-    two are the same, even if upper and lower case are not distinguished."""
+    """A folder name for each log, its own in any case of letters; more of its path if needed."""
     paths = [Path(file) for file in files]
     stems = [path.stem.casefold() for path in paths]
     used, names = {name.casefold() for name in INDEX}, []
@@ -157,14 +146,8 @@ def folder_names(files: Iterable[str]) -> list[str]:
     return names
 
 
-def store(content: Mapping[str, str], folder: Path) -> list[Path]:
-    """Write texts by file name into a folder, all or none; InputError if that fails."""
-    return write_together(content, folder, f"{' and '.join(content)} cannot be written ({{}}).")
-
-
 def write_all(fleet: Any, folder: str | Path) -> list[Path]:
-    """Write the report of every diagnosis that was kept, then index.html and summary.csv; the
-    paths of the latter two."""
+    """Write the reports that were kept, index.html and summary.csv; the paths of these two."""
     check_folder(folder)
     links, kept = {}, fleet.diagnoses
     for (file, d), name in zip(kept.items(), folder_names(kept), strict=True):
@@ -175,5 +158,5 @@ def write_all(fleet: Any, folder: str | Path) -> list[Path]:
 
 def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:
     """Write index.html and summary.csv; returns their paths."""
-    made = (html(fleet, links), table_csv(fleet, links))
-    return store(dict(zip(INDEX, made, strict=True)), Path(folder))
+    made = (page(fleet, links).html(), table_csv(fleet, links))
+    return written(dict(zip(INDEX, made, strict=True)), Path(folder), "table")

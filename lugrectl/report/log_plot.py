@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +11,12 @@ import numpy as np
 
 from ..blocks.block import unit_for
 from ..core.numeric import top_speed
+from ..core.unit_names import si_unit
 from ..estimates.balance import Balance, at_samples, friction
 from .canvas import AFTER as FITTED
 from .canvas import HALF, MEASURED, binned, drawn, headed, on_pyplot
 from .page import Figure
-from .wording import UNITS, number, readable
+from .wording import number, readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,30 +39,24 @@ def plot(balance: Balance) -> list[Axes]:
 def figures(balance: Balance) -> list[Figure]:
     """Every plot that there is something for; the remarks are text in a report."""
     panels = _panels(balance) if balance.stretches else ()
-    return [
-        Figure(f"log-{i}", caption, partial(draw, balance, **options), HALF)
-        for i, (caption, draw, options) in enumerate(panels)
-    ]
+    return [Figure(f"log-{i}", caption, draw, HALF) for i, (caption, draw) in enumerate(panels)]
 
 
-def _panels(balance: Balance) -> Iterator[tuple[str, Any, dict[str, str]]]:
-    """Caption, plot and its options."""
+def _panels(balance: Balance) -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Caption and plot."""
     some = balance.stretches[0]
     motion = [role for role in ("w", "theta") if getattr(some, role) is not None]
     shaded = "; shaded: left out" if any(not one.ok.all() for one in balance.stretches) else ""
-    yield f"Torque as it was recorded{shaded}.", signal, {"role": "u"}
+    yield f"Torque as it was recorded{shaded}.", partial(signal, balance, role="u")
     for role in motion:
-        yield f"{role} as it was recorded.", signal, {"role": role}
+        yield f"{role} as it was recorded.", partial(signal, balance, role=role)
     if balance.curve:
-        yield "Friction over speed, with 95 % bars, and the plain fit.", curve, {}
+        yield "Friction over speed, with 95 % bars, and the plain fit.", partial(curve, balance)
     if balance.residual is not None:
-        yield "What the plain torque balance leaves.", fit, {}
+        yield "What the plain torque balance leaves.", partial(fit, balance)
         for role in dict.fromkeys(("w", *motion)):
-            yield (
-                f"The same over {role}, with its mean; without samples at rest.",
-                rest,
-                {"role": role},
-            )
+            caption = f"The same over {role}, with its mean; without samples at rest."
+            yield caption, partial(rest, balance, role=role)
 
 
 def starts(balance: Balance) -> list[float]:
@@ -70,7 +65,7 @@ def starts(balance: Balance) -> list[float]:
     for one in balance.stretches:
         if run is not None and one.run != run:
             shift = last - float(one.t[0])
-        made.append(shift if run is not None else 0.0)
+        made.append(shift)
         run, last = one.run, shift + float(one.t[-1])
     return made
 
@@ -86,7 +81,7 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
             start, end = float(one.t[a]) + shift, float(one.t[b - 1]) + shift
             ax.axvspan(start, end, color=LEFT_OUT, alpha=0.5, lw=0)
     _between_runs(balance, ax)
-    ax.set(xlabel="t [s]", ylabel=f"{role} [{_unit(role, balance.motion)}]")
+    ax.set(xlabel="t [s]", ylabel=f"{role} [{si_unit(role, balance.motion)}]")
     ax.margins(x=0.01)
     return headed(ax, f"{TITLES[role]} as recorded")
 
@@ -96,7 +91,7 @@ def curve(balance: Balance, ax: Axes) -> Axes:
     """Friction torque in bins of speed, both directions."""
     points, values = balance.curve, balance.values()
     w, torque = (np.array([getattr(p, k) for p in points]) for k in ("w", "torque"))
-    factor, unit = _readable(balance, float(np.abs(torque).max(initial=0.0)))
+    factor, unit = readable([np.abs(torque).max(initial=0.0)], unit_for("N m", balance.motion))
     bars = np.array([p.ci95 or (p.torque, p.torque) for p in points])
     sides = np.abs(bars - torque[:, None]).T
     ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=FITTED)
@@ -114,11 +109,10 @@ def fit(balance: Balance, ax: Axes) -> Axes:
     """What the plain balance leaves of the torque, in windows over time."""
     windows = balance.residual
     assert windows is not None
-    shifts: dict[int, float] = {}
-    for one, shift in zip(balance.stretches, starts(balance), strict=True):
-        shifts.setdefault(one.run, shift)
+    pairs = zip(balance.stretches, starts(balance), strict=True)
+    shifts = {one.run: shift for one, shift in pairs}
     t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
-    factor, unit = _readable(balance, float(np.abs(windows.value).max()))
+    factor, unit = readable([np.abs(windows.value).max()], unit_for("N m", balance.motion))
     _between_runs(balance, ax)
     ax.plot(t, factor * windows.value, ".", ms=2.0, color=FITTED, rasterized=True)
     ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
@@ -129,8 +123,7 @@ def fit(balance: Balance, ax: Axes) -> Axes:
 
 @drawn
 def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
-    """The same over the speed or the angle, of a rotary drive over one turn, and its mean; without
-    the samples at rest, which would cover all others."""
+    """The same over speed or angle, and its mean; samples at rest would cover all others."""
     parts = [at_samples(balance, one) for one in balance.stretches]
     w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
     good = np.isfinite(y)
@@ -138,28 +131,27 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     good = moving if moving.any() else good
     x, y = x[good], y[good]
     span = 2.0 * np.pi if role == "theta" and balance.motion == "rotary" else 0.0
-    turns = span > 0.0 and np.ptp(x) > span
+    turns = span > 0.0 and bool(np.ptp(x) > span)
     x = np.mod(x, span) if turns else x
     edges = np.linspace(x.min(), x.max(), max(4, min(_MEANS, len(x) // 20)) + 1)
-    factor, unit = _readable(balance, float(np.quantile(np.abs(y), 0.99)))
+    factor, unit = readable([np.quantile(np.abs(y), 0.99)], unit_for("N m", balance.motion))
     some = slice(None, None, max(1, len(x) // _DOTS))
     ax.plot(x[some], factor * y[some], ".", ms=1.5, color=MEASURED, alpha=0.25, rasterized=True)
     ax.plot(*binned(x, factor * y, edges), color=FITTED, lw=1.8)
     low, high = np.quantile(factor * y, [0.005, 0.995])
     ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
-    over = f"{role} modulo one turn" if turns else role
-    ax.set(xlabel=f"{over} [{_unit(role, balance.motion)}]", ylabel=f"residual torque [{unit}]")
+    over = f"{role}{' modulo one turn' * turns} [{si_unit(role, balance.motion)}]"
+    ax.set(xlabel=over, ylabel=f"residual torque [{unit}]")
     ax.margins(x=0.01)
     return headed(ax, f"Plain fit: what it leaves over {role}, and its mean")
 
 
 def _between_runs(balance: Balance, ax: Axes) -> None:
     """A line where a run ends and the next one begins."""
-    run = None
-    for one, shift in zip(balance.stretches, starts(balance), strict=True):
-        if run not in (None, one.run):
+    parts, shifts = balance.stretches, starts(balance)
+    for before, one, shift in zip(parts, parts[1:], shifts[1:], strict=False):
+        if one.run != before.run:
             ax.axvline(float(one.t[0]) + shift, color="#9aa4b0", lw=0.9, ls="--")
-        run = one.run
 
 
 @drawn
@@ -182,12 +174,3 @@ def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     edges = np.linspace(0, len(x), _BINS + 1).astype(int)[:-1]
     with np.errstate(invalid="ignore"):
         return t[edges], np.fmin.reduceat(x, edges), np.fmax.reduceat(x, edges)
-
-
-def _unit(role: str, motion: str) -> str:
-    return unit_for(UNITS[role], motion)
-
-
-def _readable(balance: Balance, largest: float) -> tuple[float, str]:
-    """The factor on a torque of this size, and its unit."""
-    return readable([largest], unit_for("N m", balance.motion))

@@ -9,8 +9,9 @@ import numpy as np
 from ..blocks.block import unit_for
 from ..core.errors import InputError
 from ..core.numeric import Z95
+from ..core.unit_names import si_unit
 from .canvas import AFTER, BEFORE, LINE, MARK, QUIET, drawn, empty, headed, octaves
-from .wording import UNITS, readable
+from .wording import readable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +43,7 @@ def table(made: Any, ax: Axes) -> Axes:
         ax.fill_between(x, y - Z95 * error, y + Z95 * error, color=colour, alpha=0.2, lw=0)
         ax.plot(x, y, color=colour, lw=1.6, label=label)
     signal = made.signals[0]
-    unit = unit_for(UNITS[signal], made.motion)
+    unit = si_unit(signal, made.motion)
     turn = " modulo one turn" if made.periodic else ""
     name = "torque" if made.unit == "N m" else "force"
     ax.set(xlabel=f"{signal}{turn} [{unit}]", ylabel=f"{name} [{made.unit}]", xlim=(x[0], x[-1]))

@@ -87,29 +87,24 @@ def wrapped(line: str, indent: str, later: str | None = None) -> str:
 
 @dataclass(frozen=True)
 class Section:
-    """A titled part of a report: paragraphs, a table, a footnote. ``prose``: the cells of the table
-    are sentences, which a text reads in this order."""
+    """A titled part of a report: paragraphs, a table, a footnote."""
 
     title: str
     lines: tuple[str, ...] = ()
     grid: Grid | None = None
     footnote: str = ""
     formula: bool = False
-    prose: tuple[int, ...] = ()
+    prose: tuple[int, ...] = ()  # columns of sentences, which a text reads in this order
 
     def text(self) -> str:
         """Return the section in 80 columns."""
-        lines = (*self.lines, *self._sentences())
+        rows = self.grid.rows if self.grid and self.prose else ()
+        cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
+        lines = (*self.lines, *("- {} ({}): {}.".format(*row) for row in cells))
         parts = [wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in lines]
         parts += grid_text(self.grid) if self.grid and not self.prose else []
         parts += [wrapped(self.footnote, "  ")] if self.footnote else []
         return "\n".join([self.title, *parts])
-
-    def _sentences(self) -> list[str]:
-        """Return the rows of a table of sentences: what, status, why."""
-        rows = self.grid.rows if self.grid and self.prose else ()
-        cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
-        return ["- {} ({}): {}.".format(*row) for row in cells]
 
     def html(self) -> str:
         """Return the section as HTML, all names in it escaped."""
@@ -145,15 +140,14 @@ def beside(figures: Sequence[Figure]) -> str:
 
 @dataclass(frozen=True)
 class Page:
-    """A title, what it means, and the parts below; ``kind`` colours the title, ``tab`` is the name
-    of a browser's tab, ``style`` a class of the page."""
+    """A title, what it means, and the parts below."""
 
     title: str
     meaning: str
     parts: Sequence[Section | Figure | str]  # a text is HTML, which only pages have
-    kind: str = ""
-    tab: str = ""
-    style: str = ""
+    kind: str = ""  # colours the title
+    tab: str = ""  # the name of a browser's tab
+    style: str = ""  # a class of the page
 
     def text(self) -> str:
         """Return title, meaning and sections in 80 columns."""

@@ -10,12 +10,12 @@ from typing import Any
 from ..blocks.block import members, unit_for
 from ..blocks.model import model_toml
 from ..core.display import NONE, Grid, between, number, to_interval, with_interval
-from ..estimates.findings import AGAINST_HELD, Estimate
+from ..estimates.findings import AGAINST_HELD
 from .page import Section
 
 LISTED = 8  # runs with a line each; of more, the names
 ERRORS = "Error before and after"
-UNITS = {"theta": "rad", "w": "rad/s", "u": "N m", "t": "s"}  # of signals of a rotary drive
+
 BUDGET = "Torque budget"
 ROWS = 8  # models of the table that are shown
 FEWEST_PARTS = 12  # independent stretches without which a budget has no intervals
@@ -122,7 +122,9 @@ def _size(d: Any, finding: Any) -> str:
             said.insert(1, f"{e.value:.4g} per turn")
         elif key != "phase":
             said.append(f"{key.replace('_', ' ')} {value}{'' if unit == '1' else f' {unit}'}")
-    share = share_of(d, finding.name)
+    parts = getattr(_get(d, "comparison"), "budget", ())
+    rows = zip(terms(parts), parts, strict=True)
+    share = next((percent(s.share) for term, s in rows if term == finding.name), None)
     return ", ".join(said if share is None else [*said, f"{share} of friction"])
 
 
@@ -160,7 +162,7 @@ def _table(d: Any) -> Section | None:
     table = _get(d, "table")
     if table is None:
         return None
-    (factor, unit) = readable([table.rms], table.unit)
+    factor, unit = readable([table.rms], table.unit)
     lines = (
         f"{table.name[0].upper()}{table.name[1:]}: {table.values.size} values, "
         f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
@@ -235,9 +237,6 @@ SINGLE = (
 )
 
 
-RELATIVE = "Improvement is relative to the refitted model."
-
-
 def errors(d: Any) -> Section | None:
     """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
@@ -265,7 +264,7 @@ def errors(d: Any) -> Section | None:
     if all(row[4] == NONE for row in rows):  # an identification: to it nothing was added
         keep = (0, 1, 2, 3, 5)
     elif lines:
-        lines = (f"{lines[0]} {RELATIVE}", *lines[1:])
+        lines = (f"{lines[0]} Improvement is relative to the refitted model.", *lines[1:])
     head, *rows = (tuple(row[i] for i in keep) for row in (head, *rows))
     grid = Grid(head, "llrrrrr"[: len(head)], tuple(rows))
     return Section(ERRORS, lines, grid, footnote)
@@ -332,19 +331,15 @@ def plain(d: Any) -> Section | None:
     balance = _get(d, "plain")
     if balance is None:
         return None
-    found = balance.summary()
-    rows = [
-        (key, *with_interval(Estimate(one["value"], one["unit"], one["ci95"])), one["unit"])
-        for key, one in found["parameters"].items()
-    ]
+    rows = [(key, *with_interval(e), e.unit) for key, e in balance.parameters.items()]
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     lines = [test.text for test in balance.bench_tests]
-    if found["left"] is not None:
-        lines.append(f"It leaves {number(100.0 * found['left'], 2)} % of the RMS torque.")
+    if balance.left is not None:
+        lines.append(f"It leaves {number(100.0 * balance.left, 2)} % of the RMS torque.")
     if _get(d, "verdict") == "unexplained":
         lines.append("What is missing from the model is missing here too, and biases these values.")
     elif not _get(d, "effects", ()):
-        lines += [*map(_together, found["combinations"]), *balance.why_not]
+        lines += [*map(_together, balance.combinations), *balance.why_not]
     lines += map(_sentence, _plain_notes(d))
     return Section(PLAIN, tuple(filter(None, lines)), grid if rows else None)
 
@@ -360,18 +355,17 @@ def bench_tables(d: Any) -> Iterator[Section]:
 
 
 def _plain_notes(d: Any) -> list[str]:
-    """What the balance noticed, where nothing is missing that biases it; the headline may have said
-    it."""
+    """What the balance noticed, where nothing biases it and the headline has not said it."""
     balance = _get(d, "plain")
     if balance is None or _get(d, "effects", ()) or _get(d, "depends_on"):
         return []
     return [note for note in balance.notes if note != _get(d, "reason")]
 
 
-def _together(one: Mapping[str, Any]) -> str:
-    value, interval = with_interval(Estimate(one["value"], one["unit"], one["ci95"]))
-    how = f" To separate them: {one['to_separate']}." if one["to_separate"] else ""
-    return f"Only together: {one['text']} = {value} {one['unit']} ({interval}).{how}"
+def _together(one: Any) -> str:
+    value, interval = with_interval(one)
+    how = f" To separate them: {one.to_separate}." if one.to_separate else ""
+    return f"Only together: {one.text} = {value} {one.unit} ({interval}).{how}"
 
 
 def _record(d: Any) -> Section | None:
@@ -425,13 +419,6 @@ def budget(d: Any) -> Section | None:
         why = FEW.format(many, "es" * (many > 1)) if many < FEWEST_PARTS else BIASED
         footnote = f"{footnote} {why}"
     return Section(BUDGET, (), Grid(head, "lrrrl", tuple(rows)), footnote)
-
-
-def share_of(d: Any, name: str) -> str | None:
-    """A term's torque as a share of friction, None where the budget has no such term."""
-    parts = getattr(_get(d, "comparison"), "budget", ())
-    rows = zip(terms(parts), parts, strict=True)
-    return next((percent(s.share) for term, s in rows if term == name), None)
 
 
 def compared(d: Any) -> Section | None:

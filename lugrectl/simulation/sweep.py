@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike
 
 from ..core import validation
 from ..core.errors import InputError
-from ..core.jobs import JobError, Progress, run_jobs
-from ..core.progress import Wanted, bar_for, reporter, shows_progress
+from ..core.jobs import JobError, run_jobs
+from ..core.progress import Progress, Wanted, bar_for, reporter, shows_progress
 from ..engine.runtime.backend import threads
 from .sweep_members import Asked, Block, Prepared, prepare, work
 from .sweep_result import Sweep

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from lugrectl import report
 from lugrectl.blocks.model import Model, table1, write_model
 from lugrectl.cli import each, main
 from lugrectl.core.errors import InputError
@@ -106,14 +107,14 @@ def test_an_interrupt_prints_and_writes_what_is_done(files, job, capsys):
 
 
 def test_a_report_that_cannot_be_written_costs_no_answer(files, job, capsys, monkeypatch):
-    whole = fleet_page.write_together
+    whole = report.write_together
 
     def full(content, folder, complaint):
         if folder.name == "axis":
             raise InputError(f"{folder}: {complaint.format('No space left on device')}")
         whole(content, folder, complaint)
 
-    monkeypatch.setattr(fleet_page, "write_together", full)
+    monkeypatch.setattr(report, "write_together", full)
     code, out, _ = run(capsys, "right --each --out made")
     assert code == 2 and out.startswith("2 logs: 2 found") and "No space left" in out
     assert 'href="run/report.html"' in (files / "made" / "index.html").read_text()

@@ -10,7 +10,6 @@ from contextlib import contextmanager
 import pytest
 
 import lugrectl as lg
-from lugrectl.cli import output
 from lugrectl.core import writing
 from lugrectl.engine.runtime.backend import keep
 from lugrectl.report import FILES, check_folder
@@ -132,7 +131,7 @@ def test_a_full_disk_is_one_sentence_for_models_and_pictures_too(tmp_path):
         with pytest.raises(lg.InputError, match="m.toml cannot be written: File too large"):
             lg.write_model(model, tmp_path / "m.toml")
         with pytest.raises(lg.InputError, match="picture.png cannot be written"):
-            output.write(tmp_path / "picture.png", b"a" * 100, "--out")
+            writing.write_whole(tmp_path / "picture.png", b"a" * 100, "--plot")
     assert (tmp_path / "m.toml").read_text() == before
     assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
 

@@ -202,7 +202,7 @@ def test_text_has_counts_first_and_a_line_and_more_for_each_log():
 def test_the_page_is_whole_safe_and_links_what_was_written():
     names = [f"{HOSTILE}", "logs/b #1.csv", "logs/c.csv"]
     fleet = fleet_of("found", "adequate", "failed", names=names)
-    page = Page(fleet_page.html(fleet, {names[1]: "b #1/report.html"}))
+    page = Page(fleet_page.page(fleet, {names[1]: "b #1/report.html"}).html())
     links = [value for key, value in page.attributes if key == "href"]
     assert links == ["b%20%231/report.html"]
     assert "script" not in page.tags and HOSTILE in page.said

@@ -229,7 +229,7 @@ def test_unknown_studies_are_named():
 @pytest.mark.parametrize("out", [False, True])
 def test_the_command(some, capsys, monkeypatch, tmp_path, out):
     monkeypatch.setattr("lugrectl.paper.reproduce", lambda progress: some)
-    monkeypatch.setattr(page, "html", lambda r: "<html>")
+    monkeypatch.setattr(page.Page, "html", lambda page: "<html>")
     monkeypatch.chdir(tmp_path)
     assert main(["reproduce", *(["--out", "made"] if out else [])]) == 0
     shown = capsys.readouterr().out

@@ -68,7 +68,7 @@ def test_a_name_is_text_in_the_report_and_in_its_pictures(name):
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_a_name_is_text_in_the_table_of_many_logs(name):
     fleet = Fleet((), unfinished=(name,), model=replace(lg.Model.of(lg.table1()), name=name))
-    safe(fleet_page.fragment(fleet))
+    safe(fleet_page.page(fleet).fragment())
     safe(lg.Model.of(fleet.model)._repr_html_())
 
 

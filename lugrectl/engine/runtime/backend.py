@@ -26,6 +26,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ...core.blas_threads import processors
 from ...core.errors import InputError
 from ...core.writing import whole as written_whole
 from ..codegen.c_source import NUMBER, WHOLE, Kind, c_code, lengths
@@ -409,8 +410,7 @@ def threads() -> int:
     asked = os.environ.get("NUMBA_NUM_THREADS", "")
     if asked.isdigit():
         return max(1, int(asked))
-    given = getattr(os, "sched_getaffinity", None)  # not on every system
-    return len(given(0)) if given else os.cpu_count() or 1
+    return processors()
 
 
 def alone() -> None:

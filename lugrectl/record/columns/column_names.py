@@ -58,13 +58,11 @@ def usual_unit(role: str, name: str) -> str | None:
 
 
 def usual_names(role: str) -> list[str]:
-    """The usual names of a role."""
     return [name for names in _USUAL[role] for name in names]
 
 
 def split_unit(header: str) -> tuple[str, str | None]:
-    """Split 'name [unit]' or 'name (unit)' into name and unit (None if there is none, as behind an
-    index, position[0], or where words such as (measured) belong to the name)."""
+    """Split 'name [unit]' or 'name (unit)'; None without one, as in position[0] or (measured)."""
     header = header.strip()
     match = re.fullmatch(r"(.*?)(\s*)(?:\[([^\[\]]*)\]|\(([^()]*)\)|<([^<>]*)>)", header)
     if match is None:
@@ -78,8 +76,7 @@ def split_unit(header: str) -> tuple[str, str | None]:
 
 
 def unit_in_name(name: str) -> tuple[str, str | None]:
-    """Split torque_mNm, 'angle, deg', 'n / rpm' or speedRpm into plain name and unit, if a channel
-    of that name can be in it; the longest ending is tried first."""
+    """Split torque_mNm, 'angle, deg' or speedRpm into name and unit, if a channel can be in it."""
     for at in re.finditer(r"\s*[,/|]\s*|[_\s-]+|(?<=[a-z])(?=[A-Z])", name):
         plain, text = name[: at.start()], name[at.end() :]
         if not plain or not text or (text == "m" and plain.lower() not in _LENGTHS):  # measured
@@ -112,8 +109,7 @@ def fitting(plain: Sequence[str], role: str, free: Sequence[int]) -> tuple[list[
 
 def rank(name: str, role: str) -> tuple[tuple[int, int], str | None] | None:
     """How well a name fits a role, smaller is better, and the unit it implies; None if not. Of a
-    path such as /joint_states/elbow/position or log.x[2] the last part counts that says more than
-    data or values."""
+    path such as /joint_states/elbow/position its last part counts that is no word such as data."""
     whole = _rank_plain(name, role)
     if whole is not None:
         return whole

@@ -11,7 +11,6 @@ from ...core.option_names import option
 
 # ---- angles without a unit -------------------------------------------------------
 
-
 _FASTEST = 1e4  # rad/s, 95 000 rpm: no drive that is logged by position turns faster
 _MARK = 1e30  # what is larger is a mark of a missing value
 _CELLS = 100  # least number of encoder steps that show their size
@@ -31,9 +30,7 @@ _BOTH = ((60.0, "rev", "rpm"), (1 / 6, "deg", "rpm"), (360.0, "rev", "deg/s"),
 def check_angles(
     source: str, channels: Mapping[str, np.ndarray], rate: float | None, unstated: set[str]
 ) -> None:
-    """InputError if an angle without a unit shows that it is in deg or turns: by the step of its
-    encoder, by wrapping after 1, by a speed that no drive has, or by the ratio of w to d theta/dt.
-    A w that contradicts theta in one unit only is left to the audit, which converts it."""
+    """InputError if an angle without a unit shows that it is in deg or turns."""
     channels = {k: np.where(np.abs(x) < _MARK, x, np.nan) for k, x in channels.items()}
     theta = channels.get("theta")
     if theta is None or "theta" not in unstated or len(theta) < _CELLS:
@@ -54,7 +51,7 @@ def check_angles(
             if abs(abs(ratio) / expected - 1) < 0.03:
                 why = f"w is {abs(ratio):.4g} times d theta/dt, as with {per_second} and {angle}"
                 ask(why, angle, per_second)
-        if abs(abs(ratio) - 1) > 0.1 or not speed:
+        if abs(abs(ratio) - 1) > 0.1 or not speed:  # the audit converts one of them
             return
     found = encoder_unit(theta)
     if found is not None:
@@ -80,9 +77,7 @@ def _slope(channels: Mapping[str, np.ndarray], rate: float | None) -> np.ndarray
 
 
 def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
-    """deg or rev and the steps per turn, where values (N,) lie on the grid of an encoder; None
-    where that is a round part of 2 pi, may be the last digit, or the motion of a sample at one
-    speed."""
+    """deg or rev, and the steps per turn of the encoder on whose grid values (N,) lie, or None."""
     values = np.unique(theta[np.isfinite(theta)])
     if len(values) < _CELLS:
         return None

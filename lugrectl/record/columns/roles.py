@@ -150,8 +150,7 @@ def _among(table: Table, role: str, fits: list[int]) -> str:
 def usual_said(
     table: Table, choices: Sequence[Choice], named: Collection[str], taken: Mapping[str, str]
 ) -> list[str]:
-    """A note on columns whose names are not those of their roles; ``taken`` are the units by role
-    that nothing states."""
+    """A note on columns not named by their roles; ``taken`` are units that nothing states."""
     found = [
         f"{c.role} = '{table.names[c.index]}'" + (f" in {taken[c.role]}" if c.role in taken else "")
         for c in choices
@@ -181,9 +180,7 @@ def _unused(table: Table, choices: Collection[Choice]) -> str:
 
 
 def parse_pairs(text: str, what: str) -> dict[str, str]:
-    """Read 't=time,u=torque' into a dict of role to value; ``what`` names the option. A value may
-    hold a comma if no role and '=' follow; of "columns" it may be empty, for a role without
-    column."""
+    """Read 't=time,u=torque' into a dict by role; only of "columns" a value may be empty."""
     pairs: dict[str, str] = {}
     for part in re.split(r",\s*(?=\w+\s*=)", text.strip()):
         role, equals, value = (piece.strip() for piece in part.partition("="))

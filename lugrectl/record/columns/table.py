@@ -33,17 +33,13 @@ class Table:
 
     source: str
     names: tuple[str, ...]
+    plain: tuple[str, ...]  # names without units, by which roles are found
     units: tuple[str | None, ...]
     load: Callable[[Sequence[int]], Columns]  # float64 columns of these indices
     where: Callable[[int], str] = row_number  # "line 2102" of a text, its header counted
-    plain: tuple[str, ...] = ()  # names without units, by which roles are found
     hint: str = ""  # a sentence for a table whose columns cannot be identified
     headed: bool = True  # whether the file has names
     begins: str = "sample 1"  # the place of the first row
-
-    def __post_init__(self) -> None:
-        if not self.plain:
-            object.__setattr__(self, "plain", self.names)
 
     def listed(self) -> str:
         """The names as ``--columns`` takes them, in a sentence."""
@@ -57,8 +53,7 @@ class Table:
 
 
 def heads(headers: Sequence[str]) -> list[tuple[str, str, str | None]]:
-    """Name (without a unit in brackets), plain name (without one behind it, as in torque_mNm, too)
-    and unit of each header."""
+    """Name, plain name (without a unit behind it, as in torque_mNm) and unit of each header."""
     made = []
     for header in headers:
         name, unit = split_unit(header)
@@ -118,8 +113,7 @@ def array_table(
     headed: bool = True,
     number_of: Callable[[int], np.ndarray] | None = None,
 ) -> Table:
-    """Return the table of (name, plain name, unit, values) in memory; ``number_of`` makes numbers
-    of the values of a column, in place of :func:`as_float`."""
+    """The table of (name, plain name, unit, values); ``number_of`` replaces :func:`as_float`."""
     names, plain, units, values = (list(part) for part in zip(*columns, strict=True))
     arrays = [_as_array(one).ravel() for one in values]
     epoch = {}  # columns of seconds since 1970, and their unit
@@ -142,8 +136,8 @@ def array_table(
             raise InputError(f"{source}: the columns differ in length ({sizes}).")
         return chosen, epoch_said(names, epoch, indices)
 
-    made = Table(source, tuple(names), tuple(units), load, plain=tuple(plain))
-    return joined_stamps(replace(made, hint=hint, headed=headed))
+    table = Table(source, tuple(names), tuple(plain), tuple(units), load, hint=hint, headed=headed)
+    return joined_stamps(table)
 
 
 def _as_array(values: Any) -> np.ndarray:
@@ -171,7 +165,6 @@ def as_float(values: np.ndarray) -> np.ndarray:
 
 # ---- in memory -------------------------------------------------------------------
 
-
 FORMS = "a path, a pandas DataFrame, a dict of arrays or a Record"
 
 
@@ -191,9 +184,7 @@ def source_of(given: Any) -> str:
 
 
 def table_of(given: Any, named: Mapping[str, str]) -> Table:
-    """The columns as those of a file; ``named`` are the roles whose columns the user names. The
-    index of a DataFrame is a column where it holds instants or has a usual name of t, and no column
-    is t."""
+    """The columns as those of a file; ``named`` are the roles whose columns the user names."""
     source, columns = source_of(given), _columns(given)
     if _is_frame(given):
         columns += _index(given, [split_unit(name)[0] for name, _ in columns], named)
@@ -234,7 +225,7 @@ def _label(name: Any) -> str:
 
 
 def _index(frame: Any, names: Sequence[str], named: Mapping[str, str]) -> list[tuple[str, Any]]:
-    """The index as the column of t, or nothing."""
+    """The index as the column of t, where it holds instants or is named so and no column is t."""
     index = getattr(frame, "index", None)
     if not hasattr(index, "dtype"):
         return []

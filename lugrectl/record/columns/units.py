@@ -10,13 +10,13 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.option_names import option
+from ...core.unit_names import si_unit
 from ...core.validation import nearest
 
 
 @dataclass(frozen=True)
 class Unit:
-    """A unit: SI value = ``factor`` times the number in this unit; quantity "raw" has no SI
-    meaning before the user's own scale is applied."""
+    """A unit and its ``factor`` to SI; of "raw" ones, the user's own scale comes before it."""
 
     name: str
     quantity: str
@@ -96,10 +96,7 @@ _QUANTITIES = {
     "temperature": ("temperature", "raw"),
     "theta_load": ("position", "raw"),
 }
-_SI = {
-    "rotary": {"t": "s", "u": "N m", "w": "rad/s", "theta": "rad", "d": "N m"},
-    "linear": {"t": "s", "u": "N", "w": "m/s", "theta": "m", "d": "N"},
-}
+
 
 # What a factor to SI is computed from.
 _HOW = {
@@ -110,11 +107,6 @@ _HOW = {
 }
 
 ROLES = tuple(_QUANTITIES)
-
-
-def si_unit(role: str, motion: str) -> str:
-    """Return the SI unit of a role; empty if it has none (r, temperature)."""
-    return _SI[motion].get("theta" if role == "theta_load" else role, "")
 
 
 def parse_unit(text: str) -> Unit | None:
@@ -132,9 +124,8 @@ def fits(role: str, unit: Unit) -> bool:
 
 
 def role_unit(role: str, text: str, *, scaled: bool, where: str, named: bool = False) -> Unit:
-    """Return the unit ``text`` of a role; InputError, which begins with ``where``, when it is
-    unknown, measures something else, or is raw (A, V, %, counts) without a scale. ``named``: only
-    the column's name says the unit."""
+    """Return the unit ``text`` of a role, which only the column's name says where ``named``;
+    InputError, which begins with ``where``, for another unit, or a raw one without a scale."""
     unit = parse_unit(text)
     if unit is None and re.sub(r"[\W_]", "", text).lower() in ("erpm", "electricalrpm"):
         raise InputError(

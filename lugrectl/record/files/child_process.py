@@ -28,7 +28,6 @@ def hdf(path):
 
 
 def parquet(path):
-    """The columns of a Parquet file."""
     import pyarrow.parquet as library  # pyright: ignore[reportMissingImports]
 
     table = library.read_table(path, page_checksum_verification=True)

@@ -26,8 +26,7 @@ class Opaque:
 
 
 def read_mat(data: bytes) -> dict[str, Any]:
-    """Variables by name: arrays (transposed as in MATLAB), dicts of structs, lists of cells;
-    Damaged."""
+    """Variables by name: arrays, dicts of structs, lists of cells; Damaged."""
     try:
         if data[126:128] in (b"IM", b"MI"):
             return _version5(data)

@@ -17,8 +17,7 @@ Column = tuple[str, str, str | None, np.ndarray]  # name, plain name, unit, valu
 
 
 def columns_of(content: Any) -> list[Column]:
-    """The columns of nested content, each 1-D, named as ``--columns`` takes them: ``rec.x[2]`` is
-    the second column of the matrix x (N x 6 or 6 x N) in the struct rec."""
+    """The 1-D columns of nested content: ``rec.x[2]`` is column 2 of the matrix x in rec."""
     found = list(_flat("", content, "", _DEPTH))
     longest = max((len(values) for *_, values in found), default=0)
     made = []
@@ -75,28 +74,24 @@ def _of_dict(name: str, value: dict[Any, Any], depth: int) -> Iterator[Any]:
 def _of_list(name: str, value: Sequence[Any], label: str, depth: int) -> Iterator[Any]:
     if not len(value):
         return
-    if all(isinstance(item, dict) for item in value):
-        if len(value) >= 20:  # a dict for each sample
-            rows = [_one_row(item) for item in value]
-            for key in rows[0]:
-                yield from _flat(_below(name, key), [row.get(key) for row in rows], "", 1)
-            return
-        for i, item in enumerate(value):
-            yield from _flat(f"{name}[{i + 1}]", item, "", depth - 1)
+    structs = all(isinstance(item, dict) for item in value)
+    if structs and len(value) >= 20:  # a dict for each sample
+        rows = [_one_row(item) for item in value]
+        for key in rows[0]:
+            yield from _flat(_below(name, key), [row.get(key) for row in rows], "", 1)
         return
     if all(isinstance(item, str) or item is None for item in value):
         if sum(is_stamp(item or "") for item in value) > len(value) / 2:
             yield name, label or "time", np.array([item or "" for item in value])
         return
+    if any(isinstance(item, (str, bytes)) for item in value):
+        return
     try:
-        if any(isinstance(item, (str, bytes)) for item in value):
-            return
         made = np.array([np.nan if item is None else item for item in value])
     except (ValueError, TypeError):  # of unequal lengths: arrays of their own
-        if len(value) < 20:
-            for i, item in enumerate(value):
-                yield from _flat(f"{name}[{i + 1}]", item, "", depth - 1)
-        return
+        structs, made = len(value) < 20, np.empty(0, dtype=object)
+    for i, item in enumerate(value) if structs else ():
+        yield from _flat(f"{name}[{i + 1}]", item, "", depth - 1)
     if made.dtype != object:
         yield from _of_array(name, made, label)
 

@@ -64,17 +64,13 @@ def read_table(path: str | Path) -> Table:
     for start, what in _OTHERS:
         if head.startswith(start) and (start != b"BM" or b"\0" in head):
             raise InputError(f"{path.name} is no log that can be read: it is {what}.")
-    return _reader(path, head)(path)
-
-
-def _reader(path: Path, head: bytes) -> Callable[[Path], Table]:
     for start, reader in _READERS:
         if head.startswith(start):
-            return reader
+            return reader(path)
     if path.suffix.lower() == ".mat":
-        return _read_mat
+        return _read_mat(path)
     is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
-    return _read_json if is_json else read_text
+    return _read_json(path) if is_json else read_text(path)
 
 
 def read_stdin() -> tuple[Table, bytes]:

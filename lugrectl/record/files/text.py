@@ -31,7 +31,6 @@ from ..columns.units import parse_unit
 
 # ---- dates and times of day ------------------------------------------------------
 
-
 _DATE = r"(?P<date>\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4})"
 _CLOCK = r"(?P<clock>\d{1,2}:\d{2}:\d{2}(?:[.,:]\d{1,9})?)\s*(?P<half>[AaPp][Mm])?"
 _ZONE = r"(?P<zone>Z|UTC|\s?[+-]\d{2}:?\d{2})?"
@@ -81,7 +80,6 @@ def _day(text: str, before: Sequence[str]) -> float:
 
 
 # ---- numbers ---------------------------------------------------------------------
-
 
 DECIMAL_COMMAS = "Decimal commas were read as decimal points."
 THOUSANDS = "Commas were read as separators of thousands."
@@ -158,8 +156,7 @@ def without_commas(
 
 
 def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
-    """Raise InputError at the line where both points and commas have occurred; text is left for
-    the reader of the cells to name."""
+    """InputError at the line where points and commas have both occurred; text is named later."""
     points = commas = False
     for line, row in rows:
         plain = [c for c in row if not is_stamp(c) and re.fullmatch(r"[\d+.,eEdD-]*", c.strip())]
@@ -173,7 +170,6 @@ def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
 
 
 # ---- the table -------------------------------------------------------------------
-
 
 _SNIFF = 400  # lines read to find the delimiter, the header and the first row
 _STEADY = 10  # rows of numbers in a row that begin the data
@@ -198,11 +194,10 @@ class _Text:
     epoch: dict[int, str] = field(default_factory=dict)
 
     def table(self) -> Table:
-        where, begins = Lines(self.lines, self.first), f"line {self.first + 1}"
-        made = Table(self.source, self.names, self.units, self.load, where, self.plain)
-        return joined_stamps(
-            replace(made, headed=self.headed, hint=self.one_in_a_row(), begins=begins)
-        )
+        where, hint = Lines(self.lines, self.first), self.one_in_a_row()
+        columns, begins = (self.names, self.plain, self.units), f"line {self.first + 1}"
+        table = Table(self.source, *columns, self.load, where, hint, self.headed, begins)
+        return joined_stamps(table)
 
     def one_in_a_row(self) -> str:
         """What to do with a table of channel and value; empty for any other."""
@@ -259,8 +254,7 @@ class _Text:
             return None
 
     def by_cells(self, indices: Sequence[int]) -> Columns:
-        """The columns cell by cell: an empty cell is a missing sample, and so is one that was
-        typed over; other text raises InputError."""
+        """The columns cell by cell: one empty or typed over is missing; InputError for text."""
         said: list[str] = []
         rows: list[tuple[int, list[str]]] = []
         width = len(self.names)
@@ -379,7 +373,6 @@ def _is_comment(line: str) -> bool:
 
 
 def lines_table(source: str, lines: list[str]) -> Table:
-    """The table in the lines of a text."""
     sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
     if not sniffed:
         raise InputError(f"{source} is empty: it has no line of data.")
@@ -458,7 +451,7 @@ def _is_numeric(cells: Sequence[str]) -> bool:
 def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, list[list[str]]]:
     """Return the delimiter, the usual number of cells, and the last rows of that many."""
     tail = [line for _, line in sniffed[-max(3, len(sniffed) // 4) :]]
-    best: tuple[float, str, int, list[list[str]]] | None = None
+    found = []
     for delimiter in "\t;|," + _BLANKS:
         rows = [_cells(line, delimiter) for line in tail]
         width = Counter(map(len, rows)).most_common(1)[0][0]
@@ -469,10 +462,9 @@ def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, l
         share = float(np.mean([_is_numeric(cells) for cells in filled]))
         if delimiter == _BLANKS and share < 0.5:  # words of a text
             continue
-        if best is None or share > best[0]:
-            best = share, delimiter, width, rows
-    if best is not None:
-        return best[1:]
+        found.append((share, delimiter, width, rows))
+    if found:
+        return max(found, key=lambda one: one[0])[1:]
     if any(is_number(_cells(line, ";")[0]) for line in tail if _cells(line, ";")):
         raise InputError(
             f"{source} has one column; a record needs u and one of w, theta "

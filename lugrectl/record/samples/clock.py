@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from ...core.option_names import option
 from .resampling import HELD
-from .rows import Stamped, bridged, count
+from .rows import Stamped, bridged, count, means_from
 
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
@@ -56,8 +56,7 @@ def put_in_time(log: Stamped) -> None:
 
 
 def slow(rate: float, labels: Mapping[str, str | None], why: str = "") -> str:
-    """A sentence on a sampling rate, Hz, that shows no friction; ``labels`` are the units of the
-    log's columns by role, without one of t where the user gave the rate."""
+    """A sentence on a rate, Hz, that shows no friction; ``labels`` without t: the user gave it."""
     if labels and "t" not in labels:
         given = option("rate", f"{1e3 / rate:.6g}")
         step = f"; if {rate:.6g} is the step in ms, give {given}" if rate < _RATES[0] else ""
@@ -136,10 +135,7 @@ def _back(log: Stamped) -> None:
 
 def _goes_on(log: Stamped, k: int) -> bool:
     """Whether the motion goes on from row k to the next as it does around them."""
-    x = log.motion_signal
-    if x is None:
-        return False
-    x = x if "theta" in log.channels else np.cumsum(x)
+    x = log.motion_signal if "theta" in log.channels else np.cumsum(log.motion_signal)
     before, after = np.diff(x[max(k - 10, 0) : k + 1]), np.diff(x[k + 1 : k + 12])
     if not len(before) or not len(after):
         return False
@@ -189,9 +185,9 @@ def _even_out(log: Stamped) -> None:
             continue
         dt = nice(float(np.polyfit(rows, since, 1)[0]))
         even = t[part.start] + dt * rows
-        if x is not None and np.all(np.diff(t[part]) > 0):
-            if _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
-                continue
+        ahead = np.all(np.diff(t[part]) > 0)
+        if ahead and _SMOOTHER * _roughness(t[part], x[part]) < _roughness(even, x[part]):
+            continue
         t[part] = even
         log.say(f"t is rounded coarsely relative to its step: {dt:.6g} s was used throughout.")
     log.t = t
@@ -217,16 +213,11 @@ def _merge_doubles(log: Stamped) -> None:
     if first.all():
         return
     starts = np.flatnonzero(first)
-    counts = np.diff(np.r_[starts, len(first)])
-    channels = {}
-    for role, values in log.channels.items():
-        good = np.isfinite(values)
-        if role in HELD:
-            channels[role] = values[starts + counts - 1]
-        else:
-            total = np.add.reduceat(np.where(good, values, 0.0), starts)
-            with np.errstate(invalid="ignore"):
-                channels[role] = total / np.add.reduceat(good.astype(float), starts)
+    last = np.append(starts[1:], len(first)) - 1
+    channels = {
+        role: values[last] if role in HELD else means_from(starts, values)
+        for role, values in log.channels.items()
+    }
     merged = len(first) - len(starts)
     log.keep(first)
     log.channels = channels
@@ -299,8 +290,6 @@ def _jitter(log: Stamped) -> None:
 def use_true_times(log: Stamped) -> None:
     """Replace stamps by a smooth clock where that makes the motion much smoother."""
     x, t = log.motion_signal, log.t.copy()
-    if x is None:
-        return
     for part in log.parts():
         values = x[part]
         good = np.isfinite(values)
@@ -329,8 +318,7 @@ def _believed(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the distance of samples x (N,) from the cubic through two on either side, over their
-    stamps; nan where these do not allow it."""
+    """Distance of samples x (N,) from the cubic in time through two on either side, or nan."""
     off, beside = np.full(len(x), np.nan), (0, 1, 3, 4)
     since = [t[k : len(t) - 4 + k] - t[2:-2] for k in beside]
     value = np.zeros(len(x) - 4)

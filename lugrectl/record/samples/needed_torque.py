@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from ...core.numeric import column_sizes, top_speed
 from ...core.regression import spread
-from ..signal_noise import quantum
+from ...core.unit_names import si_unit
+from ..signal_noise import quantum, repeats
 from .clock import FEWEST, typical_step
-from .rows import Stamped, bridged, count, in_runs, runs
+from .rows import Stamped, bridged, count
 
 _WIDTHS = (4, 6, 9, 14, 20, 30, 45, 70)  # samples, half-widths of the windows that are tried
 _LONGEST = 0.15  # s, half-width of the widest window
@@ -86,13 +88,10 @@ class _Rows:
 
 
 def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
-    """Fit the balance to the rows of a log but those where u is ``unknown``; None if the motion
-    explains less than half of the torque."""
-    u, motion = log.channels.get("u"), log.motion_signal
+    """Fit the balance to the rows not ``unknown``; None if it explains less than half of u."""
+    u, motion = log.channels["u"], log.motion_signal
     parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
-    if u is None or motion is None or not parts or not np.isfinite(u).any():
-        return None
-    if np.isfinite(motion).sum() < FEWEST:
+    if not parts or not np.isfinite(u).any() or np.isfinite(motion).sum() < FEWEST:
         return None
     skip = ~np.isfinite(u) if unknown is None else ~np.isfinite(u) | unknown
     motion = bridged(motion, ~np.isfinite(motion))
@@ -115,9 +114,7 @@ def _best(rows: _Rows, widths: Sequence[int]) -> Needed | None:
 
 def _fit(rows: _Rows, width: int) -> Needed | None:
     """Return the balance with windows of one width; None where the motion is too little."""
-
-    def over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
-        return _over(rows.parts, x, kernel)
+    over = partial(_over, rows.parts)
 
     k0, k1, k2 = (_kernel(width, order) for order in range(3))
     first, second = (k1 / rows.dt, k2 / rows.dt**2) if rows.is_position else (k0, k1 / rows.dt)
@@ -203,13 +200,14 @@ def _over(parts: Sequence[slice], x: np.ndarray, kernel: np.ndarray) -> np.ndarr
 
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
-    u, unit = log.channels["u"], log.unit_of_u
-    if not np.isfinite(u).any() or len(log.required) < 2:
+    u, unit = log.channels["u"], si_unit("u", log.motion)
+    if not np.isfinite(u).any():
         return
-    limit, stuck = _suspects(u)
-    unknown = in_runs(len(u), [*limit, *stuck])
-    if unknown.mean() > _MOST:
-        stuck, unknown = [], in_runs(len(u), limit)
+    lengths = repeats(u)
+    limit, stuck = _suspects(u, lengths)
+    if (limit | stuck).mean() > _MOST:
+        stuck[:] = False
+    unknown = limit | stuck
     if not 0 < unknown.mean() <= _MOST:
         return
     # fitted with the rows in doubt where that leaves little of the torque, else without: rests and
@@ -221,8 +219,7 @@ def leave_out_untrue_torque(log: Stamped) -> None:
         return
     least, missing = _least(fit, u, unknown), fit.missing(np.nan_to_num(u))
     for value, beyond in ((np.nanmin(u), -missing), (np.nanmax(u), missing)):
-        at = in_runs(len(u), [run for run in limit if u[run[0]] == value])
-        beyond = beyond[at & fit.judged]
+        beyond = beyond[limit & (u == value) & fit.judged]
         if len(beyond) >= 5 and np.quantile(beyond, 0.7) > least:
             ends = log.channels["u"] == value
             log.leave_out(
@@ -231,31 +228,27 @@ def leave_out_untrue_torque(log: Stamped) -> None:
                 f"u stays at the end of its register, {value:.6g} {unit}, {log.places(ends)}, "
                 f"while the motion needs up to {np.max(beyond):.3g} {unit} more: left out.",
             )
-    for a, n in stuck:
+    for a in np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0)).tolist():
+        n = int(lengths[a])
         judged = missing[a : a + n][fit.judged[a : a + n]]
         if n >= fit.width and len(judged) >= 5 and abs(np.median(judged)) > least:
             log.leave_out(
                 "u",
-                in_runs(len(log.t), [(a, n)]),
+                slice(a, a + n),
                 f"u stands at {log.value('u', a)} for {count(n, 'row')} from {log.place(a)} on "
                 f"while the motion needs {np.median(judged):+.3g} {unit} beyond it: left out.",
             )
 
 
-def _suspects(u: np.ndarray) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Return the runs of one value, (start, length): on the ends of the range, and long ones."""
-    low, high = np.nanmin(u), np.nanmax(u)
-    flat = [(a - 1, n + 1) for a, n in runs(np.r_[False, np.diff(u) == 0])]
-    lengths = np.ones(len(u))
-    for a, n in flat:
-        lengths[a : a + n] = n
+def _suspects(u: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows in runs of one value: on an end of the range, and in long ones elsewhere."""
     usual = float(np.median(lengths))  # of the run that the typical row lies in
-    limit = [(a, n) for a, n in flat if n >= _AT_LIMIT and u[a] in (low, high)]
-    for end in (low, high):  # a held torque has an extreme, too
-        if sum(n for a, n in limit if u[a] == end) < 5 * usual:
-            limit = [(a, n) for a, n in limit if u[a] != end]
-    long = max(_LONG, 5 * usual)
-    return limit, [(a, n) for a, n in flat if n >= long and u[a] not in (low, high)]
+    ends, limit = (np.nanmin(u), np.nanmax(u)), np.zeros(len(u), bool)
+    for end in ends:
+        at_end = (u == end) & (lengths >= _AT_LIMIT)
+        if at_end.sum() >= 5 * usual:  # a held torque has an extreme, too
+            limit |= at_end
+    return limit, (lengths >= max(_LONG, 5 * usual)) & ~np.isin(u, ends)
 
 
 def _least(fit: Needed, u: np.ndarray, unknown: np.ndarray) -> float:
@@ -275,7 +268,7 @@ def _least(fit: Needed, u: np.ndarray, unknown: np.ndarray) -> float:
 def unwrap_torque(log: Stamped) -> None:
     """Add the multiples of a register's span that bring u to what the motion needs."""
     u = log.channels["u"]
-    span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() and len(log.required) > 1 else 0.0
+    span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() else 0.0
     values = np.nan_to_num(u)
     steps = np.abs(np.diff(values))
     if not span or not (steps > span / 2).any():
@@ -294,7 +287,7 @@ def unwrap_torque(log: Stamped) -> None:
     if not 0 < changed.mean() <= 0.5 or left > before:
         return
     log.say(
-        f"u wraps by {span:.6g} {log.unit_of_u} {log.places(changed)} "
+        f"u wraps by {span:.6g} {si_unit('u', log.motion)} {log.places(changed)} "
         f"({log.value('u', int(changed.argmax()))}), as the motion shows: unwrapped."
     )
     log.channels["u"] = np.where(np.isfinite(u), moved, np.nan)
@@ -313,8 +306,7 @@ def _span(values: np.ndarray) -> float:
 def _turns(
     missing: np.ndarray, segments: Sequence[slice], u: np.ndarray, span: float
 ) -> np.ndarray:
-    """Return for each segment the multiple of the span that is missing there; the longest segment
-    is as it was read."""
+    """Return the multiple of the span that each segment misses against the longest of them."""
     turns = np.zeros(len(segments), int)
     jumps = [np.rint((u[s.start - 1] - u[s.start]) / span) for s in segments[1:]]
     known = [i for i, part in enumerate(segments) if np.isfinite(missing[part]).any()]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from ..signal_noise import resolution, spread
+from ..signal_noise import repeats, resolution, spread
 from .clock import FILL, HUGE, off_cubic_in_time, usual_step
 from .needed_torque import needed
 from .resampling import how
-from .rows import Stamped, bridged, count, in_runs, runs
+from .rows import Stamped, bridged, count
 
 NO_SENSOR = "which no sensor gives"
 OFF = "far off its neighbours"
@@ -43,17 +43,19 @@ def leave_out(log: Stamped, role: str, bad: np.ndarray, why: str, many: str = ""
 def say_missing(log: Stamped) -> None:
     """Say where the log itself holds no number."""
     for role in log.required:
-        lengths = runs(~np.isfinite(log.channels[role]))
-        short = sum(n for _, n in lengths if n <= FILL)
+        missing = ~np.isfinite(log.channels[role])
+        lengths = repeats(missing)
+        short = int(np.count_nonzero(missing & (lengths <= FILL)))
         if short:
             log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how(role)}).")
-        long = [(a, n) for a, n in lengths if n > FILL]
-        if long:
-            (start, length), total = long[0], sum(n for _, n in long)
-            many = f", {total} in all" if total > length else ""
+        long = missing & (lengths > FILL)
+        if long.any():
+            first, total = int(long.argmax()), int(long.sum())
+            rows = count(int(lengths[first]), "row")
+            more = f", {total} in all" if total > lengths[first] else ""
             log.say(
-                f"{role} has no number in {count(length, 'row')} from {log.place(start)} on{many}: "
-                "the record is cut there."
+                f"{role} has no number in {rows} from {log.place(first)} on{more}: the record is "
+                "cut there."
             )
 
 
@@ -90,8 +92,7 @@ def leave_out_bad_samples(log: Stamped, *roles: str) -> None:
 
 
 def code(x: np.ndarray) -> np.ndarray:
-    """Return where a channel (N,), all finite, holds a code instead of a value: one value that
-    comes again and again for a few rows, far off the curve through the other rows."""
+    """Return where a channel (N,), all finite, holds one frequent value for a few rows, far off."""
     values, counts = np.unique(x, return_counts=True)
     if len(values) < 20:
         return np.zeros(len(x), bool)
@@ -99,7 +100,7 @@ def code(x: np.ndarray) -> np.ndarray:
     for value in dict.fromkeys((0.0, *often, values[0], values[-1])):
         at = x == value
         if _FEWEST <= at.sum() <= _MOST * len(x):
-            found = in_runs(len(x), [(a, n) for a, n in runs(at) if n <= _BRIEF])
+            found = at & (repeats(at) <= _BRIEF)
             if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and _is_off(x, found, value):
                 return found
     return np.zeros(len(x), bool)
@@ -124,9 +125,8 @@ def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
 
 
 def outliers(role: str, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return where samples of a channel (N,), all finite, are far off their neighbours: outside
-    their middle and off the cubic through four of them, in rows and in stamps ``t`` (s), by far
-    more than others near it or anywhere. In the motion, up to four in a row may be so."""
+    """Return where samples of a channel (N,), all finite, are far off their neighbours, over rows
+    and over stamps ``t`` (s), by more than others; in the motion, up to four in a row."""
     if len(x) < 16 or np.ptp(x) == 0:
         return np.zeros(len(x), bool)
     far = distances(t, x)

@@ -6,11 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from ..signal_noise import quantum, resolution
+from ...core.unit_names import si_unit
+from ..signal_noise import quantum, repeats, resolution
 from .clock import usual_step
 from .outliers import OFF, confirmed, distances, leave_out, limits, over_loss
-from .rows import Stamped, count, in_runs, runs
+from .rows import Stamped, count
 
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
 _TURN = 2 * np.pi
@@ -38,7 +40,6 @@ class Jumps:
         return len(self.a)
 
     def only(self, which: np.ndarray) -> Jumps:
-        """Return some of them."""
         some = {k: getattr(self, k)[which] for k in ("a", "b", "size", "steady", "pace")}
         return replace(self, **some)
 
@@ -83,14 +84,12 @@ def _jumps(log: Stamped, role: str) -> Jumps:
 
 def _medians(x: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
     """Return the medians of up to four values before and after each place; nan without any."""
-    sides = []
-    for side in (np.arange(-4, 0), np.arange(1, 5)):
-        where = at[:, None] + side
-        values = np.where((where >= 0) & (where < len(x)), x[where.clip(0, len(x) - 1)], np.nan)
+    around, sides = sliding_window_view(np.pad(x, 4, constant_values=np.nan), 9)[at], []
+    for values in (around[:, :4], around[:, 5:]):
         some = np.isfinite(values).any(1)
-        found = np.full(len(at), np.nan)
-        found[some] = np.nanmedian(values[some], axis=1)
-        sides.append(found)
+        medians = np.full(len(at), np.nan)
+        medians[some] = np.nanmedian(values[some], axis=1)
+        sides.append(medians)
     return sides
 
 
@@ -98,7 +97,6 @@ def _medians(x: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
 
 
 def unwrap_positions(log: Stamped) -> None:
-    """Unwrap the positions of a log."""
     for role in ("theta", "theta_load"):
         if role in log.channels:
             log.channels[role], said = unwrapped(
@@ -110,14 +108,12 @@ def unwrap_positions(log: Stamped) -> None:
 def unwrapped(
     role: str, theta: np.ndarray, found: Jumps, motion: str, label: str | None = None
 ) -> tuple[np.ndarray, list[str]]:
-    """Return a position without wraps, and a sentence if there were any: wraps by whole turns, by a
-    power of two of its own steps, or by any period where all its jumps are of one size and span its
-    range while the motion goes on. Jumps by 360 mean that degrees were read as radians."""
+    """Return a position without wraps, by whole turns, a power of two of its steps, or any period
+    of all jumps that span its range in motion; and a sentence if there were any."""
+    back = (found.b[1:] - found.a[:-1] <= _BRIEF + 1) & (found.size[1:] * found.size[:-1] < 0)
     lasting = np.ones(len(found), bool)  # not taken back within a few rows
-    for i in range(len(found) - 1):
-        near = found.b[i + 1] - found.a[i] <= _BRIEF + 1
-        if near and found.size[i] * found.size[i + 1] < 0:
-            lasting[i : i + 2] = False
+    lasting[1:] &= ~back
+    lasting[:-1] &= ~back
     period, is_wrap = _period(theta, found, lasting, motion)
     if period:
         turns = np.zeros(len(theta))
@@ -165,8 +161,7 @@ def _counters(values: np.ndarray) -> list[float]:
 
 
 def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray, int]:
-    """Return the period of a position that stays within it (0: none), the position without wraps,
-    and how many there are."""
+    """Return the period of a position within it (0: none), it without wraps, and their number."""
     good = np.flatnonzero(np.isfinite(theta))
     values = theta[good]
     travel = float(np.ptp(values)) if values.size else 0.0
@@ -190,8 +185,7 @@ def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray, int]
 
 
 def make_continuous(log: Stamped) -> None:
-    """Leave out what jumps away and back or stands still by mistake, and begin a new part where a
-    position jumps for another reason."""
+    """Leave out excursions and what stands still; begin a part where a position jumps else."""
 
     def unconfirmed(role: str) -> Jumps:
         found = _jumps(log, role)
@@ -207,10 +201,12 @@ def make_continuous(log: Stamped) -> None:
     at = [k for k in range(len(found)) if not log.new[found.a[k] + 1 : found.b[k] + 1].any()]
     if at:
         log.new[found.b[at]] = True
-        unit = "rad" if log.motion == "rotary" else "m"
-        where = f"by {found.size[at[0]]:.4g} {unit} at {log.place(found.b[at[0]])}"
+        size = f"{found.size[at[0]]:.4g} {si_unit('theta', log.motion)}"
         more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
-        log.say(f"theta jumps {where}{more}, which is no motion: the parts are treated separately.")
+        log.say(
+            f"theta jumps by {size} at {log.place(found.b[at[0]])}{more}, which is no motion: the "
+            "parts are treated separately."
+        )
 
 
 def _leave_out_excursions(log: Stamped, role: str) -> None:
@@ -235,24 +231,18 @@ def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
     """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
     speed that loses its noise, or a channel that stands still with all others, was not read."""
     x = log.channels[role]
-    bad, edges = np.zeros(len(x), bool), np.flatnonzero(np.diff(x) != 0) + 1
+    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
     for before, after in zip(found.a, found.b, strict=True):
-        k = np.searchsorted(edges, before, side="right")
-        start = int(edges[k - 1]) if k else 0
-        k = np.searchsorted(edges, after, side="right")
-        stop = int(edges[k]) if k < len(edges) else len(x)
-        for run, backward in (
-            (slice(start, int(before) + 1), True),
-            (slice(int(after), stop), False),
-        ):
+        start = edges[np.searchsorted(edges, before, side="right") - 1]
+        stop = edges[np.searchsorted(edges, after, side="right")]
+        for run, backward in ((slice(start, before + 1), True), (slice(after, stop), False)):
             starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
             if not starts and run.stop - run.start >= _FEWEST:
                 bad[run] |= _is_stuck(log, role, run, backward)
     if not bad.any():
         return
     if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
-        flat = [(a - 1, n + 1) for a, n in runs(np.r_[False, np.diff(x) == 0]) if x[a] != 0]
-        kept = in_runs(len(x), [(a, n) for a, n in flat if n > _LONG])
+        kept = (x != 0) & (repeats(x) > _LONG)
         bad |= kept & _differ(x[~kept])
     first = int(bad.argmax())
     log.leave_out(
@@ -266,16 +256,13 @@ def _leave_out_stuck(log: Stamped, role: str, found: Jumps) -> None:
 def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
     """Return whether the rows of one value before (``backward``) or after a jump were not read."""
     x = log.channels[role]
-    near = (
-        slice(max(run.start - 4, 0), run.start + 1)
-        if backward
-        else slice(run.stop - 1, run.stop + 4)
-    )
-    beside = x[near]
+    beside = x[max(run.start - 4, 0) : run.start + 1]
+    if not backward:
+        beside = x[run.stop - 1 : run.stop + 4][::-1]
     steps = np.diff(beside[np.isfinite(beside)])
     if len(steps) > 1:  # the motion stops or sets in at once
-        last, usual = steps[-1] if backward else steps[0], abs(np.median(steps))
-        if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(last) > 0.5 * usual:
+        usual = abs(np.median(steps))
+        if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(steps[-1]) > 0.5 * usual:
             return True
     others = (log.channels[other][run] for other in log.required)
     if all(bool((part == part[0]).all()) for part in others):

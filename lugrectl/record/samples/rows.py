@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..columns.units import si_unit
+from ...core.unit_names import si_unit
 from ..log import Log
 from ..signal_noise import smallest_step
 from .resampling import MOTION
@@ -21,26 +21,20 @@ def count(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
-def runs(mask: np.ndarray) -> list[tuple[int, int]]:
-    """Return (start, length) of every run of True."""
-    edges = np.flatnonzero(np.diff(np.r_[False, mask, False]))
-    return [(int(a), int(b - a)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def in_runs(number: int, found: list[tuple[int, int]]) -> np.ndarray:
-    """Return the mask (number,) of the rows in runs of (start, length)."""
-    mask = np.zeros(number, bool)
-    for a, n in found:
-        mask[a : a + n] = True
-    return mask
-
-
 def bridged(x: np.ndarray, bad: np.ndarray) -> np.ndarray:
     """Return the channel with straight lines over its bad samples."""
     if not bad.any() or bad.all():
         return x
     rows = np.arange(len(x))
     return np.interp(rows, rows[~bad], x[~bad])
+
+
+def means_from(starts: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the mean of a channel (N,) from each start to the next; NaN without any number."""
+    good = np.isfinite(x)
+    with np.errstate(invalid="ignore"):
+        total = np.add.reduceat(np.where(good, x, 0.0), starts)
+        return total / np.add.reduceat(good.astype(float), starts)
 
 
 @dataclass
@@ -86,13 +80,9 @@ class Stamped:
         return [role for role in REQUIRED if role in self.channels]
 
     @property
-    def motion_signal(self) -> np.ndarray | None:
+    def motion_signal(self) -> np.ndarray:
         """The position where it was recorded, else the speed."""
-        return self.channels.get("theta", self.channels.get("w"))
-
-    @property
-    def unit_of_u(self) -> str:
-        return si_unit("u", self.motion)
+        return self.channels["theta" if "theta" in self.channels else "w"]
 
     def keep(self, mask: np.ndarray) -> None:
         """Leave out the other rows; a part begins at the first of its rows that is left."""
@@ -101,10 +91,11 @@ class Stamped:
         self.new = np.diff(part, prepend=part[0] - 1 if len(part) else 0) > 0
         self.channels = {role: values[mask] for role, values in self.channels.items()}
 
-    def leave_out(self, role: str, bad: np.ndarray, sentence: str) -> None:
-        """Make the samples of a channel missing where ``bad``, and say it."""
+    def leave_out(self, role: str, bad: np.ndarray | slice, sentence: str) -> None:
+        """Make the ``bad`` samples of a channel missing, and say it."""
         self.say(sentence)
-        self.channels[role] = np.where(bad, np.nan, self.channels[role])
+        self.channels[role] = self.channels[role].copy()
+        self.channels[role][bad] = np.nan
 
     def place(self, row: int) -> str:
         """Return 'line 2102' or 'row 2100' of one of these rows."""

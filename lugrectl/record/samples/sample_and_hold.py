@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .clock import typical_step, use_true_times
-from .rows import Stamped
+from .rows import Stamped, means_from
 
 _MOST = 64  # rows; a channel held for longer is one that stands
 _SURE = 0.97  # of its changes come every k-th row
@@ -14,9 +14,8 @@ _ROUNDED = 1e-6  # rows, for rounding
 
 
 def renewed_every(x: np.ndarray) -> tuple[float, float]:
-    """Every how many rows a channel (N,) changes, and the place (below that) where; (1, 0) if it
-    may change in any row. A clock of its own may renew it every 2.5 rows: it then changes in the
-    first row after each beat. NaN counts as no change."""
+    """Every how many rows (2.5, if it has a clock of its own) a channel (N,) changes, and the place
+    below that where; (1, 0) if it may change in any row. NaN counts as no change."""
     good = np.flatnonzero(np.isfinite(x))
     changes = np.diff(x[good])
     at = good[1:][changes != 0]
@@ -83,11 +82,8 @@ def keep_renewed(log: Stamped) -> None:
         say(" and ".join(found), every, ": only these rows are used")
         rows = _rows(every, first, len(log.t))
         if "u" not in found:
-            u = log.channels["u"]
-            good, means = np.isfinite(u), np.full(len(u), np.nan)
-            total = np.add.reduceat(np.where(good, u, 0.0), rows)
-            with np.errstate(invalid="ignore", divide="ignore"):  # its integral is kept
-                means[rows] = total / np.add.reduceat(good.astype(float), rows)
+            means = np.full(len(log.t), np.nan)
+            means[rows] = means_from(rows, log.channels["u"])  # its integral is kept
             log.channels["u"] = means
         log.keep(np.isin(np.arange(len(log.t)), rows))
         if slow and every % 1:  # its clock is even, the rows in which it was seen first are not

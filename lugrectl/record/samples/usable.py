@@ -14,9 +14,7 @@ from .sample_and_hold import keep_renewed
 
 
 def usable(log: Log) -> Stamped:
-    """The rows of a log that can be used, each finding as a sentence; nothing is filled in or
-    resampled. They are kept with the log, since the plain answer and the finer fit both need them;
-    the caller gets its own copy."""
+    """A copy of the usable rows of a log, which are kept with it; each finding is a sentence."""
     checksum = log.checksum()
     if log.kept.checksum != checksum:
         log.kept.value = _found(log)

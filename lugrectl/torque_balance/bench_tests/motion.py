@@ -11,9 +11,9 @@ import numpy as np
 
 from ...core.regression import spread
 from ...record import Log
-from ...record.samples.rows import Stamped, runs
+from ...record.samples.rows import Stamped
 from ...record.samples.usable import usable
-from ...record.signal_noise import quantum, white_noise
+from ...record.signal_noise import quantum, repeats, white_noise
 
 RARE = 0.01  # of the rows at either end, which tell no span: peaks of a loop
 JUMP = 0.02  # of the span of u, from which a change within a row is a step
@@ -191,8 +191,7 @@ def _motion(rows: Stamped, part: slice) -> Motion | None:
         angle, count = counted
         return Motion(t, u, angle, None, every, count / np.sqrt(12), step, dt)
     fresh = np.diff(x, prepend=np.nan) != 0
-    for first, length in runs(~fresh):  # a value that stays for a few rows is new in each
-        fresh[first : first + length] = length <= FEW
+    fresh |= repeats(fresh) <= FEW  # a value that stays for a few rows is new in each
     w = np.interp(t, t[fresh], x[fresh])  # straight between the rows that renew it
     passed = np.append(0.0, np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t)))
     return Motion(t, u, passed, x, fresh, white_noise([x]), step, dt)
