@@ -14,7 +14,7 @@ from . import drives
 pytest.importorskip("numba")
 RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
 LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
-QUICK, SLOW = [3, 6, 13], range(100, 120)  # bristles, a load that sticks, three masses
+QUICK, SLOW = [3, 13], range(100, 120)  # bristles; a load that sticks, three masses
 
 
 def answer(drive, model=None, columns=("t", "u", "theta", "r"), **options):
@@ -86,18 +86,14 @@ def test_a_log_of_quick_moves_is_trusted(quick):
     assert any("the band holds" in found.messages[0] for _, found in quick)
 
 
-@pytest.mark.parametrize("seed", [4, pytest.param(12, marks=pytest.mark.slow)])
-def test_a_drive_without_friction_is_not_made_worse(seed):
-    drive = drives.draw(seed, friction=False)
-    found = answer(drive, seconds=10.0)
-    assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
-    assert np.median(decibel(found.frd, drive)) < 0.2
+def test_a_drive_without_friction_is_not_made_worse():
+    drive = drives.draw(4, friction=False)
+    for law in ("lugre", "viscous"):
+        found = answer(drive, lg.Model.of(friction=law), seconds=6.0)
+        assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
+    assert np.median(decibel(found.frd, drive)) < 0.2 and found.correction == 0.0
 
 
-def test_without_friction_in_the_model_it_is_the_plain_estimate():
-    found = answer(drives.draw(4, friction=False), lg.Model.of(friction="viscous"), seconds=10.0)
-    assert np.array_equal(found.frd.frdata, found.raw.frdata)
-    assert found.correction == 0.0 and found.friction == {}
 
 
 def creeping(Fc, Fs):
@@ -121,7 +117,7 @@ def test_friction_that_governs_a_log_is_warned_of():
 
 def test_a_log_without_reference_answers_too(quick):
     drive, known = quick[1]
-    found = answer(drive, columns=("t", "u", "theta"), seconds=20.0)
+    found = answer(drive, columns=("t", "u", "theta"), seconds=10.0)
     assert not found.reference and known.reference
     assert np.median(decibel(found.frd, drive)) < 0.1
 
