@@ -14,7 +14,7 @@ from . import drives
 pytest.importorskip("numba")
 RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
 LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
-QUICK, SLOW = [3, 13], range(100, 120)  # bristles; a load that sticks, three masses
+QUICK, SLOW = [3, 6], range(100, 120)  # bristles, a load that sticks
 
 
 def answer(drive, model=None, columns=("t", "u", "theta", "r"), **options):
@@ -50,14 +50,13 @@ def modes_inside(found):
 
 @pytest.fixture(scope="module")
 def quick():
-    return [(drive, answer(drive, seconds=16.0)) for drive in map(drives.draw, QUICK)]
+    return [(drive, answer(drive, seconds=12.0)) for drive in map(drives.draw, QUICK)]
 
 
-@pytest.mark.parametrize("name", RANGES)
-def test_friction_taken_out_leaves_the_linear_response(quick, name):
-    raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
-    assert (taken <= LIMITS[name]).all(), (raw, taken)
-    assert (taken <= 0.7 * raw).all(), (raw, taken)
+def test_friction_taken_out_leaves_the_linear_response(quick):
+    for name, limit in LIMITS.items():
+        raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
+        assert (taken <= limit).all() and (taken <= 0.7 * raw).all(), (name, raw, taken)
 
 
 def test_bands_and_intervals_hold_the_truth(quick):
@@ -69,20 +68,13 @@ def test_bands_and_intervals_hold_the_truth(quick):
     assert np.mean(modes_inside(quick)) >= 0.9
 
 
-def test_nothing_is_certain_where_the_coherence_is_low(quick):
-    for _, found in quick:
+def test_a_log_of_quick_moves_is_trusted_where_the_coherence_is_high(quick):
+    for drive, found in quick:
         nothing = (found.coherence < 0.95) | found.governed
         assert (np.isnan(found.low) == nothing).all() and (np.isnan(found.high) == nothing).all()
+        assert found.inertia == pytest.approx(drive.inertia, rel=0.01)  # of the whole axis
+        assert found.trusted and found.governed.mean() < 0.1
     assert any(np.isnan(found.low).any() for _, found in quick)
-
-
-def test_the_inertia_is_that_of_the_whole_axis(quick):
-    ratios = [found.inertia / drive.inertia for drive, found in quick]
-    assert np.abs(np.array(ratios) - 1).max() < 0.01
-
-
-def test_a_log_of_quick_moves_is_trusted(quick):
-    assert all(found.trusted and found.governed.mean() < 0.1 for _, found in quick)
     assert any("the band holds" in found.messages[0] for _, found in quick)
 
 
@@ -92,8 +84,6 @@ def test_a_drive_without_friction_is_not_made_worse():
         found = answer(drive, lg.Model.of(friction=law), seconds=6.0)
         assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
     assert np.median(decibel(found.frd, drive)) < 0.2 and found.correction == 0.0
-
-
 
 
 def creeping(Fc, Fs):

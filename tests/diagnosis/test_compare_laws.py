@@ -31,7 +31,7 @@ def log(dip, seconds=16.0, dt=2e-3, seed=1):
 
 @pytest.fixture(scope="module")
 def plain_drive():
-    return log(dip=0.0)
+    return log(dip=0.0, seconds=8.0)
 
 
 @pytest.fixture(scope="module")

@@ -126,7 +126,7 @@ def runs(load, offset):
     """Two runs of the drive, the second with an offset of its torque."""
     made = []
     for seed, more in ((0, 0.0), (1, offset)):
-        u = torque(12.0, DT, seed)
+        u = torque(8.0, DT, seed)
         theta, _ = simulate(u, DT, load=load)
         made.append({"t": np.arange(len(u)) * DT, "u": u + more, "theta": theta})
     return made

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ..drives import bench, messy
-from ..drives.damage import DAMAGES, damage
+from ..drives import messy
 from ..held_out import questions
 from . import drawn
 from .judges import of_document
@@ -139,28 +138,6 @@ def test_the_bench_counts_points_and_coverage_and_keeps_them(tmp_path, monkeypat
     assert "adequate" in said and "points" in said
     kept = (tmp_path / "messy.json").read_text()
     assert '"points": 1.0' in kept and '"coverage_plain": 1.0' in kept and "none/drives/" in kept
-
-
-@pytest.mark.parametrize("kind", DAMAGES)
-def test_a_damage_changes_a_copy(kind):
-    t = np.arange(4000) / 200
-    rng = np.random.default_rng(1)
-    log = {"t": t, "u": rng.normal(size=4000), "theta": 9 * np.sin(t), "w": 9 * np.cos(t)}
-    before = {k: v.copy() for k, v in log.items()}
-    hurt, again = damage(log, kind, 5), damage(log, kind, 5)
-    assert all(np.array_equal(log[k], before[k]) for k in log)
-    assert all(np.array_equal(hurt[k], again[k], equal_nan=True) for k in log)
-    assert len({len(v) for v in hurt.values()}) == 1
-    assert not all(np.array_equal(hurt[k], log[k]) for k in log)
-
-
-@pytest.mark.parametrize("kind", bench.KINDS)
-def test_a_bench_test_is_drawn_alike_again_and_recognised(kind):
-    row, again = drawn.judged(5, kind, "bench", "bench"), bench.draw(5, kind)
-    one = row.question
-    assert one.values == again.values and len(one.more) == len(again.more)
-    assert all(np.array_equal(one.record[k], again.record[k]) for k in one.record)
-    assert kind in row.answer.effects
 
 
 def test_a_friction_map_is_drawn_and_its_answer_scored():
