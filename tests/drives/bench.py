@@ -84,3 +84,17 @@ def speed_loop(reference: np.ndarray, J: float, pole: float = 60.0, dt: float = 
         return 2 * J * pole * off + integral[0]
 
     return torque
+
+
+def ramps(rate: float, travel: float, pause: int, dt: float) -> Torque:
+    """The torque rises until the axis has moved so far, is 0 for a while, then rises back."""
+    now = {"row": 0, "from": 0.0, "side": 1.0, "off": False}
+
+    def torque(k: int, theta: float, w: float) -> float:
+        if not now["off"] and abs(theta - now["from"]) > travel:
+            now.update(off=True, row=k)
+        if now["off"] and k - now["row"] > pause:
+            now.update({"off": False, "row": k, "from": theta, "side": -now["side"]})
+        return 0.0 if now["off"] else now["side"] * rate * (k - now["row"]) * dt
+
+    return torque

@@ -134,7 +134,7 @@ def coulomb(**changes):
 
 @pytest.fixture(scope="module")
 def run():
-    log = machine()
+    log = machine(1200)
     motion = motion_of(log, Filter(1e-3, 20.0, 2.0))
     return Run(SimpleNamespace(t=log["t"]), motion)
 
