@@ -50,7 +50,10 @@ def modes_inside(found):
 
 @pytest.fixture(scope="module")
 def quick():
-    return [(drive, answer(drive, seconds=12.0)) for drive in map(drives.draw, QUICK)]
+    """Of the second no reference was recorded."""
+    first, second = map(drives.draw, QUICK)
+    without = answer(second, columns=("t", "u", "theta"), seconds=16.0)
+    return [(first, answer(first, seconds=16.0)), (second, without)]
 
 
 def test_friction_taken_out_leaves_the_linear_response(quick):
@@ -80,9 +83,8 @@ def test_a_log_of_quick_moves_is_trusted_where_the_coherence_is_high(quick):
 
 def test_a_drive_without_friction_is_not_made_worse():
     drive = drives.draw(4, friction=False)
-    for law in ("lugre", "viscous"):
-        found = answer(drive, lg.Model.of(friction=law), seconds=6.0)
-        assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
+    found = answer(drive, lg.Model.of(friction="viscous"), seconds=6.0)
+    assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
     assert np.median(decibel(found.frd, drive)) < 0.2 and found.correction == 0.0
 
 
@@ -106,9 +108,8 @@ def test_friction_that_governs_a_log_is_warned_of():
 
 
 def test_a_log_without_reference_answers_too(quick):
-    drive, known = quick[1]
-    found = answer(drive, columns=("t", "u", "theta"), seconds=10.0)
-    assert not found.reference and known.reference
+    drive, found = quick[1]
+    assert not found.reference and quick[0][1].reference
     assert np.median(decibel(found.frd, drive)) < 0.1
 
 
