@@ -29,7 +29,7 @@ def log(model=TRUE, seconds=20.0, rate=500.0, seed=0, noise=NOISE, channels=("w"
 
 @pytest.fixture(scope="module")
 def record():
-    return log()
+    return log(rate=1000.0)
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +74,14 @@ def test_the_error_is_that_of_the_traces(plain):
 def test_held_out_blocks_are_long(plain):
     edges = np.flatnonzero(np.diff(np.r_[0, plain.traces.held_out.astype(int), 0]))
     lengths = np.diff(edges)[::2]
-    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 500)
+    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 1000)
 
 
 def test_the_last_half_is_held_out(record):
     found = lg.diagnose(record, TRUE, holdout="last")
     assert found.free_error["in_sample"] is False
     held_out = np.flatnonzero(found.traces.held_out)
-    assert held_out[0] > 5_000 and np.all(np.diff(held_out) == 1)
+    assert held_out[0] > 10_000 and np.all(np.diff(held_out) == 1)
     assert found.free_error["augmented"] == pytest.approx(NOISE, rel=0.1)
 
 

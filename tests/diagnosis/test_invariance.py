@@ -25,7 +25,8 @@ def test_direction_origin_and_size_change_nothing(what):
     """Later, at another zero of theta, and in other units: the same equations."""
     torque, length, hidden = CHANGED[what]
     seen, scale = small_answers.log(load=ripple if hidden else None), abs(torque)
-    log = {"t": seen["t"] + 500.0, "u": torque * seen["u"], "theta": 0.7 + length * seen["theta"]}
+    theta = length * (0.7 + seen["theta"])
+    log = {"t": seen["t"] + 500.0, "u": torque * seen["u"], "theta": theta}
     values = {"J": scale * J / abs(length), "Fc": scale * Fc, "Fv": scale * Fv / abs(length)}
     found = lg.diagnose(log, lg.Model.of(motion="linear", friction="coulomb", **values))
     assert found.verdict == ("found" if hidden else "adequate")
