@@ -29,7 +29,7 @@ def one_way(tmp_path, monkeypatch):
 @pytest.mark.parametrize("command", ["identify", "diagnose"])
 def test_no_value_is_an_answer_while_the_unit_of_t_is_open(one_way, capsys, command):
     """An inertia that is a million times too large is no answer, however certain it is."""
-    log = moved(20.0, DT)
+    log = moved(8.0, DT)
     rows = np.c_[1e3 * log["t"], log["u"], log["theta"]]
     np.savetxt("ms.csv", rows, "%.9g", ",", header="t,u,theta [rad]", comments="")
     asked = [command, "ms.csv", "--model", "my.toml", "--json"]
@@ -43,7 +43,7 @@ def test_no_value_is_an_answer_while_the_unit_of_t_is_open(one_way, capsys, comm
 @pytest.mark.parametrize("work", [lg.identify, lg.compare_laws, lg.balance])
 def test_python_asks_for_the_unit_of_t(work):
     """With the values that it would have, an inertia that is far too large."""
-    log = moved(20.0, DT)
+    log = moved(8.0, DT)
     log["t"] = 1e3 * log["t"]
     words = 't has no unit.*0.5 Hz, at which no drive writes a log.*give units="t=ms"'
     with pytest.raises(lg.Refused, match=words) as no:
@@ -59,7 +59,7 @@ def test_the_unit_of_t_may_be_said():
 
 
 def test_the_fit_stops_itself_and_what_was_compared_stands():
-    log = moved(20.0, DT)
+    log = moved(8.0, DT)
     d = lg.diagnose(log, lg.Model.of(friction="coulomb"), time_limit=1e-3)
     assert d.verdict == "adequate" and d.error is None
     said = " ".join(d.messages)
