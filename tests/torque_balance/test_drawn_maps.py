@@ -26,7 +26,7 @@ def case(name, seed, swing=False):
 
 
 @pytest.mark.cases
-@pytest.mark.parametrize("name", EFFECTS)
+@pytest.mark.parametrize("name", EFFECTS[::-1])
 def test_what_hangs_on_speed_is_named(name):
     made, found = case(name, 20)
     assert found.verdict in ("found", "ambiguous")

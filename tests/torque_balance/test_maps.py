@@ -77,8 +77,6 @@ def test_the_answer_has_the_face_of_a_map():
             "position_dependent_friction",
             {"ratio": 0.08 / FC},
         ),
-        (lambda w, x: 0.002 * w * abs(w), "quadratic_drag", {"coefficient": 0.002}),
-        (lambda w, x: 0.006 * abs(w), "viscous_asymmetry", {"ratio": 0.006 / FV}),
     ],
 )
 def test_what_hangs_on_angle_and_speed_is_named(added, name, values):
@@ -107,12 +105,6 @@ def test_one_direction_gives_the_sum():
     assert total.text == "Fc + constant_torque" and total.ci95[0] <= FC + 0.05 <= total.ci95[1]
     assert "direction" in total.to_separate and "Fc" not in found.estimates
     assert holds(found.estimates["Fv"], FV)
-
-
-def test_six_runs_with_speed_alone():
-    found = lg.diagnose(runs(speeds=[-9, -4, -1, 1, 4, 9], has=("w",)), MODEL)
-    assert found.verdict == "adequate" and len(found.map.w) == 6
-    assert holds(found.estimates["Fc"], FC, 0.4) and holds(found.estimates["Fv"], FV, 0.4)
 
 
 def test_short_runs_of_a_low_rate_beside_others():
@@ -166,12 +158,6 @@ def test_identify_gives_the_declared_friction():
     assert fit.model.J is None and len(fit.map.w) == len(SPEEDS)
     assert fit.error["signal"] == "u" and "augmented" not in fit.error
     assert any("do not tell J" in m for m in fit.messages)
-
-
-def test_a_fall_of_friction_at_low_speed_that_the_law_lacks():
-    found = lg.diagnose(runs(lambda w, x: 0.15 * np.sign(w) * np.exp(-((w / 1.2) ** 2))), MODEL)
-    assert found.verdict == "found" and named(found) == ["stribeck"]
-    assert holds(found.estimates["Fc"], FC) and holds(found.estimates["Fv"], FV, 0.3)
 
 
 def test_too_few_runs_have_a_plain_answer():

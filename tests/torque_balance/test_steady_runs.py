@@ -39,13 +39,11 @@ def test_intervals_hold_although_runs_differ_by_more_than_their_noise():
 
 
 def test_longer_runs_tell_no_more_of_friction():
-    short, long, more = (
-        np.ptp(
-            lg.balance(steady(n * SPEEDS, seed=1, scatter=0.01, samples=s)).parameters["Fc"].ci95
-        )
-        for n, s in ((1, 200), (1, 1600), (4, 200))
+    short, long = (
+        np.ptp(lg.balance(steady(SPEEDS, seed=1, scatter=0.01, samples=s)).parameters["Fc"].ci95)
+        for s in (200, 1600)
     )
-    assert long > 0.8 * short and more < 0.75 * short
+    assert long > 0.8 * short
 
 
 def test_a_fall_at_low_speed_is_none_of_the_level():
