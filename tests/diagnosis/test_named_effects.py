@@ -119,7 +119,7 @@ def cogged():
     u = u + rng.normal(0.0, 1e-3, len(u))
     return lg.diagnose(
         {"t": t, "u": u, "theta": count * np.round(theta / count)},
-        lg.Model.of(J=0.002, friction="lugre"),
+        lg.Model.of(J=0.002, friction="coulomb"),
     )
 
 
