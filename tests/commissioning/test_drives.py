@@ -52,7 +52,7 @@ def modes_inside(found):
 def quick():
     """Of the second no reference was recorded."""
     first, second = map(drives.draw, QUICK)
-    without = answer(second, columns=("t", "u", "theta"), seconds=16.0)
+    without = answer(second, columns=("t", "u", "theta"), seconds=20.0)
     return [(first, answer(first, seconds=16.0)), (second, without)]
 
 
