@@ -11,7 +11,7 @@ import lugrectl as lg
 from lugrectl.report import plain_text
 from lugrectl.torque_balance.bench_tests.motion import angle_of
 
-from ..drives.bench import Drive, held, kept, speed_loop, stale
+from ..drives.bench import Drive, held, kept, ramps, speed_loop, stale
 
 PUSHED = [0.5, 0.0, -0.5, 0.0, 0.35, -0.35, 0.0]
 
@@ -46,7 +46,6 @@ PER = {"Fc/J": COASTING.Fc / COASTING.J, "Fv/J": COASTING.Fv / COASTING.J}
 
 def test_a_coast_gives_friction_with_and_without_inertia():
     logs = [kept(COASTING.run(free, 900, v=v), "theta") for v in (40.0, -25.0)]
-    check(only(logs), PER)
     check(only(logs, {"J": COASTING.J}), PER | {"Fc": COASTING.Fc, "Fv": COASTING.Fv})
 
 
@@ -79,7 +78,7 @@ def steps():
     return Drive().run(held(PUSHED, 150), 3000)
 
 
-@pytest.mark.parametrize("seen", ["theta", "w", "stale"])
+@pytest.mark.parametrize("seen", ["theta", "stale"])
 def test_steps_give_inertia_and_friction(steps, seen):
     made = kept(steps, seen) if seen != "stale" else {**kept(steps), "w": stale(steps)}
     tests = {test.kind: test for test in lg.balance(made).bench_tests}
@@ -97,10 +96,9 @@ def test_a_torque_that_is_noisy_or_late_is_counted(steps, late):
 # ---- free swing: length, damping and dry friction -----------------------------------
 
 
-@pytest.mark.parametrize("channel", ["theta", "w"])
-def test_the_whole_swing_is_fitted(channel):
+def test_the_whole_swing_is_fitted():
     arm = Drive(J=0.02, Fc=0.004, Fs=0.005, Fv=0.002, gravity=0.5)
-    test = only(kept(arm.run(free, 5000, x=1.1), channel))
+    test = only(kept(arm.run(free, 5000, x=1.1), "theta"))
     assert test.kind == "free_swing"
     right = {"length": 9.81 * arm.J / arm.gravity, "gravity/J": arm.gravity / arm.J}
     check(test, right | {"Fc/J": arm.Fc / arm.J, "Fv/J": arm.Fv / arm.J})
@@ -174,23 +172,8 @@ def test_in_one_direction_friction_and_a_constant_torque_are_one_number():
 # ---- breakaway: the torque at which the axis runs away, not that of the first count --
 
 
-def ramps(rate: float, travel: float, pause: int, dt: float):
-    """The torque rises until the axis has moved so far, is 0 for a while, then rises back."""
-    now = {"row": 0, "from": 0.0, "side": 1.0, "off": False}
-
-    def torque(k: int, theta: float, w: float) -> float:
-        if not now["off"] and abs(theta - now["from"]) > travel:
-            now.update(off=True, row=k)
-        if now["off"] and k - now["row"] > pause:
-            now.update({"off": False, "row": k, "from": theta, "side": -now["side"]})
-        return 0.0 if now["off"] else now["side"] * rate * (k - now["row"]) * dt
-
-    return torque
-
-
-@pytest.mark.parametrize("counts", [4096, 65536])
-def test_static_friction_both_ways(counts):
-    drive = Drive(counts=counts)
+def test_static_friction_both_ways():
+    drive = Drive(counts=4096)
     test = only(kept(drive.run(ramps(0.2, 0.06, 200, drive.dt), 7000), "theta"))
     assert test.kind == "breakaway_ramps"
     check(test, {"Fs_forward": drive.Fs, "Fs_backward": drive.Fs})
@@ -247,7 +230,7 @@ def test_the_line_is_the_first_of_the_plain_answer_and_is_in_json():
     assert all(low < high for low, high in (v["ci95"] for v in made[1]["values"].values()))
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_no_log_stops_it(seed):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(5, 400))

@@ -160,9 +160,6 @@ def test_the_suggested_repair_works_when_typed(capsys):
     "line",
     [
         "spr",
-        "l2 --num 1,10 --den 1,2,0.5",
-        "bandwidth --num 1,10 --den 1,2,0.5",
-        "spr --num 1,0.2 --den 1,-0.4 --dt 0.1",
         "bandwidth --num 1,0.2 --den 1,-0.4 --dt 0.1",
     ],
 )

@@ -183,17 +183,6 @@ def test_jobs_are_as_many_as_processors_or_logs(files, capsys, monkeypatch):
     assert asked == [1, 2, 5]
 
 
-def test_processes_read_and_refuse_by_themselves(files, capsys):
-    log(files, name="left/run.csv", keep=slice(0, 30))
-    (files / "right" / "axis.csv").write_text("t,u,w\n0,a,1\n")
-    code, out, err = run(capsys, "left right/axis.csv --each --jobs 2 --json --out made")
-    document = json.loads(out)
-    assert code == 3 and [r["exit_code"] for r in document["records"]] == [3, 2]
-    assert document["records"][0]["reason"] and "Traceback" not in err
-    reports = ["run/report.html", "run/report.json"]  # the other log could not be read
-    assert listed(files / "made") == sorted([*reports, *fleet_page.INDEX])
-
-
 def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):
     said = []
     monkeypatch.setattr(Terminal, "__call__", lambda self, part, what="": said.append((part, what)))

@@ -14,7 +14,7 @@ from . import drives
 pytest.importorskip("numba")
 RANGES = {"1-10 Hz": (1.0, 10.0), "10-50 Hz": (10.0, 50.0), "above 50 Hz": (50.0, np.inf)}
 LIMITS = {"1-10 Hz": (0.04, 0.25), "10-50 Hz": (0.15, 0.8), "above 50 Hz": (0.12, 0.7)}
-QUICK, SLOW = [3, 6, 13], range(100, 120)  # bristles, a load that sticks, three masses
+QUICK, SLOW = [3, 6], range(100, 120)  # bristles, a load that sticks
 
 
 def answer(drive, model=None, columns=("t", "u", "theta", "r"), **options):
@@ -50,14 +50,16 @@ def modes_inside(found):
 
 @pytest.fixture(scope="module")
 def quick():
-    return [(drive, answer(drive, seconds=16.0)) for drive in map(drives.draw, QUICK)]
+    """Of the second no reference was recorded."""
+    first, second = map(drives.draw, QUICK)
+    without = answer(second, columns=("t", "u", "theta"), seconds=20.0)
+    return [(first, answer(first, seconds=16.0)), (second, without)]
 
 
-@pytest.mark.parametrize("name", RANGES)
-def test_friction_taken_out_leaves_the_linear_response(quick, name):
-    raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
-    assert (taken <= LIMITS[name]).all(), (raw, taken)
-    assert (taken <= 0.7 * raw).all(), (raw, taken)
+def test_friction_taken_out_leaves_the_linear_response(quick):
+    for name, limit in LIMITS.items():
+        raw, taken = pooled(quick, name, 0), pooled(quick, name, 1)
+        assert (taken <= limit).all() and (taken <= 0.7 * raw).all(), (name, raw, taken)
 
 
 def test_bands_and_intervals_hold_the_truth(quick):
@@ -69,35 +71,21 @@ def test_bands_and_intervals_hold_the_truth(quick):
     assert np.mean(modes_inside(quick)) >= 0.9
 
 
-def test_nothing_is_certain_where_the_coherence_is_low(quick):
-    for _, found in quick:
+def test_a_log_of_quick_moves_is_trusted_where_the_coherence_is_high(quick):
+    for drive, found in quick:
         nothing = (found.coherence < 0.95) | found.governed
         assert (np.isnan(found.low) == nothing).all() and (np.isnan(found.high) == nothing).all()
+        assert found.inertia == pytest.approx(drive.inertia, rel=0.01)  # of the whole axis
+        assert found.trusted and found.governed.mean() < 0.1
     assert any(np.isnan(found.low).any() for _, found in quick)
-
-
-def test_the_inertia_is_that_of_the_whole_axis(quick):
-    ratios = [found.inertia / drive.inertia for drive, found in quick]
-    assert np.abs(np.array(ratios) - 1).max() < 0.01
-
-
-def test_a_log_of_quick_moves_is_trusted(quick):
-    assert all(found.trusted and found.governed.mean() < 0.1 for _, found in quick)
     assert any("the band holds" in found.messages[0] for _, found in quick)
 
 
-@pytest.mark.parametrize("seed", [4, pytest.param(12, marks=pytest.mark.slow)])
-def test_a_drive_without_friction_is_not_made_worse(seed):
-    drive = drives.draw(seed, friction=False)
-    found = answer(drive, seconds=10.0)
+def test_a_drive_without_friction_is_not_made_worse():
+    drive = drives.draw(4, friction=False)
+    found = answer(drive, lg.Model.of(friction="viscous"), seconds=6.0)
     assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
-    assert np.median(decibel(found.frd, drive)) < 0.2
-
-
-def test_without_friction_in_the_model_it_is_the_plain_estimate():
-    found = answer(drives.draw(4, friction=False), lg.Model.of(friction="viscous"), seconds=10.0)
-    assert np.array_equal(found.frd.frdata, found.raw.frdata)
-    assert found.correction == 0.0 and found.friction == {}
+    assert np.median(decibel(found.frd, drive)) < 0.2 and found.correction == 0.0
 
 
 def creeping(Fc, Fs):
@@ -120,9 +108,8 @@ def test_friction_that_governs_a_log_is_warned_of():
 
 
 def test_a_log_without_reference_answers_too(quick):
-    drive, known = quick[1]
-    found = answer(drive, columns=("t", "u", "theta"), seconds=20.0)
-    assert not found.reference and known.reference
+    drive, found = quick[1]
+    assert not found.reference and quick[0][1].reference
     assert np.median(decibel(found.frd, drive)) < 0.1
 
 

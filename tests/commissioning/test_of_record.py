@@ -20,6 +20,7 @@ from lugrectl.linear import AxisAsLoopWarning
 
 J, Fc = 0.02, 0.3
 MODEL = lg.Model.of(friction="coulomb")
+BODE = ["bode", "run.csv", "--model", "my.toml"]
 
 
 def log(n=4000, dt=2e-3, bias=0.0):
@@ -219,33 +220,52 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_the_command_prints_and_draws(folder, capsys):
-    assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.png"]) == 0
+    assert main([*BODE, "--out", "bode.png"]) == 0
     said = capsys.readouterr()
     assert said.out.startswith("Frequency response") and "picture: bode.png" in said.err
     assert (folder / "bode.png").stat().st_size > 10_000
-    assert main(["bode", "run.csv", "--model", "my.toml", "--json"]) == 0
+    assert main([*BODE, "--json"]) == 0
     made = json.loads(capsys.readouterr().out)
     assert made["provenance"]["files"][0]["name"] == "run.csv" and made["coherence"]
 
 
 def test_the_picture_of_gains_shows_their_loop(folder, capsys):
-    command = ["bode", "run.csv", "--model", "my.toml"]
-    assert main([*command, "--out", "plain.png"]) == 0
-    assert main([*command, "--tune", "PI", "--plot", "tuned.png"]) == 0
-    assert "picture: tuned.png" in capsys.readouterr().err
-    assert (folder / "plain.png").read_bytes() != (folder / "tuned.png").read_bytes()
+    assert main([*BODE, "--tune", "PI", "--plot", "tuned.png", "--json"]) == 0
+    said = capsys.readouterr()
+    made = json.loads(said.out)
+    assert "picture: tuned.png" in said.err and (folder / "tuned.png").stat().st_size > 10_000
+    assert made["frequency"] and made["gains"]["kp"] > 0 and made["gains"]["Ms"] < 1.61
     found = lg.frequency_response(folder / "run.csv", folder / "my.toml")
-    axes = replace(found, gains=lg.tune(found, "PI")).plot()
+    gains = lg.tune(found, "PI")
+    axes = replace(found, gains=gains).plot()
     assert [ax.get_xlabel() for ax in axes][-2:] == ["Re L", "t [s]"] and len(axes) == 5
-    assert f"kp {lg.tune(found, 'PI').kp:.4g}" in axes[3].get_title(loc="left")
+    assert f"kp {gains.kp:.4g}" in axes[3].get_title(loc="left")
     plt.close(axes[0].figure)
+
+
+def test_the_command_tunes_a_model_and_refuses_what_is_out_of_reach(folder, capsys):
+    lg.write_model(lg.Model.of(J=0.002, friction="viscous", Fv=0.02), "known.toml")
+    tuned = ["bode", "--model", "known.toml", "--tune", "PI"]
+    assert main([*tuned, "--dead-time", "1e-3"]) == 0
+    assert "PI gains: bandwidth" in capsys.readouterr().out
+    assert main([*tuned, "--rate", "1000", "--bandwidth", "5", "--json"]) == 0
+    made = json.loads(capsys.readouterr().out)
+    assert made["bandwidth"] == pytest.approx(10 * np.pi, rel=1e-3)
+    assert main([*tuned, "--rate", "1000", "--bandwidth", "4000"]) == 3
+    assert "at most" in capsys.readouterr().err
+    assert main([*BODE, "--tune", "P-PI", "--ms", "1.0001", "--json"]) == 3
+    said = capsys.readouterr()
+    assert json.loads(said.out)["gains"] is None and "no gains" in said.err
+    assert main(["bode", "--model", "known.toml"]) == 2
+    assert main([*BODE, "--ms", "2"]) == 2
+    assert "--tune" in capsys.readouterr().err
 
 
 def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
     assert main(["bode", "short.csv", "--model", "my.toml", "--json"]) == 3
     said = capsys.readouterr()
     assert json.loads(said.out)["frequency"] == [] and "longest stretch" in said.err
-    assert main(["bode", "run.csv", "--model", "my.toml", "--out", "bode.txt"]) == 2
+    assert main([*BODE, "--out", "bode.txt"]) == 2
     assert "picture must be a file" in capsys.readouterr().err
 
 

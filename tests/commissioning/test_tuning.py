@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,7 +10,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.cli import main
 from lugrectl.commissioning import tuning
 
 from . import drives, loops
@@ -95,8 +93,7 @@ def test_the_margins_are_those_of_a_dense_sweep(quick):
     assert found.worst == pytest.approx(1.6, rel=1e-3)
 
 
-@pytest.mark.parametrize("structure", ["P-PI", "PID", "PI"])
-@pytest.mark.parametrize("rate", [None, 1000.0])
+@pytest.mark.parametrize("structure, rate", [("P-PI", None), ("PID", 1000.0), ("PI", 1000.0)])
 def test_a_system_and_a_model(structure, rate):
     model = lg.Model.of(J=0.01, friction="viscous", Fv=0.01)
     delay = lg.Model.of(model, effects=[{"name": "input_delay", "delay": 1e-3}])
@@ -225,29 +222,3 @@ def test_no_hunting_where_none_is_asked_for(structure):
     assert not hunts.limit_cycles and max(spans(hunts, HUNTS, 1)) > 1e-5
     assert quiet.limit_cycles and max(spans(quiet, HUNTS, 1)) < 1e-6
     assert 0 < quiet.bandwidth < hunts.bandwidth and "hunting" in "".join(quiet.messages)
-
-
-def test_the_command(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    lg.write_model(lg.Model.of(J=0.002, friction="viscous", Fv=0.02), "my.toml")
-    log = drives.log(drives.draw(317, friction=False), 6.0)
-    rows = np.column_stack([*log.values()])
-    np.savetxt("run.csv", rows, "%.9g", ",", header="t,u [N m],theta [rad],r [rad/s]", comments="")
-    assert main(["bode", "run.csv", "--model", "my.toml", "--tune", "PI", "--json"]) == 0
-    made = json.loads(capsys.readouterr().out)
-    assert made["frequency"] and made["gains"]["kp"] > 0 and made["gains"]["Ms"] < 1.61
-    assert main(["bode", "--model", "my.toml", "--tune", "PI", "--dead-time", "1e-3"]) == 0
-    assert "PI gains: bandwidth" in capsys.readouterr().out
-    of_model = ["bode", "--model", "my.toml", "--tune", "PI", "--rate", "1000"]
-    assert main([*of_model, "--bandwidth", "5", "--json"]) == 0
-    made = json.loads(capsys.readouterr().out)
-    assert made["bandwidth"] == pytest.approx(10 * np.pi, rel=1e-3)
-    assert main([*of_model, "--bandwidth", "4000"]) == 3
-    assert "at most" in capsys.readouterr().err
-    with_no = ["bode", "run.csv", "--model", "my.toml", "--tune", "P-PI", "--ms", "1.0001"]
-    assert main([*with_no, "--json"]) == 3
-    said = capsys.readouterr()
-    assert json.loads(said.out)["gains"] is None and "no gains" in said.err
-    assert main(["bode", "--model", "my.toml"]) == 2
-    assert main(["bode", "run.csv", "--model", "my.toml", "--ms", "2"]) == 2
-    assert "--tune" in capsys.readouterr().err

@@ -8,30 +8,14 @@ import pytest
 import lugrectl as lg
 from lugrectl.cli import main
 
+from ..cases import small_answers
+
 LAWS = ["viscous", "coulomb", "stribeck", "lugre"]
-
-
-def log(dip, seconds=16.0, dt=2e-3, seed=1):
-    """Torque and motion of a drive with Coulomb friction and a Stribeck dip of ``dip`` N m."""
-    rng = np.random.default_rng(seed)
-    t, inner = np.arange(0.0, seconds, dt), 20
-    w, theta, rows = 0.0, 0.0, []
-    for now in t:
-        goal = 1.2 * np.sin(2 * np.pi * 0.4 * now) + 0.5 * np.sin(2 * np.pi * 0.13 * now)
-        u = 0.3 * (goal - w) + 0.25 * np.tanh(5.0 * goal)
-        rows.append((now, u, w, theta))
-        for _ in range(inner):
-            level = 0.2 + dip * np.exp(-((w / 0.25) ** 2))
-            pushed = w + dt / inner * (u - 0.03 * w) / 0.004
-            w = np.sign(pushed) * max(abs(pushed) - dt / inner * level / 0.004, 0.0)
-            theta += dt / inner * w
-    t, u, w, theta = np.array(rows).T
-    return {"t": t, "u": u, "w": w + 1e-3 * rng.standard_normal(len(t)), "theta": theta}
 
 
 @pytest.fixture(scope="module")
 def plain_drive():
-    return log(dip=0.0)
+    return small_answers.log(speed=True)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +31,10 @@ def test_the_simplest_law_that_predicts_as_well_is_chosen(compared):
 
 
 def test_a_dip_that_the_record_shows_is_kept():
-    found = lg.compare_laws(log(dip=0.1), {}, ["coulomb", "stribeck"])
+    dip = small_answers.log(
+        16.0, 2e-3, load=lambda theta, w: 0.1 * np.sign(w) * np.exp(-((w / 0.8) ** 2))
+    )
+    found = lg.compare_laws(dip, {}, ["coulomb", "stribeck"])
     assert found.chosen == "stribeck"
     assert found["coulomb"].elpd < -1000.0
 
@@ -78,7 +65,9 @@ def test_the_command_chooses_a_law_and_says_so(plain_drive, tmp_path, capsys, mo
 
     monkeypatch.setattr(laws, "law_names", lambda given: LAWS[:2])
     table = np.column_stack(list(plain_drive.values()))
-    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t,u,w,theta", comments="")
+    np.savetxt(
+        tmp_path / "run.csv", table, delimiter=",", header=",".join(plain_drive), comments=""
+    )
     (tmp_path / "my.toml").write_text('[friction]\nmodel = "lugre"\n')
     asked = ["identify", str(tmp_path / "run.csv"), "--model", str(tmp_path / "my.toml")]
     assert main([*asked, "--law", "auto", "--out", str(tmp_path / "out"), "--json"]) == 0

@@ -12,7 +12,7 @@ from tests.drives import make
 
 from ..cases.common import model_of, record_of
 
-RATE, N = 500.0, 5000
+RATE, N = 500.0, 4000
 T = np.arange(N) / RATE
 
 
@@ -52,14 +52,6 @@ def shifted(x, k):
                            np.full(max(-k, 0), x[-1])])  # fmt: skip
 
 
-def driven(speed, J=0.01, Fc=0.2, Fv=0.05, seed=0):
-    """The torque that a speed takes, with noise on both."""
-    rng = np.random.default_rng(seed)
-    u = J * np.append(np.diff(speed), 0.0) * RATE + Fc * np.tanh(speed / 1e-3) + Fv * speed
-    w = speed + 1e-3 * rng.standard_normal(len(speed))
-    return Record(T, u + 1e-3 * rng.standard_normal(len(speed)), w, dt=1 / RATE)
-
-
 @pytest.mark.slow
 @pytest.mark.sample
 def test_the_torque_of_another_run_explains_nothing(plain, model):
@@ -69,13 +61,6 @@ def test_the_torque_of_another_run_explains_nothing(plain, model):
     noise = np.random.default_rng(1).standard_normal(N)
     found = diagnose(replace(plain, u=noise), model)
     assert found.verdict in ("refused", "unexplained") and not found.effects
-
-
-def test_an_inertia_far_too_large_is_said(plain, model):
-    factor = 3.6
-    found = diagnose(plain, replace(model, J=model.J * factor))
-    assert found.verdict == "adequate" and not found.effects
-    assert f"declared {factor * model.J:.6g} kg" in " ".join(found.messages)
 
 
 def test_an_early_torque_is_a_delay(plain, model):
@@ -131,8 +116,3 @@ def test_the_fit_takes_a_late_torque_earlier(case, plain, model):
     assert d.verdict == "adequate" and "comes 50 ms late" in " ".join(d.messages)
     assert d.model.J == pytest.approx(case.truth["plant"]["J"], rel=1e-3)
     assert d.error["refitted"] < 10.0 * d.error["noise_floor"]
-
-
-def test_a_negative_inertia_is_refused(rotary):
-    said = refused(driven(2.0 * np.sin(3 * T) + np.sin(11 * T), J=-0.02), rotary)
-    assert "contradicts the declared inertia" in said

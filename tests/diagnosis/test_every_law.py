@@ -55,7 +55,7 @@ def test_its_values_lie_in_their_intervals(law):
 @pytest.fixture(scope="module")
 def dry():
     """J 0.002, Coulomb friction of 0.3 N m, viscous of 0.02."""
-    t = np.arange(0.0, 12.0, DT)
+    t = np.arange(0.0, 8.0, DT)
     w = 8.0 * np.sin(0.8 * np.pi * t) + 3.0 * np.sin(2.2 * np.pi * t + 1.0)
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
     u = 0.002 * np.gradient(w, DT) + 0.3 * np.tanh(w / 0.02) + 0.02 * w + noise

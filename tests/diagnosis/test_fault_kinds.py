@@ -16,14 +16,6 @@ from ..cases.faulty_logs import COUNT, DT, columns, late, put, with_w, write
 TRUE = {"J": J, "Fc": FC, "Fv": FV}
 
 
-def added(role, row, value):
-    def change(log):
-        log[role][row] += value
-        return log
-
-    return change
-
-
 def held(every, *roles):
     """Values renewed every few rows only."""
 
@@ -36,11 +28,6 @@ def held(every, *roles):
 
 def frozen(log):
     log["theta"][1800:1900] = log["theta"][1800]
-    return log
-
-
-def without_numbers(log):
-    log["theta"][2200:2247] = np.nan
     return log
 
 
@@ -91,10 +78,6 @@ def no_answer(log):
     return log | {"d": np.zeros(len(log["t"]))}
 
 
-def not_filled(log):
-    return {k: np.r_[x, np.zeros(250)] for k, x in log.items()}
-
-
 def enabled_late(log):
     """Zeros in u and theta for 2 s, before the drive moves from 1.3 rad on."""
     rest = np.zeros(1000)
@@ -131,31 +114,21 @@ def typed_over(log):
 
 KINDS = {
     "a torque far off": (put("u", 3021, 5.0), "u at line 3023 is 5 N m"),
-    "1e30 in the position": (put("theta", 1500, 1e30), "theta at line 1502 is 1e+30 rad"),
     "the largest float": (put("u", 77, sys.float_info.max), "u at line 79 is 1.79769e+308 N m"),
-    "a code in the position": (put("theta", 2600, -9999.0), "theta at line 2602 is -9999 rad"),
-    "a position a turn off": (added("theta", 1201, -2 * np.pi), "theta at line 1203 is "),
     "a row without a time": (put("t", 1998, 0.0), "t at line 2000 is 0 s"),
     "a position that stands still": (frozen, "theta stands at"),
     "all renewed every third row": (held(3, "u", "theta"), "renewed only every 6 ms"),
-    "torque renewed every third row": (held(3, "u"), "u is renewed only every 6 ms"),
     "a torque reported late": (late(7), None),
-    "a position without numbers": (without_numbers, "no number in 47 rows from line 2202 on"),
     "two runs pasted together": (pasted, "at line 2752, which is no motion"),
     "a timer that wraps": (timer, "t wraps by 16.777216 s at line 1502"),
     "a torque register that wraps": (wrapped, "u wraps by 1.024 N m"),
     "a torque register at its end": (register, "u stays at the end of its register, 0.42 N m"),
     "zeros where no answer came": (no_answer, "u is exactly 0 N m in "),
-    "a buffer that was not filled": (
-        not_filled,
-        "All columns are 0 in 250 rows, first at line 4502",
-    ),
     "a drive that is enabled late": (enabled_late, "theta stands at 0 rad for 1000 rows"),
     "times of day past midnight": (past_midnight, None),
     "stamps of a host": (polled, "t jitters by up to"),
     "a cell typed over by hand": (typed_over, "line 702, column 'u' was typed over"),
     "a speed with an offset": (with_w(lambda w: w + 0.3), None),
-    "a slower speed": (with_w(lambda w: w[np.arange(len(w)) // 8 * 8]), "w is renewed only every"),
     "a late speed": (with_w(lambda w: np.r_[w[:1].repeat(4), w[:-4]]), None),
 }
 
@@ -240,17 +213,13 @@ def test_a_note_on_one_of_several_logs_names_it(tmp_path):
 # What is noticed is said once, truly, and names what was left out.
 
 
-@pytest.mark.parametrize(
-    "change",
-    [late(9), with_w(lambda w: np.r_[w[:1].repeat(4), w[:-4]]), put("theta", 900, 1e30)],
-)
-def test_no_sentence_of_the_json_comes_twice(tmp_path, capsys, change):
-    path = write(tmp_path, change(columns()))
+def test_no_sentence_of_the_json_comes_twice(tmp_path, capsys):
+    path = write(tmp_path, with_w(lambda w: np.r_[w[:1].repeat(4), w[:-4]])(columns()))
     (tmp_path / "m.toml").write_text('name = "drive"\n[plant]\n[friction]\nmodel = "coulomb"\n')
     main(["identify", str(path), "--model", str(tmp_path / "m.toml"), "--json"])
     messages = json.loads(capsys.readouterr().out)["messages"]
     assert len(set(messages)) == len(messages)
-    assert sum("behind dtheta/dt" in m or "lags theta" in m for m in messages) <= 1
+    assert sum("behind dtheta/dt" in m or "lags theta" in m for m in messages) == 1
     assert not any("steps of the sensor" in m for m in messages)
 
 

@@ -32,24 +32,15 @@ def arm(seconds: float = 8.0, dt: float = 1e-3, fine: int = 20) -> dict[str, np.
     return {"t": log[:, 0], "u": log[:, 1], "theta": np.round(log[:, 2] / count) * count}
 
 
-@pytest.fixture(scope="module")
-def found() -> lg.Diagnosis:
-    return lg.diagnose(arm(), {"motion": "rotary", "friction": "lugre"})
-
-
 @pytest.mark.slow
 @pytest.mark.sample
-def test_gravity_over_a_part_of_a_turn_leaves_the_fit_its_values(found) -> None:
+def test_gravity_over_a_part_of_a_turn_leaves_the_fit_its_values():
     """Without gravity nothing fits; the noise of that fit must not judge the one with it."""
+    found = lg.diagnose(arm(), {"motion": "rotary", "friction": "lugre"})
     assert found.verdict == "found" and [e.name for e in found.effects] == ["gravity"]
     assert not any("failed" in said for said in found.messages)
     for key, true in {"J": J, "Fc": FC, "Fv": FV, "Fs": FS}.items():
         assert found.estimates[key].value == pytest.approx(true, rel=0.03), key
         assert found.estimates[key].ci95 is not None
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_errors_are_those_of_the_model_that_is_right(found) -> None:
     assert found.torque_error["augmented"] < 0.02 * found.torque_error["refitted"]
     assert found.error["augmented"] < 0.02 * found.error["refitted"]

@@ -40,7 +40,7 @@ def noisy(theta):
 def test_the_noise_of_the_torque_is_what_a_right_model_leaves(seen):
     """With an effect that the declared model does not contain."""
     dt = 2e-3
-    u = torque(10.0, dt, seed=3)
+    u = torque(7.0, dt, seed=3)
     theta, _ = simulate(u, dt, load=lambda theta, w: 0.03 * np.sin(6.0 * theta))
     log = {"t": dt * np.arange(len(u)), "u": u, "theta": seen(theta)}
     found = diagnose(log, Model.of(J=0.004, Fc=FC, Fv=0.006))

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import pickle
-from importlib import resources
 
 import numpy as np
 import pytest
@@ -30,12 +27,6 @@ RADIANS = {"theta": "rad", "w": "rad/s"}
 
 def weight(theta, w):
     return 0.03 * math.sin(theta + 0.3)
-
-
-def bumps(theta, w):
-    """Two bumps in a turn, which no effect of the catalogue has."""
-    return sum(0.05 * math.exp(-((math.remainder(theta - at, math.tau) / 0.25) ** 2))
-               for at in (0.7, 2.1))  # fmt: skip
 
 
 def cogged(seconds=14.0, dt=1e-3, J=0.0015, parts=5):
@@ -88,14 +79,6 @@ def test_an_effect_is_named_with_values_to_start_a_fit_from(weighed):
     assert not weighed.comparison.detectable
 
 
-def test_the_table_says_how_much_better_each_explanation_is(weighed):
-    declared, *rows = weighed.comparison.rows
-    assert (declared.model, declared.elpd) == ("declared", 0.0)
-    gains = [row.elpd for row in rows]
-    assert gains == sorted(gains, reverse=True) and rows[0].model in ("gravity", "unknown(theta)")
-    assert len({row.model for row in rows}) == len(rows) and all(row.se >= 0.0 for row in rows)
-
-
 def test_the_budget_says_where_the_torque_goes(weighed):
     shares = {one.term: one for one in weighed.comparison.budget}
     assert shares["gravity"].rms == pytest.approx(0.03 / math.sqrt(2), rel=0.25)
@@ -110,23 +93,11 @@ def test_windows_do_not_average_away_what_is_missing_where_no_inertia_is_declare
     assert effect.parameters["amplitude"].value == pytest.approx(0.05, rel=0.05)
 
 
-@pytest.mark.slow
-@pytest.mark.sample
-def test_a_torque_that_no_effect_has_is_unexplained_and_its_signals_are_said():
-    found = said_of(bumps, 16.0)
-    assert found.verdict == "unexplained" and "theta" in found.depends_on
-    shares = {one.term: one.rms for one in found.comparison.budget}
-    hidden = np.sqrt(np.mean([bumps(x, 0.0) ** 2 for x in np.linspace(0.0, math.tau, 400)]))
-    assert shares["unknown torque"] == pytest.approx(hidden, rel=0.5)
-    assert shares["noise"] <= shares["left"]
-    assert found.effects == ()
-
-
 def runs(load, offset):
     """Two runs of the drive, the second with an offset of its torque."""
     made = []
     for seed, more in ((0, 0.0), (1, offset)):
-        u = torque(12.0, DT, seed)
+        u = torque(8.0, DT, seed)
         theta, _ = simulate(u, DT, load=load)
         made.append({"t": np.arange(len(u)) * DT, "u": u + more, "theta": theta})
     return made
@@ -146,16 +117,6 @@ def test_an_effect_is_named_from_several_runs(diagnosed):
     assert low < effect.parameters["amplitude"].value < high
     assert diagnosed.error["augmented"] < 0.3 * diagnosed.error["refitted"]
     assert diagnosed.depends_on == ("theta",)
-
-
-def test_a_diagnosis_with_its_comparison_pickles_and_is_what_the_schema_says(diagnosed):
-    jsonschema = pytest.importorskip("jsonschema")
-    text = (resources.files("lugrectl") / "report" / "report.schema.json").read_text("utf-8")
-    document = json.loads(diagnosed.to_json())
-    jsonschema.Draft202012Validator(json.loads(text)).validate(document)
-    assert [row["model"] for row in document["comparison"]][0] == "declared"
-    assert document["detectable"] is None and document["budget"]
-    assert pickle.loads(pickle.dumps(diagnosed)).comparison == diagnosed.comparison
 
 
 def test_an_offset_of_the_torque_of_one_run_is_no_missing_effect():

@@ -70,7 +70,7 @@ def test_runs_that_turn_back_are_not_sums():
 @pytest.fixture(scope="module")
 def spindle():
     """A drive with a drag that the declared model has not, faster and slower, never back."""
-    J, Fc, Fv, drag, t = 0.012, 0.25, 0.03, 0.0012, np.arange(0.0, 20.0, DT)
+    J, Fc, Fv, drag, t = 0.012, 0.25, 0.03, 0.0012, np.arange(0.0, 12.0, DT)
     want = 13.5 + 10.0 * np.sin(0.7 * t + 1.0) * np.cos(0.23 * t) + np.sin(11.0 * t)
     rate = np.gradient(want, DT)
     u = J * rate + Fc + Fv * want + drag * want**2

@@ -38,8 +38,8 @@ TRUE = {
 
 
 def log(model):
-    """10 s of the drive under a held torque, with the noise of its sensors."""
-    t = DT / FINE * np.arange(round(10.0 / DT) * FINE)
+    """8 s of the drive under a held torque, with the noise of its sensors."""
+    t = DT / FINE * np.arange(round(8.0 / DT) * FINE)
     at, rng = t[::FINE], np.random.default_rng(0)
     u = 0.45 * np.sin(4.4 * at) + 0.35 * np.sin(14.5 * at + 1.0) + 0.2 * np.sin(1.1 * at)
     moved = lg.simulate(lg.plant(model), t, {"u": np.repeat(u, FINE)}, hold=True).outputs
@@ -52,6 +52,7 @@ def log(model):
 ALIKE = {  # identified on the way of another that always runs
     *("constant_torque", "torque_ripple", "coulomb_asymmetry", "quadratic_drag", "actuator_lag"),
     *("torque_constant_ripple", "encoder_eccentricity", "friction_step", "actuator_dead_zone"),
+    *("position_dependent_friction", "return_spring"),
 }
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 

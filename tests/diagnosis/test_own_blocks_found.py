@@ -43,11 +43,10 @@ def test_an_own_effect_is_found_whether_or_not_its_span_is_true(more):
     assert values["phase"] == pytest.approx(0.8, abs=0.1)
 
 
-@pytest.mark.cases
-@pytest.mark.parametrize("slow, size", [(0.25, 0.03), (1.0, 0.06)])
-def test_a_torque_that_hides_the_inertia_is_found_with_it(slow, size):
+def test_a_torque_that_hides_the_inertia_is_found_with_it():
     """The plain balance does not know of the torque; with it, the inertia is certain."""
     detent_of()
+    slow, size = 0.25, 0.03
     dt, chance = 2e-3, np.random.default_rng(1)
     steps = np.repeat(chance.uniform(-6.0, 6.0, 20), 250)
     w = slow * np.convolve(steps, np.hanning(200) / np.hanning(200).sum(), "same")

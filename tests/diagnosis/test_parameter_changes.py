@@ -66,12 +66,6 @@ def test_a_note_on_moved_values_says_the_values_of_the_table():
 
 def test_a_torque_in_another_unit_is_no_load():
     """All of u a thousand times too large: inertia and friction grow alike."""
-    t = 2e-3 * np.arange(6000)
-    theta = 0.8 * np.sin(1.4 * np.pi * t) + 0.3 * np.sin(4.2 * np.pi * t + 1)
-    w = np.gradient(theta, t)
-    u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 5e-3) + 0.02 * w
-    u += 0.005 * np.random.default_rng(0).standard_normal(len(t))
-    model = lg.Model.of(J=0.002, friction="coulomb", Fc=0.3, Fv=0.02)
-    found = lg.diagnose({"t": t, "u": 1e3 * u, "theta": theta}, model)
+    found = lg.diagnose(LOG | {"u": 1e3 * LOG["u"]}, small_answers.DRIVE)
     assert found.verdict == "adequate"
     assert any("the scale of u is wrong" in note for note in found.messages)

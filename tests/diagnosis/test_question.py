@@ -8,7 +8,9 @@ import pytest
 import lugrectl as lg
 from lugrectl.record import read_log
 
-J, FC = 0.0022, 0.22
+from ..cases import small_answers
+from ..cases.small_answers import FC, J
+
 READING = {
     "columns": {"t": "stamp", "u": "moment", "theta": "place"},
     "units": {"t": "ms", "theta": "deg"},
@@ -18,17 +20,9 @@ READING = {
 
 def table(offset=0.0):
     """A drive in a table with names, units and a factor of its own."""
-    t = 2e-3 * np.arange(4000)
-    theta = offset - np.cos(3.0 * t) - 1.5 / 7.3 * np.cos(7.3 * t + 1.0)
-    middle = t + 1e-3
-    w = 3.0 * np.sin(3.0 * middle) + 1.5 * np.sin(7.3 * middle + 1.0)
-    a = 9.0 * np.cos(3.0 * middle) + 10.95 * np.cos(7.3 * middle + 1.0)
-    noise = np.random.default_rng(1).normal(0.0, 2e-5, len(t))
-    return {
-        "stamp": 1e3 * t,
-        "moment": 2.0 * (J * a + FC * np.sign(w) + 0.012 * w),
-        "place": np.rad2deg(theta + noise),
-    }
+    made = small_answers.log()
+    place = np.rad2deg(made["theta"] + offset)
+    return {"stamp": 1e3 * made["t"], "moment": 2.0 * made["u"], "place": place}
 
 
 def coulomb():
@@ -52,7 +46,7 @@ def test_diagnose_reads_runs_and_what_is_held_out_alike():
 def test_the_balance_takes_a_rate_in_place_of_stamps():
     log = {k: x for k, x in table().items() if k != "stamp"}
     how = {"columns": "u=moment,theta=place", "units": "theta=deg", "scale": "u=0.5"}
-    found = lg.balance(log, rate=500.0, **how)
+    found = lg.balance(log, rate=200.0, **how)
     assert found.parameters["J"].value == pytest.approx(J, rel=0.02)
 
 

@@ -7,8 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from ..drives import sample
-from ..scores.rig import STRENGTHS, write
+from ..cases import small_answers
 
 J, FV, VS = 0.012, 0.03, 0.05  # kg m2, N m s/rad, rad/s
 
@@ -84,11 +83,10 @@ def test_the_joint_distribution_is_that_of_the_intervals(noisy):
     assert np.std(drawn) == pytest.approx((high - low) / 3.92, rel=0.1)
 
 
-def test_a_spring_is_found_beside_a_declared_constant_torque(tmp_path):
+def test_a_spring_is_found_beside_a_declared_constant_torque():
     """Where the spring rests the log cannot tell: a constant torque does the same."""
-    drawn = sample("return_spring", 234000, hard=False, strength=STRENGTHS["normal"])
-    (path,), model = write(drawn, tmp_path)
-    (effect,) = lg.diagnose(path, model).effects
+    log = small_answers.log(load=lambda theta, w: 0.05 + 0.02 * (theta - 0.4))
+    drive = small_answers.DRIVE.with_effect("constant_torque", {"torque": 0.055})
+    (effect,) = lg.diagnose(log, drive).effects
     assert effect.name == "return_spring"
-    stiffness = drawn.truth["parameters"]["stiffness"]
-    assert effect.parameters["stiffness"].value == pytest.approx(stiffness, rel=0.01)
+    assert effect.parameters["stiffness"].value == pytest.approx(0.02, rel=0.02)

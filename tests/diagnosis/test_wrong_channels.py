@@ -39,10 +39,9 @@ def exchanged(**columns):
     return {"t": made["t"]} | {role: made[name] for role, name in columns.items()}
 
 
-@pytest.mark.parametrize("beside", [{}, {"w": "w"}])
-def test_torque_and_angle_exchanged_are_said_to_be(beside):
+def test_torque_and_angle_exchanged_are_said_to_be():
     known = {"J": 0.002, "friction": "coulomb", "Fc": 0.2, "Fv": 0.02}
-    found = lg.diagnose(exchanged(u="theta", theta="u", **beside), known)
+    found = lg.diagnose(exchanged(u="theta", theta="u", w="w"), known)
     assert found.verdict == "refused" and found.reason.startswith(SWAPPED.format("theta"))
     assert 'columns="u=NAME,theta=NAME"' in found.reason
     assert not any("u has the wrong sign" in m for m in found.messages)
@@ -95,9 +94,7 @@ def test_runs_of_one_drive_agree(runs):
     "factors, said",
     [
         ({"u": -1.0}, 'u has the opposite sign of the other runs: give scale="u=-1"'),
-        ({"u": 1e3}, 'u is 1000 times that of the other runs: give units="u=mN m"'),
         ({"theta": 180 / np.pi}, "theta is 57.3 times that of the other runs"),
-        ({"theta": 0.5 / np.pi}, 'give units="theta=turn"'),
         ({"t": 1e3}, 'give units="t=ms"'),
     ],
 )

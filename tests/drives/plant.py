@@ -22,8 +22,7 @@ EFFECTS = (
     "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
     "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
     "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load "
-    "hardening_spring one_way_patch torque_dropouts sticky_torque "
-    "field_weakening mesh_loss governor imperfections"
+    "imperfections"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -34,13 +33,11 @@ ELASTIC, BACKLASH, INERTIA_STEP, FRICTION_STEP, PERIODIC = range(16, 21)
 SENSOR_LAG, ECCENTRIC = range(21, 23)
 KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
 BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
-VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING = range(32, 38)
-HARDENING, ONE_WAY, DROPOUTS, STICKY = range(38, 42)
-WEAKENING, MESH, GOVERNOR, IMPERFECT = range(42, 46)
+VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING, IMPERFECT = range(32, 39)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
-# at rest, accelerations, torque behind its play, then the springs of the cable
-TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, PLAY, SLIDER = range(13)
+# at rest, accelerations, then the springs of the cable
+TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, SLIDER = range(12)
 SLIDERS, ELEMENTS = 4, 6
 ELEMENT = SLIDER + SLIDERS  # torques of the Maxwell elements
 STATES = ELEMENT + ELEMENTS
@@ -104,15 +101,6 @@ def wandering(t, row):
     for i in range(4):
         total += math.sin(2.0 * math.pi * row[1 + 2 * i] * t + row[2 + 2 * i])
     return 1.0 + row[0] * total / 2.0
-
-
-@compiled
-def within(t, row):
-    """row: what is lost, length, count, then times: the loss at this time."""
-    for i in range(int(row[2])):
-        if 0.0 < t - row[3 + i] < row[1]:
-            return row[0]
-    return 0.0
 
 
 @compiled
@@ -187,8 +175,6 @@ def resisting(t, theta, w, on, p):
         r += p[CUBIC, 0] * w * w * w
     if on[PUMPING]:
         r += stroke(t, p[PUMPING])
-    if on[HARDENING]:
-        r += p[HARDENING, 0] * (theta - p[HARDENING, 1]) ** 3
     if on[IMPERFECT]:  # row: ripple, order, phase, unbalance, phase, asymmetry, warming, its time
         r += p[IMPERFECT, 0] * math.sin(p[IMPERFECT, 1] * theta + p[IMPERFECT, 2])
         r += p[IMPERFECT, 3] * math.sin(theta + p[IMPERFECT, 4])
@@ -196,7 +182,7 @@ def resisting(t, theta, w, on, p):
 
 
 @compiled
-def friction_level(t, theta, w, torque, rest, m, on, p):
+def friction_level(t, theta, w, rest, m, on, p):
     """h(w) with the hidden effects, and the viscous coefficient."""
     g, gv, fs = 1.0, 1.0, m[FS]
     if on[POSITION_FRICTION]:
@@ -213,8 +199,6 @@ def friction_level(t, theta, w, torque, rest, m, on, p):
         g *= 1.0 + p[FRICTION_STEP, 0]
     if on[PATCH]:
         g *= patch(theta, p[PATCH])
-    if on[ONE_WAY] and w * p[ONE_WAY, 4] > 0.0:
-        g *= patch(theta, p[ONE_WAY])
     if on[WANDERING]:
         g *= wandering(t, p[WANDERING])
     if on[IMPERFECT]:
@@ -225,8 +209,6 @@ def friction_level(t, theta, w, torque, rest, m, on, p):
     level = g * stribeck(w, m[FC], fs, m[VS], m[DELTA])
     if on[LOAD_FRICTION]:
         level += p[LOAD_FRICTION, 0] * abs(load_torque(theta, m))
-    if on[MESH]:
-        level += p[MESH, 0] * abs(torque)
     return level, gv * m[FV]
 
 
@@ -300,10 +282,6 @@ def actuator(t, u, theta, w, x, h, on, p):
     gain = 1.0
     if on[FADING]:
         gain -= p[FADING, 0] * (1.0 - math.exp(-t / p[FADING, 1]))
-    if on[DROPOUTS]:
-        gain -= within(t, p[DROPOUTS])
-    if on[WEAKENING]:
-        gain -= p[WEAKENING, 0] * abs(w)
     if on[KT_RIPPLE]:
         gain += p[KT_RIPPLE, 0] * math.sin(p[KT_RIPPLE, 1] * theta + p[KT_RIPPLE, 2])
     if on[DEAD_ZONE]:
@@ -313,8 +291,6 @@ def actuator(t, u, theta, w, x, h, on, p):
     if on[VOLTAGE]:  # what the supply leaves beyond the back-EMF
         back = p[VOLTAGE, 1] * w
         u = min(max(u, -p[VOLTAGE, 0] - back), p[VOLTAGE, 0] - back)
-    if on[STICKY]:
-        u = x[PLAY] = min(max(x[PLAY], u - p[STICKY, 0]), u + p[STICKY, 0])
     if on[DROOP]:
         u -= p[DROOP, 0] * u * abs(u)
     old = x[UA]
@@ -353,8 +329,6 @@ def inertia(t, theta, w, m, on, p):
     now, swing = m[J], 0.0
     if on[INERTIA_STEP] and t >= p[INERTIA_STEP, 1]:
         now *= 1.0 + p[INERTIA_STEP, 0]
-    if on[GOVERNOR]:  # d/dt of the momentum J (1 + c w^2) w
-        now *= 1.0 + 3.0 * p[GOVERNOR, 0] * w * w
     if on[POSE]:
         a, n, angle = p[POSE, 0], p[POSE, 1], p[POSE, 1] * theta + p[POSE, 2]
         swing = -0.5 * now * a * n * math.sin(angle) * w * w
@@ -387,7 +361,7 @@ def same_friction(m, on):
             return False
     if on[FRICTION_STEP] or on[SENSOR_LAG] or on[ECCENTRIC]:
         return False
-    if on[PATCH] or on[WANDERING] or on[ONE_WAY] or on[MESH]:
+    if on[PATCH] or on[WANDERING]:
         return False
     if on[IMPERFECT] or m[LAW] != LUGRE or m[POWER] != 1.0:
         return False
@@ -401,7 +375,7 @@ def step(t, h, command, delayed, same, x, m, on, p):
     theta = x[TH] + 0.5 * h * x[W]
     torque = actuator(t, delayed, theta, w, x, h, on, p)
     t += 0.5 * h
-    level, fv = friction_level(t, theta, w, torque, x[REST], m, on, p)
+    level, fv = friction_level(t, theta, w, x[REST], m, on, p)
     viscous = fv * w if m[POWER] == 1.0 else fv * sign(w) * abs(w) ** m[POWER]
     x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0  # presliding counts as rest
     j_now, swing = inertia(t, theta, w, m, on, p)

@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -10,9 +9,7 @@ import lugrectl as lg
 from lugrectl.blocks.block import members
 from lugrectl.record import read_log
 
-from ..cases.logs import machine
 from ..real.__main__ import ask
-from ..real.held_out import SPLITS, Filter, Run, motion_of, residual, rms
 from ..real.row import VERDICTS, Row, Source, score, value, way, wrong_values
 from ..real.rows import all_rows
 from ..scores.judges import values_of
@@ -55,16 +52,8 @@ def test_every_row_asks_for_verdicts_and_effects_that_there_are():
 
 
 @measured
-def test_every_file_of_the_rows_and_of_the_held_out_part_is_there():
+def test_every_file_of_the_rows_is_there():
     assert not [f for row in all_rows() for f in row.missing(DATA)]
-    assert not [f for split in SPLITS for f in split.files() if not (DATA / f).is_file()]
-
-
-def test_no_run_is_both_fitted_and_judged():
-    for split in SPLITS:
-        for cut in split.cuts:
-            assert cut.train and cut.unseen
-            assert not {s.file for s in cut.train} & {s.file for s in cut.unseen}, split.name
 
 
 def test_a_right_answer_needs_verdict_names_values_and_residual():
@@ -125,39 +114,6 @@ def test_a_judge_that_fails_or_hangs_costs_its_own_row_only():
     failed = ask(row, Path(), "time:sleep")
     assert failed.verdict == "crash" and "TypeError" in failed.reason
     assert ask(row, Path(), "time:sleep", limit=0.001).verdict == "timeout"
-
-
-def coulomb(**changes):
-    values = {"J": 2e-3, "Fc": 0.2, "Fv": 0.02, **changes}
-    return lg.Model.of(friction="coulomb", **values)
-
-
-@pytest.fixture(scope="module")
-def run():
-    log = machine()
-    motion = motion_of(log, Filter(1e-3, 20.0, 2.0))
-    return Run(SimpleNamespace(t=log["t"]), motion)
-
-
-def share(model, run):
-    left = residual(model, run)[run.motion.use]
-    return rms(left) / rms(run.motion.u[run.motion.use])
-
-
-def test_the_true_model_leaves_nothing_along_the_motion(run):
-    assert share(coulomb(), run) < 0.03
-    assert share(coulomb(Fc=0.1), run) > 0.15
-
-
-def test_states_of_effects_follow_the_motion(run):
-    load = {"name": "elastic_coupling", "load_inertia": 1e-3, "stiffness": 20.0, "damping": 0.02}
-    stiff = coulomb(J=1e-3, effects=[load])  # well below its resonance, a part of the inertia
-    assert share(stiff, run) < 0.05
-
-
-def test_a_declared_delay_shifts_the_torque(run):
-    late = coulomb(effects=[{"name": "input_delay", "delay": 0.02}])
-    assert share(late, run) > 2 * share(coulomb(), run)
 
 
 @measured

@@ -10,12 +10,12 @@ from ..fuzz.files import CYCLE
 
 CHILD = ("hdf", "parquet")  # read in a process of its own, which takes half a second
 KINDS = [(n, CYCLE[n % len(CYCLE)]) for n in range(300)]
-QUICK = [n for n, kind in KINDS if kind not in CHILD][:88]
-QUICK += [n for n, kind in KINDS if kind in CHILD][:4]
+QUICK = [n for n, kind in KINDS if kind not in CHILD][:40]
+QUICK += [n for n, kind in KINDS if kind in CHILD][:2]
 QUICK += [1068, 1098]  # a damaged column holds numbers of 1e-300 and 1e23
 
 
-SOME = [QUICK[part::4] for part in range(4)]
+SOME = [QUICK[part::2] for part in range(2)]
 ALL = [pytest.param(range(n, n + 250), marks=pytest.mark.slow) for n in range(0, 2000, 250)]
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
 
@@ -12,37 +10,42 @@ from lugrectl.record import read_log
 from lugrectl.record.samples.needed_torque import needed
 from lugrectl.record.samples.usable import usable
 
-from ..drives.bench import draw
-
-DIFFERENCE = {"rate": 1000.0, "speed": "difference", "window": 10}
+from ..drives.bench import Drive, kept, ramps, speed_loop
 
 
-@cache
-def plain(kind, seed, **sensing):
-    """The plain answer of a drawn bench test, and what was said of rows left out."""
-    drawn = draw(seed, kind, **sensing)
-    found = lg.balance([dict(run) for run in (drawn.record, *drawn.more)])
-    return drawn, found, [s for s in (*found.reading, *found.notes) if "left out" in s]
+def left_out(found):
+    """What was said of torques that were left out."""
+    return [x for x in (*found.reading, *found.notes) if x.startswith("u ") and "left out" in x]
 
 
-@pytest.mark.parametrize("seed", [3, 6])
-def test_rests_without_torque_and_peaks_at_breakaway_stay(seed):
+def test_rests_without_torque_and_peaks_at_breakaway_stay():
     """The balance knows ramps and coasts of some rows only: it extrapolates to the others."""
-    _, _, said = plain("breakaway_ramps", seed)
-    assert not [s for s in said if s.startswith("u ")]
+    drive = Drive(counts=16384)
+    log = drive.run(ramps(0.08, 0.04, 250, drive.dt), 8000)
+    assert not left_out(lg.balance(kept(log, "theta")))
 
 
-def test_the_torque_of_a_reversal_stays_and_shows_the_inertia():
-    drawn, found, said = plain("slow_scan", 5, **DIFFERENCE)
-    assert not [s for s in said if s.startswith("u ")]
+@pytest.fixture(scope="module")
+def scan():
+    """Slow turns both ways; w is a difference over 10 ms, late by half of that."""
+    drive, V = Drive(vs=0.5, dt=1e-3, counts=65536, cogging=0.02), np.full(4500, 1.6)
+    way = np.r_[np.zeros(500), V, np.zeros(500), -V, np.zeros(500)]
+    log = drive.run(speed_loop(way, drive.J, dt=drive.dt), len(way))
+    theta = log["theta"]
+    log["w"] = (theta - np.r_[np.full(10, theta[0]), theta[:-10]]) / (10 * drive.dt)
+    return drive, lg.balance(log)
+
+
+def test_the_torque_of_a_reversal_stays_and_shows_the_inertia(scan):
+    drive, found = scan
+    assert not left_out(found)
     J = found.parameters.get("J") or found.uncertain.get("J")
-    assert J is None or J.may_be(drawn.model["plant"]["J"])
+    assert J is None or J.may_be(drive.J)
 
 
-def test_a_lag_of_w_is_told_by_changes_of_speed():
-    """A difference over 10 ms, at a constant speed but for two reversals: late by half of that."""
-    _, found, _ = plain("slow_scan", 5, **DIFFERENCE)
-    assert found.parameters["w_lag"].value == pytest.approx(4.5e-3, abs=1e-3)
+def test_a_lag_of_w_is_told_by_changes_of_speed(scan):
+    """At a constant speed but for two reversals."""
+    assert scan[1].parameters["w_lag"].value == pytest.approx(4.5e-3, abs=1e-3)
 
 
 def test_a_speed_that_keeps_its_last_value_is_left_out_to_the_end_of_the_log():

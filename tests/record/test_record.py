@@ -111,7 +111,7 @@ def test_units_not_understood(text):
     assert parse_unit(text) is None
 
 
-@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_units_and_names_come_back(tmp_path, data):
     """Whatever units and names the columns carry, the SI values are those of the machine."""

@@ -54,7 +54,7 @@ def test_a_cogging_shows_over_the_angle_and_runs_are_parted():
 
 
 def test_the_command_draws_the_same(tmp_path, monkeypatch):
-    path, seen = csv(tmp_path), []
+    path, seen = csv(tmp_path, keep=slice(0, 900)), []
     monkeypatch.setattr(plt, "close", lambda figure: seen.append(titles(figure.axes)))
     assert main(["plot", str(path), "--out", str(tmp_path / "a.png")]) == 0
     assert titles(lg.read_record(path).plot()) == seen[0]

@@ -45,12 +45,6 @@ def all_named(line: Line) -> bool:
     return verdict(line) in ("found", "ambiguous") and set(line["names"]) <= set(named)
 
 
-def visible(line: Line) -> float:
-    """What a refit of the declared model leaves of the effects, over friction; inf if unknown."""
-    effects = (line.get("truth") or {}).get("effects", [])
-    return min((e["visible"] for e in effects if "visible" in e), default=float("inf"))
-
-
 def signals(line: Line) -> tuple[bool, bool]:
     """A stranger called unexplained: is the first signal named a true one; are all of them?"""
     if verdict(line) != "unexplained":
@@ -216,13 +210,6 @@ def text(lines: Sequence[Line]) -> str:
         for truth, own in _grouped(some, lambda x: " + ".join(x["names"]) or "none").items():
             calls = Counter(map(called, own)).most_common()
             parts.append(f"    {truth}: " + ", ".join(f"{what} {n}" for what, n in calls))
-    parts += ["", "by effect: named right, parameter error, cover, visible share"]
-    one = [x for x in kept if x["kind"] == "effect"]
-    parts += [_effect(*of) for of in _grouped(one, lambda x: x["names"][0]).items()]
-    parts += ["", "hard records called right"]
-    hard = [x for x in kept if (x.get("truth") or {}).get("hard")]
-    for kind, some in sorted(_grouped(hard, lambda x: x["truth"]["hard"]).items()):
-        parts.append(f"    {kind}: {counted(sum(map(is_right, some)), len(some))}")
     return "\n".join(parts)
 
 
@@ -231,13 +218,3 @@ def _grouped(lines: Sequence[Line], by: Callable) -> dict:
     for x in lines:
         groups.setdefault(by(x), []).append(x)
     return groups
-
-
-def _effect(name: str, some: Sequence[Line]) -> str:
-    every = [p for x in some for p in parameters(x) if not p.counted]
-    known = [p.covered for p in every if p.covered is not None]
-    return (
-        f"    {name}: {sum(map(credit, some)):g}/{len(some)}, "
-        f"{100.0 * median(p.error for p in every):.2g} %, {sum(known)}/{len(known)}, "
-        f"{median(map(visible, some)):.3f}"
-    )

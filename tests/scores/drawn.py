@@ -1,6 +1,6 @@
 """``python -m tests.scores.drawn --kind effect --seeds 100:140``: score a judge on drawn drives.
 
-``--judge balance`` asks for the plain answer alone; ``--damage KIND`` hurts each log before.
+``--judge balance`` asks for the plain answer alone.
 """
 
 from __future__ import annotations
@@ -11,14 +11,13 @@ import json
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..drives.damage import DAMAGES, damage
 from .judges import judge_named, timed
 from .points import false_names, points, table, value_summary, values
 from .question import Answer, Question
@@ -26,7 +25,6 @@ from .question import Answer, Question
 RESULTS = Path(__file__).parents[2] / "notebooks" / "results"
 GENERATORS = {
     "drives": "tests.drives.messy",
-    "bench": "tests.drives.bench",
     "steady": "tests.drives.steady",
     "held_out": "tests.held_out.questions",
 }
@@ -63,17 +61,9 @@ def drawer(generator: str) -> Callable[[int, str], Question]:
     return importlib.import_module(GENERATORS.get(generator, generator)).draw
 
 
-def judged(seed: int, kind: str, generator: str, judge: str, hurt: str | None = None) -> Row | None:
-    """Draw, judge and score one; a judge that fails has answered ``error``.
-
-    None where a damage does not apply.
-    """
+def judged(seed: int, kind: str, generator: str, judge: str) -> Row:
+    """Draw, judge and score one; a judge that fails has answered ``error``."""
     question = drawer(generator)(seed, kind)
-    if hurt:
-        try:
-            question = replace(question, record=damage(question.record, hurt, seed))
-        except ValueError:
-            return None
     logs = [(log, {}) for log in (question.record, *question.more)]
     try:
         with warnings.catch_warnings():
@@ -89,10 +79,10 @@ def rows(seeds: range, jobs: int, **what: Any) -> Iterator[Row]:
     """The judged records in the order of their seeds."""
     work = partial(judged, **what)
     if jobs < 2:
-        yield from filter(None, map(work, seeds))
+        yield from map(work, seeds)
         return
     with ProcessPoolExecutor(jobs) as pool:
-        yield from filter(None, pool.map(work, seeds))
+        yield from pool.map(work, seeds)
 
 
 def summary(found: Sequence[Row]) -> dict[str, Any]:
@@ -132,8 +122,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--kind", default="effect", help="one of the generator's")
     p.add_argument("--seeds", default="100:140", help="FIRST:LAST, LAST not included")
     p.add_argument("--generator", default="drives", help=f"{', '.join(GENERATORS)} or a module")
-    p.add_argument("--judge", default="lugrectl", help="lugrectl, balance, bench, MODULE:FN")
-    p.add_argument("--damage", choices=list(DAMAGES), dest="hurt", help="hurt each log so")
+    p.add_argument("--judge", default="lugrectl", help="lugrectl, balance, MODULE:FN")
     p.add_argument("--jobs", type=int, default=1)
     p.add_argument("--misses", action="store_true", help="print only what scores below 1")
     p.add_argument("--keep", metavar="COMMIT", help="keep the summary: messy.json, plain.json")
@@ -145,7 +134,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(argv)
     first, _, last = args.seeds.partition(":")
     seeds = range(int(first), int(last) if last else int(first) + 1)
-    what = {k: getattr(args, k) for k in ("kind", "generator", "judge", "hurt")}
+    what = {k: getattr(args, k) for k in ("kind", "generator", "judge")}
     found = []
     for row in rows(seeds, args.jobs, **what):
         found.append(row)

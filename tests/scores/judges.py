@@ -56,8 +56,8 @@ def _answer(pipe: Connection, work: Callable[..., Any], given: Sequence[Any]) ->
 
 
 def judge_named(name: str) -> Judge:
-    """The judge of a name: "lugrectl", "balance", "bench" or "MODULE:FUNCTION"."""
-    own = {"lugrectl": diagnosed, "balance": balanced, "bench": bench}
+    """The judge of a name: "lugrectl", "balance" or "MODULE:FUNCTION"."""
+    own = {"lugrectl": diagnosed, "balance": balanced}
     if name in own:
         import lugrectl
 
@@ -103,18 +103,6 @@ def balanced(logs: Logs, model: Mapping[str, Any]) -> Answer:
     plain = lg.balance(_read(*logs[0], model), {"friction": "lugre"})
     known = plain.summary()["parameters"]
     return Answer("plain", parameters=_triples(known), reason=" ".join(plain.said))
-
-
-def bench(logs: Logs, model: Mapping[str, Any]) -> Answer:
-    """What the package's plain answer says of the bench tests that it recognises."""
-    import lugrectl as lg
-
-    said = lg.balance([_read(*log, model) for log in logs], dict(model)).summary()
-    tests = said.get("bench_tests") or []
-    known = _triples(said["parameters"])
-    for test in tests:
-        known |= _triples(test["values"])
-    return Answer("plain", tuple(test["kind"] for test in tests), parameters=known)
 
 
 def answer_of(said: Any) -> Answer:

@@ -7,9 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ..drives import bench, messy
-from ..drives.damage import DAMAGES, damage
-from ..held_out import questions
+from ..drives import messy
 from . import drawn
 from .judges import of_document
 from .points import false_names, points, table, values
@@ -18,9 +16,8 @@ from .question import Answer, Question
 pytest.importorskip("numba")  # without it a drive takes a minute
 
 
-@pytest.mark.parametrize("generator, seed, kind", [(messy, 3, "effect"), (questions, 2, "none")])
-def test_a_seed_gives_the_same_question_each_time(generator, seed, kind):
-    one, two = generator.draw(seed, kind), generator.draw(seed, kind)
+def test_a_seed_gives_the_same_question_each_time():
+    one, two = messy.draw(3, "effect"), messy.draw(3, "effect")
     assert one.record.keys() == two.record.keys()
     for name, column in one.record.items():
         np.testing.assert_array_equal(column, two.record[name])
@@ -128,39 +125,17 @@ def shrug(logs, model) -> Answer:
     """A judge that finds nothing."""
     ((log, options),) = logs
     assert {"t", "u"} < log.keys() and not options and model["plant"]
-    return Answer("adequate", parameters={"J": (5.0, 0.0, 10.0)})
+    return Answer("adequate", parameters={"J": (5.0, 0.0, 1e4)})
 
 
 def test_the_bench_counts_points_and_coverage_and_keeps_them(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(drawn, "RESULTS", tmp_path)
-    asked = ["--kind", "none", "--seeds", "0:2", "--judge", f"{__name__}:shrug", "--keep", "abc"]
-    assert drawn.main(asked) == 0
+    asked = ["--generator", "held_out", "--kind", "none", "--seeds", "2:4"]
+    assert drawn.main([*asked, "--judge", f"{__name__}:shrug", "--keep", "abc"]) == 0
     said = capsys.readouterr().out
     assert "adequate" in said and "points" in said
     kept = (tmp_path / "messy.json").read_text()
-    assert '"points": 1.0' in kept and '"coverage_plain": 1.0' in kept and "none/drives/" in kept
-
-
-@pytest.mark.parametrize("kind", DAMAGES)
-def test_a_damage_changes_a_copy(kind):
-    t = np.arange(4000) / 200
-    rng = np.random.default_rng(1)
-    log = {"t": t, "u": rng.normal(size=4000), "theta": 9 * np.sin(t), "w": 9 * np.cos(t)}
-    before = {k: v.copy() for k, v in log.items()}
-    hurt, again = damage(log, kind, 5), damage(log, kind, 5)
-    assert all(np.array_equal(log[k], before[k]) for k in log)
-    assert all(np.array_equal(hurt[k], again[k], equal_nan=True) for k in log)
-    assert len({len(v) for v in hurt.values()}) == 1
-    assert not all(np.array_equal(hurt[k], log[k]) for k in log)
-
-
-@pytest.mark.parametrize("kind", bench.KINDS)
-def test_a_bench_test_is_drawn_alike_again_and_recognised(kind):
-    row, again = drawn.judged(5, kind, "bench", "bench"), bench.draw(5, kind)
-    one = row.question
-    assert one.values == again.values and len(one.more) == len(again.more)
-    assert all(np.array_equal(one.record[k], again.record[k]) for k in one.record)
-    assert kind in row.answer.effects
+    assert '"points": 1.0' in kept and '"coverage_plain": 1.0' in kept and "none/held_out/" in kept
 
 
 def test_a_friction_map_is_drawn_and_its_answer_scored():

@@ -103,14 +103,6 @@ def test_a_speed_with_gain_and_offset_is_noticed(log):
     assert inside(found.parameters["Fc"], FC)
 
 
-@pytest.mark.parametrize("w", [0.0, 7.0])
-def test_a_dead_speed_beside_a_position_is_left_out(log, w):
-    found = lg.balance(log_of(log["u"], DT, log["theta"], w=np.full(len(log["u"]), w)), MODEL)
-    assert found.parameters["J"].value == pytest.approx(J, rel=0.01)
-    assert "w does not follow d theta/dt: it is left out." in found.notes
-    assert not {"w_lag", "w_gain", "w_offset"} & found.parameters.keys()
-
-
 def test_torque_that_the_model_does_not_explain_is_said(log, plain):
     said = "stays that the declared model does not explain"
     u = log["u"] + 0.3 * FC * np.sin(5.0 * log["theta"])

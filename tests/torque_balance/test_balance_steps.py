@@ -91,9 +91,9 @@ def test_a_steady_run_is_one_point_of_a_map_however_it_starts():
 
 def test_what_the_steps_do_not_tell_has_no_value():
     """Exact motions from rest: no value has an interval of zero width."""
-    J, Fc, Fv, dt, runs = 0.004, 0.12, 0.006, 1e-3, []
+    J, Fc, Fv, dt, runs = 0.004, 0.12, 0.006, 2e-3, []
     for torque in (0.18, 0.26, 0.34):
-        t = dt * np.arange(3000)
+        t = dt * np.arange(1500)
         s, tau = np.maximum(t - 0.2, 0.0), J / Fv
         theta = (torque - Fc) / Fv * (s - tau * (1.0 - np.exp(-s / tau)))
         count = 2.0 * np.pi / 16384
@@ -109,17 +109,10 @@ def test_what_the_steps_do_not_tell_has_no_value():
     assert test.values["J"].value == pytest.approx(J, rel=0.03)
 
 
-@pytest.mark.parametrize(
-    "rows",
-    [
-        [33, 33, 26, 18, 18, 18, 18, 12, 18, 18, 18, 41, 33, 26, 18, 26, 18, 18, 18, 18],
-        [30, 18, 18, *np.random.default_rng(3).integers(26, 45, 58).tolist()],
-    ],
-    ids=["relay", "bang-bang"],
-)
-def test_a_torque_that_is_switched_at_irregular_times_is_answered(rows):
+def test_a_torque_that_is_switched_at_irregular_times_is_answered():
     """A cart under a force that changes its sign after each of so many rows: it has no beat."""
     J, Fc, dt = 6.5, 1.5, 1 / 150
+    rows = [33, 33, 26, 18, 18, 18, 18, 12, 18, 18, 18, 41, 33, 26, 18, 26, 18, 18, 18, 18]
     u = 10.0 * np.repeat((-1.0) ** np.arange(len(rows) + 1), [*rows, 40])
     v, x = np.zeros(len(u)), np.zeros(len(u))
     for i in range(1, len(u)):
