@@ -61,7 +61,7 @@ ABSENT: dict[str, Signal] = {
 
 
 @pytest.mark.parametrize("idle", ABSENT.values(), ids=ABSENT)
-@pytest.mark.parametrize("points", [2, 12, 120])
+@pytest.mark.parametrize("points", [2, 120])
 def test_a_function_at_zero_does_not_keep_others_from_being_met(idle: Signal, points: int) -> None:
     t = np.linspace(0.0, 5.5, points)
     exact = (18.0 - abs(np.sin(5.5 * W))) / W  # 17 quarters of a period, of 1/W each, and a part
@@ -144,7 +144,7 @@ def _piece(name: str, a: Any, b: Any, t: Any) -> Any:
     return made[name]()
 
 
-@settings(max_examples=30, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(
     st.lists(st.tuples(PIECES, st.integers(0, 2), st.integers(0, 2), NUMBERS), max_size=5),
     st.lists(NUMBERS, min_size=9, max_size=9),

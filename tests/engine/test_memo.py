@@ -54,11 +54,6 @@ def by_dictionary() -> Any:
     return lag(lambda: values["limit"]), lambda: values.update(limit=2.0)
 
 
-def by_update_function() -> Any:
-    system = lag(lambda: 1.0)
-    return system, lambda: setattr(system, "updfcn", lag(lambda: 2.0).updfcn)
-
-
 def by_matrix() -> Any:
     system = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
     return system, lambda: system.A.__setitem__((0, 0), -2.0)
@@ -101,7 +96,6 @@ def by_a_sampled_block() -> Any:
 
 WAYS = {
     "dictionary": by_dictionary,
-    "update function": by_update_function,
     "matrix": by_matrix,
     "parameters": by_parameters,
     "wiring": by_wiring,

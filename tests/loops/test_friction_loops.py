@@ -20,8 +20,8 @@ from ..cases.wired import LOW, OMEGA, OUTPUTS, H, T, at, outputs, s, simulate, t
 
 @pytest.mark.parametrize("observer", ["natural", "proposed"])
 def test_exact_compensation_gives_the_frictionless_loop(observer):
-    t = np.arange(0, 0.1501, 1e-3)
-    r = np.where(t < 0.12, 4.0 * t, 0.48) - 0.3 * np.sin(40 * t)
+    t = np.arange(0, 0.0501, 1e-3)
+    r = np.where(t < 0.04, 4.0 * t, 0.16) - 0.3 * np.sin(40 * t)
     loop = velocity_loop(P, observer)
     resp = simulate(loop, t, r, rtol=1e-8, atol=1e-11)
     assert signals_by(resp, "w") == pytest.approx(ct.forced_response(T, t, r).outputs, abs=2e-6)
@@ -265,18 +265,17 @@ def test_wrong_usage_is_one_sentence(make, given, options, said):
 
 
 def behind(system, delay, **options):
-    """RMS of w(t) - r(t - h) in rad/s over 3 to 6 s, r = sin 2 pi t rad/s."""
+    """RMS of w(t) - r(t - h) in rad/s over 2 to 4 s, r = sin 2 pi t rad/s."""
     loop = lg.late_loop(P, system, delay, **options)
-    t = np.arange(0.0, 6.0005, 1e-3)
+    t = np.arange(0.0, 4.0005, 1e-3)
     given = {"r": np.sin(2 * np.pi * t), "dr": 2 * np.pi * np.cos(2 * np.pi * t)}
     given = {k: v for k, v in given.items() if k in loop.input_labels}
     w = lg.simulate(loop, t, given).outputs["w"]
-    return rms((w - np.sin(2 * np.pi * (t - delay)))[t >= 3.0])
+    return rms((w - np.sin(2 * np.pi * (t - delay)))[t >= 2.0])
 
 
-@pytest.mark.parametrize("delay", [5e-3, 10e-3])
-def test_the_friction_is_known_ahead_of_time(delay):
-    assert behind("predicted", delay) == pytest.approx(0.0068, abs=1e-3)
+def test_the_friction_is_known_ahead_of_time():
+    assert behind("predicted", 10e-3) == pytest.approx(0.0068, abs=1e-3)
 
 
 @longer

@@ -23,7 +23,7 @@ from lugrectl.simulation.sampled_block import advance, ramp_response, sampled
 
 from ..cases.sampled import DT, P, inputs_of, sine_error, step_response
 
-SPEEDS = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0, 2.5, 10.0, 100.0]
+SPEEDS = [0.0, 1e-6, 0.01, 1.0, 100.0]
 entries = st.floats(-1.0, 1.0)
 sizes = st.sampled_from([1e-9, 1e-4, 0.1, 1.0, 10.0])
 OBSERVERS = [
@@ -55,7 +55,7 @@ def transition(observer, w):
 # The closed form.
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.lists(entries, min_size=8, max_size=8), sizes, sizes, st.integers(0, 3))
 def test_ramp_response_solves_its_equation(numbers, size, other, kind):
     """x(1) of dx/ds = B x + p + q s by a Taylor matrix exponential with 40 digits."""
@@ -162,8 +162,8 @@ def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
     assert off_a_sine(observer, *x0) < 1e-3
 
 
-@pytest.mark.parametrize(("observer", "x0"), LUGRE)
-def test_the_error_is_of_second_order(observer, x0):
+def test_the_error_is_of_second_order():
+    observer, x0 = LUGRE[0].values
     ratio = sine_error(observer, x0, 4 * DT) / off_a_sine(observer, *x0)
     assert 10 < ratio < 24
 
@@ -206,17 +206,21 @@ def backward_euler(observer, w, dt):
     return np.array(track)
 
 
-REVERSALS = [(1e-3, 1.0, 5.0), (1e-3, 300.0, 5.0), (5e-3, 100.0, 1.0)]
-
-
-@pytest.mark.parametrize("make", [lg.natural_observer, lg.existing_observer, lg.proposed_observer])
-@pytest.mark.parametrize(("dt", "top", "f"), REVERSALS)
+@pytest.mark.parametrize(
+    ("make", "dt", "top", "f"),
+    [
+        (lg.natural_observer, 1e-3, 1.0, 5.0),
+        (lg.existing_observer, 1e-3, 300.0, 5.0),
+        (lg.proposed_observer, 5e-3, 100.0, 1.0),
+    ],
+)
 def test_reversals_at_any_speed_are_better_than_by_backward_euler(make, dt, top, f):
     observer, w = make(P), top * np.sin(2 * np.pi * f * dt * np.arange(round(1 / f / dt) + 1))
     exact, found = along(observer, w, dt, parts=5)[0], along(observer, w, dt)[0]
     assert np.std(found - exact) < 0.8 * np.std(backward_euler(observer, w, dt) - exact)
 
 
+@settings(max_examples=25)
 @given(
     st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=30),
     st.sampled_from([1e-3, 0.02, 1.0, 30.0, 1e3]),
