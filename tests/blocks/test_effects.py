@@ -492,11 +492,11 @@ def test_the_engine_traces_a_table_as_python_control_evaluates_it():
     values = np.array([0.05 * np.sin(3 * points), -0.03 + 0.02 * points])
     block = lg.tabulated("theta", points, values)
     loop = joined([lg.plant(lg.table1()), block], ["u"], ["theta", "w", "d"])
-    t = np.linspace(0.0, 0.15, 61)
+    t = np.linspace(0.0, 0.06, 25)
     u = 2.0 * np.sin(40.0 * t)
     fast = lg.simulate(loop, t, u)
     slow = simulate(loop, t, u, rtol=1e-8, atol=1e-10)
-    assert np.ptp(slow.outputs[0]) > 1.0
+    assert np.ptp(slow.outputs[0]) > 0.5
     for a, b in zip(fast.outputs, slow.outputs, strict=True):
         differ = np.abs(a - b)[1:]  # at first it rests, held by friction, which tanh(0) is not
         assert np.max(differ) < 2e-3 * np.ptp(b)

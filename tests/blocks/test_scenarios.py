@@ -38,29 +38,19 @@ VELOCITY = [  # observer, what it believes, its gains, RMS of e in rad/s, unit o
     ("temperature", believing(0.8, Fv=0.0), {}, 0.00072, 1e-5),
     ("temperature", replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fc), {}, 0.00066, 1e-5),
     ("temperature", believing(0.8, sigma0=0.7 * P.sigma0), {}, 0.0178, 1e-4),
-    ("temperature", believing(0.8, sigma0=0.7 * P.sigma0), {"k": 50.0}, 0.0068, 1e-4),
     ("friction_state", P, {"bandwidth": 200.0}, 0.0014, 1e-4),
     ("friction_state", LOW, {"bandwidth": 200.0}, 0.0128, 1e-4),
-    ("friction_state", P, {"bandwidth": 500.0}, 0.00094, 1e-5),
-    ("friction_state", LOW, {"bandwidth": 500.0}, 0.0075, 1e-4),
     ("friction_state", P, {"bandwidth": 2000.0}, 0.00068, 1e-5),
     ("friction_state", LOW, {"bandwidth": 2000.0}, 0.0025, 1e-4),
     ("lyapunov", P, {"k": 0.35}, 0.00028, 1e-5),
     ("lyapunov", LOW, {"k": 0.35}, 0.0186, 1e-4),
-    ("lyapunov", P, {"k": 20.0}, 1e-5, 1e-5),
-    ("lyapunov", LOW, {"k": 20.0}, 0.00135, 1e-5),
     ("existing", P, {"k": 0.35}, 0.00025, 1e-5),
     ("existing", LOW, {"k": 0.35}, 0.0165, 1e-4),
-    ("existing", P, {"k": 20.0}, 1e-5, 1e-5),
-    ("existing", LOW, {"k": 5.0}, 0.0030, 1e-4),
     ("existing", LOW, {"k": 20.0}, 0.00083, 1e-5),  # with wrong levels better than lyapunov
     ("general_coulomb", P, {"k": 0.11, "w0": 0.1}, 0.0216, 1e-4),
-    ("general_coulomb", P, {"k": 1.1, "w0": 0.1}, 0.0134, 2e-4),
     ("general_coulomb", P, {"k": 1.1, "w0": 0.01}, 0.0090, 1e-4),
     ("friedland_park", P, {"k": 0.11}, 0.0214, 1e-4),
     ("position_coulomb", P, {"k": 0.11, "L": 400.0}, 0.0088, 1e-4),
-    ("position_coulomb", P, {"k": 0.11, "L": 2000.0}, 0.0185, 2e-4),
-    ("position_coulomb", P, {"k": 1.1, "L": 4000.0}, 0.0090, 1e-4),
     ("position_coulomb", LOW, {"k": 0.11, "L": 400.0}, 0.0088, 1e-4),  # whatever the level
     ("position_lugre", P, {}, 0.00061, 1e-5),
     ("position_lugre", LOW, {}, 0.0235, 1e-4),
@@ -96,26 +86,18 @@ def stiff(k):
 ESO, SMC = lg.extended_state_observer, lg.backstepping_smc
 POSITION = {  # the loop, RMS of theta - r in rad, and how well it is known
     "temperature, low": (lambda: follower(lg.temperature_observer(LOW)), FLOOR),
-    "temperature, high": (lambda: follower(lg.temperature_observer(believing(1.2))), FLOOR),
     "natural, low": (lambda: follower(lg.natural_observer(LOW)), (3.1e-3, 1e-4)),
     "normal force": (lambda: follower(lg.normal_force_observer(SCALED)), FLOOR),
-    "normal force, 2e4": (lambda: follower(lg.normal_force_observer(SCALED, gamma=2e4)), FLOOR),
     "normal force, 2e5": (lambda: follower(lg.normal_force_observer(SCALED, gamma=2e5)), FLOOR),
     "natural, scaled": (lambda: follower(lg.natural_observer(SCALED)), (3.1e-3, 1e-4)),
     "existing, scaled": (lambda: follower(lg.existing_observer(SCALED, k=1.0)), (3.0e-3, 1e-4)),
     "position Coulomb": (lambda: follower(lg.position_coulomb_observer(P)), (2.9e-4, 1e-5)),
     "position LuGre": (lambda: follower(lg.position_lugre_observer(P)), FLOOR),
     "position LuGre, low": (lambda: follower(lg.position_lugre_observer(LOW)), (3.1e-3, 1e-4)),
-    "position LuGre, high": (
-        lambda: follower(lg.position_lugre_observer(believing(1.2))),
-        (2.7e-3, 1e-4),
-    ),
     "Slotine-Li, exact": (lambda: wired(lg.slotine_li(P), on_s(0.35, P)), FLOOR),
     "Slotine-Li, existing": (lambda: wired(lg.slotine_li(P), on_s(0.35)), (8.8e-3, 9e-5)),
-    "Slotine-Li, existing, 5": (lambda: wired(lg.slotine_li(P), on_s(5.0)), (1.0e-3, 1e-5)),
     "Slotine-Li, existing, 50": (lambda: wired(lg.slotine_li(P), on_s(50.0)), (1.05e-4, 1e-6)),
     "Slotine-Li, natural": (lambda: wired(stiff(0.35), lg.natural_observer(LOW)), (8.1e-3, 8e-5)),
-    "Slotine-Li, natural, 5": (lambda: wired(stiff(5), lg.natural_observer(LOW)), (8.2e-4, 8e-6)),
     "Slotine-Li, natural, 50": (lambda: wired(stiff(50), lg.natural_observer(LOW)), (8.4e-5, 8e-7)),
     **{
         f"Slotine-Li, lyapunov, {k}": (
@@ -125,14 +107,9 @@ POSITION = {  # the loop, RMS of theta - r in rad, and how well it is known
         for k, error in ((0.35, 1.8e-2), (5.0, 8.9e-3), (50.0, 5.1e-3))
     },
     "adaptive": (lambda: wired(lg.adaptive_slotine_li()), (2.7e-3, 5e-4)),  # tanh, not bristles
-    "adaptive, fast": (
-        lambda: wired(lg.adaptive_slotine_li(gJ=1e-3, gv=0.1, gc=3.0)),
-        (2.5e-3, 1.5e-3),
-    ),
     "adaptive, off": (lambda: wired(lg.adaptive_slotine_li(gJ=0, gv=0, gc=0)), (7.0e-2, 1.4e-3)),
     "backstepping": (lambda: wired(SMC(P)), (1.2e-2, 5e-4)),  # without an observer it must switch
     "backstepping, hard": (lambda: wired(SMC(P, eps=200.0)), (6.5e-5, 1e-6)),
-    "backstepping, 200": (lambda: wired(SMC(P), ESO(P, 200.0)), (1.7e-3, 5e-5)),
     "backstepping, 1000": (lambda: wired(SMC(P), ESO(P, 1000.0)), (2.4e-4, 7e-6)),
 }
 
@@ -173,18 +150,6 @@ def test_at_a_set_point(make, last, most):
     assert abs((out["theta"] - r)[t > last - 1]).max() == pytest.approx(most[0], abs=most[1])
 
 
-@longer
-def test_a_ready_loop_is_the_same_as_blocks_wired_by_hand():
-    made = lg.position_loop(
-        P, "existing", k=5.0, controller="slotine_li", observer_parameters=LOW,
-        controller_gains={"KD": 0.2, "lam": 30.0},
-    )  # fmt: skip
-    other = wired(lg.slotine_li(P, 0.2), on_s(5.0), 30.0)
-    t = np.arange(0.0, 1.0, STEP)
-    one, two = (signals(x, lg.simulate(x, t, sine(t)))["theta"] for x in (made, other))
-    assert one == pytest.approx(two, abs=1e-9)
-
-
 SAMPLED = {
     "friction state": (lambda: lg.friction_state_observer(LOW), (0.0076, 1e-4)),
     "normal force": (lambda: lg.normal_force_observer(LOW, k=0.35), (0.0029, 3e-4)),
@@ -203,17 +168,14 @@ def test_sampled_at_1_khz(make, error):
     ("name", "factor", "swing", "digit"),
     [
         ("temperature", 1.5, 0.0, 1e-11),
-        ("natural", 1.5, 0.020, 1e-3),
         ("natural", 1.2, 0.0080, 1e-4),
         ("existing", 1.2, 0.0070, 1e-4),
-        ("friction_state", 1.2, 0.0, 1e-11),
         ("friction_state", 1.5, 0.0, 1e-11),
         ("proposed", 1.5, 0.0, 1e-11),
         ("disturbance", 1.2, 0.0, 1e-11),
         ("extended_state", 1.2, 0.0, 1e-11),
         ("position_coulomb", 1.2, 0.16e-3, 1e-5),
         ("friedland_park", 1.2, 0.39e-3, 1e-5),
-        ("position_lugre", 1.2, 0.0, 1e-10),
         ("position_lugre", 1.5, 0.0, 1e-10),
         ("normal_force", 1.2, 0.0, 1e-11),
         ("lyapunov", 1.2, 0.0, 1e-11),
@@ -335,9 +297,7 @@ LATE = {  # blocks, samples of dead time, drive, RMS of w(t) - r(t - h) in rad/s
         for h, factor, error in [
             (5, 1.0, (0.0068, 1e-4)),
             (10, 1.0, (0.0068, 1e-4)),
-            (5, 0.8, (0.129, 1e-3)),
             (10, 0.8, (0.200, 1e-3)),
-            (5, 1.2, (0.239, 1e-3)),
             (10, 1.2, (0.386, 1e-3)),
         ]
     },
@@ -346,8 +306,6 @@ LATE = {  # blocks, samples of dead time, drive, RMS of w(t) - r(t - h) in rad/s
         for h, kp, error in [(5, 1.6, 0.0405), (10, 1.6, 0.0676), (5, 0.3, 0.058), (10, 0.3, 0.088)]
     },
     "two states": (lambda: with_a_model(two_state()), 10, two_state(), (0.0069, 1e-4)),
-    "two states, low": (lambda: with_a_model(two_state(0.8)), 10, two_state(), (0.201, 1e-3)),
-    "ahat, two states": (without_a_model, 5, two_state(), (0.049, 0.0049)),
     "ahat, two states, 10 ms": (without_a_model, 10, two_state(), (0.073, 0.0073)),
     "along the reference": (along_the_reference, 10, two_state(), (0.0339, 1e-3)),
 }

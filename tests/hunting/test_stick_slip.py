@@ -67,7 +67,8 @@ def test_stick_slip_with_bristles_persists_just_below_speed_end_and_not_above():
     assert found.speed_start == pytest.approx(speeds(1).speed_start, rel=0.02)
 
 
-def test_damping_ends_stick_slip_at_a_gain():
+def test_damping_ends_stick_slip_at_a_gain(monkeypatch):
+    monkeypatch.setattr("lugrectl.hunting.loop.SCANNED", 3)
     model, gains, _ = loop(0)
     (kd,) = lg.stick_slip_speed(model, **gains, vary={"kd": (2.5, 4.0)}).critical["kd"]
     less, more = (lg.stick_slip_speed(model, kp=3.0, kd=f * kd) for f in (0.98, 1.02))

@@ -76,7 +76,7 @@ def finer(num, den):
             z = mp.expj(a)
             return mp.re(mp.polyval(num, z) / mp.polyval(den, z))
 
-        grid = [mp.pi * k / 400 for k in range(401)]
+        grid = [mp.pi * k / 200 for k in range(201)]
         for pole in poles:
             near = abs(mp.arg(pole))
             step = max(1 - abs(pole), mp.mpf(10) ** -12)
@@ -92,7 +92,7 @@ def finer(num, den):
 
 
 def bottom(real, low, high):
-    for _ in range(24):
+    for _ in range(14):
         points = [low + (high - low) * k / 10 for k in range(11)]
         values = [real(a) for a in points]
         k = values.index(min(values))
@@ -103,18 +103,18 @@ def bottom(real, low, high):
 def test_the_exact_decision_is_that_of_a_sweep_or_of_a_finer_one():
     """Where the exact decision and the sweep differ, the finer sweep decides."""
     rng, counts = np.random.default_rng(1), Counter()
-    for _ in range(100):
+    for _ in range(50):
         kind, num, den = draw(rng)
         exact = lg.spr_check(ct.tf(num, den, 0.01)).classification
         counts[kind, exact] += 1
         if (exact == "SPR") != swept(num, den):
             assert (exact == "SPR") == finer(num, den), (kind, list(num), list(den), exact)
-    assert sum(n for key, n in counts.items() if key[-1] == "SPR") > 20
+    assert sum(n for key, n in counts.items() if key[-1] == "SPR") > 10
 
 
 def test_the_margin_is_where_positive_realness_ends():
     rng, seen = np.random.default_rng(3), 0
-    for _ in range(20):
+    for _ in range(10):
         T = passive(rng, int(rng.integers(1, 4)))
         if not (found := lg.spr_check(ct.tf(*T, 0.01))):
             continue
@@ -123,7 +123,7 @@ def test_the_margin_is_where_positive_realness_ends():
         inner = [[p * r ** np.arange(len(p))[::-1] for p in T] for r in radii]
         less, more = (lg.spr_check(ct.tf(*p, 0.01)).classification for p in inner)
         assert less != "not PR" and more == "not PR"
-    assert seen > 10
+    assert seen > 5
 
 
 def test_a_fast_sampled_system_has_the_margin_and_band_edge_of_the_continuous_one():

@@ -71,7 +71,7 @@ def reduced(T):
     return np.any(np.abs(poles[:, None] - zeros[None, :]) < 1e-2)
 
 
-@settings(max_examples=60)
+@settings(max_examples=40)
 @given(transfers)
 def test_spr_never_disagrees_with_a_decisive_grid(T):
     assume(any(T[0]) and not reduced(T))
@@ -87,7 +87,7 @@ def test_spr_never_disagrees_with_a_decisive_grid(T):
             assert verdict and verdict.margin > 0
 
 
-@settings(max_examples=60)
+@settings(max_examples=12)
 @given(transfers, positives, positives)
 def test_spr_is_invariant_under_positive_scaling_and_time_scaling(T, gain, rate):
     verdict = spr_check(T)
@@ -99,7 +99,7 @@ def test_spr_is_invariant_under_positive_scaling_and_time_scaling(T, gain, rate)
         assert again.band_edge == pytest.approx(factor * verdict.band_edge, rel=1e-12)
 
 
-@settings(max_examples=40)
+@settings(max_examples=12)
 @given(near_passive())
 def test_spr_margin_is_where_positive_realness_ends(T):
     margin = spr_check(T).margin
@@ -120,7 +120,7 @@ def test_spr_margin_is_where_positive_realness_ends(T):
     assert shifted(margin * (1 + 1e-6)) == "not PR"
 
 
-@settings(max_examples=60)
+@settings(max_examples=12)
 @given(transfers)
 def test_spr_of_the_inverse(T):
     assume(any(T[0]))
