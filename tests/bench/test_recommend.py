@@ -217,7 +217,6 @@ def test_what_was_not_considered_is_named(found):
 def test_what_the_model_says_of_its_sensors_acts_in_the_loop():
     late = lg.Model.of(P).with_effect("velocity_sensor_lag", {"time_constant": 2e-3})
     own = {"rate": 1000, "measured": "w", "speed_noise": 1e-3, "uncertainty": 0.0}
-    own |= {"frequency": 4.0}
     one, other = (lg.recommend_observer(p, observers="disturbance", **own) for p in (P, late))
     assert other[0].worst > 2.0 * one[0].worst  # near the end of its phase margin
     assert other.messages[0].startswith("The drive has velocity_sensor_lag")

@@ -84,16 +84,6 @@ def steady(made, h, lost, way):
 
 
 @every_dynamic
-def test_a_closed_cycle_costs_energy(case):
-    """At every amplitude, also within the elastic zone, where it costs none."""
-    for size in (1e-4, 1e-2):
-        t = np.linspace(0.25, 0.5, 501)
-        w = lambda s, a=size: 8.0 * np.pi * a * np.cos(8.0 * np.pi * s)  # noqa: E731
-        F, _ = along(case, w, np.concatenate([[0.0], t]))
-        assert trapezoid(F[1:] * w(t), t) > -1e-9 * size
-
-
-@every_dynamic
 def test_what_is_called_passive_never_gives_out_more_than_it_stores(case):
     """Energy taken in from rest is never negative: for all laws where Fv is large enough."""
     law, own = CASES[case]
@@ -264,16 +254,6 @@ def test_the_engine_is_python_controls_own_away_from_rest(case):
     np.testing.assert_allclose(
         ours.outputs[:, sliding], theirs.outputs[:, sliding], rtol=1e-5, atol=1e-6
     )
-
-
-@pytest.mark.cases
-@every_dynamic
-def test_the_engine_follows_reversals(case):
-    t = np.linspace(0.0, 0.25, 126)
-    ours, theirs = both(model_of(case), t, 0.9 * np.sin(2.0 * np.pi * 6.0 * t))
-    size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
-    assert np.max(np.abs(ours.states - theirs.states)[:2] / size[:2]) < 2e-6
-    assert np.max(np.abs(ours.states - theirs.states) / size) < 2e-5
 
 
 SAMPLED = [  # with a free exponent in substeps, for n = 1 too: a call may set another n

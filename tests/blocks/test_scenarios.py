@@ -211,21 +211,6 @@ def test_memory_learns_friction_that_no_law_describes():
 
 
 @longer
-def test_memory_is_smoothed_where_w_is_noisy():
-    """0.01 rad/s of noise on w: less torque with the average over three samples."""
-    sensor = ct.nlsys(
-        None, lambda t, x, u, p: u[0] + u[1], inputs=["w", "dw"], outputs=["w_m"], name="noise"
-    )
-    error = lg.sliding_error(inputs=["theta", "w_m", "r", "dr", "ddr"])
-    found = [
-        by_period([sensor, error, lg.repetitive_memory(P, gamma=0.15, smooth=smooth)], 8, P, 0.01)
-        for smooth in (False, True)
-    ]
-    assert found[1][1] < found[0][1] and found[1][0][-1] < 1.05 * found[0][0][-1]
-    assert found[1][0][-1] < 5e-3
-
-
-@longer
 def test_harmonics_that_are_left_out_remain_in_the_error():
     """At the end 1.7 mrad with 5 harmonics."""
     errors, _ = by_period([lg.sliding_error(), lg.repetitive_control(P, harmonics=5)], 20)

@@ -194,17 +194,6 @@ def test_simulated_errors_never_decay_slower_than_the_certificate(count):
         never_slower(p, seed)
 
 
-@given(powers, powers, powers)
-def test_the_best_certificate_is_never_below_the_papers(c, al, be):
-    """lemma6's own V is one of those that certify looks at."""
-    scale = (P.sigma1 / P.J) ** 2
-    design = design_gains(P, C=10**c, alpha=433 * 10 ** (al / 2), beta=scale * 10 ** (c + be / 2))
-    own, best = design.certificate, certify(P, design.K1, design.K2)
-    assert own.rate > 0 and best.rate >= own.rate * (1 - 3e-3)
-    assert own.rate < P.sigma0 / P.sigma1
-    assert own.B**2 - 4 * own.A * own.C == pytest.approx(-2 * own.beta * own.C, rel=1e-6)
-
-
 def test_bound_is_reached_and_not_passed():
     cert = certify(P, *PAPER_GAINS)
     most_ez, most_ew = cert.bound(1e-3, 0.2)

@@ -8,7 +8,6 @@ from typing import Any
 import control as ct
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import lugrectl as lg
 from lugrectl.engine.runtime.adaptive_run import Adaptive
@@ -68,23 +67,6 @@ def test_a_held_torque_frees_it_at_once() -> None:
     _, w, friction = lg.simulate(drive(), t, u, hold=True).outputs
     np.testing.assert_allclose(w, np.maximum(t - 1.0, 0.0) * (1.0 - FC) / J, atol=1e-12)
     np.testing.assert_allclose(friction, np.minimum(u, FC), rtol=1e-12)
-
-
-def test_a_sine_above_Fc_rests_twice_a_period() -> None:
-    """Moves from a = arcsin(Fc/A) to where A (cos a - cos t) = Fc (t - a), rests to pi + a."""
-    A, t = 0.75, np.linspace(0.0, 2 * np.pi, 201)
-    swing = moving(lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, 1, "swing", 0)
-    w = lg.simulate(swing, t, rtol=1e-9).states[0]
-    a = np.arcsin(FC / A)
-
-    def speed(t: Any) -> Any:
-        return (A * (np.cos(a) - np.cos(t)) - FC * (t - a)) / J
-
-    end = brentq(speed, a + 0.1, np.pi, xtol=1e-14)
-    exact = np.where((t > a) & (t < end), speed(t), 0.0)
-    exact += np.where((t > np.pi + a), -speed(np.minimum(t - np.pi, end)), 0.0)
-    np.testing.assert_allclose(w, exact, rtol=0, atol=1e-9)
-    assert np.max(np.abs(w[(t > end) & (t < np.pi + a)])) < 1e-12 * np.max(w)
 
 
 def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:

@@ -95,13 +95,6 @@ def test_a_loop_of_gains_is_solved(k):
     assert last(again, "y") == pytest.approx(2 / (1 - 2 * k))
 
 
-def test_a_linear_loop_with_feedthrough_is_that_of_its_closed_form():
-    theirs = ct.forced_response(closed_lags(), T, np.ones_like(T))
-    y = last(simulate(lags(), T, {"r": 1.0}), "y")
-    assert y == pytest.approx(theirs.outputs[-1], rel=1e-6)
-    assert y == pytest.approx(0.624149, abs=1e-6)
-
-
 @pytest.mark.parametrize("method", ["LSODA", "rosenbrock"])
 @pytest.mark.parametrize("hold", [False, True])
 def test_every_solver_takes_a_loop_that_has_an_answer(method, hold):

@@ -14,7 +14,7 @@ from lugrectl.blocks.block import REGISTRY, P
 from lugrectl.blocks.declaration import block
 from lugrectl.torque_balance.driven_states import driven
 
-from ..cases.own import moving, static
+from ..cases.own import moving
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -180,26 +180,6 @@ def test_names_that_change_are_those_of_the_answer():
     assert found.output_labels == ["torque"] and found.input_labels == ["miss"]
     table = lg.sweep(system, T, {"miss": U}, {"pi.kp": [1.0, 2.0]}, outputs=["torque"])
     assert table["torque"].shape == (2, len(T))
-
-
-@pytest.mark.parametrize("delay", [0, 1])
-def test_a_sampled_drive_sees_a_new_value(delay):
-    values = [1.0]
-    plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y", name="plant")
-    law = static(
-        lambda t, x, u, p: np.clip(5.0 * (u[1] - u[0]), -values[0], values[0]),
-        ["y", "r"],
-        "u",
-        "law",
-        dt=0.1,
-    )
-    ends = []
-    for values[0] in (1.0, 2.0):
-        kept = lg.simulate_sampled(plant, law, T, 9.0, delay=delay)
-        ends.append(np.asarray(kept.outputs)[0, -1])
-    steps = len(T) - 1 - delay
-    expected = [limit * (1.0 - np.exp(-0.1 * steps)) for limit in (1.0, 2.0)]
-    np.testing.assert_allclose(ends, expected, rtol=1e-5)
 
 
 def test_a_list_of_blocks_sees_a_new_value():

@@ -221,16 +221,6 @@ def test_the_cascade_is_a_pid():
     assert one.cycles and one.cycles == two.cycles
 
 
-@pytest.mark.parametrize("factor", [1e-3])
-def test_amplitude_goes_with_friction_and_speed_alike(factor):
-    """e, w and F times a number is the same motion."""
-    (one,) = lg.limit_cycles(drive(Fv=0.0), **PID).cycles
-    scaled = drive(Fc=factor, Fs=1.5 * factor, vs=1e-3 * factor, Fv=0.0)
-    (two,) = lg.limit_cycles(scaled, **PID).cycles
-    assert two.amplitude == pytest.approx(factor * one.amplitude, rel=1e-5)
-    assert two.period == pytest.approx(one.period, rel=1e-5)
-
-
 def test_a_law_of_ones_own_gives_the_same_cycle():
     @lg.block("friction", out="F", name="own_stribeck")
     def own(w, Fc=lg.P(1.0, "N m", 0), Fs=lg.P(1.5, "N m", 0), vs=lg.P(1e-3, "rad/s", 0)):

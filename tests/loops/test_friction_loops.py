@@ -11,7 +11,6 @@ from lugrectl import position_loop, velocity_loop
 from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.declaration import block
 from lugrectl.blocks.model import model_from_dict
-from lugrectl.blocks.observers import natural_observer
 
 from ..cases.drives import states
 from ..cases.observed import P, believing, longer, rms, signals_by
@@ -141,21 +140,6 @@ def test_plant_and_observer_keep_their_own_values():
     assert out["F"] == pytest.approx(F(P.Fc)) and out["Fhat"] == pytest.approx(F(0.5, LOW.Fs))
     again = outputs(loop, x, 0.0)
     assert again["F"] == pytest.approx(F(P.Fc))
-
-
-def test_own_wiring_keeps_values_apart_without_params():
-    z, w = 1e-3, 0.3
-    loop = ct.interconnect(
-        [lg.plant(P), natural_observer(LOW)],
-        inputs=["u"],
-        outputs=["F", "Fhat"],
-        check_unused=False,
-    )
-    assert loop.params["plant.Fc"] == P.Fc and loop.params["natural_observer.Fc"] == LOW.Fc
-    x = states(loop, plant_w=w, plant_z=z, natural_observer_zhat=z)
-    out = outputs(loop, x, 0.0)
-    assert out["F"] == pytest.approx(levels(z, w)(P.Fc))
-    assert out["Fhat"] == pytest.approx(levels(z, w)(LOW.Fc, LOW.Fs))
 
 
 def test_two_ready_loops_in_one_system_do_not_share_values():

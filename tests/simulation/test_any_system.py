@@ -99,14 +99,6 @@ def test_a_response_that_cannot_be_judged_is_one_sentence(check, response, words
         check(response())
 
 
-@pytest.mark.parametrize("amplitude", [0.5, 2.0])
-def test_a_friction_law_without_states_has_a_describing_function(amplitude):
-    """Coulomb friction: 4 Fc/(pi A) + Fv."""
-    law = lg.friction("coulomb", Fc=0.3, Fv=0.02)
-    (found,) = ct.describing_function(law, [amplitude], num_points=400)
-    assert found == pytest.approx(4 * 0.3 / (np.pi * amplitude) + 0.02, rel=1e-2)
-
-
 LAWS = [law.name for law in lg.laws()]
 
 
