@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -16,7 +15,6 @@ from ..cases.observed import (
     follower,
     longer,
     position_error,
-    rms,
     sampled_velocity_error,
     signals,
     signals_by,
@@ -190,13 +188,11 @@ def test_limit_cycles_with_friction_overestimated(name, factor, swing, digit):
 # --- from period to period ----
 
 
-def by_period(blocks, periods, plant=P, noise=0.0):
+def by_period(blocks, periods):
     """RMS of theta - r in rad for each period of 0.1 sin 2 pi t, and the largest |u|."""
     t = np.arange(0.0, periods + STEP / 2, STEP)
     rows = sine(t)
-    if noise:
-        rows["dw"] = noise * np.random.default_rng(0).normal(size=len(t))
-    done = lg.simulate([lg.plant(plant), *blocks], t, rows)
+    done = lg.simulate([lg.plant(P), *blocks], t, rows)
     e = (signals_by(done, "theta") - rows["r"])[: periods * 1000].reshape(periods, 1000)
     return np.sqrt(np.mean(e**2, axis=1)), np.abs(signals_by(done, "u")).max()
 
@@ -220,94 +216,11 @@ def test_harmonics_that_are_left_out_remain_in_the_error():
 # --- a torque that acts late ----
 
 
-def late(samples, source, target):
-    """A dead time of whole samples."""
-    return ct.nlsys(
-        lambda t, x, u, p: np.append(np.asarray(x, dtype=float)[1:], u[0]),
-        lambda t, x, u, p: np.array([u[0], x[0]]),
-        inputs=[source],
-        outputs=[f"{source}_now", target],
-        states=samples,
-        dt=STEP,
-        name=f"{source}_line",
-    )
-
-
-def error_behind(blocks, samples, drive=P):
-    """RMS of w(t) - r(t - h) in rad/s over 3 to 6 s, r = sin 2 pi t rad/s, torque h late."""
-    t = np.arange(0.0, 6.0 + STEP / 2, STEP)
-    moved = lg.plant(drive, inputs=["u_late", "d"])
-    read = {signal for block in blocks for signal in block.input_labels}
-    lines = [late(samples, k, f"{k}_late") for k in ("u", "wp") if f"{k}_late" in read or k == "u"]
-    given = {"r": np.sin(2 * np.pi * t), "dr": 2 * np.pi * np.cos(2 * np.pi * t)}
-    given = {k: v for k, v in given.items() if k in read}
-    done = lg.simulate([moved, *blocks, *lines], t, given)
-    wanted = np.sin(2 * np.pi * (t - samples * STEP))
-    return rms((signals_by(done, "w") - wanted)[t >= 3.0])
-
-
-def with_a_model(believed):
-    """The predictor is a second plant."""
-    predictor = lg.plant(
-        believed, name="predictor", inputs=["u_now", "none"], outputs=["theta_p", "wp", "Fp"]
-    )
-    control = [lg.error(inputs=["r", "ws"]), lg.pi(1.6, 0.0), lg.compensation(inputs=["Fp"])]
-    return [predictor, lg.smith_velocity(), *control]
-
-
-def without_a_model(kp=1.6, k=0.02):
-    """Coulomb friction is found from the torque that acts."""
-    found = lg.friedland_park_observer(P, k, 1.0, inputs=["w", "u_late"], outputs=["Fh", "ahat"])
-    predictor = lg.coulomb_predictor(P, inputs=["u_now", "ahat"])
-    control = [lg.error(inputs=["r", "ws"]), lg.pi(kp, 0.0), lg.coulomb_compensation(P)]
-    return [found, predictor, lg.smith_velocity(), *control]
-
-
-def two_state(factor=1.0):
-    """Table 1 with a friction level that follows the speed late and an elastic zone."""
-    levels = {"Fc": factor * P.Fc, "Fs": factor * P.Fs}
-    same = {k: getattr(P, k) for k in ("J", "sigma0", "sigma1", "Fv", "vs")}
-    return lg.Model.of(friction="two_state", **same, **levels)
-
-
-def along_the_reference():
-    """u = kp (r - w) + J dr + F, the law of two states along r: no predictor is needed."""
-    law = lg.friction("two_state", inputs=["r"], outputs=["Fhat"], **two_state().friction.values)
-    return [lg.error(), lg.pi(0.1, 0.0), lg.feedforward(P), law, lg.compensation()]
-
-
-LATE = {  # blocks, samples of dead time, drive, RMS of w(t) - r(t - h) in rad/s, how well known
-    **{
-        f"a model, {h} ms, {factor}": (lambda f=factor: with_a_model(believing(f)), h, P, error)
-        for h, factor, error in [
-            (5, 1.0, (0.0068, 1e-4)),
-            (10, 1.0, (0.0068, 1e-4)),
-            (10, 0.8, (0.200, 1e-3)),
-            (10, 1.2, (0.386, 1e-3)),
-        ]
-    },
-    **{  # within 10 %: the figures are those of another discretisation
-        f"ahat, {h} ms, {kp}": (lambda kp=kp: without_a_model(kp), h, P, (error, 0.1 * error))
-        for h, kp, error in [(5, 1.6, 0.0405), (10, 1.6, 0.0676), (5, 0.3, 0.058), (10, 0.3, 0.088)]
-    },
-    "two states": (lambda: with_a_model(two_state()), 10, two_state(), (0.0069, 1e-4)),
-    "ahat, two states, 10 ms": (without_a_model, 10, two_state(), (0.073, 0.0073)),
-    "along the reference": (along_the_reference, 10, two_state(), (0.0339, 1e-3)),
-}
-
-
-@longer
-@pytest.mark.parametrize(("make", "samples", "drive", "error"), LATE.values(), ids=LATE)
-def test_behind_a_dead_time(make, samples, drive, error):
-    """0.707 without compensation, 0.19 and 0.27 with an observer that ignores 5 and 10 ms."""
-    found = error_behind(make(), samples, drive)
-    assert found == pytest.approx(error[0], abs=error[1])
-
-
 def test_a_two_state_drive_is_its_own_predictor_without_a_delay():
     """Friction of two states inside the predictor and inside the drive is the same."""
-    blocks = [lg.plant(two_state(), inputs=["u", "d"]), lg.smith_velocity()]
-    blocks += [lg.plant(two_state(), name="twin", inputs=["u", "d"], outputs=["th", "wp", "Fp"])]
+    drive = lg.Model.of(friction="two_state", **vars(P))
+    blocks = [lg.plant(drive, inputs=["u", "d"]), lg.smith_velocity()]
+    blocks += [lg.plant(drive, name="twin", inputs=["u", "d"], outputs=["th", "wp", "Fp"])]
     t = np.arange(0.0, 0.1, STEP)
     given = {"u": 0.5 * np.sin(30 * t), "d": 0.0 * t, "wp_late": 0.0 * t}
     done = lg.simulate(blocks, t, given)

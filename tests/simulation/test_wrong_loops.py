@@ -150,20 +150,3 @@ def test_the_name_of_a_held_input_changes_nothing():
         own = lg.simulate(lg.sampled(make(P), DT), t, {"w": w, "u": u}).outputs[0]
         other = lg.sampled(make(P, inputs=["w_m", "uc"]), DT)
         assert np.array_equal(own, lg.simulate(other, t, {"w_m": w, "uc": u}).outputs[0])
-
-
-@pytest.mark.parametrize("K1", [10.24, lambda w: 10.24 + 0 * w])
-@pytest.mark.parametrize("make", [lambda K1: lg.proposed_observer(P, K1), lambda K1: loop(K1)])
-def test_a_positive_K1_warns(make, K1):
-    with pytest.warns(RuntimeWarning, match=r"K1 = 10\.24 makes the estimate unstable near rest"):
-        make(K1)
-
-
-def loop(K1):
-    return lg.velocity_loop(P, "proposed", K1=K1)
-
-
-@pytest.mark.parametrize("gains", [{"K1": 10}, {"k": 3}, {"gains": {"tau": 0.1}}])
-def test_a_gain_that_the_observer_does_not_have_is_an_error(gains):
-    with pytest.raises(lg.InputError, match="no (such gain|parameter)"):
-        lg.velocity_loop(P, "natural", **gains)
