@@ -9,7 +9,7 @@ import lugrectl as lg
 from lugrectl.blocks.aliases import name_of
 
 P = lg.table1()
-T = 4e-3 * np.arange(1000)
+T = 4e-3 * np.arange(3000)
 W = np.sin(np.pi * T) + 0.5 * np.sin(8.0 * T)
 NOISE = 0.002 * np.random.default_rng(0).standard_normal(len(T))
 LOG = {"t": T, "w": W, "u": 0.002 * np.gradient(W, T) + 0.3 * np.tanh(W / 1e-3) + 0.02 * W + NOISE}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.block import REGISTRY, P
+from lugrectl.blocks.block import P
 from lugrectl.blocks.declaration import block
 from lugrectl.torque_balance.driven_states import driven
 
@@ -213,15 +213,12 @@ def test_an_effect_that_a_cell_declares_again_is_the_new_one():
         return slow
 
     for slow in (cell(1.0), cell(3.0)):
-        try:
-            made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
-            motion, one = {"w": np.ones(len(T)), "theta": T}, [{"c": 1.0, "tau": 0.5}]
-            (torque,) = driven(made, one, motion, [(slice(0, len(T)), float(T[1]))])
-            ends.append(torque[-1, 0])
-            system = made.system()
-            np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
-        finally:
-            REGISTRY.pop(("effect", "again"), None)
+        made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
+        motion, one = {"w": np.ones(len(T)), "theta": T}, [{"c": 1.0, "tau": 0.5}]
+        (torque,) = driven(made, one, motion, [(slice(0, len(T)), float(T[1]))])
+        ends.append(torque[-1, 0])
+        system = made.system()
+        np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
     assert ends[1] == pytest.approx(3.0 * ends[0])
 
 

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import control as ct
@@ -25,9 +26,14 @@ def drive(law="stribeck", **changed):
     return lg.Model.of(friction=law, **{**LAW, **changed})
 
 
-def test_the_published_loop_with_set_valued_friction():
+@cache
+def published():
     """Canudas de Wit, Olsson, Astrom and Lischinsky 1995, gains 3, 4, 6."""
-    found = lg.limit_cycles(drive(), **PID)
+    return lg.limit_cycles(drive(), **PID)
+
+
+def test_the_published_loop_with_set_valued_friction():
+    found = published()
     assert not found and found.hunts and found.basin == 0.0
     (cycle,) = found.cycles
     assert cycle.amplitude == pytest.approx(66.92e-3, abs=5e-6)
@@ -257,7 +263,7 @@ def test_the_map_agrees_with_the_loops_on_it():
 
 
 def test_a_fast_sampled_loop_hunts_as_the_continuous_one():
-    (one,) = lg.limit_cycles(drive(), **PID).cycles
+    (one,) = published().cycles
     found = lg.limit_cycles(drive(), **PID, rate=200.0)
     (two,) = found.cycles
     assert two.amplitude == pytest.approx(one.amplitude, rel=0.02)
@@ -273,7 +279,7 @@ def test_counts_scatter_the_size_of_half_turns():
 
 
 def test_the_picture_marks_the_cycle():
-    found = lg.limit_cycles(drive(), **PID)
+    found = published()
     ax = found.plot()
     assert ax.get_title("left") == "The loop hunts"
     assert found.cycles[0].amplitude in [x for line in ax.lines for x in line.get_xdata()]

@@ -193,8 +193,7 @@ def test_a_model_without_lugre_friction_needs_observer_parameters():
 
 @pytest.fixture
 def registered():
-    """Observers that a user registers; taken out again."""
-    before = set(REGISTRY)
+    """Observers that a user registers."""
 
     @block("observer", out="Fhat")
     def coulomb_guess(w, Fc=REGISTRY["lugre"].parameters["Fc"]):
@@ -210,10 +209,6 @@ def registered():
     def no_torque(w, zhat):
         """dzhat/dt = w."""
         return w
-
-    yield
-    for name in set(REGISTRY) - before:
-        del REGISTRY[name]
 
 
 def test_any_registered_observer_can_be_named(registered):
