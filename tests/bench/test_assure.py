@@ -72,17 +72,14 @@ def test_its_figures_are_those_of_members_that_no_choice_has_seen(found):
     assert chosen.hunts == 0.0 and all(one.hunts is not None for one in better)
 
 
-def test_the_report_holds_all_that_is_needed_and_an_executor_gives_the_same(fit, found, tmp_path):
-    fit.save(tmp_path)
-    own = {"loop": "velocity", "seed": 3, "hunts": 0.2}
-    with ThreadPoolExecutor(2) as pool:
-        again = lg.assure(tmp_path / "report.json", 0.8, **own, executor=pool)
-    assert again.to_dict() == found.to_dict()
-
-
-def test_too_few_members_have_no_bound(fit):
-    few = lg.assure(fit, loop="velocity", members=4, observers="extended_state")
+def test_too_few_members_have_no_bound_and_a_report_and_an_executor_say_the_same(fit, tmp_path):
+    own = {"loop": "velocity", "members": 4, "observers": "extended_state"}
+    few = lg.assure(fit, **own)
     assert np.isinf(few.bound) and json.loads(few.to_json())["bound"] is None
+    fit.save(tmp_path)
+    with ThreadPoolExecutor(2) as pool:
+        again = lg.assure(tmp_path / "report.json", executor=pool, **own)
+    assert again.to_dict() == few.to_dict()
 
 
 @pytest.mark.slow

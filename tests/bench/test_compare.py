@@ -9,7 +9,7 @@ import lugrectl as lg
 from lugrectl.bench.loop import Terms
 from lugrectl.blocks.block import members
 
-from ..cases.observed import STEP, P, believing, longer, rms, signals
+from ..cases.observed import P, believing, longer
 
 FAST = ("velocity", "noise")
 
@@ -77,15 +77,6 @@ def test_a_coarse_encoder_makes_more_noise_and_a_fine_one_none(found):
 
     assert noise(1e-9) == pytest.approx(found["natural"].noise, rel=1e-3)
     assert noise(2 * np.pi / 65536) > 2 * found["natural"].noise
-
-
-@longer
-def test_only_some_observers_cycle_with_friction_overestimated():
-    names = ["natural", "existing", "proposed"]
-    found = lg.compare_observers(P, names, scenarios=["cycle", "position"], equal=False)
-    cycles = [row.cycle for row in found]
-    assert cycles[:2] == pytest.approx([8.0e-3, 7.0e-3], abs=5e-5) and cycles[2] < 1e-11
-    assert found["natural"].position == pytest.approx(3.1e-3, abs=1e-4)
 
 
 @longer
@@ -246,21 +237,3 @@ def test_a_position_observer_starts_where_the_drive_stands():
             for at in (0.0, 3.0)
         )
         assert far.y - 3.0 == pytest.approx(near.y, abs=1e-5)
-
-
-@longer
-@pytest.mark.parametrize(
-    ("name", "k", "error", "digit"),
-    [
-        ("temperature", "own", 0.0062, 1e-4),
-        ("temperature", 50.0, 0.0040, 1e-4),
-        ("proposed", "own", 0.0133, 1e-4),
-    ],
-)
-def test_a_constant_load_counts_as_friction(name, k, error, digit):
-    """0.05 N m, with the level 20 % low."""
-    loop = lg.velocity_loop(P, name, k=k, observer_parameters=believing(0.8), load=True)
-    t = np.arange(0.0, 5.0 + STEP / 2, STEP)
-    rows = {"r": 0.1 * np.sin(2 * np.pi * t), "d": 0.05}
-    e = signals(loop, lg.simulate(loop, t, rows))["e"][t >= 1.0]
-    assert rms(e) == pytest.approx(error, abs=digit)

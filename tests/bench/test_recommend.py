@@ -16,7 +16,9 @@ FEW = ["natural", "disturbance", "position_coulomb", "existing"]
 
 @pytest.fixture(scope="module")
 def found():
-    return lg.recommend_observer(P, observers=FEW[:2] + FEW[3:], rate=1000, resolution=1e-6)
+    return lg.recommend_observer(
+        P, observers=FEW[:2] + FEW[3:], rate=1000, resolution=1e-6, frequency=2.0
+    )
 
 
 def logged(rate=500.0, step=0.0, noise=0.0, n=1500):
@@ -34,13 +36,13 @@ def logged(rate=500.0, step=0.0, noise=0.0, n=1500):
 
 def drive(log, **known):
     """What is assumed about the drive of a log."""
-    own = {"observers": "disturbance", "uncertainty": 0.0}
+    own = {"observers": "disturbance", "uncertainty": 0.0, "frequency": 8.0}
     return lg.recommend_observer(P, log, **own, **known).drive
 
 
 def test_each_case_is_reported_as_it_begins():
     said = []
-    lg.recommend_observer(P, observers=["natural", "disturbance"], rate=1000,
+    lg.recommend_observer(P, observers=["natural", "disturbance"], rate=250,
                           progress=lambda part, what: said.append((part, what)))  # fmt: skip
     shares = [part for part, _ in said]
     assert shares == sorted(shares) and shares[0] == 0.0 and 0.6 < shares[-1] < 1.0
@@ -61,7 +63,8 @@ def test_each_wrong_parameter_that_an_observer_knows_is_tried(found):
     assert set(found["disturbance"].errors) == {"exact parameters", "J x0.8", "J x1.2"}
     assert found["disturbance"].complete and not found["natural"].complete
     assert list(found["natural"].errors) == ["exact parameters", "Fc, Fs x0.8", "Fc, Fs x1.2"]
-    alone = lg.recommend_observer(P, observers="natural", rate=250, uncertainty={"vs": 0.5})
+    own = {"uncertainty": {"vs": 0.5}, "frequency": 4.0}
+    alone = lg.recommend_observer(P, observers="natural", rate=250, **own)
     assert list(alone[0].errors) == ["exact parameters", "vs x0.5", "vs x1.5"]
 
 
@@ -82,7 +85,8 @@ def test_the_gains_of_the_best_fit_into_a_loop(found):
 
 
 def test_a_drive_with_a_position_only_takes_observers_of_the_position():
-    made = lg.recommend_observer(P, rate=500, measured="theta", observers=FEW, uncertainty=0)
+    own = {"measured": "theta", "uncertainty": 0, "frequency": 4.0}
+    made = lg.recommend_observer(P, rate=500, observers=FEW, **own)
     assert made.names == ("position_coulomb",) and made.signal == "theta" and made.unit == "rad"
     assert set(made.refused) == set(FEW) - {"position_coulomb"}
     assert "reads w, and this drive measures only theta" in made.refused["natural"]
@@ -91,7 +95,10 @@ def test_a_drive_with_a_position_only_takes_observers_of_the_position():
 
 def test_a_drive_with_a_speed_only_takes_none_of_the_position():
     made = lg.recommend_observer(
-        P, {"rate": 500, "measured": "w", "speed_noise": 1e-3}, observers=FEW[1:3], uncertainty=0.0
+        P,
+        {"rate": 500, "measured": "w", "speed_noise": 1e-3, "frequency": 4.0},
+        observers=FEW[1:3],
+        uncertainty=0.0,
     )
     assert made.names == ("disturbance",)
     assert "measures only w" in made.refused["position_coulomb"]
@@ -99,7 +106,8 @@ def test_a_drive_with_a_speed_only_takes_none_of_the_position():
 
 def test_an_observer_of_bristles_is_not_admissible_on_a_drive_without_them():
     drive = {"J": 0.5, "friction": "coulomb", "Fc": 1.0, "Fv": 0.1, "motion": "linear"}
-    made = lg.recommend_observer(drive, rate=500, observers=["natural", "disturbance"], speed=0.3)
+    made = lg.recommend_observer(drive, rate=500, observers=["natural", "disturbance"],
+                                 speed=0.3, frequency=4.0)  # fmt: skip
     assert made.names == ("disturbance",) and made.unit == "m/s"
     assert "coulomb friction does not have" in made.refused["natural"]
     assert "sigma0" in made.refused["natural"]
@@ -132,12 +140,16 @@ def test_an_observer_that_knows_only_the_inertia_is_no_faster_than_three_control
 
 
 def test_gains_without_a_rule_can_be_left_out():
-    given = {"disturbance": {"tau": 0.01}}
-    made = lg.recommend_observer(
-        P, rate=500, observers=["disturbance", "natural"], gains=given, certified=True
-    )
+    own = {
+        "rate": 500,
+        "uncertainty": 0.0,
+        "frequency": 4.0,
+        "gains": {"disturbance": {"tau": 0.01}},
+    }
+    both = ["disturbance", "natural"]
+    made = lg.recommend_observer(P, observers=both, certified=True, **own)
     assert made.names == ("natural",) and "certified=True" in made.refused["disturbance"]
-    free = lg.recommend_observer(P, rate=500, observers="disturbance", gains=given)
+    free = lg.recommend_observer(P, observers="disturbance", **own)
     assert free[0].gains == {"tau": 0.01} and free[0].certificate is None
     assert "nothing is guaranteed" in free[0].reasons[-1]
 
@@ -164,7 +176,7 @@ def test_a_record_in_any_form_will_do(tmp_path):
     path, drive = tmp_path / "run.csv", tmp_path / "drive.toml"
     frame.to_csv(path, index=False)
     lg.write_model(lg.Model.of(P), drive)
-    options = {"observers": "disturbance", "uncertainty": 0.0}
+    options = {"observers": "disturbance", "uncertainty": 0.0, "frequency": 4.0}
     one, other = (
         lg.recommend_observer(model, log, **options) for model, log in ((drive, path), (P, frame))
     )

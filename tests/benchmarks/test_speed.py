@@ -10,11 +10,9 @@ import os
 import subprocess
 import sys
 import time
-import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import control as ct
@@ -25,9 +23,7 @@ import lugrectl as lg
 from lugrectl.engine import Lanes, TraceError
 from lugrectl.engine.runtime import adaptive_run, batch_run, memo
 from lugrectl.engine.runtime.backend import has_wide
-from lugrectl.simulation import bristle_deflection
 
-from ..cases.ensembles import lag
 from ..cases.systems import DT, torque
 from ..cases.wide import WIDE, plant
 from ..conftest import there
@@ -102,24 +98,6 @@ def _cannot(*_):
     raise TraceError("not asked for")
 
 
-@pytest.mark.parametrize(("way", "aim"), [("numba", 8), ("c", 8), (None, 2)])
-def test_the_deflection_of_a_million_samples_against_a_loop_of_floats(way, aim, monkeypatch):
-    """What one writes first: coefficients by NumPy, then a loop."""
-    there(way)
-    monkeypatch.setattr(bristle_deflection, "compiler", lambda: way)
-    w = np.sin(np.linspace(0.0, 600.0, 1_000_000))
-
-    def plain() -> float:
-        h = P.Fc + (P.Fs - P.Fc) * np.exp(-((w / P.vs) ** 2))
-        a = np.maximum(P.sigma0 * np.abs(w) / h, 1e-290)
-        share, z = -np.expm1(-a * 1e-3), 0.0
-        for part, push in zip(share.tolist(), (share * w / a).tolist(), strict=True):
-            z += push - part * z
-        return z
-
-    assert ratio(plain, lambda: lg.deflection(w, 1e-3, P), 10) > aim
-
-
 @pytest.mark.skipif(not has_wide(), reason="this machine computes one at a time")
 @pytest.mark.parametrize("effect", WIDE)
 def test_several_lanes_at_once_against_one_after_another(effect, monkeypatch):
@@ -160,39 +138,6 @@ def test_a_thousand_parameter_sets_against_one_by_one():
         alone = one(i)
         assert np.array_equal(found["w"][i], alone.outputs[alone.output_labels.index("w")])
     assert ratio(lambda: [one(i) for i in range(20)], whole, 5, share=20 / many) > 1.0
-
-
-def test_a_stream_of_1e5_members_keeps_the_memory_of_its_chunks():
-    """1e5 results of two outputs would be 162 MB."""
-    pytest.importorskip("numba")
-    t, gains = np.linspace(0, 1, 101), {"lag.gain": np.linspace(0.5, 2, 100_000)}
-    block, final = lag(), np.full(100_000, np.nan)
-    list(lg.sweep_chunks(block, t, 1.0, {"lag.gain": np.ones(2)}))
-    tracemalloc.start()
-    for part in lg.sweep_chunks(block, t, 1.0, gains):
-        final[part.members] = part["y"][:, -1]
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert np.allclose(final, gains["lag.gain"] * (1 - np.exp(-5.0)), atol=1e-5)
-    assert peak < 20e6
-
-
-@pytest.mark.parametrize("loop", ["velocity", "position"])
-def test_many_designs_against_one_by_one(loop):
-    rng, n = np.random.default_rng(0), 100_000
-    J, sigma0, sigma1, kp, ki, kd = 10 ** rng.uniform(-2, 2, (6, n))
-    p = SimpleNamespace(J=J, sigma0=sigma0, sigma1=sigma1)
-    T, loop_tf = getattr(lg, f"{loop}_T"), getattr(lg, f"{loop}_loop_tf")
-
-    def one(i: int) -> Any:
-        own = SimpleNamespace(J=J[i], sigma0=sigma0[i], sigma1=sigma1[i])
-        gains = (kp[i], ki[i], kd[i])
-        return lg.spr_check(T(own, *gains)), lg.bandwidth_check(loop_tf(own, *gains))
-
-    def whole() -> Any:
-        return lg.check_designs(p, kp, ki, kd, K2=22.0, loop=loop)
-
-    assert ratio(lambda: [one(i) for i in range(10)], whole, 10, share=10 / n) > 1000
 
 
 def axis_log(n: int) -> dict[str, np.ndarray]:

@@ -274,7 +274,7 @@ def test_an_effect_says_what_it_is_confused_with_and_how_to_tell(made):
     assert declaration.true_spans(made) == dict(made.parameters)
 
 
-@every_law
+@pytest.mark.parametrize("law", ["coulomb", "lugre", "maxwell_slip"])
 @every_effect
 def test_at_its_neutral_value_it_changes_nothing(made, law):
     """Same rates at random points, and its own states stay at rest or do not matter."""
@@ -359,14 +359,14 @@ def test_the_engine_follows_it(made, monkeypatch):
     if "harmonic" in made.own:
         model = model.with_values({f"{made.name}.harmonic": 3.0})
     system = inside(made, model) if made.acts == ("sensor",) else lg.plant(model)
-    t = np.linspace(0.0, 0.2, 41)
-    swing = np.sin(2.0 * np.pi * 5.0 * t)
+    t = np.linspace(0.0, 0.1, 21)
+    swing = np.sin(20.0 * np.pi * t)
     torque = 1.5 * np.sign(swing) * np.maximum(np.abs(swing) - 0.5, 0.0)
     if made.name == "input_delay":  # exact there, Pade's in python-control
         return a_delay_shifts_the_torque(bare, model, t, torque)
     u = torque if system.ninputs == 1 else np.array([torque, 0.05 * np.cos(t)])
     ours = lg.simulate(system, t, u, rtol=1e-7)
-    theirs = simulate(system, t, u, rtol=1e-8, atol=1e-11, max_step=2e-3)  # or it misses a torque
+    theirs = simulate(system, t, u, rtol=1e-7, atol=1e-10, max_step=2e-3)  # or it misses a torque
     size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
     assert np.max(np.abs(ours.states - theirs.states) / np.maximum(size, 1e-9)) < 2e-4
 

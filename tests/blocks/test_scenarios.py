@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -16,7 +15,6 @@ from ..cases.observed import (
     follower,
     longer,
     position_error,
-    rms,
     sampled_velocity_error,
     signals,
     signals_by,
@@ -38,29 +36,19 @@ VELOCITY = [  # observer, what it believes, its gains, RMS of e in rad/s, unit o
     ("temperature", believing(0.8, Fv=0.0), {}, 0.00072, 1e-5),
     ("temperature", replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fc), {}, 0.00066, 1e-5),
     ("temperature", believing(0.8, sigma0=0.7 * P.sigma0), {}, 0.0178, 1e-4),
-    ("temperature", believing(0.8, sigma0=0.7 * P.sigma0), {"k": 50.0}, 0.0068, 1e-4),
     ("friction_state", P, {"bandwidth": 200.0}, 0.0014, 1e-4),
     ("friction_state", LOW, {"bandwidth": 200.0}, 0.0128, 1e-4),
-    ("friction_state", P, {"bandwidth": 500.0}, 0.00094, 1e-5),
-    ("friction_state", LOW, {"bandwidth": 500.0}, 0.0075, 1e-4),
     ("friction_state", P, {"bandwidth": 2000.0}, 0.00068, 1e-5),
     ("friction_state", LOW, {"bandwidth": 2000.0}, 0.0025, 1e-4),
     ("lyapunov", P, {"k": 0.35}, 0.00028, 1e-5),
     ("lyapunov", LOW, {"k": 0.35}, 0.0186, 1e-4),
-    ("lyapunov", P, {"k": 20.0}, 1e-5, 1e-5),
-    ("lyapunov", LOW, {"k": 20.0}, 0.00135, 1e-5),
     ("existing", P, {"k": 0.35}, 0.00025, 1e-5),
     ("existing", LOW, {"k": 0.35}, 0.0165, 1e-4),
-    ("existing", P, {"k": 20.0}, 1e-5, 1e-5),
-    ("existing", LOW, {"k": 5.0}, 0.0030, 1e-4),
     ("existing", LOW, {"k": 20.0}, 0.00083, 1e-5),  # with wrong levels better than lyapunov
     ("general_coulomb", P, {"k": 0.11, "w0": 0.1}, 0.0216, 1e-4),
-    ("general_coulomb", P, {"k": 1.1, "w0": 0.1}, 0.0134, 2e-4),
     ("general_coulomb", P, {"k": 1.1, "w0": 0.01}, 0.0090, 1e-4),
     ("friedland_park", P, {"k": 0.11}, 0.0214, 1e-4),
     ("position_coulomb", P, {"k": 0.11, "L": 400.0}, 0.0088, 1e-4),
-    ("position_coulomb", P, {"k": 0.11, "L": 2000.0}, 0.0185, 2e-4),
-    ("position_coulomb", P, {"k": 1.1, "L": 4000.0}, 0.0090, 1e-4),
     ("position_coulomb", LOW, {"k": 0.11, "L": 400.0}, 0.0088, 1e-4),  # whatever the level
     ("position_lugre", P, {}, 0.00061, 1e-5),
     ("position_lugre", LOW, {}, 0.0235, 1e-4),
@@ -96,26 +84,18 @@ def stiff(k):
 ESO, SMC = lg.extended_state_observer, lg.backstepping_smc
 POSITION = {  # the loop, RMS of theta - r in rad, and how well it is known
     "temperature, low": (lambda: follower(lg.temperature_observer(LOW)), FLOOR),
-    "temperature, high": (lambda: follower(lg.temperature_observer(believing(1.2))), FLOOR),
     "natural, low": (lambda: follower(lg.natural_observer(LOW)), (3.1e-3, 1e-4)),
     "normal force": (lambda: follower(lg.normal_force_observer(SCALED)), FLOOR),
-    "normal force, 2e4": (lambda: follower(lg.normal_force_observer(SCALED, gamma=2e4)), FLOOR),
     "normal force, 2e5": (lambda: follower(lg.normal_force_observer(SCALED, gamma=2e5)), FLOOR),
     "natural, scaled": (lambda: follower(lg.natural_observer(SCALED)), (3.1e-3, 1e-4)),
     "existing, scaled": (lambda: follower(lg.existing_observer(SCALED, k=1.0)), (3.0e-3, 1e-4)),
     "position Coulomb": (lambda: follower(lg.position_coulomb_observer(P)), (2.9e-4, 1e-5)),
     "position LuGre": (lambda: follower(lg.position_lugre_observer(P)), FLOOR),
     "position LuGre, low": (lambda: follower(lg.position_lugre_observer(LOW)), (3.1e-3, 1e-4)),
-    "position LuGre, high": (
-        lambda: follower(lg.position_lugre_observer(believing(1.2))),
-        (2.7e-3, 1e-4),
-    ),
     "Slotine-Li, exact": (lambda: wired(lg.slotine_li(P), on_s(0.35, P)), FLOOR),
     "Slotine-Li, existing": (lambda: wired(lg.slotine_li(P), on_s(0.35)), (8.8e-3, 9e-5)),
-    "Slotine-Li, existing, 5": (lambda: wired(lg.slotine_li(P), on_s(5.0)), (1.0e-3, 1e-5)),
     "Slotine-Li, existing, 50": (lambda: wired(lg.slotine_li(P), on_s(50.0)), (1.05e-4, 1e-6)),
     "Slotine-Li, natural": (lambda: wired(stiff(0.35), lg.natural_observer(LOW)), (8.1e-3, 8e-5)),
-    "Slotine-Li, natural, 5": (lambda: wired(stiff(5), lg.natural_observer(LOW)), (8.2e-4, 8e-6)),
     "Slotine-Li, natural, 50": (lambda: wired(stiff(50), lg.natural_observer(LOW)), (8.4e-5, 8e-7)),
     **{
         f"Slotine-Li, lyapunov, {k}": (
@@ -125,14 +105,9 @@ POSITION = {  # the loop, RMS of theta - r in rad, and how well it is known
         for k, error in ((0.35, 1.8e-2), (5.0, 8.9e-3), (50.0, 5.1e-3))
     },
     "adaptive": (lambda: wired(lg.adaptive_slotine_li()), (2.7e-3, 5e-4)),  # tanh, not bristles
-    "adaptive, fast": (
-        lambda: wired(lg.adaptive_slotine_li(gJ=1e-3, gv=0.1, gc=3.0)),
-        (2.5e-3, 1.5e-3),
-    ),
     "adaptive, off": (lambda: wired(lg.adaptive_slotine_li(gJ=0, gv=0, gc=0)), (7.0e-2, 1.4e-3)),
     "backstepping": (lambda: wired(SMC(P)), (1.2e-2, 5e-4)),  # without an observer it must switch
     "backstepping, hard": (lambda: wired(SMC(P, eps=200.0)), (6.5e-5, 1e-6)),
-    "backstepping, 200": (lambda: wired(SMC(P), ESO(P, 200.0)), (1.7e-3, 5e-5)),
     "backstepping, 1000": (lambda: wired(SMC(P), ESO(P, 1000.0)), (2.4e-4, 7e-6)),
 }
 
@@ -173,18 +148,6 @@ def test_at_a_set_point(make, last, most):
     assert abs((out["theta"] - r)[t > last - 1]).max() == pytest.approx(most[0], abs=most[1])
 
 
-@longer
-def test_a_ready_loop_is_the_same_as_blocks_wired_by_hand():
-    made = lg.position_loop(
-        P, "existing", k=5.0, controller="slotine_li", observer_parameters=LOW,
-        controller_gains={"KD": 0.2, "lam": 30.0},
-    )  # fmt: skip
-    other = wired(lg.slotine_li(P, 0.2), on_s(5.0), 30.0)
-    t = np.arange(0.0, 1.0, STEP)
-    one, two = (signals(x, lg.simulate(x, t, sine(t)))["theta"] for x in (made, other))
-    assert one == pytest.approx(two, abs=1e-9)
-
-
 SAMPLED = {
     "friction state": (lambda: lg.friction_state_observer(LOW), (0.0076, 1e-4)),
     "normal force": (lambda: lg.normal_force_observer(LOW, k=0.35), (0.0029, 3e-4)),
@@ -203,17 +166,14 @@ def test_sampled_at_1_khz(make, error):
     ("name", "factor", "swing", "digit"),
     [
         ("temperature", 1.5, 0.0, 1e-11),
-        ("natural", 1.5, 0.020, 1e-3),
         ("natural", 1.2, 0.0080, 1e-4),
         ("existing", 1.2, 0.0070, 1e-4),
-        ("friction_state", 1.2, 0.0, 1e-11),
         ("friction_state", 1.5, 0.0, 1e-11),
         ("proposed", 1.5, 0.0, 1e-11),
         ("disturbance", 1.2, 0.0, 1e-11),
         ("extended_state", 1.2, 0.0, 1e-11),
         ("position_coulomb", 1.2, 0.16e-3, 1e-5),
         ("friedland_park", 1.2, 0.39e-3, 1e-5),
-        ("position_lugre", 1.2, 0.0, 1e-10),
         ("position_lugre", 1.5, 0.0, 1e-10),
         ("normal_force", 1.2, 0.0, 1e-11),
         ("lyapunov", 1.2, 0.0, 1e-11),
@@ -228,143 +188,39 @@ def test_limit_cycles_with_friction_overestimated(name, factor, swing, digit):
 # --- from period to period ----
 
 
-def by_period(blocks, periods, plant=P, noise=0.0):
-    """RMS of theta - r in rad for each period of 0.1 sin 2 pi t, and the largest |u|."""
+def by_period(blocks, periods):
+    """RMS of theta - r in rad for each period of 0.1 sin 2 pi t."""
     t = np.arange(0.0, periods + STEP / 2, STEP)
     rows = sine(t)
-    if noise:
-        rows["dw"] = noise * np.random.default_rng(0).normal(size=len(t))
-    done = lg.simulate([lg.plant(plant), *blocks], t, rows)
+    done = lg.simulate([lg.plant(P), *blocks], t, rows)
     e = (signals_by(done, "theta") - rows["r"])[: periods * 1000].reshape(periods, 1000)
-    return np.sqrt(np.mean(e**2, axis=1)), np.abs(signals_by(done, "u")).max()
+    return np.sqrt(np.mean(e**2, axis=1))
 
 
 @longer
 def test_memory_learns_friction_that_no_law_describes():
     """1.2e-2 in period 5, 4.1e-3 in 10, 1.1e-3 in 20; without learning 70 mrad."""
-    errors, _ = by_period([lg.sliding_error(), lg.repetitive_memory(P)], 20)
+    errors = by_period([lg.sliding_error(), lg.repetitive_memory(P)], 20)
     assert errors[[4, 9, 19]] == pytest.approx([1.2e-2, 4.1e-3, 1.1e-3], rel=0.05)
-    none, _ = by_period([lg.sliding_error(), lg.slotine_li(P)], 4)
+    none = by_period([lg.sliding_error(), lg.slotine_li(P)], 4)
     assert none[-1] == pytest.approx(0.070, rel=0.02)
-
-
-@longer
-def test_memory_is_smoothed_where_w_is_noisy():
-    """0.01 rad/s of noise on w: less torque with the average over three samples."""
-    sensor = ct.nlsys(
-        None, lambda t, x, u, p: u[0] + u[1], inputs=["w", "dw"], outputs=["w_m"], name="noise"
-    )
-    error = lg.sliding_error(inputs=["theta", "w_m", "r", "dr", "ddr"])
-    found = [
-        by_period([sensor, error, lg.repetitive_memory(P, gamma=0.15, smooth=smooth)], 8, P, 0.01)
-        for smooth in (False, True)
-    ]
-    assert found[1][1] < found[0][1] and found[1][0][-1] < 1.05 * found[0][0][-1]
-    assert found[1][0][-1] < 5e-3
 
 
 @longer
 def test_harmonics_that_are_left_out_remain_in_the_error():
     """At the end 1.7 mrad with 5 harmonics."""
-    errors, _ = by_period([lg.sliding_error(), lg.repetitive_control(P, harmonics=5)], 20)
+    errors = by_period([lg.sliding_error(), lg.repetitive_control(P, harmonics=5)], 20)
     assert errors[-1] == pytest.approx(1.7e-3, rel=0.05)
 
 
 # --- a torque that acts late ----
 
 
-def late(samples, source, target):
-    """A dead time of whole samples."""
-    return ct.nlsys(
-        lambda t, x, u, p: np.append(np.asarray(x, dtype=float)[1:], u[0]),
-        lambda t, x, u, p: np.array([u[0], x[0]]),
-        inputs=[source],
-        outputs=[f"{source}_now", target],
-        states=samples,
-        dt=STEP,
-        name=f"{source}_line",
-    )
-
-
-def error_behind(blocks, samples, drive=P):
-    """RMS of w(t) - r(t - h) in rad/s over 3 to 6 s, r = sin 2 pi t rad/s, torque h late."""
-    t = np.arange(0.0, 6.0 + STEP / 2, STEP)
-    moved = lg.plant(drive, inputs=["u_late", "d"])
-    read = {signal for block in blocks for signal in block.input_labels}
-    lines = [late(samples, k, f"{k}_late") for k in ("u", "wp") if f"{k}_late" in read or k == "u"]
-    given = {"r": np.sin(2 * np.pi * t), "dr": 2 * np.pi * np.cos(2 * np.pi * t)}
-    given = {k: v for k, v in given.items() if k in read}
-    done = lg.simulate([moved, *blocks, *lines], t, given)
-    wanted = np.sin(2 * np.pi * (t - samples * STEP))
-    return rms((signals_by(done, "w") - wanted)[t >= 3.0])
-
-
-def with_a_model(believed):
-    """The predictor is a second plant."""
-    predictor = lg.plant(
-        believed, name="predictor", inputs=["u_now", "none"], outputs=["theta_p", "wp", "Fp"]
-    )
-    control = [lg.error(inputs=["r", "ws"]), lg.pi(1.6, 0.0), lg.compensation(inputs=["Fp"])]
-    return [predictor, lg.smith_velocity(), *control]
-
-
-def without_a_model(kp=1.6, k=0.02):
-    """Coulomb friction is found from the torque that acts."""
-    found = lg.friedland_park_observer(P, k, 1.0, inputs=["w", "u_late"], outputs=["Fh", "ahat"])
-    predictor = lg.coulomb_predictor(P, inputs=["u_now", "ahat"])
-    control = [lg.error(inputs=["r", "ws"]), lg.pi(kp, 0.0), lg.coulomb_compensation(P)]
-    return [found, predictor, lg.smith_velocity(), *control]
-
-
-def two_state(factor=1.0):
-    """Table 1 with a friction level that follows the speed late and an elastic zone."""
-    levels = {"Fc": factor * P.Fc, "Fs": factor * P.Fs}
-    same = {k: getattr(P, k) for k in ("J", "sigma0", "sigma1", "Fv", "vs")}
-    return lg.Model.of(friction="two_state", **same, **levels)
-
-
-def along_the_reference():
-    """u = kp (r - w) + J dr + F, the law of two states along r: no predictor is needed."""
-    law = lg.friction("two_state", inputs=["r"], outputs=["Fhat"], **two_state().friction.values)
-    return [lg.error(), lg.pi(0.1, 0.0), lg.feedforward(P), law, lg.compensation()]
-
-
-LATE = {  # blocks, samples of dead time, drive, RMS of w(t) - r(t - h) in rad/s, how well known
-    **{
-        f"a model, {h} ms, {factor}": (lambda f=factor: with_a_model(believing(f)), h, P, error)
-        for h, factor, error in [
-            (5, 1.0, (0.0068, 1e-4)),
-            (10, 1.0, (0.0068, 1e-4)),
-            (5, 0.8, (0.129, 1e-3)),
-            (10, 0.8, (0.200, 1e-3)),
-            (5, 1.2, (0.239, 1e-3)),
-            (10, 1.2, (0.386, 1e-3)),
-        ]
-    },
-    **{  # within 10 %: the figures are those of another discretisation
-        f"ahat, {h} ms, {kp}": (lambda kp=kp: without_a_model(kp), h, P, (error, 0.1 * error))
-        for h, kp, error in [(5, 1.6, 0.0405), (10, 1.6, 0.0676), (5, 0.3, 0.058), (10, 0.3, 0.088)]
-    },
-    "two states": (lambda: with_a_model(two_state()), 10, two_state(), (0.0069, 1e-4)),
-    "two states, low": (lambda: with_a_model(two_state(0.8)), 10, two_state(), (0.201, 1e-3)),
-    "ahat, two states": (without_a_model, 5, two_state(), (0.049, 0.0049)),
-    "ahat, two states, 10 ms": (without_a_model, 10, two_state(), (0.073, 0.0073)),
-    "along the reference": (along_the_reference, 10, two_state(), (0.0339, 1e-3)),
-}
-
-
-@longer
-@pytest.mark.parametrize(("make", "samples", "drive", "error"), LATE.values(), ids=LATE)
-def test_behind_a_dead_time(make, samples, drive, error):
-    """0.707 without compensation, 0.19 and 0.27 with an observer that ignores 5 and 10 ms."""
-    found = error_behind(make(), samples, drive)
-    assert found == pytest.approx(error[0], abs=error[1])
-
-
 def test_a_two_state_drive_is_its_own_predictor_without_a_delay():
     """Friction of two states inside the predictor and inside the drive is the same."""
-    blocks = [lg.plant(two_state(), inputs=["u", "d"]), lg.smith_velocity()]
-    blocks += [lg.plant(two_state(), name="twin", inputs=["u", "d"], outputs=["th", "wp", "Fp"])]
+    drive = lg.Model.of(friction="two_state", **vars(P))
+    blocks = [lg.plant(drive, inputs=["u", "d"]), lg.smith_velocity()]
+    blocks += [lg.plant(drive, name="twin", inputs=["u", "d"], outputs=["th", "wp", "Fp"])]
     t = np.arange(0.0, 0.1, STEP)
     given = {"u": 0.5 * np.sin(30 * t), "d": 0.0 * t, "wp_late": 0.0 * t}
     done = lg.simulate(blocks, t, given)

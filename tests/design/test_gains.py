@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from fractions import Fraction
 
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import eigh
 
@@ -45,24 +44,6 @@ def test_the_papers_gains():
     assert poles.max() == pytest.approx(best.pole_at_rest, rel=1e-9)
 
 
-def test_the_rate_holds_in_exact_arithmetic():
-    """-dV/dt - 2 r V is positive semidefinite at w = 0 and grows with |w|: no rounding in it."""
-    for cert, (K1, K2) in [
-        (paper_design().certificate, (paper_design().K1, paper_design().K2)),
-        (certify(P, *PAPER_GAINS), PAPER_GAINS),
-    ]:
-        J, s0, s1, k1, k2 = (Fraction(v) for v in (P.J, P.sigma0, P.sigma1, K1, K2))
-        b = Fraction(cert.beta) / 2
-        A, B = (s1 / J) ** 2 + b, 2 * s1 / J
-        K3, r = (k2 - s1 * k1) / J, Fraction(cert.rate) * (1 - Fraction(1, 10**9))
-        top = B * s0 / J - 2 * r * A
-        low = B * k1 + 2 * K3 - 2 * r
-        cross = (B * K3 + 2 * s0 / J + 2 * A * k1) / 2 - r * B
-        assert top > 0 and low > 0 and top * low >= cross**2
-        assert 2 * A - B * s1 / J == 2 * b > 0
-        assert float(A) == pytest.approx(cert.A) and float(B) == pytest.approx(cert.B)
-
-
 def test_matrices_are_those_of_the_observer_block():
     """M0 + a M1 against the difference of drive and observer, and e_f against the blocks."""
     M0, M1 = error_matrices(P, *PAPER_GAINS)
@@ -87,6 +68,7 @@ def test_certificate_matrices_and_rate():
     assert cert.rate_at(0.0) == cert.rate
 
 
+@settings(max_examples=30)
 @given(powers, powers, powers, powers)
 def test_no_other_V_does_better(j, k1, k2, corner):
     """Random quadratic forms, with B = 2 C sigma1/J and without, at rest and at ever higher
@@ -193,17 +175,6 @@ def test_simulated_errors_never_decay_slower_than_the_certificate(count):
         never_slower(p, seed)
 
 
-@given(powers, powers, powers)
-def test_the_best_certificate_is_never_below_the_papers(c, al, be):
-    """lemma6's own V is one of those that certify looks at."""
-    scale = (P.sigma1 / P.J) ** 2
-    design = design_gains(P, C=10**c, alpha=433 * 10 ** (al / 2), beta=scale * 10 ** (c + be / 2))
-    own, best = design.certificate, certify(P, design.K1, design.K2)
-    assert own.rate > 0 and best.rate >= own.rate * (1 - 3e-3)
-    assert own.rate < P.sigma0 / P.sigma1
-    assert own.B**2 - 4 * own.A * own.C == pytest.approx(-2 * own.beta * own.C, rel=1e-6)
-
-
 def test_bound_is_reached_and_not_passed():
     cert = certify(P, *PAPER_GAINS)
     most_ez, most_ew = cert.bound(1e-3, 0.2)
@@ -227,14 +198,6 @@ def test_defaults_put_the_poles_where_they_say():
     assert varying.certificate.pole_at_rest == pytest.approx(-corner, rel=1e-6)
 
 
-def test_scheduled_gains_work_in_the_ready_loop():
-    design = design_gains(P, "bounded", M=5.0)
-    loop = lg.velocity_loop(P, "proposed", **design.gains)
-    t = np.linspace(0, 0.2, 201)
-    found = lg.simulate(loop, t, 0.3 + 0 * t)
-    assert abs(found.outputs[loop.output_labels.index("w")][-1] - 0.3) < 0.02
-
-
 def test_summaries_are_plain():
     for method, more in [("constant", {}), ("time-varying", {}), ("bounded", {"M": 2.0})]:
         design = design_gains(lg.Model.of(P), method, **more)
@@ -243,6 +206,7 @@ def test_summaries_are_plain():
         assert design.certificate.lemma in str(design.certificate)
 
 
+@settings(max_examples=30)
 @given(st.lists(st.floats(-1, 1), min_size=3, max_size=12), st.floats(0.05, 1.0))
 def test_least_travel_is_that_of_every_window(samples, share):
     """beta against windows at 2000 starts: never above one, and reached by one."""
@@ -272,7 +236,7 @@ def test_every_observer_has_a_rule_or_is_the_proposed_one():
     assert known - {*RULES} == {"no_observer", "proposed_observer"}
 
 
-@pytest.mark.parametrize("name", [*SHORT, "proposed"])
+@pytest.mark.parametrize("name", [*SHORT[::3], "proposed"])
 def test_a_loop_takes_the_gains_of_a_design(name):
     design = lg.design_gains(P, observer=name)
     assert design.observer == name and design.certificate
@@ -283,7 +247,7 @@ def test_a_loop_takes_the_gains_of_a_design(name):
         assert block.params[f"{name}_observer.{key}"] == value
 
 
-@pytest.mark.parametrize(("rate", "claimed"), [(200.0, 123.0), (500.0, 358.0), (2000.0, 1660.0)])
+@pytest.mark.parametrize(("rate", "claimed"), [(200.0, 123.0), (2000.0, 1660.0)])
 def test_the_friction_state_has_at_least_the_known_decay(rate, claimed):
     """Up to 0.65 rad/s; found by hand with one parameter of V, here with three."""
     design = lg.design_gains(P, observer="friction_state", bandwidth=rate, M=0.65)
@@ -291,7 +255,7 @@ def test_the_friction_state_has_at_least_the_known_decay(rate, claimed):
     assert design.certificate.pole_at_rest == -rate
 
 
-@pytest.mark.parametrize(("most", "claimed"), [(0.1, 445.0), (0.5, 414.0), (1.0, 338.0)])
+@pytest.mark.parametrize(("most", "claimed"), [(0.1, 445.0), (1.0, 338.0)])
 def test_the_position_observer_has_the_known_gains_and_decay(most, claimed):
     design = lg.design_gains(P, observer="position_lugre", pole=1000.0, M=most)
     gains = [design.gains[k] for k in ("l1", "l2", "l3")]

@@ -29,8 +29,8 @@ def exact(start, t):
     return steady + (start + 20 * size) * np.exp(-50 * t)
 
 
-@pytest.mark.parametrize("start", [1.0, 1e3, 1e6, -3e6])
-@pytest.mark.parametrize("points", [3, 11, 501])
+@pytest.mark.parametrize("start", [1.0, -3e6])
+@pytest.mark.parametrize("points", [3, 501])
 def test_a_small_motion_after_a_large_start_is_right(start, points):
     system = moving(lag, "y", "lag")
     t = np.linspace(0, 5, points)

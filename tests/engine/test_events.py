@@ -13,7 +13,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import Diverged
 from lugrectl.engine.runtime import adaptive_run
 from lugrectl.engine.tracing.tracer import trace
@@ -61,24 +60,11 @@ ABSENT: dict[str, Signal] = {
 
 
 @pytest.mark.parametrize("idle", ABSENT.values(), ids=ABSENT)
-@pytest.mark.parametrize("points", [2, 12, 120])
+@pytest.mark.parametrize("points", [2, 120])
 def test_a_function_at_zero_does_not_keep_others_from_being_met(idle: Signal, points: int) -> None:
     t = np.linspace(0.0, 5.5, points)
     exact = (18.0 - abs(np.sin(5.5 * W))) / W  # 17 quarters of a period, of 1/W each, and a part
     assert last(lambda t, x: np.abs(x[0]) + idle(t, x), t) == pytest.approx(exact, abs=1e-6)
-
-
-def test_effects_at_neutral_change_nothing_and_take_no_time() -> None:
-    """hard_stop has |stiffness (theta - position)| with stiffness 0."""
-    model = model_from_dict(
-        {"plant": {"J": 0.0022}, "friction": {"model": "coulomb", "Fc": 0.3, "Fv": 0.02}}, "test"
-    )
-    idle = model.with_effect("hard_stop", {"position": 0.1, "stiffness": 0.0, "side": 1.0})
-    idle = idle.with_effect("load_dependent_friction", {"coefficient": 0.0})
-    t = np.linspace(0.0, 0.05, 11)
-    u = [0.9 * np.sin(30.0 * t), 0.0]
-    bare, ours = (lg.simulate(lg.plant(m), t, u).states for m in (model, idle))
-    np.testing.assert_allclose(ours, bare, rtol=0, atol=1e-6 * np.max(np.abs(bare)))
 
 
 def test_hundreds_of_kinks_within_one_interval_are_all_met() -> None:
@@ -144,7 +130,7 @@ def _piece(name: str, a: Any, b: Any, t: Any) -> Any:
     return made[name]()
 
 
-@settings(max_examples=30, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(
     st.lists(st.tuples(PIECES, st.integers(0, 2), st.integers(0, 2), NUMBERS), max_size=5),
     st.lists(NUMBERS, min_size=9, max_size=9),

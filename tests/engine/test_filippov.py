@@ -8,7 +8,6 @@ from typing import Any
 import control as ct
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import lugrectl as lg
 from lugrectl.engine.runtime.adaptive_run import Adaptive
@@ -70,23 +69,6 @@ def test_a_held_torque_frees_it_at_once() -> None:
     np.testing.assert_allclose(friction, np.minimum(u, FC), rtol=1e-12)
 
 
-def test_a_sine_above_Fc_rests_twice_a_period() -> None:
-    """Moves from a = arcsin(Fc/A) to where A (cos a - cos t) = Fc (t - a), rests to pi + a."""
-    A, t = 0.75, np.linspace(0.0, 2 * np.pi, 201)
-    swing = moving(lambda t, x, u, p: (A * np.sin(t) - FC * np.sign(x)) / J, 1, "swing", 0)
-    w = lg.simulate(swing, t, rtol=1e-9).states[0]
-    a = np.arcsin(FC / A)
-
-    def speed(t: Any) -> Any:
-        return (A * (np.cos(a) - np.cos(t)) - FC * (t - a)) / J
-
-    end = brentq(speed, a + 0.1, np.pi, xtol=1e-14)
-    exact = np.where((t > a) & (t < end), speed(t), 0.0)
-    exact += np.where((t > np.pi + a), -speed(np.minimum(t - np.pi, end)), 0.0)
-    np.testing.assert_allclose(w, exact, rtol=0, atol=1e-9)
-    assert np.max(np.abs(w[(t > end) & (t < np.pi + a)])) < 1e-12 * np.max(w)
-
-
 def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:
     """m x'' + k x = -F, F up to Fs within ``narrow`` of the belt's speed v, Fk beyond.
 
@@ -139,26 +121,7 @@ def test_a_relay_follows_a_moving_input() -> None:
     np.testing.assert_allclose(x[t > 0.5], u[t > 0.5], atol=1e-10)
 
 
-def test_two_relays_that_act_on_each_other() -> None:
-    """Full inertia matrix: the friction of one shaft pushes the other, at rest as well."""
-    M = np.linalg.inv([[2.0, 0.9], [0.9, 1.0]])
-
-    def rates(side: Callable[[Any], Any]) -> Callable[..., Any]:
-        return lambda t, x, u, p: M @ np.array([u[0] - FC * side(x[0]), -0.4 * side(x[1])])
-
-    t = np.linspace(0.0, 6.0, 61)
-    u = 1.1 * np.exp(-0.3 * t) * np.sin(2.0 * t)
-    sharp, smooth = (
-        moving(rates(side), 2, "shafts", 1) for side in (np.sign, lambda w: np.tanh(w / 1e-5))
-    )
-    ours = lg.simulate(sharp, t, u, [0.3, -0.2], rtol=1e-8).states
-    near = lg.simulate(smooth, t, u, [0.3, -0.2], rtol=1e-8).states
-    np.testing.assert_allclose(ours, near, atol=2e-4)
-    rest = np.abs(ours) < 1e-12
-    assert rest[0].sum() > 5 and rest[1].sum() > 5 and np.any(rest[0] & rest[1])
-
-
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) -> None:
     """dx/dt = A x + b1 sign(c1 x) + b2 sign(c2 x) + g u, most of which come to rest."""
     random = np.random.default_rng(seed)
@@ -177,16 +140,6 @@ def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) 
     steep = lg.simulate(system(lambda s: np.tanh(s / 1e-6)), t, u, x0, rtol=1e-7).states
     ours = lg.simulate(system(np.sign), t, u, x0, rtol=1e-7).states
     np.testing.assert_allclose(ours, steep, atol=1e-3 * np.max(np.abs(steep)))
-
-
-def test_friction_models_of_the_library_come_near_it() -> None:
-    """Coulomb by tanh(w/eps), and LuGre with stiff bristles and Fs = Fc."""
-    t = np.linspace(0.0, 1.0, 201)
-    u = 1.5 * np.sin(4.0 * t)
-    ours = lg.simulate(drive(), t, u).states[1]
-    stiff = lg.Parameters(J=J, sigma0=1e8, sigma1=1e4, Fc=FC, Fs=FC, Fv=0.0, vs=0.01)
-    lugre = lg.simulate(lg.plant(stiff), t, {"u": u}).states[1]
-    np.testing.assert_allclose(ours, lugre, atol=1e-3 * np.max(lugre))
 
 
 def test_rest_takes_few_steps_and_stays_through_a_loop(way: str) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from lugrectl.core.errors import Diverged
-from lugrectl.engine import AlgebraicLoop
 from lugrectl.simulation.response import simulate
 
 from ..cases.own import static, user_block
@@ -48,22 +47,3 @@ def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list: bool)
     found = simulate(system, t, {"u": np.ones(41)} if as_list else np.ones(41))
     y = np.atleast_2d(found.outputs)[list(found.output_labels).index("y")]
     np.testing.assert_allclose(y, t, atol=1e-6)
-
-
-@pytest.mark.filterwarnings("ignore:block one:RuntimeWarning")
-def test_an_algebraic_loop_is_named_without_a_trace() -> None:
-    def gain(name, source, target, function):
-        return static(function, source, target, name)
-
-    loop = ct.interconnect(
-        [
-            gain("one", "a", "b", lambda t, x, u, p: 0.5 * u[0] ** 2 if u[0] > 0 else 0.0),
-            gain("two", "b", "a", lambda t, x, u, p: 0.5 * u[0]),
-            gain("after", "b", "c", lambda t, x, u, p: u[0]),
-        ],
-        inputs="a",
-        outputs="c",
-        check_unused=False,
-    )
-    with pytest.raises(AlgebraicLoop, match="through one, two;"):
-        simulate(loop, [0.0, 1.0], 1.0)

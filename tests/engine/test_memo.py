@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.block import REGISTRY, P
+from lugrectl.blocks.block import P
 from lugrectl.blocks.declaration import block
 from lugrectl.torque_balance.driven_states import driven
 
-from ..cases.own import moving, static
+from ..cases.own import moving
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -52,11 +52,6 @@ def by_dictionary() -> Any:
     """As by a list, a global or a closure: what a function reads is not looked at."""
     values = {"limit": 1.0}
     return lag(lambda: values["limit"]), lambda: values.update(limit=2.0)
-
-
-def by_update_function() -> Any:
-    system = lag(lambda: 1.0)
-    return system, lambda: setattr(system, "updfcn", lag(lambda: 2.0).updfcn)
 
 
 def by_matrix() -> Any:
@@ -101,7 +96,6 @@ def by_a_sampled_block() -> Any:
 
 WAYS = {
     "dictionary": by_dictionary,
-    "update function": by_update_function,
     "matrix": by_matrix,
     "parameters": by_parameters,
     "wiring": by_wiring,
@@ -188,26 +182,6 @@ def test_names_that_change_are_those_of_the_answer():
     assert table["torque"].shape == (2, len(T))
 
 
-@pytest.mark.parametrize("delay", [0, 1])
-def test_a_sampled_drive_sees_a_new_value(delay):
-    values = [1.0]
-    plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]], inputs="u", outputs="y", name="plant")
-    law = static(
-        lambda t, x, u, p: np.clip(5.0 * (u[1] - u[0]), -values[0], values[0]),
-        ["y", "r"],
-        "u",
-        "law",
-        dt=0.1,
-    )
-    ends = []
-    for values[0] in (1.0, 2.0):
-        kept = lg.simulate_sampled(plant, law, T, 9.0, delay=delay)
-        ends.append(np.asarray(kept.outputs)[0, -1])
-    steps = len(T) - 1 - delay
-    expected = [limit * (1.0 - np.exp(-0.1 * steps)) for limit in (1.0, 2.0)]
-    np.testing.assert_allclose(ends, expected, rtol=1e-5)
-
-
 def test_a_list_of_blocks_sees_a_new_value():
     values = [1.0]
     blocks = [lag(lambda: values[0]), lg.sampled(lg.pi(1.0, 0.0, outputs=["u"]), 0.1)]
@@ -239,15 +213,12 @@ def test_an_effect_that_a_cell_declares_again_is_the_new_one():
         return slow
 
     for slow in (cell(1.0), cell(3.0)):
-        try:
-            made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
-            motion, one = {"w": np.ones(len(T)), "theta": T}, [{"c": 1.0, "tau": 0.5}]
-            (torque,) = driven(made, one, motion, [(slice(0, len(T)), float(T[1]))])
-            ends.append(torque[-1, 0])
-            system = made.system()
-            np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
-        finally:
-            REGISTRY.pop(("effect", "again"), None)
+        made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
+        motion, one = {"w": np.ones(len(T)), "theta": T}, [{"c": 1.0, "tau": 0.5}]
+        (torque,) = driven(made, one, motion, [(slice(0, len(T)), float(T[1]))])
+        ends.append(torque[-1, 0])
+        system = made.system()
+        np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
     assert ends[1] == pytest.approx(3.0 * ends[0])
 
 

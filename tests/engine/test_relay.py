@@ -31,7 +31,7 @@ def drive(side):
 
 def run(system):
     """A drive that is driven through standstill, at rest for a while at each reversal."""
-    t = DT * np.arange(800)
+    t = DT * np.arange(550)
     lanes = Lanes(system, backend="numpy")
     given = {"u": 0.5 * np.sin(12.0 * t), "d": 0.0 * t}
     u = np.column_stack([given[name] for name in lanes.inputs])

@@ -15,10 +15,15 @@ from ..cases.own import moving
 from ..cases.systems import DT, torque
 from ..cases.wide import FRICTION, WIDE, plant
 
-pytestmark = pytest.mark.skipif(not has_wide(), reason="this machine computes one at a time")
+
+@pytest.fixture(autouse=True)
+def wide() -> None:
+    """Asked for when a test runs: it compiles."""
+    if not has_wide():
+        pytest.skip("this machine computes one at a time")
 
 
-def ran(system, count: int, wide: bool, monkeypatch, samples: int = 150, blow_up: bool = False):
+def ran(system, count: int, wide: bool, monkeypatch, samples: int = 60, blow_up: bool = False):
     monkeypatch.setattr(batch_run, "LEAST_WIDE", 1 if wide else count + 1)
     made = Lanes(system, backend="c")
     assert is_wide(made.program)
@@ -44,7 +49,7 @@ def test_the_same_numbers_as_one_after_another(law, effect, monkeypatch) -> None
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9 * np.max(np.abs(b)))
 
 
-@pytest.mark.parametrize("count", [1, 7, 8, 9, 40])
+@pytest.mark.parametrize("count", [1, 9])
 def test_any_number_of_lanes(count, monkeypatch) -> None:
     several, single = (ran(plant("lugre"), count, wide, monkeypatch) for wide in (True, False))
     for a, b in zip(several, single, strict=True):

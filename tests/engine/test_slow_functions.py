@@ -18,7 +18,7 @@ T = np.arange(0.0, 0.02, 1e-3)
 
 def odd(**options):
     def out(t, x, u, params):
-        time.sleep(0.02)
+        time.sleep(2e-3)
         return [u[0] + np.spacing(u[0])]
 
     return static(out, ["v"], ["u"], "odd", **options)
@@ -37,7 +37,7 @@ SYSTEMS = {
 
 @pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 def test_a_slow_simulation_names_the_block_the_function_and_what_to_do(monkeypatch, system):
-    monkeypatch.setattr(endings, "AFTER", 0.05)
+    monkeypatch.setattr(endings, "AFTER", 0.02)
     with warnings.catch_warnings(record=True) as seen:
         warnings.simplefilter("always")
         lg.simulate(system(), T, {"v": 0.1} if isinstance(system(), list) else 0.1)

@@ -104,20 +104,6 @@ def test_an_untraceable_affine_block_stays_exact():
     assert y == pytest.approx((1 - np.exp(-0.3 * np.arange(1, 6))) / 3, rel=1e-12)
 
 
-def test_what_a_function_reads_is_read_again_when_a_run_begins():
-    """Affine while the gain of the cubic term is 0; later it is not."""
-    outside = {"c": 0.0}
-    block = lone(lambda x, v, p: v - x - outside["c"] * x**3)
-    made, t = sampled(block, 0.1), 0.1 * np.arange(20)
-    for c in (0.0, 3.0):
-        outside["c"] = c
-        exact = simulate(block, t, 2.0, rtol=1e-9).outputs
-        assert ct.input_output_response(made, t, 2.0 + 0 * t).outputs == pytest.approx(
-            exact, abs=1e-5
-        )
-        assert simulate(made, t, 2.0).outputs == pytest.approx(exact, abs=1e-5)
-
-
 def test_a_state_that_grows_without_bound_is_named():
     block = lone(lambda x, v, p: x * x, name="burst")
     with pytest.raises(lg.Refused, match="burst: state x"):

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import lugrectl as lg
-from lugrectl.blocks.model import model_from_dict
 from lugrectl.core.errors import InputError
 from lugrectl.engine import TraceError, trace
 from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
@@ -17,15 +16,6 @@ from lugrectl.simulation.response import simulate
 
 from ..cases.own import moving, static
 from ..cases.systems import full_model, pi, velocity_loop
-
-
-@pytest.mark.parametrize("law", ["lugre", "stribeck", "coulomb", "viscous"])
-def test_trace_is_the_systems_own_right_hand_side(law: str) -> None:
-    model = model_from_dict({"plant": {"J": 0.01}, "friction": {"model": law}}, "test")
-    model = model.with_values(
-        {k: p.value for k, p in model.declarations().items() if model.values()[k] is None}
-    )
-    _assert_same_equations(lg.plant(model.with_effect("gravity", {"amplitude": 0.2, "phase": 1.0})))
 
 
 def test_trace_of_a_plant_with_effects_and_of_a_loop() -> None:

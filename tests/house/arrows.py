@@ -12,8 +12,9 @@ FACE = {"__init__", "__main__", "results"}  # files beside the rooms
 
 
 @cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
+def walked(path: Path) -> tuple[ast.AST, ...]:
+    """The nodes of a file."""
+    return tuple(ast.walk(ast.parse(path.read_text())))
 
 
 def room(path: Path) -> str:
@@ -23,7 +24,7 @@ def room(path: Path) -> str:
 def imported(path: Path) -> set[tuple[str, ...]]:
     """The modules of the package that a file imports, at its top or within a function."""
     found = set()
-    for node in ast.walk(parsed(path)):
+    for node in walked(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             base = path.relative_to(PACKAGE).parts[: -node.level]
             module = tuple(node.module.split(".")) if node.module else ()
@@ -32,6 +33,7 @@ def imported(path: Path) -> set[tuple[str, ...]]:
     return found
 
 
+@cache
 def arrows(folder: str) -> set[tuple[str, str]]:
     """Which room of a folder imports which; the public face imports all."""
     inside = () if folder == "." else (folder,)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import lugrectl as lg
 
-from .arrows import PACKAGE, ROOT, arrows, parsed, room
+from .arrows import PACKAGE, ROOT, arrows, room, walked
 
 MANY, LONG = 6, 40  # arguments of a function; lines of its body
 DATA = {".py", ".txt", ".json", ".toml", ".c", ".csv", ".md"}
@@ -23,7 +23,7 @@ def lines(folder: Path, kinds: set[str]) -> int:
 def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
     """Every function of the package, with the path and name to find it by."""
     for path in sorted(PACKAGE.rglob("*.py")):
-        for node in ast.walk(parsed(path)):
+        for node in walked(path):
             if isinstance(node, ast.FunctionDef):
                 yield f"{path.relative_to(PACKAGE)}:{node.name}", node
 

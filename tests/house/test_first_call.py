@@ -34,9 +34,7 @@ def first(call):
 
 print(json.dumps({call: first(call) for call in json.loads(sys.argv[1])}))
 """
-OBSERVERS = "existing natural proposed friedland_park disturbance extended_state adaptive".split()
-OBSERVERS += "temperature friction_state normal_force lyapunov general_coulomb".split()
-OBSERVERS += ["position_coulomb", "position_lugre"]
+OBSERVERS = [name.removesuffix("_observer") for name in lugrectl.observers().names[1:]]
 CALLS = {
     'lg.effect("gravity", amplitude=0.1)': "gravity",
     'lg.friction("coulomb")': "coulomb",

@@ -12,7 +12,8 @@ import pytest
 
 from lugrectl.core.views import view
 
-from .arrows import FACE, PACKAGE, ROOT, arrows, parsed, room
+from . import size
+from .arrows import FACE, PACKAGE, ROOT, arrows, room, walked
 
 FLOORS = {  # of each folder, from the ground up: a room imports from lower floors only
     ".": [
@@ -28,7 +29,6 @@ FLOORS = {  # of each folder, from the ground up: a room imports from lower floo
 }
 SHOWING = {"report", "paper", "cli", "__main__"}  # rooms that draw and print
 ARROWS = 59  # between the rooms of the package, at most
-LINES = 40  # of a function without its docstring, at most
 
 
 @pytest.mark.parametrize("folder", FLOORS)
@@ -48,8 +48,7 @@ def test_computing_neither_draws_nor_prints():
     for path in PACKAGE.rglob("*.py"):
         if room(path) in SHOWING:
             continue
-        tree = parsed(path)
-        calls = [n.func for n in ast.walk(tree) if isinstance(n, ast.Call)]
+        calls = [n.func for n in walked(path) if isinstance(n, ast.Call)]
         assert "print" not in [f.id for f in calls if isinstance(f, ast.Name)], path
         assert "matplotlib" not in path.read_text(), path
 
@@ -66,7 +65,7 @@ def test_top_level_holds_what_it_should():
 def test_tests_stand_alone():
     """No test file imports another, nor a private name of the package."""
     for path in (ROOT / "tests").rglob("test_*.py"):
-        for node in ast.walk(parsed(path)):
+        for node in walked(path):
             if isinstance(node, ast.ImportFrom):
                 module = (node.module or "").split(".")
                 names = [alias.name for alias in node.names]
@@ -76,17 +75,12 @@ def test_tests_stand_alone():
 
 
 def test_functions_are_short():
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(parsed(path)):
-            if isinstance(node, ast.FunctionDef):
-                body = node.body[1:] if ast.get_docstring(node) else node.body
-                lines = body[-1].end_lineno - body[0].lineno + 1 if body else 0
-                assert lines <= LINES, f"{path.name}: {node.name} has {lines} lines"
+    assert not [name for name, node in size.functions() if size.body(node) > size.LONG]
 
 
 def test_what_a_result_shows_itself_with_exists():
     for path in PACKAGE.rglob("*.py"):
-        for call in ast.walk(parsed(path)):
+        for call in walked(path):
             if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "view":
                 assert callable(view(*[ast.literal_eval(a) for a in call.args])), path
 

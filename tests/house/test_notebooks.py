@@ -39,28 +39,14 @@ def test_a_page_is_stored_as_it_ran(path):
 
 
 @each
-def test_a_page_names_rooms_that_exist(path):
-    """The code's folders as a page writes them: lugrectl/engine/tracing."""
-    root = README.parent
-    named = re.findall(r"`(lugrectl(?:/[a-z_]+)+)", path.read_text())
-    assert [name for name in named if not (root / name).exists()] == []
-
-
-@each
-def test_a_page_is_small(path):
+def test_a_page_is_small_to_be_read_and_names_what_there_is(path):
+    """The code's folders as lugrectl/engine/tracing; checks belong into the tests."""
     assert path.stat().st_size < notebooks.LARGEST
-
-
-@each
-def test_a_page_says_first_what_it_answers(path):
     first = nbformat.read(path, as_version=4).cells[0]
     assert first.cell_type == "markdown" and first.source.startswith("# ")
-
-
-@each
-def test_a_page_asserts_nothing(path):
-    """Checks belong into the tests; a page is to be read."""
     assert not [c.source for c in code(path) if c.source.lstrip().startswith("assert")]
+    named = re.findall(r"`(lugrectl(?:/[a-z_]+)+)", path.read_text())
+    assert [name for name in named if not (README.parent / name).exists()] == []
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -68,27 +68,6 @@ def test_there_are_six_counts():
     ]
 
 
-def test_what_was_wrong_is_said_in_words():
-    tied = line(["gravity"], "ambiguous", effect("gravity", ties=["return_spring"]))
-    left = line(["torque_bumps"], "unexplained", effect("hard_stop"), depends_on=["t"])
-    late = line(["gravity"], "found") | {"crash": "Traceback\nTimeoutError: not done within 9 s"}
-    assert [counts.called(x) for x in (tied, left, late, line([], "adequate", kind="none"))] == [
-        "`gravity` (or `return_spring`)",
-        "`unexplained`, depends on `t`, beside `hard_stop`",
-        "no answer (TimeoutError: not done within 9 s)",
-        "adequate",
-    ]
-    unknown = line(["torque_bumps"], "unexplained", kind="stranger", depends_on=["theta"])
-    right = ripple(0.0401, [0.039, 0.041])
-    assert [counts.is_right(x) for x in (tied, unknown, right)] == [False, True, True]
-
-
-def test_what_makes_a_record_harder_is_said():
-    one = line(["gravity"], "found", key="gravity normal 1 hard w smoothed")
-    one["truth"] |= {"rate": 200.0, "duration": 10.0, "hard": "several runs"}
-    assert counts.conditions(one) == "200 Hz, 10 s, several runs, w smoothed"
-
-
 def test_the_kept_results_are_known():
     """Each result file of a blind run has its commit and command."""
     known = json.loads((readme.RESULTS / "about.json").read_text())

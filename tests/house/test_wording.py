@@ -45,7 +45,7 @@ def notebook_texts(notebook: dict[str, Any]) -> Iterator[str]:
 def texts(path: Path) -> Iterator[str]:
     source = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
-        return python_texts(source)
+        return python_texts(source) if BANNED.search(source) else iter(())
     return notebook_texts(json.loads(source)) if path.suffix == ".ipynb" else iter([source])
 
 

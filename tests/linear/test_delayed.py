@@ -57,13 +57,8 @@ def test_a_mode_that_cancels_is_remembered():
     assert "s = +2" in cancelled.hidden and not lg.delayed(G, T).hidden
 
 
-def test_a_measured_response_gets_the_dead_time_too():
-    found = lg.delayed(ct.frd(G, W), T)
-    assert found.frdata[0, 0] == pytest.approx(G(1j * W) * LATE, rel=1e-13)
-
-
-def test_the_response_goes_into_the_plots_of_control():
-    found = lg.delayed(G, T).frd(W)
+@pytest.mark.parametrize("found", [lg.delayed(ct.frd(G, W), T), lg.delayed(G, T).frd(W)])
+def test_a_measured_response_gets_the_dead_time_too_and_it_becomes_one(found):
     assert found.frdata[0, 0] == pytest.approx(G(1j * W) * LATE, rel=1e-13)
 
 

@@ -136,27 +136,3 @@ def test_modes_of_nearly_no_damping_have_their_peak():
     for k in w[1:]:
         T = T + ct.ss([[-2 * z * k, -k], [k, 0.0]], [[1e-3 * k], [0.0]], [[0.0, 1.0]], 0.0)
     assert lg.l2_check(T).gain == pytest.approx(0.5 / z, rel=1e-6)
-
-
-def turned(rng, n, dt):
-    """A sampled model with slow, lightly damped modes, in coordinates of condition 10."""
-    A, k = np.diag(np.exp(-dt * 10.0 ** rng.uniform(-1, 3, n))), 0
-    while k < n - 2:
-        w, z = 10.0 ** rng.uniform(-1, 2), 10.0 ** rng.uniform(-3, -1)
-        s = np.exp((-z + 1j * math.sqrt(1 - z * z)) * w * dt)
-        A[k : k + 2, k : k + 2], k = [[s.real, s.imag], [-s.imag, s.real]], k + 2
-    Q = [np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2)]
-    T = Q[0] @ np.diag(10.0 ** rng.uniform(-0.5, 0.5, n)) @ Q[1]
-    B, C = T @ rng.normal(size=(n, 1)), rng.normal(size=(1, n)) @ np.linalg.inv(T)
-    return ct.ss(T @ A @ np.linalg.inv(T), B, C, rng.normal(size=(1, 1)), dt)
-
-
-def test_the_gain_of_a_sampled_model_is_no_less_than_any_value():
-    rng = np.random.default_rng(5)
-    for _ in range(20):
-        T = turned(rng, int(rng.integers(7, 13)), rng.choice([1e-3, 1e-4]))
-        found = lg.l2_check(T)
-        rates = np.log(np.linalg.eigvals(T.A).astype(complex)) / T.dt
-        near = [abs(p.imag) + abs(p.real) * np.linspace(-2, 2, 200) for p in rates]
-        w = np.concatenate(near)
-        assert found.gain >= response(T, w[w > 0] * T.dt).max() * (1 - 1e-6)

@@ -79,11 +79,6 @@ def worst(p, tries, top, seed=0):
     return least
 
 
-def test_no_motion_of_a_search_gives_energy_where_the_condition_holds():
-    assert worst(changed(Fv=0.1053), 60, 1e4) > -1e-12
-    assert worst(changed(sigma1=0.1026), 60, 1e4) > -1e-12
-
-
 def test_below_the_speed_none_does_and_above_it_one_does():
     speed = lg.passivity_check(P).speed
     assert worst(P, 60, speed) > -1e-12

@@ -7,8 +7,6 @@ from types import SimpleNamespace
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from lugrectl.blocks.model import table1
 from lugrectl.core.errors import InputError
@@ -141,7 +139,7 @@ def test_least_kd_of_a_pd_controller():
         assert repair.gains == {"kd": 0.9534} and "0.953333" in repair.sentence
 
 
-@pytest.mark.parametrize(("ki", "tau"), [(600, 0.01), (1e4, 1.0), (50, 0.01), (300, 0.2)])
+@pytest.mark.parametrize(("ki", "tau"), [(600, 0.01), (1e4, 1.0)])
 def test_least_kd_of_a_filtered_pid(ki, tau):
     """P > 0 with a = sigma1 Kd - sigma0 J above (sqrt(tau^2 r - q) - tau sqrt(r))^2; Routh."""
     kp, r = 15.0, 260 * (15.0 + ki)
@@ -153,7 +151,7 @@ def test_least_kd_of_a_filtered_pid(ki, tau):
     assert repair.limits["kd"] == pytest.approx(least, rel=1e-9)
 
 
-@pytest.mark.parametrize(("ki", "kd"), [(1e4, 0.0), (1e4, 2.0), (700.0, 0.0), (1e6, 0.5)])
+@pytest.mark.parametrize(("ki", "kd"), [(1e4, 2.0), (700.0, 0.0)])
 def test_least_leak_of_a_velocity_pi(ki, kd):
     """P = a x^2 + (leak^2 a - q) x + leak sigma0 (Ki + Kp leak), q = sigma1 Ki - sigma0 Kp."""
     kp, a = 1.5, 0.6 * (P.J + kd)
@@ -202,20 +200,3 @@ def test_repairs_in_several_steps():
 )
 def test_no_repair(T):
     assert spr_repair(T) is None and spr_check(T).repair is None
-
-
-log = st.floats(-1, 1).map(lambda x: 10**x)
-
-
-@settings(max_examples=25)
-@given(st.sampled_from(["position", "velocity"]), st.data())
-def test_repairs_hold_at_their_limits(loop, data):
-    draw = data.draw
-    p = SimpleNamespace(J=0.0022 * draw(log), sigma0=260 * draw(log), sigma1=0.6 * draw(log))
-    gains = {"kp": 5 * draw(log), "ki": draw(st.sampled_from([0, 1, 1e3, 1e5])) * draw(log)}
-    gains["kd"] = draw(st.sampled_from([0, 1])) * draw(log)
-    slow = draw(st.sampled_from(["tau", "leak", None]))
-    if slow:
-        gains[slow] = draw(log)
-    repair = holds_at_its_limits(loop, p, gains)
-    assert repair or spr_check(LOOPS[loop](p, **gains))

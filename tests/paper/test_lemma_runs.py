@@ -42,36 +42,36 @@ def natural_error(w, t, p=P):
 
 
 def test_proof2_eq():
-    t = np.linspace(0, 0.5, 2001)
+    t = np.linspace(0, 0.1, 401)
     w = 0.02 * np.sin(30 * t) + 0.004 * np.cos(171 * t)
     assert natural_decay(P, w, t) == pytest.approx(natural_error(w, t), abs=2e-7)
     flat = replace(P, Fs=P.Fc)
-    exact = np.exp(-P.sigma0 / P.Fc * 0.003 * (1 - np.cos(3 * t)) / 3)
-    assert natural_decay(flat, 0.003 * np.sin(3 * t), t) == pytest.approx(exact, rel=1e-6)
-    coarse = natural_decay(P, w[::200], t[::200])
-    fine = natural_decay(P, np.interp(t, t[::200], w[::200]), t)
-    assert coarse == pytest.approx(fine[::200], rel=1e-6)
+    exact = np.exp(-P.sigma0 / P.Fc * 0.003 * (1 - np.cos(30 * t)) / 30)
+    assert natural_decay(flat, 0.003 * np.sin(30 * t), t) == pytest.approx(exact, rel=1e-6)
+    coarse = natural_decay(P, w[::40], t[::40])
+    fine = natural_decay(P, np.interp(t, t[::40], w[::40]), t)
+    assert coarse == pytest.approx(fine[::40], rel=1e-6)
 
 
 def test_lemma1():
     """|w| >= alpha: |e_z| <= exp(-sigma0 alpha t/C2) |e_z(0)|."""
-    t = np.linspace(0, 0.6, 601)
+    t = np.linspace(0, 0.2, 201)
     w = 0.01 + 0.004 * (1 + np.sin(50 * t)) * np.exp(-t)
     found = excitation(w, t)
     rate = found.rate(P)
     assert found.slowest >= 0.01 and rate >= P.sigma0 * 0.01 / max(P.Fc, P.Fs)
     error = natural_error(w, t)
     assert np.all(error <= np.exp(-P.sigma0 * found.slowest / P.Fs * t) + 1e-8)
-    stuck = excitation(np.where(t < 0.3, w, 0.0), t, T=0.1)
+    stuck = excitation(np.where(t < 0.1, w, 0.0), t, T=0.05)
     assert not stuck and stuck.rate(P) == 0.0
 
 
 def test_lemma2():
     """lemma2_eq with the T and beta found, on a w that passes through 0."""
-    t = np.linspace(0, 2.5, 1001)
-    w = 0.004 * np.sin(2 * np.pi * 1.3 * t) * (1.2 + np.cos(5 * t))
+    t = np.linspace(0, 0.8, 321)
+    w = 0.004 * np.sin(2 * np.pi * 4.1 * t) * (1.2 + np.cos(15 * t))
     error = natural_error(w, t)
-    for T in (None, 0.3, 1.0):
+    for T in (None, 0.1, 0.3):
         found = excitation(w, t, T)
         travel = np.concatenate([[0], np.cumsum((abs(w[1:]) + abs(w[:-1])) / 2 * np.diff(t))])
         ends = np.interp(t + found.T, t, travel)[t + found.T <= t[-1]]

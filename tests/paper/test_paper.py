@@ -95,12 +95,12 @@ def test_exact_compensation_is_the_frictionless_loop(some):
     assert list(some.figure("velocity").errors.values())[2] == pytest.approx(error, rel=2e-3)
 
 
-@pytest.mark.parametrize("column", [1, 2, 5])
+@pytest.mark.parametrize("column", [1, 5])
 def test_a_run_by_python_control(bench, column):
     """Fc and Fs 20 % low, with LSODA and the observer's own parameters in place of overrides."""
     c = studies.OBSERVERS[column]
     low = replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fs)
-    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.12, dt=2e-3)
+    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.06, dt=2e-3)
     t, ours = bench.respond("velocity", studies.VELOCITY, c, case)
     loop = lg.velocity_loop(P, c.observer, observer_parameters=low, **c.gains)
     theirs = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-7, atol=1e-11)

@@ -99,14 +99,6 @@ def test_a_response_that_cannot_be_judged_is_one_sentence(check, response, words
         check(response())
 
 
-@pytest.mark.parametrize("amplitude", [0.5, 2.0])
-def test_a_friction_law_without_states_has_a_describing_function(amplitude):
-    """Coulomb friction: 4 Fc/(pi A) + Fv."""
-    law = lg.friction("coulomb", Fc=0.3, Fv=0.02)
-    (found,) = ct.describing_function(law, [amplitude], num_points=4000)
-    assert found == pytest.approx(4 * 0.3 / (np.pi * amplitude) + 0.02, rel=1e-2)
-
-
 LAWS = [law.name for law in lg.laws()]
 
 
@@ -118,8 +110,8 @@ def test_every_law_has_a_describing_function_or_says_in_one_sentence_why_not(nam
             with pytest.raises(lg.InputError, match=r"states .*: a describing function is for"):
                 ct.describing_function(one, [0.5, 1.0])
         else:
-            found = ct.describing_function(one, [0.5, 1.0], num_points=2000)
-            angle = np.linspace(0, 2 * np.pi, 2000, endpoint=False)
+            found = ct.describing_function(one, [0.5, 1.0], num_points=200)
+            angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
             wanted = [
                 np.mean([float(np.squeeze(law(a * x))) * 2 * x / a for x in np.sin(angle)])
                 for a in (0.5, 1.0)

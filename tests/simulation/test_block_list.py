@@ -118,7 +118,7 @@ def test_a_drive_list_is_the_sampled_simulation():
         lg.sampled(lg.pi(1.6, 0.16), DT),
         lg.sampled(lg.proposed_observer(P), DT),
     ]
-    t = DT * np.arange(60)
+    t = DT * np.arange(30)
     r = 0.1 * np.sin(20 * t)
     one = simulate([lg.plant(P), *drive], t, {"r": r})
     two = lg.simulate_sampled(lg.plant(P), drive, t, r)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -40,6 +40,7 @@ def test_every_sample_follows_the_closed_form(way):
     np.testing.assert_allclose(deflection(w, DT, P, 3e-4), by_hand(w, DT, 3e-4), rtol=1e-11)
 
 
+@settings(max_examples=40)
 @given(st.floats(-100.0, 100.0), st.floats(-2e-3, 2e-3))
 def test_a_constant_velocity_relaxes_to_h_over_sigma0(w, z0):
     z = deflection(np.full(50, w), DT, P, z0)
@@ -51,7 +52,7 @@ def test_a_constant_velocity_relaxes_to_h_over_sigma0(w, z0):
 
 
 def test_a_held_velocity_is_what_the_law_itself_gives():
-    w = np.repeat([0.0, 0.5, -0.02, 3.0, -3.0], 20)
+    w = np.repeat([0.0, 0.5, -0.02, 3.0, -3.0], 6)
     friction = lg.friction("lugre")
     z, kept = 2e-4, []
     for speed in w:

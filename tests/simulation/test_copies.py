@@ -40,7 +40,8 @@ def test_a_copy_has_parameters_of_its_own():
     system = ct.interconnect(
         blocks, inputs=["u", "d"], outputs=["w", "w2"], params={}, check_unused=False
     )
-    own = ct.input_output_response(system, T, [[0.5] * 21, [0.0] * 21], params={"twin.Fc": 0.1})
+    options = {"params": {"twin.Fc": 0.1}, "solve_ivp_method": "LSODA"}
+    own = ct.input_output_response(system, T, [[0.5] * 21, [0.0] * 21], **options)
     assert own.outputs[1, -1] > own.outputs[0, -1] + 1.0
 
 

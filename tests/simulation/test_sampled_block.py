@@ -23,7 +23,7 @@ from lugrectl.simulation.sampled_block import advance, ramp_response, sampled
 
 from ..cases.sampled import DT, P, inputs_of, sine_error, step_response
 
-SPEEDS = [0.0, 1e-6, 1e-3, 0.01, 0.1, 1.0, 2.5, 10.0, 100.0]
+SPEEDS = [0.0, 1e-6, 0.01, 1.0, 100.0]
 entries = st.floats(-1.0, 1.0)
 sizes = st.sampled_from([1e-9, 1e-4, 0.1, 1.0, 10.0])
 OBSERVERS = [
@@ -55,7 +55,7 @@ def transition(observer, w):
 # The closed form.
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.lists(entries, min_size=8, max_size=8), sizes, sizes, st.integers(0, 3))
 def test_ramp_response_solves_its_equation(numbers, size, other, kind):
     """x(1) of dx/ds = B x + p + q s by a Taylor matrix exponential with 40 digits."""
@@ -162,68 +162,21 @@ def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
     assert off_a_sine(observer, *x0) < 1e-3
 
 
-@pytest.mark.parametrize(("observer", "x0"), LUGRE)
-def test_the_error_is_of_second_order(observer, x0):
+def test_the_error_is_of_second_order():
+    observer, x0 = LUGRE[0].values
     ratio = sine_error(observer, x0, 4 * DT) / off_a_sine(observer, *x0)
     assert 10 < ratio < 24
 
 
-def along(observer, w, dt, parts=1):
-    """Fhat and the first state at the samples, each step in so many equal parts."""
-
-    def rates(x, v):
-        return observer.updfcn(0.0, x, v[1:], observer.params)
-
-    t, x, track = dt * np.arange(len(w)), np.zeros(observer.nstates), []
-    rows = np.array([t, *inputs_of(observer, w=w, u=torque_of(w, dt), e=0 * w)]).T
-    held = [label == "u" for label in ("t", *observer.input_labels)]
-    for before, now in zip([rows[0], *rows[:-1]], rows, strict=True):
-        end = np.where(held, before, now)
-        for k in range(parts if now is not rows[0] else 0):
-            first, last = (before + (end - before) * s for s in (k / parts, (k + 1) / parts))
-            x = advance(rates, x, first, last, dt / parts, 1)
-        track.append([observer.outfcn(0.0, x, now[1:], observer.params)[0], x[0]])
-    return np.array(track).T
-
-
-def torque_of(w, dt):
-    middle = 0.5 * (w + np.append(w[1:], w[-1]))
-    return h(middle) * np.tanh(middle / P.vs) + P.Fv * middle + P.J * np.diff(w, append=0) / dt
-
-
-def backward_euler(observer, w, dt):
-    """Fhat of the implicit step, the least that firmware does."""
-    rows = inputs_of(observer, w=w, u=torque_of(w, dt), e=0 * w).T
-    held = [label == "u" for label in observer.input_labels]
-    x, track = np.zeros(observer.nstates), []
-    for before, now in zip([rows[0], *rows[:-1]], rows, strict=True):
-        v = np.where(held, before, now)
-        rest = observer.dynamics(0.0, 0 * x, v)
-        A = np.array([observer.dynamics(0.0, e, v) - rest for e in np.eye(len(x))]).T
-        if now is not rows[0]:
-            x = np.linalg.solve(np.eye(len(x)) - dt * A, x + dt * rest)
-        track.append(observer.outfcn(0.0, x, now, observer.params)[0])
-    return np.array(track)
-
-
-REVERSALS = [(1e-3, 1.0, 5.0), (1e-3, 300.0, 5.0), (5e-3, 100.0, 1.0)]
-
-
-@pytest.mark.parametrize("make", [lg.natural_observer, lg.existing_observer, lg.proposed_observer])
-@pytest.mark.parametrize(("dt", "top", "f"), REVERSALS)
-def test_reversals_at_any_speed_are_better_than_by_backward_euler(make, dt, top, f):
-    observer, w = make(P), top * np.sin(2 * np.pi * f * dt * np.arange(round(1 / f / dt) + 1))
-    exact, found = along(observer, w, dt, parts=5)[0], along(observer, w, dt)[0]
-    assert np.std(found - exact) < 0.8 * np.std(backward_euler(observer, w, dt) - exact)
-
-
+@settings(max_examples=25)
 @given(
     st.lists(st.floats(-1.0, 1.0), min_size=5, max_size=30),
     st.sampled_from([1e-3, 0.02, 1.0, 30.0, 1e3]),
     st.sampled_from([1e-5, 1e-3, 0.1]),
 )
 def test_bristles_stay_within_their_bound(shares, top, dt):
-    z = along(lg.natural_observer(P), top * np.array(shares), dt)[1]
+    observer, w = sampled(lg.natural_observer(P), dt), top * np.array(shares)
+    z = step_response(observer, w[None], [0.0], len(w))[1]
     assert np.abs(z).max() <= P.Fs / P.sigma0 * (1 + 1e-9)
 
 
@@ -262,13 +215,6 @@ def test_the_first_sample_takes_the_states_as_they_are():
     observer = lg.proposed_observer(P)
     first = sampled(observer, DT).output(0.0, [1e-3, 0.2, 0, 0, 0], [0.4, 0.1])
     assert first == pytest.approx(observer.output(0.0, [1e-3, 0.2], [0.4, 0.1]), rel=1e-14)
-
-
-def test_gains_that_are_functions_of_w():
-    one = sampled(lg.proposed_observer(P, K1=lambda w: -10.0 * np.abs(w)), DT)
-    two = sampled(lg.proposed_observer(P, K1=-10.0 * 0.4), DT)
-    state, u = [1e-3, 0.2, 0.4, 0.1, 1.0], [0.4, 0.0]
-    assert one.output(0.0, state, u) == pytest.approx(two.output(0.0, state, u), rel=1e-12)
 
 
 def test_sampled_pi_integrates_by_trapezoids():

@@ -23,7 +23,7 @@ def motion(t):
     return np.array([theta, w, e, e, theta, w, a, a])
 
 
-def along(block, seconds=0.2):
+def along(block, seconds=0.1):
     """The outputs in continuous time and at 1 kHz, along the motion; the torque is held."""
     t = DT * np.arange(round(seconds / DT) + 1)
     known = dict(zip(MOTION, motion(t), strict=True))

@@ -39,7 +39,6 @@ RUNS = {
     "LSODA": lambda: lg.simulate(parts(), T, {"r": 0.1}, method="LSODA"),
     "held": lambda: lg.simulate(parts(), T, {"r": 0.1}, method="LSODA", hold=True),
     "sampled": lambda: lg.simulate(sampled_parts(), T, {"r": 0.1}),
-    "sampled, LSODA": lambda: lg.simulate(sampled_parts(), T, {"r": 0.1}, method="LSODA"),
     "drive": lambda: lg.simulate_sampled(lg.plant(P), sampled_parts()[1:], T, {"r": 0.1}),
 }
 
@@ -144,27 +143,10 @@ def test_an_input_that_is_left_out_on_purpose_says_nothing():
 
 def test_the_name_of_a_held_input_changes_nothing():
     """A drive holds its torque, whatever the torque of a sampled observer is called."""
-    t = DT * np.arange(400)
+    t = DT * np.arange(60)
     w, u = 0.1 * np.sin(20 * t), 0.3 * np.sign(np.sin(50 * t))
     kinds = {"proposed": lg.proposed_observer, "disturbance": lg.disturbance_observer}
     for make in kinds.values():
         own = lg.simulate(lg.sampled(make(P), DT), t, {"w": w, "u": u}).outputs[0]
         other = lg.sampled(make(P, inputs=["w_m", "uc"]), DT)
         assert np.array_equal(own, lg.simulate(other, t, {"w_m": w, "uc": u}).outputs[0])
-
-
-@pytest.mark.parametrize("K1", [10.24, lambda w: 10.24 + 0 * w])
-@pytest.mark.parametrize("make", [lambda K1: lg.proposed_observer(P, K1), lambda K1: loop(K1)])
-def test_a_positive_K1_warns(make, K1):
-    with pytest.warns(RuntimeWarning, match=r"K1 = 10\.24 makes the estimate unstable near rest"):
-        make(K1)
-
-
-def loop(K1):
-    return lg.velocity_loop(P, "proposed", K1=K1)
-
-
-@pytest.mark.parametrize("gains", [{"K1": 10}, {"k": 3}, {"gains": {"tau": 0.1}}])
-def test_a_gain_that_the_observer_does_not_have_is_an_error(gains):
-    with pytest.raises(lg.InputError, match="no (such gain|parameter)"):
-        lg.velocity_loop(P, "natural", **gains)
