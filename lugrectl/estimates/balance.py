@@ -49,11 +49,16 @@ class CurvePoint(Fields):
 
 @dataclass(frozen=True, eq=False)
 class Residual:
-    """What remains of u in each window in motion: time, run, torque."""
+    """What remains of u in each window: time, run, torque. Windows at rest are left out: all of
+    them are ``sliding``."""
 
     t: np.ndarray
     run: np.ndarray
     value: np.ndarray
+
+    @property
+    def sliding(self) -> np.ndarray:
+        return np.ones(len(self.t), bool)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
