@@ -53,12 +53,12 @@ ANGLES = {"theta=deg": DEG, "theta=57.29578": 1 / DEG, "theta=turn": 0.5 / np.pi
           "theta=0.1591549": 2 * np.pi}  # fmt: skip
 SPEEDS = {"w=deg/s": DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM, "w=57.29578": 1 / DEG}
 LENGTHS = {"theta=mm": 1e3, "theta=1000": 1e-3}
-OPPOSITE = "{0}: u has the opposite sign of {1}: give {2} for it, or leave it out."
-ABOUT, FARTHER = 0.2, 3.0  # relative error of a declared value; a J that is as wrong is looked at
+OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
+ABOUT, FARTHER = 2.0, 3.0  # times a declared value: as it may be; a J so far off is looked at
 UNIT = (
     "{} is {:.4g} times what it is with the declared J and friction: give {}, or correct the model."
 )
-TIMES_OTHERS = "{0}: {channel} is {size:.4g} times that of {1}: give {2} for it, or leave it out."
+TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
 FRICTION = "{}: {:.0f} % {} friction than {}."
 OTHERS = "The plain answer is that of the other runs."
 
@@ -263,12 +263,8 @@ def _compared(found: Sequence[Levels], model: Model) -> tuple[dict[int, str], li
     for one in found:
         if one is reference or one.agrees(reference):
             continue
-        if wrong := _another_unit(one, reference, model, TORQUES | TIMES):
-            channel, size, undo = wrong
-            said = OPPOSITE if size == -1.0 else TIMES_OTHERS
-            left_out[one.parts[0].run] = said.format(
-                one.name, usual, undo, channel=channel, size=size
-            )
+        if said := _another_unit(one, reference, model, usual):
+            left_out[one.parts[0].run] = said
         else:
             notes += _another_friction(one, reference, usual)
     return left_out, notes + [OTHERS] * bool(left_out)
@@ -276,36 +272,49 @@ def _compared(found: Sequence[Levels], model: Model) -> tuple[dict[int, str], li
 
 def far_off(found: Balance, model: Model) -> bool:
     """Whether the log has an inertia so far from the declared one that a unit may be wrong."""
-    declared, J = model.known().get("J"), found.parameters.get("J")
-    return bool(declared and J and not 1 / FARTHER < J.value / declared < FARTHER)
+    declared, J = model.known().get("J"), {**found.uncertain, **found.parameters}.get("J")
+    if not declared or J is None or J.ci95 is None:
+        return False
+    return J.ci95[0] > FARTHER * declared or 0 < J.ci95[1] < declared / FARTHER
 
 
 def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> str:
     """A sentence where one unit of the motion makes the declared J, Fc and Fv of those of the log;
     "" where none does. Another scale of u is no fault: shares of friction stay."""
-    declared = model.known()
-    if "Fc" not in declared or not far_off(found, model):
+    declared, free = model.known(), replace(model, J=None, stated={})
+    one = _levels("the log", parts, free) if far_off(found, model) else None
+    if one is None or "Fc" not in declared:
         return ""
-    free = replace(model, J=None, stated={})
-    one = _levels("the log", parts, free)
-    value = np.array([declared.get(k, np.nan) for k in LEVELS])
-    reference = Levels("", parts, value, np.where(np.isnan(value), np.inf, ABOUT))
-    wrong = one and _another_unit(one, reference, free, {})
-    return UNIT.format(*wrong) if wrong else ""
+    ratio = np.array(
+        [x / (declared.get(k) or np.nan) for k, x in zip(LEVELS, one.value, strict=True)]
+    )
+    for undone, size in _of_motion(one, model).items():
+        channel = undone.split("=")[0]
+        off = np.abs(np.log(ratio[ratio > 0] / (size ** np.array(POWERS[channel]))[ratio > 0]))
+        if np.all(ratio[:2] > 0) and np.all(off < np.log(ABOUT)):
+            return UNIT.format(channel, size, _undo(undone))
+    return ""
 
 
-def _another_unit(
-    one: Levels, reference: Levels, model: Model, scales: Mapping[str, float]
-) -> tuple[str, float, str] | None:
-    """The one channel, its factor and the option against it that explain the difference; None if
-    none does."""
+def _of_motion(one: Levels, model: Model) -> dict[str, float]:
+    """Units and scales of the channel that the motion of a run is taken from."""
     linear, turns = model.motion == "linear", one.parts[0].theta is not None
-    motion = (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
-    for undone, size in (*scales.items(), *motion.items()):
-        channel, unit = undone.split("=")
+    return (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
+
+
+def _undo(undone: str) -> str:
+    return option("scale" if undone[-1].isdigit() else "units", undone)
+
+
+def _another_unit(one: Levels, reference: Levels, model: Model, usual: str) -> str:
+    """The one factor that explains the difference, in a sentence; "" if none does."""
+    for undone, size in (TORQUES | TIMES | _of_motion(one, model)).items():
+        channel = undone.split("=")[0]
         if _explains(size, channel, one, reference, model):
-            return channel, size, option("scale" if unit[-1].isdigit() else "units", undone)
-    return None
+            if size == -1.0:
+                return OPPOSITE.format(one.name, usual, _undo(undone))
+            return TIMES_OTHERS.format(one.name, channel, size, usual, _undo(undone))
+    return ""
 
 
 def _explains(size: float, channel: str, one: Levels, reference: Levels, model: Model) -> bool:
