@@ -45,7 +45,7 @@ def with_interval(estimate: Any) -> tuple[str, str]:
 
 
 def between(interval: Sequence[float]) -> str:
-    """ "low to high" in the digits that the width knows; "low +- <digit" where these are one."""
+    """ "low to high" in the digits that the width knows; one number as "low +- <last digit"."""
     low, high = (_to_width(x, interval[1] - interval[0]) for x in interval)
     if low != high:
         return f"{low} to {high}"

@@ -281,17 +281,16 @@ def far_off(found: Balance, model: Model) -> bool:
 def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> str:
     """A sentence where one unit of the motion makes the declared J, Fc and Fv of those of the log;
     "" where none does. Another scale of u is no fault: shares of friction stay."""
-    declared, free = model.known(), replace(model, J=None, stated={})
-    one = _levels("the log", parts, free) if far_off(found, model) else None
-    if one is None or "Fc" not in declared:
+    declared = np.array([model.known().get(k) or np.nan for k in LEVELS])
+    if not far_off(found, model) or np.isnan(declared).any():
         return ""
-    ratio = np.array(
-        [x / (declared.get(k) or np.nan) for k, x in zip(LEVELS, one.value, strict=True)]
-    )
+    one = _levels("the log", parts, replace(model, J=None, stated={}))
+    if one is None:
+        return ""
     for undone, size in _of_motion(one, model).items():
         channel = undone.split("=")[0]
-        off = np.abs(np.log(ratio[ratio > 0] / (size ** np.array(POWERS[channel]))[ratio > 0]))
-        if np.all(ratio[:2] > 0) and np.all(off < np.log(ABOUT)):
+        ratio = one.value / (declared * size ** np.array(POWERS[channel]))
+        if np.all((ratio > 1 / ABOUT) & (ratio < ABOUT)):
             return UNIT.format(channel, size, _undo(undone))
     return ""
 

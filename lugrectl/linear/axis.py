@@ -152,7 +152,7 @@ def zeros(q: Quasi) -> Zeros:
     lowest = float(p.taylor(m)) * (1j * low) ** m
     turned = float(np.angle(p.at(np.array([1j * low])) / lowest)[0])
     if low < 1.0:
-        a, b, undecided = _cells(p, *_octaves(low, 1.0), monotone=False)
+        a, b, undecided = _cells(p, *_octaves(low), monotone=False)
         if undecided.any():
             return Zeros(0, m, 0.5 * float((a + b)[undecided][0]) * unit)
         turned += float(np.angle(p.at(1j * b) / p.at(1j * a)).sum())
@@ -167,7 +167,7 @@ def _signs(F: Quasi, end: float) -> Signs:
     first = 1 if f.taylor(m) * (-1) ** (m // 2) > 0 else -1
     if low >= 1.0:
         return Signs(first, ())
-    a, b, undecided = _cells(f, *_octaves(low, 1.0), monotone=True)
+    a, b, undecided = _cells(f, *_octaves(low), monotone=True)
     ends = np.real(f.at(1j * np.append(a, b[-1])))
     ends[0] = first
     changed = (ends[1:] < 0) != (ends[:-1] < 0)
@@ -234,10 +234,10 @@ def _cells(
     return low[order], high[order], lost[order]
 
 
-def _octaves(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
-    many = math.ceil(PER_OCTAVE * math.log2(high / low))
-    ends = np.geomspace(low, high, many + 1)
-    ends[[0, -1]] = low, high
+def _octaves(low: float) -> tuple[np.ndarray, np.ndarray]:
+    """Cells from ``low`` to 1."""
+    ends = np.geomspace(low, 1.0, math.ceil(-PER_OCTAVE * math.log2(low)) + 1)
+    ends[[0, -1]] = low, 1.0
     return ends[:-1], ends[1:]
 
 

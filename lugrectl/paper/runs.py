@@ -277,13 +277,13 @@ def _crossing(p: lg.Parameters, gains: Mapping[str, float] = studies.POSITION) -
     return lg.bandwidth_check(lg.position_loop_tf(p, **gains)).bandwidth
 
 
-def same_width(p: lg.Parameters, damping: float = 0.5**0.5) -> dict[str, float]:
+def same_width(p: lg.Parameters) -> dict[str, float]:
     """A stable PID with the -3 dB crossing of the source paper's position PI, its Ki/Kp."""
     wanted, ratio = _crossing(p), studies.POSITION["ki"] / studies.POSITION["kp"]
 
     def gains(wn: float) -> dict[str, float]:
         kp = p.J * wn**2
-        return {"kp": kp, "ki": ratio * kp, "kd": 2 * damping * p.J * wn}
+        return {"kp": kp, "ki": ratio * kp, "kd": 2**0.5 * p.J * wn}  # damping 1/sqrt(2)
 
     def miss(wn: float) -> float:
         return _crossing(p, gains(wn)) - wanted

@@ -469,7 +469,7 @@ def limits(d: Any) -> Section | None:
         f"{percent(found.least)} of friction on, with a probability of 80 %; smaller ones are not "
         "named."
     )
-    line += " " + _finest(d) if _finest(d) else ""
+    line = f"{line} {_finest(d)}".rstrip()
     rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
     grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
     return Section("What this record would show", (line,), grid)
@@ -480,7 +480,7 @@ def limits_in_words(d: Any) -> str:
     shares = sorted(limit.share for limit in getattr(_get(d, "comparison"), "detectable", ()))
     most = shares[len(shares) // 2] if shares else 1.0
     said = f" Most effects would have shown from {percent(most)} of friction on."
-    return " ".join(filter(None, (said, _finest(d)))) if most < 1.0 else ""
+    return f"{said} {_finest(d)}".rstrip() if most < 1.0 else ""
 
 
 def _finest(d: Any) -> str:

@@ -145,7 +145,6 @@ class _Judge:
         self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
-
         self.whole: tuple[Interval, np.ndarray] | None = None  # intervals by every description
         self.apart: tuple[LastFit, list[dict[str, float]]] | None = None  # by others of them
 

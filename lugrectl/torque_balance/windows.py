@@ -291,7 +291,6 @@ class Width:
         self.against = all(
             p.left < LOST and p.J < 3 * p.error and p.J + 3 * p.error < least for p in self.tried
         )
-
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)

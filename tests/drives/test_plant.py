@@ -23,7 +23,6 @@ from .run import (
 
 pytestmark = pytest.mark.usefixtures("interpreted")  # compiling takes longer than these runs
 SERVO = MACHINES["servo"]
-SLIPPERY = replace(SERVO, Fc=1e-9, Fs=1e-9, Fv=0.0)
 HANGING = replace(SERVO, load=(GRAVITY_LOAD, 0.15, 0.4))
 EFFECTS = {  # values of the catalogue's parameters, as much as one sees
     "constant_torque": (0.06,),
