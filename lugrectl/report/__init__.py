@@ -86,7 +86,12 @@ def content(d: Any, folder: Path) -> dict[str, str]:
 
 
 def write(d: Any, folder: str | Path) -> list[Path]:
-    """Write report.html, report.json and, unless refused, model.toml into a folder, all or none."""
+    """Write report.html, report.json and model.toml into a folder, all of them or none.
+
+    The folder is created if it is missing; other files in it are not changed. Returns the paths.
+    A refusal has no model, and so no model.toml. Raises InputError when the folder cannot be
+    written.
+    """
     folder = _folder(folder)
     return written(content(d, folder), folder, "report")
 

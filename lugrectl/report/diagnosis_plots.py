@@ -358,7 +358,12 @@ def figures(d: Any) -> list[Figure]:
 
 
 def overview(d: Any, ax: Axes | None = None) -> Any:
-    """All plots that there is data for: their Axes, or the one; into ``ax`` the first alone."""
+    """All plots that the result has data for, in one new figure; returns an array of their Axes.
+
+    If there is only one plot, its Axes is returned. With ``ax`` given, only the first plot
+    (measured and simulated motion, if there is any) is drawn into it, and that Axes is returned.
+    Raises InputError when there is nothing to plot.
+    """
     plots = [figure.draw for figure in figures(d)]
     if not plots:
         raise InputError("there is nothing to plot here (refused, or without traces).")
