@@ -46,6 +46,7 @@ PER = {"Fc/J": COASTING.Fc / COASTING.J, "Fv/J": COASTING.Fv / COASTING.J}
 
 def test_a_coast_gives_friction_with_and_without_inertia():
     logs = [kept(COASTING.run(free, 900, v=v), "theta") for v in (40.0, -25.0)]
+    check(only(logs), PER)
     check(only(logs, {"J": COASTING.J}), PER | {"Fc": COASTING.Fc, "Fv": COASTING.Fv})
 
 
@@ -78,7 +79,7 @@ def steps():
     return Drive().run(held(PUSHED, 150), 3000)
 
 
-@pytest.mark.parametrize("seen", ["theta", "stale"])
+@pytest.mark.parametrize("seen", ["theta", "w", "stale"])
 def test_steps_give_inertia_and_friction(steps, seen):
     made = kept(steps, seen) if seen != "stale" else {**kept(steps), "w": stale(steps)}
     tests = {test.kind: test for test in lg.balance(made).bench_tests}
@@ -96,9 +97,10 @@ def test_a_torque_that_is_noisy_or_late_is_counted(steps, late):
 # ---- free swing: length, damping and dry friction -----------------------------------
 
 
-def test_the_whole_swing_is_fitted():
+@pytest.mark.parametrize("channel", ["theta", "w"])
+def test_the_whole_swing_is_fitted(channel):
     arm = Drive(J=0.02, Fc=0.004, Fs=0.005, Fv=0.002, gravity=0.5)
-    test = only(kept(arm.run(free, 5000, x=1.1), "theta"))
+    test = only(kept(arm.run(free, 5000, x=1.1), channel))
     assert test.kind == "free_swing"
     right = {"length": 9.81 * arm.J / arm.gravity, "gravity/J": arm.gravity / arm.J}
     check(test, right | {"Fc/J": arm.Fc / arm.J, "Fv/J": arm.Fv / arm.J})
@@ -172,8 +174,9 @@ def test_in_one_direction_friction_and_a_constant_torque_are_one_number():
 # ---- breakaway: the torque at which the axis runs away, not that of the first count --
 
 
-def test_static_friction_both_ways():
-    drive = Drive(counts=4096)
+@pytest.mark.parametrize("counts", [4096, 65536])
+def test_static_friction_both_ways(counts):
+    drive = Drive(counts=counts)
     test = only(kept(drive.run(ramps(0.2, 0.06, 200, drive.dt), 7000), "theta"))
     assert test.kind == "breakaway_ramps"
     check(test, {"Fs_forward": drive.Fs, "Fs_backward": drive.Fs})
