@@ -192,7 +192,7 @@ def check_kind(kind: Any, known: Iterable[Any]) -> None:
         raise InputError(f"unknown kind {kind!r}; known: {', '.join(map(str, known))}.")
 
 
-@factory()
+@factory
 def error(kind: str = "velocity", **names: Unpack[Names]):
     """The control error e = measured - reference, as in the source paper.
 
@@ -221,7 +221,7 @@ def error(kind: str = "velocity", **names: Unpack[Names]):
     return _error.system(**reading(names, "r", MEASURED[kind]))
 
 
-@factory()
+@factory
 def pi(
     kp: float = 1.6,
     ki: float = 0.16,
@@ -273,7 +273,7 @@ def pi(
     return _built("pi", {"kp": kp, "ki": ki}, limit, tracking, names)
 
 
-@factory()
+@factory
 def pid(
     kp: float = 15.0,
     ki: float = 1.55,
@@ -322,7 +322,7 @@ def pid(
     return _built("pid", gains, limit, tracking, names)
 
 
-@factory()
+@factory
 def compensation(scale: float | None = None, **names: Unpack[Names]):
     """Friction compensation u = Fhat, or scale Fhat (source paper, section 2).
 
@@ -358,7 +358,7 @@ def compensation(scale: float | None = None, **names: Unpack[Names]):
     return _compensation_scaled.system(**names, scale=scale)
 
 
-@factory()
+@factory
 def feedforward(p: Parameters | Model, kind: str = "velocity", **names: Unpack[Names]):
     """Feed-forward of the reference's acceleration, u = J dr or J ddr: input dr or ddr, output u.
 
@@ -394,7 +394,7 @@ def feedforward(p: Parameters | Model, kind: str = "velocity", **names: Unpack[N
     return _feedforward.system(**reading(names, DERIVATIVE[kind]), J=as_model(p, "p").J)
 
 
-@factory()
+@factory
 def prefilter(pole: float = 2.0, kind: str | None = None, **names: Unpack[Names]):
     """The reference filter pole/(s + pole): input r_cmd, output r.
 

@@ -18,50 +18,20 @@ reference needs neither: ``natural_observer(p, inputs=["r"])``, or another law,
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Unpack
-
-from .declaration import block
-from .factories import Names, factory
+from .factories import built
 from .friction import FV, SMOOTH, J, coulomb
 from .observers import DERIVED
 from .plant import acceleration
-
-if TYPE_CHECKING:
-    from .model import Model, Parameters
 
 MORGUL = "Odabas and Morgul, 2014 (Friedland-Park with a time delay)"
 RUDERMAN = "Ruderman, IEEE Trans. Industrial Electronics, 2014"
 
 
-@block("controller", name="smith_velocity", out="ws", source=f"{DERIVED} {RUDERMAN}")
-def _smith(w, wp, wp_late):
-    """ws = wp + (w - wp_late)."""
-    return wp + (w - wp_late)
-
-
-@block(
-    "controller",
-    name="coulomb_predictor",
-    out="wp",
-    states="wp",
-    source=f"{DERIVED} {MORGUL}",
-)
-def _coulomb_predictor(u, ahat, wp, J=J, Fv=FV, eps=SMOOTH):
-    """J dwp/dt = u - ahat sign(wp) - Fv wp, sign(wp) = tanh(wp/eps)."""
-    (F,) = coulomb(wp, Fc=ahat, Fv=Fv, eps=eps)
-    return acceleration(u, F, 0.0, J)
-
-
-@block("controller", name="coulomb_compensation", out="u", source=f"{DERIVED} {MORGUL}")
-def _coulomb_compensation(ws, ahat, Fv=FV, eps=SMOOTH):
-    """u = ahat sign(ws) + Fv ws, sign(ws) = tanh(ws/eps)."""
-    (F,) = coulomb(ws, Fc=ahat, Fv=Fv, eps=eps)
-    return F
-
-
-@factory(_smith)
-def smith_velocity(**names: Unpack[Names]):
+@built("controller", out="ws", source=f"{DERIVED} {RUDERMAN}")
+def smith_velocity(w, wp, wp_late):
     """The predicted velocity with the measured error of the prediction: inputs w, wp, wp_late.
+
+    ws = wp + (w - wp_late).
 
     wp_late is wp delayed by the dead time of the drive.
 
@@ -86,11 +56,14 @@ def smith_velocity(**names: Unpack[Names]):
     >>> np.round(smith.output(0.0, [], [0.9, 1.2, 1.0]), 3)
     array([1.1])
     """
+    return wp + (w - wp_late)
 
 
-@factory(_coulomb_predictor)
-def coulomb_predictor(p: Parameters | Model, **names: Unpack[Names]):
+@built("controller", out="wp", states="wp", source=f"{DERIVED} {MORGUL}")
+def coulomb_predictor(u, ahat, wp, J=J, Fv=FV, eps=SMOOTH):
     """A drive with the Coulomb friction that an observer has found: inputs u, ahat, output wp.
+
+    J dwp/dt = u - ahat sign(wp) - Fv wp, sign(wp) = tanh(wp/eps).
 
     Returns
     -------
@@ -117,11 +90,15 @@ def coulomb_predictor(p: Parameters | Model, **names: Unpack[Names]):
     >>> model.output_labels, late.input_labels
     (['wp'], ['wp'])
     """
+    (F,) = coulomb(wp, Fc=ahat, Fv=Fv, eps=eps)
+    return acceleration(u, F, 0.0, J)
 
 
-@factory(_coulomb_compensation)
-def coulomb_compensation(p: Parameters | Model, **names: Unpack[Names]):
+@built("controller", out="u", source=f"{DERIVED} {MORGUL}")
+def coulomb_compensation(ws, ahat, Fv=FV, eps=SMOOTH):
     """The friction at the predicted velocity: inputs ws, ahat, output u.
+
+    u = ahat sign(ws) + Fv ws, sign(ws) = tanh(ws/eps).
 
     Returns
     -------
@@ -135,3 +112,5 @@ def coulomb_compensation(p: Parameters | Model, **names: Unpack[Names]):
     >>> np.round(block.output(0.0, [], [1.0, 0.3]), 3)  # 0.3 N m of Coulomb friction, at 1 rad/s
     array([0.318])
     """
+    (F,) = coulomb(ws, Fc=ahat, Fv=Fv, eps=eps)
+    return F

@@ -16,9 +16,8 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import number, one_name, positive, renamed
 from .block import P, Steady
-from .declaration import block
 from .effects import actuator_lag, actuator_saturation, input_delay
-from .factories import Names, factory, reading
+from .factories import Names, built, factory, reading
 
 TURN = 2.0 * np.pi
 KV: Any = P(20.0, "1/s")
@@ -27,37 +26,11 @@ TORQUE_LIMIT: Any = P(np.inf, "N m", 0.0, neutral=np.inf)
 MOST = 10_000  # samples of delay
 
 
-@block("controller", name="limiter", out="u excess")
-def _limiter(u_cmd, limit=TORQUE_LIMIT):
-    """u = clip(u_cmd, -limit, limit), excess = u - u_cmd."""
-    (u,) = actuator_saturation(u_cmd, limit=limit)
-    return u, u - u_cmd
-
-
-@block("controller", name="proportional", out="w_ref")
-def _proportional(e, kv=KV, limit=SPEED_LIMIT):
-    """w_ref = clip(kv (-e), -limit, limit)."""
-    return np.clip(-kv * e, -limit, limit)
-
-
-@block("controller", name="notch", out="u", states="band area")
-def _notch(
-    u_cmd,
-    band,
-    area,
-    frequency: Any = P(100.0, "Hz", 1e-9),
-    damping: Any = P(0.5, "1", 1e-9),
-    depth: Any = P(0.1, "1", 0.0, 1.0),
-):
-    """u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency."""
-    W = TURN * frequency
-    rate = 2.0 * damping * W * (u_cmd - band) - W * area
-    return u_cmd - (1.0 - depth) * band, rate, W * band
-
-
-@factory(_limiter)
-def limiter(limit: float = np.inf, **names: Unpack[Names]):
+@built("controller", out="u excess")
+def limiter(u_cmd, limit=TORQUE_LIMIT):
     """The torque limit of a drive: input u_cmd, outputs u, excess.
+
+    u = clip(u_cmd, -limit, limit), excess = u - u_cmd.
 
     Parameters
     ----------
@@ -81,11 +54,15 @@ def limiter(limit: float = np.inf, **names: Unpack[Names]):
     >>> lg.limiter(2.0).output(0.0, [], [3.0])
     array([ 2., -1.])
     """
+    (u,) = actuator_saturation(u_cmd, limit=limit)
+    return u, u - u_cmd
 
 
-@factory(_proportional)
-def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]):
+@built("controller", out="w_ref")
+def proportional(e, kv=KV, limit=SPEED_LIMIT):
     """The position controller of a cascade, w_ref = kv (-e): input e, output w_ref.
+
+    w_ref = clip(kv (-e), -limit, limit).
 
     Parameters
     ----------
@@ -105,11 +82,21 @@ def proportional(kv: float = 20.0, limit: float = np.inf, **names: Unpack[Names]
     >>> lg.proportional(kv=20.0, limit=5.0).output(0.0, [], [-0.5])
     array([5.])
     """
+    return np.clip(-kv * e, -limit, limit)
 
 
-@factory(_notch)
-def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: Unpack[Names]):
+@built("controller", needed="frequency", out="u", states="band area")
+def notch(
+    u_cmd,
+    band,
+    area,
+    frequency: Any = P(100.0, "Hz", 1e-9),
+    damping: Any = P(0.5, "1", 1e-9),
+    depth: Any = P(0.1, "1", 0.0, 1.0),
+):
     """A notch filter against a resonance: input u_cmd, output u.
+
+    u/u_cmd = (s^2 + 2 depth D W s + W^2)/(s^2 + 2 D W s + W^2), W = 2 pi frequency.
 
     Parameters
     ----------
@@ -138,9 +125,12 @@ def notch(frequency: float, damping: float = 0.5, depth: float = 0.1, **names: U
     >>> round(float(abs(linear(2j * np.pi * 120.0))), 3)
     0.1
     """
+    W = TURN * frequency
+    rate = 2.0 * damping * W * (u_cmd - band) - W * area
+    return u_cmd - (1.0 - depth) * band, rate, W * band
 
 
-@factory()
+@factory
 def current_lag(time_constant: float, **names: Unpack[Names]):
     """The current loop of a drive as a first-order lag: input u_cmd, output u.
 
@@ -175,7 +165,7 @@ def current_lag(time_constant: float, **names: Unpack[Names]):
 _LATE = replace(input_delay, parameters={"delay": replace(input_delay.own["delay"], high=math.inf)})
 
 
-@factory()
+@factory
 def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     """A dead time, u = u_cmd(t - T): input u_cmd, output u.
 

@@ -1,28 +1,37 @@
 """Factories: public functions that make a python-control block of a drive's values.
 
-A factory is written as its own arguments, ``**names`` and a docstring without what is the same in
-all of them, and without what its block says: the equation, the values that it takes from p, and
-that these and its bounds are checked. :func:`factory` adds that. It needs a body only if it does
-more than give the block its values::
+A docstring leaves out what is the same in all of them: the names, that values and bounds are
+checked, what is returned. Most are one function, the equation itself: its docstring holds a
+summary, the equation, and the sections. :func:`built` enters the block and gives back the factory::
 
-    @factory(_natural)
-    def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
-        '''The LuGre law itself ...'''
+    @built("observer", out="Fhat zhat", states="zhat")
+    def natural_observer(w, zhat, law=LAW):
+        '''The LuGre law itself ...
+
+        Fhat = ...
+
+        Returns ...'''
+
+One that does more than give a block its values is written with a body, its own arguments and
+``**names``, below :func:`factory`.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
 import textwrap
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
+from inspect import Parameter
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict
 
 from ..core.errors import InputError
 from ..core.validation import real
 from .aliases import block_named
 from .block import Block, is_ours
+from .declaration import block
 from .friction import formed, lugre
 from .model import Model, Parameters, as_model
 
@@ -48,87 +57,93 @@ def reading(names: Names, *signals: str) -> Names:
 
 _NAMES = """name, inputs, outputs : str, list of str
     Block name and, in order, other names for the signals."""
-RETURNED = "ct.NonlinearIOSystem"
-_KINDS = {"Returns": "control.NonlinearIOSystem", "Raises": "InputError"}
+_SECTIONS = ("Parameters", "Returns", "Raises", "Notes", "References", "Examples")
+_USUAL = Parameter.POSITIONAL_OR_KEYWORD
 
 
-def factory(
-    made: Block | None = None,
-) -> Callable[[Callable[Arguments, Any]], Callable[Arguments, ct.NonlinearIOSystem]]:
-    """Complete a factory: the arguments of :class:`Names`, its docstring, and its body.
+def built(
+    kind: str, *, gains: str = "", needed: str = "", **declared: Any
+) -> Callable[[Callable[..., Any]], Callable[..., ct.NonlinearIOSystem]]:
+    """Declare a function as a block, and give back the factory of that block.
 
-    One without a body builds ``made``, with its arguments as the block's parameters, and the rest
-    of them from ``p`` if that is the first argument.
+    The factory takes p where the block has values of a drive, and ``gains``: all others that are
+    fitted unless given; with a star at its end, the rest as ``**gains``. One that is ``needed``
+    has no default.
     """
 
-    def complete(
-        written: Callable[Arguments, Any],
-    ) -> Callable[Arguments, ct.NonlinearIOSystem]:
-        signature = _with_names(written)
-        body: Callable[..., Any] = written
+    def declare(function: Callable[..., Any]) -> Callable[..., ct.NonlinearIOSystem]:
+        doc = inspect.getdoc(function) or ""
+        function.__doc__ = re.split(r"\n\n\w+\n---", doc.partition("\n\n")[2])[0]
+        made = block(kind, **declared)(function)
+        known, own = _from_drive(made), made.parameters
+        named, star, _ = gains.partition("*")
+        others = [k for k, p in own.items() if p.fitted and k not in known]
+        given = [Parameter("p", _USUAL)] if known else []
+        given += [Parameter(k, _USUAL, default=own[k].value) for k in named.split() or others]
+        given = [one.replace(default=one.empty) if one.name == needed else one for one in given]
+        last = [Parameter("gains", Parameter.VAR_KEYWORD)] if star else []
 
-        @wraps(written)
-        def build(*args: Arguments.args, **given: Arguments.kwargs) -> ct.NonlinearIOSystem:
-            try:
-                bound = signature.bind(*args, **given)
-            except TypeError as error:
-                raise TypeError(f"{written.__name__}() {error}") from None
-            bound.apply_defaults()
-            values = bound.arguments
-            values.update(values.pop("gains", {}))
-            if made is None:
-                return body(**values)
-            return believed(made, **values) if "p" in values else made.system(**values)
+        def build(**values: Any) -> ct.NonlinearIOSystem:
+            values |= values.pop("gains", {})
+            return believed(made, **values) if known else made.system(**values)
 
-        build.__doc__, build.__dict__["__signature__"] = _completed(written, made), signature
-        return build
+        return _completed(function, build, given, last, _documented(doc, made))
 
-    return complete
+    return declare
 
 
-def _with_names(written: Callable[..., Any]) -> inspect.Signature:
-    """The signature with the three names in place of ``**names``, or before ``**gains``."""
-    signature = inspect.signature(written)
-    *own, more = signature.parameters.values()
-    named = {"name": ("str", written.__name__)}
-    named |= {key: ("Sequence[str] | None", None) for key in ("inputs", "outputs")}
-    own += [
-        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
-        for key, (kind, default) in named.items()
-    ]
-    own += [] if more.name == "names" else [more]
-    return signature.replace(parameters=own, return_annotation=RETURNED)
+def factory(written: Callable[Arguments, Any]) -> Callable[Arguments, ct.NonlinearIOSystem]:
+    """Complete a factory with a body: the arguments of :class:`Names`, and its docstring."""
+    *own, _ = inspect.signature(written).parameters.values()
+    return _completed(written, written, own, [], _documented(inspect.getdoc(written) or ""))
 
 
-def _completed(written: Callable[..., Any], made: Block | None) -> str:
-    """The docstring with what the block says, the names, and what is returned and raised."""
-    parts = [part for part in (inspect.getdoc(written) or "").split("\n\n") if part]
-    heads = [part.split("\n", 1)[0] for part in parts]
-    at = heads.index("Returns")
-    if heads[at - 1] != "Parameters":
-        parts.insert(at, "Parameters\n----------")
-        at += 1
-    parts[at - 1] += f"\n{_NAMES}"
-    of_drive = "p" in inspect.signature(written).parameters
+def _completed(
+    written: Callable[..., Any],
+    build: Callable[..., Any],
+    own: list[Any],
+    last: list[Any],
+    doc: str,
+) -> Callable[..., ct.NonlinearIOSystem]:
+    """The factory: its own arguments, the three names, and the last ones."""
+    names = {"name": written.__name__, "inputs": None, "outputs": None}
+    own = own + [Parameter(k, Parameter.KEYWORD_ONLY, default=v) for k, v in names.items()] + last
+    signature = inspect.Signature(own, return_annotation="ct.NonlinearIOSystem")
+
+    @wraps(written)
+    def called(*args: Any, **given: Any) -> ct.NonlinearIOSystem:
+        try:
+            bound = signature.bind(*args, **given)
+        except TypeError as error:
+            raise TypeError(f"{written.__name__}() {error}") from None
+        bound.apply_defaults()
+        return build(**bound.arguments)
+
+    called.__doc__, called.__dict__["__signature__"] = doc, signature
+    return called
+
+
+def _documented(doc: str, made: Block | None = None) -> str:
+    """A docstring with the three names, with what a block takes and refuses, and with types."""
+    lead, *found = re.split(r"\n\n(\w+)\n-+\n", doc)
+    parts = dict(zip(found[::2], found[1::2], strict=True))
+    own = [parts.get("Parameters", ""), _NAMES]
     if made is not None:
         known = ", ".join(_from_drive(made))
-        refused = [f"p has no value of {known}"] if of_drive else []
+        first = f"{made.name}.{known.split(',')[0]}"
+        if known and not own[0].startswith("p : "):
+            own = [f"p : Parameters or Model\n    Gives {known}: ``{first}`` ...", *own]
+        refused = [f"p has no value of {known}"] if known else []
         refused += ["a value is out of its bounds"] if made.parameters else []
         refused += ["``inputs`` or ``outputs`` are not one name for each signal"]
-        said = textwrap.fill(f"When {', or '.join(refused)}.", 92, break_on_hyphens=False)
-        parts.insert(at + 1, f"Raises\n------\n{said}")
-        if of_drive and "\np : " not in parts[at - 1]:
-            first = known.split(",")[0]
-            said = f"p : Parameters or Model\n    Gives {known}: ``{made.name}.{first}`` ..."
-            parts[at - 1] = parts[at - 1].replace("----------", f"----------\n{said}", 1)
-        if made.equation.rstrip(".,") not in parts[0]:
-            parts.insert(1, made.doc)
-    for i, part in enumerate(parts):
-        head, *text = part.split("\n", 2)
-        if head in _KINDS:
-            said = textwrap.indent(text[1], "    ")
-            parts[i] = f"{head}\n{text[0]}\n{_KINDS[head]}\n{said}"
-    return "\n\n".join(parts)
+        said = f"When {', or '.join(refused)}."
+        parts["Raises"] = textwrap.fill(said, 92, break_on_hyphens=False)
+    parts["Parameters"] = "\n".join(filter(None, own))
+    for head, kind in (("Returns", "control.NonlinearIOSystem"), ("Raises", "InputError")):
+        if head in parts:
+            parts[head] = f"{kind}\n{textwrap.indent(parts[head], '    ')}"
+    said = [f"{k}\n{'-' * len(k)}\n{parts[k]}" for k in _SECTIONS if k in parts]
+    return "\n\n".join([lead, *said])
 
 
 def _from_drive(made: Block) -> list[str]:
@@ -136,33 +151,17 @@ def _from_drive(made: Block) -> list[str]:
     return [k for k in ("J", *lugre.parameters) if k in made.parameters]
 
 
-def believed(
-    made: Block,
-    p: Parameters | Model,
-    *,
-    name: str | None = None,
-    inputs: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    **gains: Any,
-) -> ct.NonlinearIOSystem:
+def believed(made: Block, p: Parameters | Model, **given: Any) -> ct.NonlinearIOSystem:
     """An observer or controller with those of J and the LuGre parameters that it has, from p."""
     model = as_model(p, "p")
-    have = model.values()
-    needed = [k for k in _from_drive(made) if k not in gains]
-    missing = [k for k in needed if have.get(k) is None]
-    if missing:
+    needed = {k: model.values().get(k) for k in _from_drive(made) if k not in given}
+    if missing := [k for k, value in needed.items() if value is None]:
         raise InputError(
             f"{made.name} needs {', '.join(missing)}, which {model.name} does not give; "
             "give it the parameters of a LuGre model."
         )
-    values = {k: have[k] for k in needed} | gains
-    _warn_of_sign(made, values)
-    return made.system(name=name, inputs=inputs, outputs=outputs, **values)
-
-
-def _warn_of_sign(made: Block, values: Mapping[str, Any]) -> None:
-    """Near rest the proposed observer's poles have the product -K1 sigma0/J: K1 > 0 is a saddle."""
-    K1 = values.get("K1") if made.name == "proposed_observer" else None
+    # near rest the proposed observer's poles have the product -K1 sigma0/J: K1 > 0 is a saddle
+    K1 = given.get("K1") if made.name == "proposed_observer" else None
     at_rest = real(K1(0.0) if callable(K1) else K1)
     if at_rest is not None and at_rest > 0.0:
         warnings.warn(
@@ -171,6 +170,7 @@ def _warn_of_sign(made: Block, values: Mapping[str, Any]) -> None:
             RuntimeWarning,
             stacklevel=4,
         )
+    return made.system(**needed, **given)
 
 
 def friction(

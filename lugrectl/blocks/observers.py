@@ -10,7 +10,8 @@ equations could not be confirmed, the law is derived here and the docstring says
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Unpack
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from ..core.validation import shown
 from .aliases import meant, name_of
 from .block import Block, Group, P, members
 from .declaration import block
-from .factories import Names, believed, factory
+from .factories import believed, built
 from .friction import FV, LAW, LUGRE, PAPER, SMOOTH, Bristles, J, bristle_torque, coulomb
 from .plant import acceleration
 
@@ -44,13 +45,7 @@ TAFAZOLI = (
     "docstring of lugrectl.position_coulomb_observer"
 )
 OLSSON = "Olsson and Astrom, IEEE Conf. Decision and Control, 1996"
-
-
-def _observer(**declared: Any) -> Callable[[Callable[..., Any]], Block]:
-    """Declare a function ``_natural`` as the block ``natural_observer``."""
-    return lambda function: block("observer", name=f"{function.__name__[1:]}_observer", **declared)(
-        function
-    )
+estimating = partial(built, "observer")
 
 
 @block("observer", out="Fhat")
@@ -59,16 +54,11 @@ def no_observer(w):
     return 0.0 * w
 
 
-@_observer(out="Fhat zhat", states="zhat", source=f"{PAPER}, eq. z_hat_dot and F_est")
-def _natural(w, zhat, law=LAW):
-    """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w)."""
-    dz = law.rate(w, zhat)
-    return law.torque(w, zhat, dz), dz
-
-
-@factory(_natural)
-def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
+@estimating(out="Fhat zhat", states="zhat", source=f"{PAPER}, eq. z_hat_dot and F_est")
+def natural_observer(w, zhat, law=LAW):
     """The LuGre law itself, run on the measured velocity: input w, outputs Fhat, zhat.
+
+    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w).
 
     Returns
     -------
@@ -89,18 +79,15 @@ def natural_observer(p: Parameters | Model, **names: Unpack[Names]):
     >>> round(float(run.outputs[0, -1]), 3), round(p.Fc + p.Fv * 0.1, 3)
     (0.287, 0.287)
     """
-
-
-@_observer(out="Fhat zhat", states="zhat", source=LUGRE)
-def _existing(w, e, zhat, law=LAW, k=P(0.35, "1", 0.0)):
-    """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e."""
-    dz = law.rate(w, zhat) - k * e
+    dz = law.rate(w, zhat)
     return law.torque(w, zhat, dz), dz
 
 
-@factory(_existing)
-def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
+@estimating(out="Fhat zhat", states="zhat", source=LUGRE)
+def existing_observer(w, e, zhat, law=LAW, k=P(0.35, "1", 0.0)):
     """The observer of Canudas de Wit et al. 1995: inputs w, e, outputs Fhat, zhat.
+
+    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, dzhat/dt = w - sigma0 |w| zhat / h(w) - k e.
 
     Parameters
     ----------
@@ -131,29 +118,21 @@ def existing_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     >>> bool(lg.spr_check(lg.position_T(p, kp=15.0, kd=1.2)))
     True
     """
-
-
-@_observer(out="Fhat zhat what", states="zhat what", source=f"{PAPER}, eq. obs_1 and obs_2")
-def _proposed(w, u, zhat, what, J=J, law=LAW, K1=P(-10.24, "1"), K2=P(22.0, "N m s/rad")):
-    """Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, J dwhat/dt = u - Fhat + K2 (w - what).
-
-    dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what).
-    """
-    miss = w - what
-    dz = law.rate(w, zhat) + _gain(K1, w) * miss
-    Fhat = law.torque(w, zhat, dz)
-    return Fhat, dz, acceleration(u + _gain(K2, w) * miss, Fhat, 0.0, J)
+    dz = law.rate(w, zhat) - k * e
+    return law.torque(w, zhat, dz), dz
 
 
 def _gain(K: Any, w: Any) -> Any:
     return K(w) if callable(K) else K
 
 
-@factory(_proposed)
-def proposed_observer(
-    p: Parameters | Model, K1: Gain = -10.24, K2: Gain = 22.0, **names: Unpack[Names]
-):
+@estimating(out="Fhat zhat what", states="zhat what", source=f"{PAPER}, eq. obs_1 and obs_2")
+def proposed_observer(w, u, zhat, what, J=J, law=LAW, K1=P(-10.24, "1"), K2=P(22.0, "N m s/rad")):
     """The source paper's observer: inputs w, u, outputs Fhat, zhat, what.
+
+    Fhat = sigma0 zhat + sigma1 dzhat/dt + Fv w, J dwhat/dt = u - Fhat + K2 (w - what).
+
+    dzhat/dt = w - sigma0 |w| zhat / h(w) + K1 (w - what).
 
     Parameters
     ----------
@@ -184,14 +163,18 @@ def proposed_observer(
     >>> bool((poles.real < 0).all())
     True
     """
+    miss = w - what
+    dz = law.rate(w, zhat) + _gain(K1, w) * miss
+    Fhat = law.torque(w, zhat, dz)
+    return Fhat, dz, acceleration(u + _gain(K2, w) * miss, Fhat, 0.0, J)
 
 
-@_observer(
+@estimating(
     out="Fhat ahat",
     states="zeta",
     source="Friedland and Park, IEEE Trans. Automatic Control 37(10), 1992",
 )
-def _friedland_park(
+def friedland_park_observer(
     w,
     u,
     zeta,
@@ -201,22 +184,11 @@ def _friedland_park(
     mu: Any = P(1.5, "1", 1.0, 10.0),
     eps=SMOOTH,
 ):
-    """Fhat = ahat sign(w) + Fv w, ahat = zeta - k |w|^mu.
+    """The Coulomb friction observer of Friedland and Park: inputs w, u, outputs Fhat, ahat.
+
+    Fhat = ahat sign(w) + Fv w, ahat = zeta - k |w|^mu.
 
     dzeta/dt = k mu |w|^(mu - 1) sign(w) (u - Fhat) / J.
-    """
-    speed = np.sqrt(w * w + eps * eps)  # |w| without a kink, so that powers of it are smooth
-    ahat = zeta - k * speed**mu
-    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
-    slope = k * mu * speed ** (mu - 2.0) * w
-    return Fhat, ahat, slope * acceleration(u, Fhat, 0.0, J)
-
-
-@factory(_friedland_park)
-def friedland_park_observer(
-    p: Parameters | Model, k: float = 0.1, mu: float = 1.5, **names: Unpack[Names]
-):
-    """The Coulomb friction observer of Friedland and Park: inputs w, u, outputs Fhat, ahat.
 
     Parameters
     ----------
@@ -255,15 +227,20 @@ def friedland_park_observer(
     >>> round(float(pole.real)), round(-0.1 * 1.5 * w**0.5 / p.J)  # 1/s
     (-48, -48)
     """
+    speed = np.sqrt(w * w + eps * eps)  # |w| without a kink, so that powers of it are smooth
+    ahat = zeta - k * speed**mu
+    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
+    slope = k * mu * speed ** (mu - 2.0) * w
+    return Fhat, ahat, slope * acceleration(u, Fhat, 0.0, J)
 
 
-@_observer(
+@estimating(
     out="Fhat ahat",
     states="zeta",
     source="derived here, in the spirit of Odabas, thesis, 2014: see the docstring of "
     "lugrectl.general_coulomb_observer",
 )
-def _general_coulomb(
+def general_coulomb_observer(
     w,
     u,
     zeta,
@@ -273,20 +250,10 @@ def _general_coulomb(
     w0: Any = P(0.1, "rad/s", 1e-12),
     eps=SMOOTH,
 ):
-    """Fhat = ahat sign(w) + Fv w, ahat = zeta - G, G = k (sqrt(w^2 + w0^2) - w0),
-    dzeta/dt = (dG/dw) (u - Fhat) / J.
-    """
-    speed = np.sqrt(w * w + w0 * w0)
-    ahat = zeta - k * (speed - w0)
-    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
-    return Fhat, ahat, k * w / speed * acceleration(u, Fhat, 0.0, J)
-
-
-@factory(_general_coulomb)
-def general_coulomb_observer(
-    p: Parameters | Model, k: float = 0.11, w0: float = 0.1, **names: Unpack[Names]
-):
     """Friedland-Park with an adaptation that saturates: inputs w, u, outputs Fhat, ahat.
+
+    Fhat = ahat sign(w) + Fv w, ahat = zeta - G, G = k (sqrt(w^2 + w0^2) - w0),
+    dzeta/dt = (dG/dw) (u - Fhat) / J.
 
     Parameters
     ----------
@@ -322,18 +289,17 @@ def general_coulomb_observer(
     >>> round(float(pole.real))
     -50
     """
+    speed = np.sqrt(w * w + w0 * w0)
+    ahat = zeta - k * (speed - w0)
+    (Fhat,) = coulomb(w, Fc=ahat, Fv=Fv, eps=eps)
+    return Fhat, ahat, k * w / speed * acceleration(u, Fhat, 0.0, J)
 
 
-@_observer(out="Fhat", states="v", source="standard form (Ohnishi), derived by substitution")
-def _disturbance(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
-    """Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J."""
-    Fhat = J * (v - w) / tau
-    return Fhat, acceleration(u, Fhat, 0.0, J)
-
-
-@factory(_disturbance)
-def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpack[Names]):
+@estimating(out="Fhat", states="v", source="standard form (Ohnishi), derived by substitution")
+def disturbance_observer(w, u, v, J=J, tau=P(0.01, "s", 1e-12)):
     """The disturbance observer Fhat = (u - J dw/dt) / (tau s + 1): inputs w, u, output Fhat.
+
+    Fhat = J (v - w) / tau, dv/dt = (u - Fhat) / J.
 
     Parameters
     ----------
@@ -362,24 +328,19 @@ def disturbance_observer(p: Parameters | Model, tau: float = 0.01, **names: Unpa
     >>> round(float(Fhat[-1]), 3)
     0.3
     """
+    Fhat = J * (v - w) / tau
+    return Fhat, acceleration(u, Fhat, 0.0, J)
 
 
-@_observer(
+@estimating(
     out="Fhat what",
     states="what Fhat",
     source="Gao's bandwidth parametrisation, derived by substitution",
 )
-def _extended_state(w, u, what, Fhat, J=J, bandwidth: Any = P(100.0, "1/s", 0.0)):
-    """dFhat/dt = -J p^2 (w - what), dwhat/dt = (u - Fhat) / J + 2 p (w - what), p = bandwidth."""
-    push = J * bandwidth * (w - what)
-    return acceleration(u + 2.0 * push, Fhat, 0.0, J), -bandwidth * push
-
-
-@factory(_extended_state)
-def extended_state_observer(
-    p: Parameters | Model, bandwidth: float = 100.0, **names: Unpack[Names]
-):
+def extended_state_observer(w, u, what, Fhat, J=J, bandwidth: Any = P(100.0, "1/s", 0.0)):
     """The linear extended-state observer: inputs w, u, outputs Fhat, what.
+
+    dFhat/dt = -J p^2 (w - what), dwhat/dt = (u - Fhat) / J + 2 p (w - what), p = bandwidth.
 
     Parameters
     ----------
@@ -406,14 +367,16 @@ def extended_state_observer(
     >>> round(float(poles.real.mean()))
     -200
     """
+    push = J * bandwidth * (w - what)
+    return acceleration(u + 2.0 * push, Fhat, 0.0, J), -bandwidth * push
 
 
-@_observer(
+@estimating(
     out="Fhat zhat what scale",
     states="zhat what excess",
     source="derived here: see the docstring of lugrectl.adaptive_observer",
 )
-def _adaptive(
+def adaptive_observer(
     w,
     u,
     zhat,
@@ -424,24 +387,12 @@ def _adaptive(
     K2=P(1.0, "N m s/rad", 0.0),
     gamma: Any = P(10.0, "1/s", 0.0),
 ):
-    """Fhat = scale phi + Fv w, phi = sigma0 zhat + sigma1 dzhat/dt, scale = 1 + excess.
+    """LuGre with an unknown constant scale: inputs w, u, outputs Fhat, zhat, what, scale.
+
+    Fhat = scale phi + Fv w, phi = sigma0 zhat + sigma1 dzhat/dt, scale = 1 + excess.
 
     dzhat/dt = w - sigma0 |w| zhat / h(w), J dwhat/dt = u - Fhat + K2 (w - what),
     dexcess/dt = -gamma K2 phi (w - what) / Fs^2.
-    """
-    dz = law.rate(w, zhat)
-    phi = bristle_torque(w, zhat, dz, law.sigma0, law.sigma1, 0.0)
-    scale = 1.0 + excess
-    Fhat = law.torque(w, scale * zhat, scale * dz)
-    push = K2 * (w - what)
-    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / law.Fs**2
-
-
-@factory(_adaptive)
-def adaptive_observer(
-    p: Parameters | Model, K2: float = 1.0, gamma: float = 10.0, **names: Unpack[Names]
-):
-    """LuGre with an unknown constant scale: inputs w, u, outputs Fhat, zhat, what, scale.
 
     Parameters
     ----------
@@ -481,33 +432,25 @@ def adaptive_observer(
     >>> observer.output_labels
     ['Fhat', 'zhat', 'what', 'scale']
     """
+    dz = law.rate(w, zhat)
+    phi = bristle_torque(w, zhat, dz, law.sigma0, law.sigma1, 0.0)
+    scale = 1.0 + excess
+    Fhat = law.torque(w, scale * zhat, scale * dz)
+    push = K2 * (w - what)
+    return Fhat, scale, dz, acceleration(u + push, Fhat, 0.0, J), -gamma * phi * push / law.Fs**2
 
 
-@_observer(out="Fhat zhat slip", states="zhat excess xi", source=f"{DERIVED} {LISCHINSKY}")
-def _temperature(
+@estimating(out="Fhat zhat slip", states="zhat excess xi", source=f"{DERIVED} {LISCHINSKY}")
+def temperature_observer(
     w, u, zhat, excess, xi, J=J, law=DAMPED, k=P(0.0, "1/s", 0.0), gamma: Any = P(5.0, "1", 0.0)
 ):
-    """Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, slip = 1 + excess, a = sigma0 |w|/h(w).
+    """LuGre with an unknown level h(w), as by temperature: inputs w, u, outputs Fhat, zhat, slip.
+
+    Fhat = sigma0 zhat + sigma1 (w - slip a zhat) + Fv w, slip = 1 + excess, a = sigma0 |w|/h(w).
 
     zbar = (xi - J w)/sigma1, dxi/dt = u - Fv w - sigma0 zbar,
     dzhat/dt = w - slip a zhat + k (zbar - zhat),
     dexcess/dt = -gamma a zhat (zbar - zhat) sigma0^2/Fs^2.
-    """
-    slip = 1.0 + excess
-    worn = law.relaxation(w) * zhat
-    own = w - slip * worn
-    zbar = (xi - J * w) / law.sigma1
-    miss = zbar - zhat
-    Fhat = law.torque(w, zhat, own)
-    adapt = -gamma * worn * miss * (law.sigma0 / law.Fs) ** 2
-    return Fhat, slip, own + k * miss, adapt, u - law.Fv * w - law.sigma0 * zbar
-
-
-@factory(_temperature)
-def temperature_observer(
-    p: Parameters | Model, k: float = 0.0, gamma: float = 5.0, **names: Unpack[Names]
-):
-    """LuGre with an unknown level h(w), as by temperature: inputs w, u, outputs Fhat, zhat, slip.
 
     Parameters
     ----------
@@ -549,24 +492,24 @@ def temperature_observer(
     >>> [name for name in loop.state_labels if name.startswith("temperature")]
     ['temperature_observer_zhat', 'temperature_observer_excess', 'temperature_observer_xi']
     """
+    slip = 1.0 + excess
+    worn = law.relaxation(w) * zhat
+    own = w - slip * worn
+    zbar = (xi - J * w) / law.sigma1
+    miss = zbar - zhat
+    Fhat = law.torque(w, zhat, own)
+    adapt = -gamma * worn * miss * (law.sigma0 / law.Fs) ** 2
+    return Fhat, slip, own + k * miss, adapt, u - law.Fv * w - law.sigma0 * zbar
 
 
-@_observer(out="Fhat what", states="what f", source=f"{DERIVED} {IWASAKI}")
-def _friction_state(w, u, what, f, J=J, law=UNDAMPED, bandwidth: Any = P(500.0, "1/s", 0.0)):
-    """Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what), p = bandwidth,
-    df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what).
-    """
-    Fhat = bristle_torque(w, f / law.sigma0, 0.0, law.sigma0, 0.0, law.Fv)
-    push = J * bandwidth * (w - what)
-    df = law.sigma0 * law.rate(w, f / law.sigma0) - bandwidth * push
-    return Fhat, acceleration(u + 2.0 * push, Fhat, 0.0, J), df
-
-
-@factory(_friction_state)
+@estimating(out="Fhat what", states="what f", source=f"{DERIVED} {IWASAKI}")
 def friction_state_observer(
-    p: Parameters | Model, bandwidth: float = 500.0, **names: Unpack[Names]
+    w, u, what, f, J=J, law=UNDAMPED, bandwidth: Any = P(500.0, "1/s", 0.0)
 ):
     """Friction as a state with presliding in its rate: inputs w, u, outputs Fhat, what.
+
+    Fhat = f + Fv w, J dwhat/dt = u - Fhat + 2 J p (w - what), p = bandwidth,
+    df/dt = sigma0 (w - |w| f/h(w)) - J p^2 (w - what).
 
     Parameters
     ----------
@@ -606,27 +549,20 @@ def friction_state_observer(
     >>> round(float(poles.real.mean()))
     -300
     """
+    Fhat = bristle_torque(w, f / law.sigma0, 0.0, law.sigma0, 0.0, law.Fv)
+    push = J * bandwidth * (w - what)
+    df = law.sigma0 * law.rate(w, f / law.sigma0) - bandwidth * push
+    return Fhat, acceleration(u + 2.0 * push, Fhat, 0.0, J), df
 
 
-@_observer(out="Fhat zhat scale", states="zhat excess", source=f"{DERIVED} {LISCHINSKY}")
-def _normal_force(
+@estimating(out="Fhat zhat scale", states="zhat excess", source=f"{DERIVED} {LISCHINSKY}")
+def normal_force_observer(
     w, e, zhat, excess, law=LAW, k=P(1.0, "1/s", 0.0), gamma: Any = P(2e3, "1/(N m s)", 0.0)
 ):
-    """Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat, scale = 1 + excess,
-    dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dexcess/dt = -gamma sigma0 zhat e.
-    """
-    scale = 1.0 + excess
-    dz = law.rate(w, zhat) - k * e
-    adapt = -gamma * law.sigma0 * zhat * e
-    dy = adapt * zhat + scale * dz
-    return law.torque(w, scale * zhat, dy), scale, dz, adapt
-
-
-@factory(_normal_force)
-def normal_force_observer(
-    p: Parameters | Model, k: float = 1.0, gamma: float = 2e3, **names: Unpack[Names]
-):
     """LuGre scaled as by a normal force: inputs w, e, outputs Fhat, zhat, scale.
+
+    Fhat = sigma0 y + sigma1 dy/dt + Fv w, y = scale zhat, scale = 1 + excess,
+    dzhat/dt = w - sigma0 |w| zhat/h(w) - k e, dexcess/dt = -gamma sigma0 zhat e.
 
     Parameters
     ----------
@@ -663,21 +599,19 @@ def normal_force_observer(
     >>> round(float(Fhat), 3), float(scale)
     (0.52, 2.0)
     """
+    scale = 1.0 + excess
+    dz = law.rate(w, zhat) - k * e
+    adapt = -gamma * law.sigma0 * zhat * e
+    dy = adapt * zhat + scale * dz
+    return law.torque(w, scale * zhat, dy), scale, dz, adapt
 
 
-@_observer(out="Fhat zhat", states="zhat", source=f"{DERIVED} {FREIDOVICH}")
-def _lyapunov(w, s, zhat, law=LAW, k: Any = P(0.35, "1", 0.0)):
-    """Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
-    dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
-    """
-    a = law.relaxation(w)
-    b = w - a * zhat
-    return law.torque(w, zhat, b), b - k * (1.0 - law.sigma1 / law.sigma0 * a) * s
-
-
-@factory(_lyapunov)
-def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Names]):
+@estimating(out="Fhat zhat", states="zhat", source=f"{DERIVED} {FREIDOVICH}")
+def lyapunov_observer(w, s, zhat, law=LAW, k: Any = P(0.35, "1", 0.0)):
     """The observer with a proof at every speed: inputs w, s, outputs Fhat, zhat.
+
+    Fhat = sigma0 zhat + sigma1 b + Fv w, b = w - sigma0 |w| zhat/h(w),
+    dzhat/dt = b - k (1 - sigma1 |w|/h(w)) s.
 
     Parameters
     ----------
@@ -712,12 +646,15 @@ def lyapunov_observer(p: Parameters | Model, k: float = 0.35, **names: Unpack[Na
     >>> loop.input_labels
     ['r', 'dr']
     """
+    a = law.relaxation(w)
+    b = w - a * zhat
+    return law.torque(w, zhat, b), b - k * (1.0 - law.sigma1 / law.sigma0 * a) * s
 
 
-@_observer(
+@estimating(
     out="Fhat ahat what", states="that zeta", start="theta 0", source=f"{DERIVED} {TAFAZOLI}"
 )
-def _position_coulomb(
+def position_coulomb_observer(
     theta,
     u,
     that,
@@ -728,22 +665,10 @@ def _position_coulomb(
     L: Any = P(400.0, "1/s", 1e-12),
     eps=SMOOTH,
 ):
-    """Fhat = ahat sign(what) + Fv what, what = L (theta - that), ahat = zeta - k |what|,
-    dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
-    """
-    what = L * (theta - that)
-    size = np.sqrt(what * what + eps * eps)  # |what|; its slope is the sign
-    side, ahat = what / size, zeta - k * size
-    Fhat = ahat * side + Fv * what
-    push = acceleration(u, Fhat, 0.0, J)
-    return Fhat, ahat, what, what - push / L, k * side * push
-
-
-@factory(_position_coulomb)
-def position_coulomb_observer(
-    p: Parameters | Model, k: float = 0.11, L: float = 400.0, **names: Unpack[Names]
-):
     """Coulomb friction and velocity from the position: inputs theta, u, outputs Fhat, ahat, what.
+
+    Fhat = ahat sign(what) + Fv what, what = L (theta - that), ahat = zeta - k |what|,
+    dthat/dt = what - (u - Fhat)/(J L), dzeta/dt = k sign(what) (u - Fhat)/J.
 
     Parameters
     ----------
@@ -785,12 +710,18 @@ def position_coulomb_observer(
     >>> observer.input_labels, observer.output_labels
     (['theta', 'u'], ['Fhat', 'ahat', 'what'])
     """
+    what = L * (theta - that)
+    size = np.sqrt(what * what + eps * eps)  # |what|; its slope is the sign
+    side, ahat = what / size, zeta - k * size
+    Fhat = ahat * side + Fv * what
+    push = acceleration(u, Fhat, 0.0, J)
+    return Fhat, ahat, what, what - push / L, k * side * push
 
 
-@_observer(
+@estimating(
     out="Fhat zhat what", states="that what zhat", start="theta 0 0", source=f"{DERIVED} {OLSSON}"
 )
-def _position_lugre(
+def position_lugre_observer(
     theta,
     u,
     that,
@@ -802,24 +733,11 @@ def _position_lugre(
     l2: Any = P(2e5, "1/s2", 0.0),
     l3: Any = P(-100.0, "1/s"),
 ):
-    """Fhat = sigma0 zhat + sigma1 b + Fv what, b = what - sigma0 |what| zhat/h(what),
+    """The whole drive copied and corrected by the position: inputs theta, u.
+
+    Fhat = sigma0 zhat + sigma1 b + Fv what, b = what - sigma0 |what| zhat/h(what),
     m = theta - that, dthat/dt = what + l1 m, dwhat/dt = (u - Fhat)/J + l2 m,
     dzhat/dt = b + l3 m.
-    """
-    m, b = theta - that, law.rate(what, zhat)
-    Fhat = law.torque(what, zhat, b)
-    return Fhat, what + l1 * m, acceleration(u, Fhat, 0.0, J) + l2 * m, b + l3 * m
-
-
-@factory(_position_lugre)
-def position_lugre_observer(
-    p: Parameters | Model,
-    l1: float = 900.0,
-    l2: float = 2e5,
-    l3: float = -100.0,
-    **names: Unpack[Names],
-):
-    """The whole drive copied and corrected by the position: inputs theta, u.
 
     Parameters
     ----------
@@ -860,6 +778,9 @@ def position_lugre_observer(
     >>> round(float(poles.real.mean()), -1)
     -1000.0
     """
+    m, b = theta - that, law.rate(what, zhat)
+    Fhat = law.torque(what, zhat, b)
+    return Fhat, what + l1 * m, acceleration(u, Fhat, 0.0, J) + l2 * m, b + l3 * m
 
 
 def observer_block(name: str) -> Block:

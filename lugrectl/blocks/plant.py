@@ -229,7 +229,7 @@ def _leveled(values: Mapping[str, Any], deeds: Sequence[tuple[str, Any]]) -> dic
     return made
 
 
-@factory()
+@factory
 def plant(p: Parameters | Model, **names: Unpack[Names]):
     """The drive J dw/dt = u - F - d as a block: inputs u, d (N m), outputs theta, w, F.
 
@@ -274,7 +274,7 @@ def plant(p: Parameters | Model, **names: Unpack[Names]):
     return _system(assemble(model, loads=_loads(model)), model, names)
 
 
-@factory()
+@factory
 def sensor(p: Parameters | Model, **names: Unpack[Names]):
     """The sensors of the motion: inputs w, theta, outputs w_m, theta_m.
 

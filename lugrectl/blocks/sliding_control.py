@@ -16,7 +16,7 @@ from ..core.validation import flag, one_name, positive, renamed, shown, within
 from .block import REGISTRY, Block, Group, P
 from .controllers import MEASURED, check_kind
 from .declaration import block
-from .factories import Names, believed, factory
+from .factories import Names, believed, built, factory
 from .friction import FC, FS, SIGMA0, VS, Bristles, J
 from .model import Model, Parameters, as_model
 from .observers import DERIVED
@@ -42,92 +42,7 @@ def _sliding_error_velocity(w, r, dr):
     return w - r, 1.0 * dr
 
 
-@block("controller", name="slotine_li", out="u", source=f"{SLOTINE}, without adaptation; {KELLY}")
-def _slotine_li(s, ar, J=J, KD=KD):
-    """u = J ar - KD s."""
-    return J * ar - KD * s
-
-
-@block("controller", name="adaptive_slotine_li", out="u", states="Jhat Fvhat Fchat", source=SLOTINE)
-def _adaptive_slotine_li(
-    s,
-    ar,
-    w,
-    Jhat,
-    Fvhat,
-    Fchat,
-    KD=KD,
-    gJ: Any = P(1e-4, "kg m2 s2/rad2", 0.0),
-    gv: Any = P(0.01, "N m s2/rad3", 0.0),
-    gc: Any = P(0.3, "N m/rad", 0.0),
-    eps=P(0.01, "rad/s", 1e-12),
-):
-    """u = Jhat ar + Fvhat w + Fchat sign(w) - KD s, sign(w) = tanh(w/eps),
-    dJhat/dt = -gJ ar s, dFvhat/dt = -gv w s, dFchat/dt = -gc sign(w) s.
-    """
-    side = np.tanh(w / eps)
-    u = Jhat * ar + Fvhat * w + Fchat * side - KD * s
-    return u, -gJ * ar * s, -gv * w * s, -gc * side * s
-
-
-@block(
-    "controller",
-    name="dual_observer_control",
-    out="u",
-    states="z0 z1 S0 S1 T",
-    source=f"{DERIVED} {CHEN}",
-)
-def _dual_observer(
-    s,
-    ar,
-    w,
-    z0,
-    z1,
-    S0,
-    S1,
-    T,
-    J=J,
-    law=SLIDING,
-    KD=KD,
-    k0: Any = P(0.35, "1", 0.0),
-    k1: Any = P(1e-3, "s", 0.0),
-    g0: Any = P(1e6, "N m/rad3", 0.0),
-    g1: Any = P(1.0, "N m s2/rad3", 0.0),
-    g2: Any = P(0.1, "N m s2/rad3", 0.0),
-):
-    """u = J ar - KD s + S0 z0 - S1 a z1 + T w, a = sigma0 |w|/h(w),
-    dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
-    dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
-    """
-    a = law.relaxation(w)
-    u = J * ar - KD * s + S0 * z0 - S1 * a * z1 + T * w
-    dz0, dz1 = w - a * z0 - k0 * s, w - a * z1 + k1 * a * s
-    return u, dz0, dz1, -g0 * s * z0, g1 * s * a * z1, -g2 * s * w
-
-
-@block("controller", name="backstepping_smc", out="u surface", states="q", source=f"{DERIVED} {XU}")
-def _backstepping(
-    s,
-    ar,
-    q,
-    J=J,
-    a: Any = P(30.0, "1/s", 0.0),
-    b: Any = P(2.0, "(rad/s)^(1-gamma)/s", 0.0),
-    gamma: Any = P(0.6, "1", 1e-3, 1.0),
-    ks: Any = P(100.0, "1/s", 0.0),
-    eps: Any = P(5.0, "rad/s2", 0.0),
-    phi: Any = P(0.01, "rad/s", 1e-12),
-):
-    """u = J (ar - dq/dt - ks y - eps y/sqrt(y^2 + phi^2)), y = s + q,
-    dq/dt = a s + b |s|^gamma sign(s).
-    """
-    surface = s + q
-    dq = a * s + b * s * (s * s + 1e-10) ** (0.5 * (gamma - 1.0))
-    switch = eps * surface / np.sqrt(surface * surface + phi * phi)
-    return J * (ar - dq - ks * surface - switch), surface, dq
-
-
-@factory()
+@factory
 def sliding_error(lam: float = 20.0, kind: str = "position", **names: Unpack[Names]):
     """The error on which Slotine-Li controllers act: inputs theta, w, r, dr, ddr, outputs s, ar.
 
@@ -169,9 +84,11 @@ def sliding_error(lam: float = 20.0, kind: str = "position", **names: Unpack[Nam
     return _sliding_error.system(**names, lam=lam)
 
 
-@factory(_slotine_li)
-def slotine_li(p: Parameters | Model, KD: float = 0.1, **names: Unpack[Names]):
+@built("controller", out="u", source=f"{SLOTINE}, without adaptation; {KELLY}")
+def slotine_li(s, ar, J=J, KD=KD):
     """The controller u = J ar - KD s: inputs s, ar of :func:`sliding_error`, output u.
+
+    u = J ar - KD s.
 
     Parameters
     ----------
@@ -205,13 +122,27 @@ def slotine_li(p: Parameters | Model, KD: float = 0.1, **names: Unpack[Names]):
     >>> np.round(slotine_li.output(0.0, [], [0.2, 100.0]), 3)  # s = 0.2 rad/s, ar = 100 rad/s2
     array([0.2])
     """
+    return J * ar - KD * s
 
 
-@factory(_adaptive_slotine_li)
+@built("controller", gains="KD gJ gv gc", out="u", states="Jhat Fvhat Fchat", source=SLOTINE)
 def adaptive_slotine_li(
-    KD: float = 0.1, gJ: float = 1e-4, gv: float = 0.01, gc: float = 0.3, **names: Unpack[Names]
+    s,
+    ar,
+    w,
+    Jhat,
+    Fvhat,
+    Fchat,
+    KD=KD,
+    gJ: Any = P(1e-4, "kg m2 s2/rad2", 0.0),
+    gv: Any = P(0.01, "N m s2/rad3", 0.0),
+    gc: Any = P(0.3, "N m/rad", 0.0),
+    eps=P(0.01, "rad/s", 1e-12),
 ):
     """Slotine-Li with adaptation from nothing: inputs s, ar, w, output u.
+
+    u = Jhat ar + Fvhat w + Fchat sign(w) - KD s, sign(w) = tanh(w/eps),
+    dJhat/dt = -gJ ar s, dFvhat/dt = -gv w s, dFchat/dt = -gc sign(w) s.
 
     Parameters
     ----------
@@ -244,11 +175,35 @@ def adaptive_slotine_li(
     >>> loop.input_labels
     ['r', 'dr', 'ddr']
     """
+    side = np.tanh(w / eps)
+    u = Jhat * ar + Fvhat * w + Fchat * side - KD * s
+    return u, -gJ * ar * s, -gv * w * s, -gc * side * s
 
 
-@factory(_dual_observer)
-def dual_observer_control(p: Parameters | Model, KD: float = 0.1, **gains: Any):
+@built("controller", gains="KD*", out="u", states="z0 z1 S0 S1 T", source=f"{DERIVED} {CHEN}")
+def dual_observer_control(
+    s,
+    ar,
+    w,
+    z0,
+    z1,
+    S0,
+    S1,
+    T,
+    J=J,
+    law=SLIDING,
+    KD=KD,
+    k0: Any = P(0.35, "1", 0.0),
+    k1: Any = P(1e-3, "s", 0.0),
+    g0: Any = P(1e6, "N m/rad3", 0.0),
+    g1: Any = P(1.0, "N m s2/rad3", 0.0),
+    g2: Any = P(0.1, "N m s2/rad3", 0.0),
+):
     """State feedback that adapts sigma0, sigma1 and Fv: inputs s, ar, w, output u.
+
+    u = J ar - KD s + S0 z0 - S1 a z1 + T w, a = sigma0 |w|/h(w),
+    dz0/dt = w - a z0 - k0 s, dz1/dt = w - a z1 + k1 a s,
+    dS0/dt = -g0 s z0, dS1/dt = g1 s a z1, dT/dt = -g2 s w.
 
     Parameters
     ----------
@@ -284,11 +239,29 @@ def dual_observer_control(p: Parameters | Model, KD: float = 0.1, **gains: Any):
     >>> control.state_labels
     ['z0', 'z1', 'S0', 'S1', 'T']
     """
+    a = law.relaxation(w)
+    u = J * ar - KD * s + S0 * z0 - S1 * a * z1 + T * w
+    dz0, dz1 = w - a * z0 - k0 * s, w - a * z1 + k1 * a * s
+    return u, dz0, dz1, -g0 * s * z0, g1 * s * a * z1, -g2 * s * w
 
 
-@factory(_backstepping)
-def backstepping_smc(p: Parameters | Model, ks: float = 100.0, eps: float = 5.0, **gains: Any):
+@built("controller", gains="ks eps*", out="u surface", states="q", source=f"{DERIVED} {XU}")
+def backstepping_smc(
+    s,
+    ar,
+    q,
+    J=J,
+    a: Any = P(30.0, "1/s", 0.0),
+    b: Any = P(2.0, "(rad/s)^(1-gamma)/s", 0.0),
+    gamma: Any = P(0.6, "1", 1e-3, 1.0),
+    ks: Any = P(100.0, "1/s", 0.0),
+    eps: Any = P(5.0, "rad/s2", 0.0),
+    phi: Any = P(0.01, "rad/s", 1e-12),
+):
     """Backstepping with an integral fast terminal sliding mode: inputs s, ar, outputs u, surface.
+
+    u = J (ar - dq/dt - ks y - eps y/sqrt(y^2 + phi^2)), y = s + q,
+    dq/dt = a s + b |s|^gamma sign(s).
 
     Parameters
     ----------
@@ -325,6 +298,10 @@ def backstepping_smc(p: Parameters | Model, ks: float = 100.0, eps: float = 5.0,
     >>> loop.input_labels
     ['r', 'dr', 'ddr']
     """
+    surface = s + q
+    dq = a * s + b * s * (s * s + 1e-10) ** (0.5 * (gamma - 1.0))
+    switch = eps * surface / np.sqrt(surface * surface + phi * phi)
+    return J * (ar - dq - ks * surface - switch), surface, dq
 
 
 HARMONICS = 9
@@ -396,7 +373,7 @@ def _memory(
     return J * ar - K * s + v, v
 
 
-@factory()
+@factory
 def repetitive_control(
     p: Parameters | Model,
     period: float = 1.0,
@@ -460,7 +437,7 @@ def repetitive_control(
     return believed(made, p, **names, period=period, K=K, gamma=gamma)
 
 
-@factory()
+@factory
 def repetitive_memory(
     p: Parameters | Model,
     period: float = 1.0,
