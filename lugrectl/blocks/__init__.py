@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 
@@ -19,14 +18,7 @@ DECLARING = (
 
 
 @cache
-def _declared() -> Callable[[], None]:
+def fill() -> None:
+    """Fill the registry with the blocks that the package declares."""
     for module in DECLARING:
         import_module(f".{module}", __name__)
-    from .extending import load_installed
-
-    return load_installed
-
-
-def fill() -> None:
-    """Fill the registry with the blocks that the package declares and those of installed ones."""
-    _declared()()

@@ -18,10 +18,10 @@ import copy
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
-from functools import partial
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
 from types import FunctionType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -114,26 +114,6 @@ class Group(dict[str, P]):
         self.kind = kind
 
 
-@dataclass(frozen=True)
-class Grouped:
-    """The function of a block that takes groups of parameters: argument, kind and names of each."""
-
-    function: Callable[..., Any]
-    groups: tuple[tuple[str, type, tuple[str, ...]], ...]
-
-    def __post_init__(self) -> None:
-        for key in ("__doc__", "__name__", "__qualname__", "__code__"):
-            object.__setattr__(self, key, getattr(self.function, key))
-
-    def __call__(self, *signals: Any, **values: Any) -> Any:
-        for key, kind, names in self.groups:
-            values[key] = kind(**{k: values.pop(k) for k in names})
-        return self.function(*signals, **values)
-
-    def is_steady(self) -> bool:
-        return is_steady(self.function)
-
-
 @dataclass(frozen=True, repr=False)
 class Block(Shown):
     """A pure function with declared signals; ``system()`` makes it a python-control block."""
@@ -150,12 +130,18 @@ class Block(Shown):
     confused: tuple[str, ...] = ()
     experiment: str = ""
     exact: Callable[..., np.ndarray] | None = field(default=None, compare=False)
-    tries: Callable[..., list[dict[str, float]]] | None = field(default=None, compare=False)
     start: tuple[str, ...] = ()
     load: bool = False
     abrupt: bool = False
     home: str = field(default="", compare=False)
     source: str = field(default="", compare=False)
+    form_keys: Mapping[str, P] = field(default_factory=dict, compare=False)
+    """What an entry of a model file may give besides the parameters: see ``friction.formed``."""
+    groups: tuple[tuple[str, type, tuple[str, ...]], ...] = ()
+    """Arguments that are an object with parameters: name, kind, and its parameters."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", self.start or ("0",) * len(self.states))
 
     def _title(self) -> str:
         return f"Block {self.name} ({self.kind})"
@@ -226,6 +212,8 @@ class Block(Shown):
             )
         if len(signals) <= len(own) and len(values) < len(self.parameters) + len(left):
             values = self.defaults() | values
+        for key, kind, names in self.groups:
+            values[key] = kind(**{k: values.pop(k) for k in names})
         result = self.function(*signals, **values)
         return result if isinstance(result, tuple) else (result,)
 
@@ -233,10 +221,6 @@ class Block(Shown):
         """What a sentence says of the block as a system with these values."""
         given = ", ".join(f"{k}={shown(v)}" for k, v in (values or {}).items())
         return f"{self.name}.system({given}) makes a python-control system of it."
-
-    def is_steady(self) -> bool:
-        """Whether nothing that the function reads can change: see ``functions.is_steady``."""
-        return is_steady(self.function)
 
     def system(
         self,
@@ -253,7 +237,7 @@ class Block(Shown):
         """
         from ..core.block_system import BlockSystem
 
-        return described(self._of(BlockSystem, name, inputs, outputs, values), self)
+        return self._of(BlockSystem, name, inputs, outputs, values)
 
     def bare(self, **values: Any) -> BareSystem:
         """The block for the engine alone: python-control, slow to import, is not loaded."""
@@ -282,23 +266,7 @@ class Block(Shown):
         )
 
 
-class _Registry(dict[tuple[str, str], Block]):
-    """Blocks by kind and name; a name alone finds the first registered block of that name."""
-
-    def __missing__(self, key: Any) -> Block:
-        for (kind, name), made in registered().items():
-            if key in (name, (kind, name)):
-                return made
-        raise KeyError(key)
-
-    def get(self, key: Any, default: Any = None) -> Any:
-        try:
-            return self[key]
-        except KeyError:
-            return default
-
-
-REGISTRY = _Registry()
+REGISTRY: dict[tuple[str, str], Block] = {}  # by kind and name
 
 
 def members(kind: str) -> dict[str, Block]:
@@ -306,8 +274,8 @@ def members(kind: str) -> dict[str, Block]:
     return {name: made for (of, name), made in registered().items() if of == kind}
 
 
-def registered() -> _Registry:
-    """The registry with the blocks of the package and of installed ones, whatever was imported."""
+def registered() -> dict[tuple[str, str], Block]:
+    """The registry with the blocks of the package, whatever was imported."""
     from . import fill  # they import this module
 
     fill()
@@ -327,20 +295,22 @@ class Steady:
         return ()
 
 
+@dataclass(frozen=True, eq=False, repr=False)
 class Called:
     """A block with values: python-control's ``keys`` by parameter, ``functions`` of the user."""
 
-    __slots__ = ("__weakref__", "_fresh", "_steady", "block", "functions", "keys", "name")
+    block: Block
+    name: str
+    keys: Mapping[str, str]
+    functions: Mapping[str, Callable[..., Any]]
 
-    def __init__(
-        self,
-        block: Block,
-        name: str,
-        keys: Mapping[str, str],
-        functions: Mapping[str, Callable[..., Any]],
-    ) -> None:
-        self.block, self.name, self.keys, self.functions = block, name, keys, functions
-        self._fresh, self._steady = block.fresh, not functions and block.is_steady()
+    @cached_property
+    def fresh(self) -> tuple[str, ...]:
+        return self.block.fresh
+
+    @cached_property
+    def steady(self) -> bool:
+        return not self.functions and is_steady(self.block)
 
     def values(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> tuple[Any, ...]:
         """Outputs that are not states, then the rates."""
@@ -364,14 +334,14 @@ class Called:
 
     def rests_on(self) -> tuple[Any, ...] | None:
         """The systems whose state decides the answers too: none; None where anything else may."""
-        return () if self._steady else None
+        return () if self.steady else None
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
         """Update and output function of the block under a new name, and the new keys by old."""
         keys = {k: f"{name}.{k}" for k in self.keys}
-        answer = type(self)(self.block, name, keys, self.functions)
         if isinstance(update, Called):
-            update = type(update)(update.block, name, keys, update.functions)
+            update = replace(update, name=name, keys=keys)
+        answer = replace(self, name=name, keys=keys)
         return update, answer, {self.keys[k]: new for k, new in keys.items()}
 
     def __reduce__(self) -> Any:
@@ -380,8 +350,7 @@ class Called:
         return type(self), (self.block, self.name, dict(self.keys), dict(self.functions))
 
     def __deepcopy__(self, memo: Any) -> Called:
-        functions = copy.deepcopy(self.functions, memo)
-        return type(self)(self.block, self.name, self.keys, functions)
+        return replace(self, functions=copy.deepcopy(self.functions, memo))
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__.lower()} of the block {self.block.name}>"
@@ -390,19 +359,15 @@ class Called:
 class Rates(Called):
     """dx/dt of a block."""
 
-    __slots__ = ()
-
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-        return np.array(self.values(t, x, u, params)[len(self._fresh) :])
+        return np.array(self.values(t, x, u, params)[len(self.fresh) :])
 
 
 class Outputs(Called):
     """The outputs of a block."""
 
-    __slots__ = ()
-
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-        fresh = self._fresh
+        fresh = self.fresh
         out = dict(zip(fresh, self.values(t, x, u, params), strict=False)) if fresh else {}
         for i, state in enumerate(self.block.states):
             out.setdefault(state, x[i])
@@ -415,29 +380,11 @@ def is_steady(value: Any) -> bool:
         return True
     if isinstance(value, tuple):
         return all(map(is_steady, value))
-    of = value if isinstance(value, FunctionType) else type(value)
-    if not is_ours(str(of.__module__)):
-        return False
+    if isinstance(value, Block):
+        return is_steady(value.function)
     if isinstance(value, FunctionType):
-        return value.__closure__ is None
-    if hasattr(value, "is_steady"):
-        return value.is_steady()
+        return is_ours(value.__module__) and value.__closure__ is None
+    if not is_ours(type(value).__module__):
+        return False
     frozen = is_dataclass(value) and type(value).__dataclass_params__.frozen  # pyright: ignore
     return frozen and all(is_steady(getattr(value, f.name)) for f in fields(value))
-
-
-def described(system: Any, block: Block) -> Any:
-    """The system, with a sentence for control.describing_function where it can say nothing."""
-    why = f"has {len(block.inputs)} inputs"
-    if block.states:
-        why = f"has the states {', '.join(block.states)}, so its output depends on the past"
-    if block.states or len(block.inputs) != 1:
-        system.describing_function = partial(_no_describing_function, f"{system.name} {why}")
-    return system
-
-
-def _no_describing_function(why: str, amplitude: Any) -> NoReturn:
-    raise InputError(
-        f"{why}: a describing function is for blocks without states and with one input, such as "
-        "lugrectl.friction('coulomb'); simulate this one with a sine instead."
-    )

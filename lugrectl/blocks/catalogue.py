@@ -22,7 +22,6 @@ from . import effects as _effects  # noqa: F401  fills the registry
 from . import friction as _friction  # noqa: F401
 from .aliases import VARIANTS, also_called, block_named, name_of
 from .block import Block, P, members
-from .friction import form_keys
 
 Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
 WIDTH = 80  # columns of an entry as text
@@ -61,7 +60,7 @@ class Entry:
             name=made.name,
             kind=made.kind,
             equation=made.equation.rstrip(".,"),
-            parameters={k: p for k, p in {**made.own, **form_keys(made)}.items() if p.fitted},
+            parameters={k: p for k, p in {**made.own, **made.form_keys}.items() if p.fitted},
             inputs=made.inputs,
             outputs=made.outputs,
             source=made.source or " ".join(rest.strip("-\n ").split()),

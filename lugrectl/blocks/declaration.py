@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import names, shown
 from .aliases import meant
-from .block import REGISTRY, Block, Group, Grouped, P, is_ours, registered
+from .block import REGISTRY, Block, Group, P, is_ours, registered
 
 KINDS = ("friction", "plant", "observer", "controller", "effect")
 SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
@@ -23,13 +23,6 @@ SENSED = ("w_m", "theta_m")
 TRIED = (0.3, -0.7, 0.2)  # values of the signals with which a function is run once
 SIZES, SHARES = (1.0, 3.7, -11.3), (-1.3, 0.4, 2.2)  # of them, and of a span
 SMALL = 1e-9
-
-
-def kind_of(kind: str) -> str:
-    """A known kind; InputError with the nearest one for anything else."""
-    if kind not in KINDS:
-        raise InputError(f"there is no kind of block {kind!r}; {meant(kind, KINDS)}")
-    return kind
 
 
 def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict, tuple[Any, ...]]:
@@ -57,159 +50,120 @@ def signature(name: str, function: Callable[..., Any]) -> tuple[list[str], dict,
 
 def check(made: Block, known: Iterable[str]) -> None:
     """InputError where a declaration cannot be meant; ``known``: the parameters of all laws."""
-    _check_names(made)
-    _check_values(made)
-    if made.kind in ("effect", "friction"):
-        _check_signals(made)
-    if made.kind == "effect":
-        _check_acts(made, [*known])
-    elif made.acts:
-        raise InputError(
-            f"{made.name}: acts belongs to effects, not to a block of the kind {made.kind}."
-        )
-    results = _tried(made, made.defaults())
-    if results is not None:
-        _check_count(made, results)
-    if made.kind == "effect" and made.acts:
-        _check_neutral(made)
+    told = (_of_names(made), _of_values(made), _of_acts(made, known), _of_results(made))
+    for fault in itertools.chain.from_iterable(told):
+        raise InputError(f"{made.name}: {fault}")
 
 
-def _check_names(made: Block) -> None:
+def _of_names(made: Block) -> Iterator[str]:
     for what, labels in (("out", made.outputs), ("states", made.states)):
         for name in labels:
             if not name.isidentifier() or labels.count(name) > 1:
-                raise InputError(f"{made.name}: {what} names {name!r}, which is no single name.")
+                yield f"{what} names {name!r}, which is no single name."
     if not made.outputs:
-        raise InputError(f"{made.name}: out names no output.")
+        yield "out names no output."
     if len(made.start) != len(made.states):
-        raise InputError(
-            f"{made.name}: start must give one of its inputs, or 0, for each of its states "
-            f"({', '.join(made.states) or 'none'})."
-        )
+        yield f"start must give one of its inputs, or 0, for each of {', '.join(made.states)}."
     for name in made.start:
         if name not in ("0", *made.inputs):
-            raise InputError(f"{made.name}: start names {name!r}; {meant(name, made.inputs)}")
+            yield f"start names {name!r}; {meant(name, made.inputs)}"
 
 
-def _check_values(made: Block) -> None:
+def _of_values(made: Block) -> Iterator[str]:
     for key, p in made.parameters.items():
         for what, value in (("default", p.value), ("neutral value", p.neutral)):
             if value is not None and not p.low <= value <= p.high:
-                raise InputError(
-                    f"{made.name}: the {what} of {key} is {value:g}, outside its bounds of "
-                    f"{p.low:g} to {p.high:g}{'' if p.unit == '1' else ' ' + p.unit}."
-                )
+                bounds = f"{p.low:g} to {p.high:g}{'' if p.unit == '1' else ' ' + p.unit}"
+                yield f"the {what} of {key} is {value:g}, outside its bounds of {bounds}."
         if p.choices and p.value not in p.choices:
             known = ", ".join(f"{x:g}" for x in p.choices)
-            raise InputError(
-                f"{made.name}: the default of {key} is {p.value:g}, none of its choices {known}."
-            )
+            yield f"the default of {key} is {p.value:g}, none of its choices {known}."
 
 
-def _check_signals(made: Block) -> None:
-    for name in made.inputs:
+def _of_acts(made: Block, known: Iterable[str]) -> Iterator[str]:
+    """What an effect or a law may read, and an effect act on."""
+    many, sensor, drives = len(made.acts), "sensor" in made.acts, ("effect", "friction")
+    for name in made.inputs if made.kind in drives else ():
         if name not in SEEN:
-            raise InputError(
-                f"{made.name} reads {name}, a signal that no drive has; {meant(name, SEEN)} A "
-                "parameter needs a default: name=P(value, unit)."
+            yield (
+                f"it reads {name}, a signal that no drive has; {meant(name, SEEN)} A parameter "
+                "needs a default: name=P(value, unit)."
             )
     if "load" in made.inputs and (made.load or "input" in made.acts):
-        raise InputError(f"{made.name} reads load, which is known only after the loads and u.")
-
-
-def _check_acts(made: Block, known: Sequence[str]) -> None:
+        yield "it reads load, which is known only after the loads and u."
+    if made.acts and made.kind != "effect":
+        yield f"acts belongs to effects, not to a block of the kind {made.kind}."
     levels = [*dict.fromkeys(["J", *known])]
     for act in made.acts:
         if act not in ACTS and act.removeprefix("+") not in levels:
-            raise InputError(
-                f"{made.name} acts on {act!r}, which no drive has; "
-                f"{meant(act.removeprefix('+'), [*ACTS, *levels])}"
-            )
-    fresh, many = made.fresh, len(made.acts)
-    if "sensor" in made.acts and (many > 1 or set(made.outputs) != {*SENSED}):
-        raise InputError(
-            f"{made.name} acts on the sensor: its outputs must be {' '.join(SENSED)}, and it acts "
-            "on nothing else."
-        )
-    if many and "sensor" not in made.acts and len(fresh) not in (1, many):
-        raise InputError(
-            f"{made.name} has {len(fresh)} outputs and acts on {', '.join(made.acts)}: give one "
-            "output for all, or one for each."
-        )
+            near = meant(act.removeprefix("+"), [*ACTS, *levels])
+            yield f"it acts on {act!r}, which no drive has; {near}"
+    if sensor and (many > 1 or set(made.outputs) != {*SENSED}):
+        yield "it acts on the sensor: its outputs must be w_m theta_m, and it acts on nothing else."
+    if many and not sensor and len(made.fresh) not in (1, many):
+        yield f"give one output for all of {', '.join(made.acts)}, or one for each."
 
 
-def _check_count(made: Block, results: tuple[Any, ...]) -> None:
+def _of_results(made: Block) -> Iterator[str]:
+    """What the function returns, and that an effect changes nothing at its neutral value."""
+    results = _tried(made, made.defaults())
     wanted = [f"output {k}" for k in made.fresh] + [f"rate of {k}" for k in made.states]
-    if len(results) != len(wanted):
-        raise InputError(
-            f"{made.name} returns {len(results)} values, but {len(wanted)} are declared: "
-            f"{', '.join(wanted) or 'none'}."
-        )
-    for what, value in zip(wanted, results, strict=True):
+    if results is not None and len(results) != len(wanted):
+        many = f"{len(results)} values, but {len(wanted)} are declared"
+        yield f"it returns {many}: {', '.join(wanted) or 'none'}."
+    for what, value in zip(wanted, results or (), strict=False):
         try:
             float(value)
         except (TypeError, ValueError):
-            raise InputError(f"{made.name}: the {what} is {shown(value)}, no number.") from None
-
-
-def _check_neutral(made: Block) -> None:
-    """An effect has a neutral value, and with it changes nothing."""
-    neutral = {k: p.neutral for k, p in made.parameters.items() if p.neutral is not None}
-    if not neutral:
-        raise InputError(
-            f"{made.name} has no neutral value, at which it changes nothing: give one parameter "
+            yield f"the {what} is {shown(value)}, no number."
+    if not made.acts:
+        return
+    first = next((k for k, p in made.parameters.items() if p.neutral is not None), None)
+    if first is None:
+        yield (
+            "it has no neutral value, at which it changes nothing: give one parameter "
             "neutral=0.0 (or math.inf, for a limit): P(value, unit, neutral=0.0)."
         )
-    first = next(iter(neutral))
-    values = made.defaults() | {first: neutral[first]}
-    results = None if made.states else _tried(made, values)
-    if results is None:
         return
+    neutral = made.parameters[first].neutral
+    results = None if made.states else _tried(made, made.defaults() | {first: neutral})
     given = dict(zip(made.reads, _signals(made), strict=False))
-    for name, value in zip(made.fresh, results, strict=True):
+    for name, value in zip(made.fresh, results or (), strict=False):
         still = {"w_m": given.get("w"), "theta_m": given.get("theta")}.get(name, 0.0)
         still = given.get("u") if made.acts == ("input",) else still
         if still is not None and not abs(float(value) - still) <= SMALL:
-            raise InputError(
-                f"{made.name}: with {first} = {neutral[first]:g}, its neutral value, it must "
-                f"change nothing, but {name} is {float(value):g} instead of {still:g}."
+            yield (
+                f"with {first} = {neutral:g}, its neutral value, it must change nothing, but "
+                f"{name} is {float(value):g} instead of {still:g}."
             )
 
 
-def true_spans(made: Block) -> dict[str, Any]:
+def true_spans(made: Block) -> dict[str, P]:
     """The parameters, without a span that the function does not fulfil: that one is searched.
 
     A phase must combine as f(x) = cos(x) f(0) + sin(x) f(pi/2), anything else in a straight line.
     """
 
-    def at(key: str, x: float, size: float) -> np.ndarray:
+    def change(key: str, x: float, size: float) -> Any:
         still = made.parameters[made.gain].neutral or 0.0
-        values = made.defaults() | {key: x}
         gains = (1.0 if math.isinf(still) else still + 1.0, still)
-        found = [_tried(made, values | {made.gain: gain}, size) for gain in gains]
-        if found[0] is None or found[1] is None:
-            return np.full(1, np.nan)
-        return np.array(found[0], float) - np.array(found[1], float)  # what it changes
+        values = made.defaults() | {key: x}
+        on, off = (_tried(made, values | {made.gain: gain}, size) for gain in gains)
+        return np.nan if on is None or off is None else np.subtract(on, off)
 
-    def holds(key: str, p: Any) -> bool:
-        first, second = p.span
-        if p.angle and not np.allclose(p.span, (0.0, math.pi / 2)):
-            return False
+    def holds(key: str, p: P) -> bool:
+        first, second = p.span or (0.0, 1.0)
         for size, x in itertools.product(SIZES, SHARES):
-            parts = (math.cos(x), math.sin(x)) if p.angle else (1.0 - x, x)
+            a, b = (math.cos(x), math.sin(x)) if p.angle else (1.0 - x, x)
             there = x if p.angle else first + x * (second - first)
-            found = [at(key, value, size) for value in (there, first, second)]
-            if not np.all(np.isfinite(found)):
-                return False
-            mixed = parts[0] * found[1] + parts[1] * found[2]
-            if not np.allclose(found[0], mixed, 1e-6, 1e-9 * np.abs(found).max()):
+            found, at_first, at_second = (change(key, v, size) for v in (there, first, second))
+            close = 1e-9 * np.max(np.abs([found, at_first, at_second]))
+            if not np.allclose(found, a * at_first + b * at_second, 1e-6, close):
                 return False
         return True
 
-    if made.kind != "effect" or not made.acts:
-        return dict(made.parameters)
     return {
-        k: p if p.span is None or holds(k, p) else replace(p, span=None)
+        k: replace(p, span=None) if made.acts and p.span and not holds(k, p) else p
         for k, p in made.parameters.items()
     }
 
@@ -218,12 +172,11 @@ def _signals(made: Block) -> list[float]:
     return [TRIED[i % len(TRIED)] for i in range(len(made.reads) + len(made.states))]
 
 
-def _tried(made: Block, values: dict[str, float], size: float = 1.0) -> tuple[Any, ...] | None:
+def _tried(made: Block, values: Mapping[str, Any], size: float = 1.0) -> tuple[Any, ...] | None:
     """What the function returns; None where it cannot be run yet, or not at these values."""
     try:
         with np.errstate(all="ignore"):
-            signals = [np.float64(size * x) for x in _signals(made)]
-            results = made.function(*signals, **values)
+            return made(*[np.float64(size * x) for x in _signals(made)], **values)
     except (NameError, ArithmeticError):  # a helper is defined below it; 1/0 of plain numbers
         return None
     except Exception as error:
@@ -231,17 +184,16 @@ def _tried(made: Block, values: dict[str, float], size: float = 1.0) -> tuple[An
             f"{made.name} cannot be run: {type(error).__name__}: {error}. Its arguments are "
             f"{', '.join([*made.reads, *made.states, *values])}."
         ) from error
-    return results if isinstance(results, tuple) else (results,)
 
 
-def is_same(known: Block, function: Callable[..., Any], home: str) -> bool:
+def is_same(known: Block, made: Block) -> bool:
     """Whether a block is declared again: its function has the same name and the same place."""
-    if known.home == home == "__main__":
+    if known.home == made.home == "__main__":
         return True
-    old = known.function
-    names = [getattr(f, "__qualname__", None) for f in (old, function)]
-    files = [getattr(getattr(f, "__code__", None), "co_filename", "") for f in (old, function)]
-    homes = known.home == home or files[0] == files[1] != ""
+    names = [getattr(b.function, "__qualname__", None) for b in (known, made)]
+    codes = [getattr(b.function, "__code__", None) for b in (known, made)]
+    files = [getattr(code, "co_filename", "") for code in codes]
+    homes = known.home == made.home or files[0] == files[1] != ""
     return None not in names and names[0] == names[1] and homes
 
 
@@ -326,8 +278,8 @@ def block(
         given if isinstance(given, str) else " ".join(names(given, what))
         for what, given in (("out", out), ("states", states), ("acts", acts))
     )
-    if not isinstance(kind, str):
-        raise InputError(f"kind must be a text, not {shown(kind)}.")
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"there is no kind of block {shown(kind)}; {meant(kind, KINDS)}")
 
     def declare(function: Callable[..., Any]) -> Block:
         if not callable(function):
@@ -340,8 +292,8 @@ def block(
             raise InputError(f"{label}: signals come first, then states {own}.")
         made = Block(
             name=label,
-            kind=kind_of(kind),
-            function=Grouped(function, groups) if groups else function,
+            kind=kind,
+            function=function,
             inputs=inputs,
             outputs=tuple(out.split()),
             states=own,
@@ -351,32 +303,32 @@ def block(
             confused=tuple(confused.split()),
             experiment=experiment,
             exact=exact,
-            tries=tries,
-            start=tuple(start.split()) or ("0",) * len(own),
+            start=tuple(start.split()),
             load=load,
             abrupt=abrupt,
             home=function.__module__,
             source=source,
+            groups=groups,
         )
-        return _entered(made, function)
+        return _entered(made)
 
     return declare
 
 
-def _entered(made: Block, function: Callable[..., Any]) -> Block:
+def _entered(made: Block) -> Block:
     """The block as the registry then has it; InputError for one that it cannot have."""
-    known = REGISTRY  # of the package, those so far
+    known, function = REGISTRY, made.function  # of the package, those so far
     if not is_ours(made.home):
         known = registered()
-        laws = (b.parameters for (of, _), b in known.items() if of == "friction")
-        check(made, [key for law in laws for key in law])
+        check(
+            made, [k for (of, _), law in known.items() if of == "friction" for k in law.parameters]
+        )
         made = replace(made, parameters=true_spans(made))
-    before = dict(known).get((made.kind, made.name))
-    if before is not None and not is_same(before, function, made.home):
+    before = known.get((made.kind, made.name))
+    if before is not None and not is_same(before, made):
         raise InputError(f"{made.kind}: a block named '{made.name}' exists; choose another name.")
-    same = {"__doc__": function.__doc__, "__wrapped__": made.function}
-    same["__signature__"] = inspect.signature(function)
-    for key, value in same.items():
+    same = {"__doc__": function.__doc__, "__wrapped__": function}
+    for key, value in (same | {"__signature__": inspect.signature(function)}).items():
         object.__setattr__(made, key, value)
     REGISTRY[made.kind, made.name] = made
     return made

@@ -1,11 +1,4 @@
-"""Blocks of the user's own that no code imports: files by their path, and installed packages.
-
-A file declares them with ``@lugrectl.block`` as a notebook cell does. A package names its module
-in its pyproject.toml, and each process then has the blocks::
-
-    [project.entry-points."lugrectl.blocks"]
-    my_drive = "my_drive.effects"
-"""
+"""Blocks of the user's own in a file, which declares them with ``@lugrectl.block``."""
 
 from __future__ import annotations
 
@@ -13,7 +6,6 @@ import contextlib
 import copyreg
 import importlib
 import sys
-import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from hashlib import sha256
@@ -21,14 +13,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from ..core.errors import InputError, NotLoaded
+from ..core.errors import InputError
 from ..core.pickling import carried, from_fields, rebuilt
 from ..core.validation import as_path, like_it
 from .block import REGISTRY, Block, registered
 
-GROUP = "lugrectl.blocks"
 LOADED: dict[Path, tuple[str, str]] = {}  # file: (name of its module, SHA-256 of its text)
-_looked: list[str] = []  # the groups of entry points that were loaded
 
 
 def load_blocks(path: str | Path) -> list[str]:
@@ -97,48 +87,10 @@ def load_named(given: Any, folder: str | Path, where: str) -> tuple[str, ...]:
     return tuple(str(file.resolve()) for file in files)
 
 
-def files_of_blocks(homes: Iterable[str]) -> list[str]:
-    """The files among the homes of blocks that were loaded by their path."""
+def files_of_blocks(homes: Iterable[str] | None = None) -> list[str]:
+    """The files that were loaded by their path: all, or those among the homes of blocks."""
     by_name = {name: str(file) for file, (name, _) in LOADED.items()}
-    return [*dict.fromkeys(by_name[home] for home in homes if home in by_name)]
-
-
-def files_loaded() -> list[str]:
-    """The files that were loaded by their path."""
-    return [str(file) for file in LOADED]
-
-
-def place(home: str) -> str:
-    """Where another process finds a module: the path of its file where that was loaded by path."""
-    return next(iter(files_of_blocks([home])), home)
-
-
-def fetch(where: str) -> None:
-    """Run the module at a place, a name or the path of a file."""
-    if where.endswith(".py"):
-        load_blocks(where)
-    else:
-        importlib.import_module(where)
-
-
-def load_installed() -> None:
-    """Load the blocks of installed packages, once; one that fails is a warning by its name."""
-    if GROUP in _looked:
-        return
-    _looked.append(GROUP)  # first: the modules that are loaded ask for the registry
-    from importlib.metadata import entry_points  # slow to import
-
-    for entry in entry_points(group=GROUP):
-        try:
-            with _all_or_none():
-                entry.load()
-        except Exception as error:
-            said = " ".join(f"{type(error).__name__}: {error}".split())
-            said = str(error) if isinstance(error, InputError) else said
-            owner = getattr(entry.dist, "name", None)
-            of = f"the package {owner}" if owner else "an installed package"
-            of += f" ({entry.name} = {entry.value})"
-            warnings.warn(f"the blocks of {of} are not there: {said}", NotLoaded, stacklevel=2)
+    return [*dict.fromkeys(by_name[home] for home in homes or by_name if home in by_name)]
 
 
 def _read(path: str | Path) -> tuple[Path, bytes]:
@@ -178,13 +130,12 @@ def _run(file: Path, text: bytes, name: str) -> None:
 @contextlib.contextmanager
 def _all_or_none() -> Iterator[None]:
     """A file that fails leaves no block behind."""
-    registry = registered()
-    before = dict(registry)
+    before = dict(registered())
     try:
         yield
     except BaseException:
-        registry.clear()
-        registry.update(before)
+        REGISTRY.clear()
+        REGISTRY.update(before)
         raise
 
 
@@ -208,31 +159,29 @@ def _declared_by(name: str) -> list[str]:
     return [made.name for made in registered().values() if made.home == name]
 
 
-def found(kind: str, name: str, home: str) -> Block | None:
-    """A registered block, its module imported where that is needed; None if there is none."""
-    if (kind, name) not in REGISTRY and home not in ("__main__", "__mp_main__", ""):
+def declared(kind: str, name: str, where: str) -> Block:
+    """A registered block; ``where`` its module is to be found, a name or the path of a file."""
+    if (kind, name) not in registered() and where not in ("__main__", "__mp_main__", ""):
         with contextlib.suppress(ImportError):
-            fetch(home)
-    return dict(REGISTRY).get((kind, name))
-
-
-def declared(kind: str, name: str, home: str) -> Block:
-    """A registered block, its module imported where that is needed; InputError if there is none."""
-    made = found(kind, name, home)
-    if made is None:
-        where = "the notebook cell or script" if home == "__main__" else f"the module {home}"
+            if where.endswith(".py"):
+                load_blocks(where)
+            else:
+                importlib.import_module(where)
+    if (kind, name) not in REGISTRY:
+        home = "the notebook cell or script" if where == "__main__" else f"the module {where}"
         raise InputError(
-            f"the {kind} '{name}' is not declared in this session: run {where} that declares it "
-            "with @block, then load again."
+            f"the {kind} '{name}' is not declared in this session: run {home} that declares it "
+            "with @block, then load again; for worker processes, use jobs=1."
         )
-    return made
+    return REGISTRY[kind, name]
 
 
 def _reduced(made: Block) -> Any:
     """A registered block pickles by kind and name, a composed one by its parts."""
     known = REGISTRY.get((made.kind, made.name))
     if known is made:
-        return declared, (made.kind, made.name, place(made.home))
+        where = next(iter(files_of_blocks([made.home])), made.home)
+        return declared, (made.kind, made.name, where)
     build = getattr(made.function, "block", None)
     if build is not None and is_dataclass(made.function) and build() == made:
         return rebuilt, (made.function,)

@@ -10,7 +10,8 @@ of w and F_i replaces. Parallel bristles are its smooth relative.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import inspect
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -155,63 +156,36 @@ def free_lugre(w, z, sigma0, sigma1, Fc, Fs, Fv, vs, delta: Any = None, vd: Any 
 # under the law's own name; without such a key the law is the registered block.
 
 
-@dataclass(frozen=True)
-class Form:
-    """The keys that an entry may give besides the parameters of the registered block.
-
-    ``build(entry, where)`` returns the block and the entry with its parameters alone,
-    ``written(block)`` the entry's keys that are no parameters of the block.
-    """
-
-    keys: Mapping[str, P]
-    build: Callable[[Mapping[str, Any], str], tuple[Block, Mapping[str, Any]]]
-    written: Callable[[Block], dict[str, Any]] = lambda made: {}
-
-
-FORMS: dict[str, Form] = {}
-
-
-def form_keys(made: Block) -> Mapping[str, P]:
-    """The keys of a law's form; none for other blocks."""
-    form = FORMS.get(made.name) if made.kind == "friction" else None
-    return form.keys if form else {}
-
-
 def usual_values(made: Block, entry: Mapping[str, Any]) -> dict[str, float]:
     """The usual values of a block that an entry does not give: they are held."""
     return {k: p.value for k, p in made.own.items() if p.usual and entry.get(k) is None}
 
 
-def with_usual(made: Block, entry: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The entry of a law or effect with each usual value that it does not give: held."""
-    usual = usual_values(made, entry)
-    return {**entry, **{k: {"value": value, "fixed": True} for k, value in usual.items()}}
-
-
 def formed(made: Block, entry: Mapping[str, Any], where: str) -> tuple[Block, Mapping[str, Any]]:
     """The block that an entry means, and the entry with the block's parameters alone."""
-    given = {k for k in form_keys(made) if entry.get(k) is not None}
-    return FORMS[made.name].build(entry, where) if given else (made, entry)
+    given = {k: p for k, p in made.form_keys.items() if entry.get(k) is not None}
+    if not given:
+        return made, entry
+    law = made.function
+    if isinstance(law, Elements):
+        return elements(type(law), entry, where)
+    parameters = {**made.parameters, **given}
+    return replace(made, function=FREE.get(law, law), parameters=parameters), entry
 
 
 def written_form(made: Block) -> dict[str, Any]:
     """The law's name, and what an entry must give besides the parameters to mean this block."""
-    more = FORMS[made.name].written(made) if form_keys(made) else {}
-    return {"model": made.name, **more}
+    law = made.function
+    if not isinstance(law, Elements):
+        return {"model": made.name}
+    lists = {"stiffness": list(law.stiffness), "share": list(law.share)}
+    given = {k: v for k, v in lists.items() if v} or {"elements": law.elements}
+    return {"model": made.name, **given}
 
 
-def _form(law: Any, function: Any, **keys: P) -> Form:
-    """The law as it is, or with those of the keys that an entry gives as further parameters."""
-
-    def build(entry: Any, where: str) -> Any:
-        given = {k: p for k, p in keys.items() if entry.get(k) is not None}
-        return replace(law, function=function, parameters={**law.parameters, **given}), entry
-
-    return Form(keys, build)
-
-
-FORMS["stribeck"] = _form(stribeck, free_stribeck, delta=DELTA)
-FORMS["lugre"] = _form(lugre, free_lugre, delta=DELTA, vd=VD)
+FREE: dict[Any, Any] = {stribeck.function: free_stribeck, lugre.function: free_lugre}
+for _made, _keys in ((stribeck, {"delta": DELTA}), (lugre, {"delta": DELTA, "vd": VD})):
+    object.__setattr__(_made, "form_keys", _keys)
 
 
 KAPPA: Any = P(0.7, "1", 0.01, 0.99, usual=True)
@@ -386,7 +360,6 @@ class Elements:
 
     name: ClassVar[str]
     source: ClassVar[str]
-    parameters: ClassVar[Mapping[str, P]]
 
     @property
     def parts(self) -> tuple[tuple[float, float], ...]:
@@ -398,18 +371,13 @@ class Elements:
 
     def block(self) -> Block:
         law: Any = self  # each law has a __call__ of its own
+        given = inspect.signature(law).parameters.values()
+        own = {one.name: one.default for one in given if isinstance(one.default, P)}
+        states = tuple(f"z{i + 1}" for i in range(self.elements))
         return Block(
-            name=self.name,
-            kind="friction",
-            function=law,
-            inputs=("w",),
-            outputs=("F",),
-            states=tuple(f"z{i + 1}" for i in range(self.elements)),
-            parameters=self.parameters,
-            start=("0",) * self.elements,
-            home=__name__,
-            source=self.source,
-        )
+            self.name, "friction", law, ("w",), ("F",), states, own,
+            home=__name__, source=self.source, form_keys=KEYS,
+        )  # fmt: skip
 
     def pull(self, z: Any, sigma0: Any) -> Any:
         """sum k_i z_i, the torque of the springs."""
@@ -449,9 +417,8 @@ class MaxwellSlip(Elements):
 
     name = "maxwell_slip"
     source = "Iwan, A Distributed-Element Model for Hysteresis, ASME J. Applied Mechanics 33, 1966"
-    parameters = {"sigma0": SIGMA0, "Fc": FC, "Fv": FV}
 
-    def __call__(self, w: Any, *z: Any, sigma0: Any, Fc: Any, Fv: Any) -> tuple[Any, ...]:
+    def __call__(self, w: Any, *z: Any, sigma0=SIGMA0, Fc=FC, Fv=FV) -> tuple[Any, ...]:
         return self.pull(z, sigma0) + Fv * w, *self.stopped(w, z, sigma0, Fc)
 
 
@@ -471,10 +438,9 @@ class ParallelBristles(Elements):
     source = (
         "derived for this toolkit, after Al-Bender, Lampaert and Swevers, IEEE TAC 50(11), 2005"
     )
-    parameters = {"sigma0": SIGMA0, "Fc": FC, "Fs": FS, "Fv": FV, "vs": VS, "n": N}
 
     def __call__(
-        self, w: Any, *z: Any, sigma0: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, n: Any
+        self, w: Any, *z: Any, sigma0=SIGMA0, Fc=FC, Fs=FS, Fv=FV, vs=VS, n=N
     ) -> tuple[Any, ...]:
         h = level(w, Fc, Fs, vs)
         loads = [sigma0 * k * one / (nu * h) for (k, nu), one in self.each(z)]
@@ -499,44 +465,34 @@ class Leuven(Elements):
         "modified Leuven: Lampaert, Swevers and Al-Bender, IEEE TAC 47(4), 2002, after Swevers et "
         "al., IEEE TAC 45(4), 2000; from memory of the source"
     )
-    parameters = {
-        "sigma0": SIGMA0, "sigma1": SIGMA1, "Fc": FC, "Fs": FS, "Fv": FV, "vs": VS, "n": N,
-    }  # fmt: skip
 
     def __call__(
-        self, w: Any, *z: Any, sigma0: Any, sigma1: Any, Fc: Any, Fs: Any, Fv: Any, vs: Any, n: Any
+        self, w: Any, *z: Any, sigma0=SIGMA0, sigma1=SIGMA1, Fc=FC, Fs=FS, Fv=FV, vs=VS, n=N
     ) -> tuple[Any, ...]:
         h, Fh = level(w, Fc, Fs, vs), self.pull(z, sigma0)
         v = slipping(w, Fh / h, n)
         return Fh + sigma1 * v + Fv * w, *self.stopped(w, z, sigma0, h, v)
 
 
-def _by_elements(law: type[Elements]) -> Form:
-    def build(entry: Mapping[str, Any], where: str) -> tuple[Block, Mapping[str, Any]]:
-        k, nu = (_list(entry.get(key), f"{where}: {key}") for key in ("stiffness", "share"))
-        many = entry.get("elements")
-        N = len(k or nu) or FEW if many is None else whole(many, f"{where}: elements", 1)
-        if N > MANY:
-            raise InputError(f"{where}: {N} elements; give {MANY} at most.")
-        for key, given in (("stiffness", k), ("share", nu)):
-            if given and len(given) != N:
-                raise InputError(
-                    f"{where}: {key} has {len(given)} numbers, but there are {N} elements."
-                )
-        if nu and abs(sum(nu) - 1.0) > SUM:
-            raise InputError(f"{where}: share adds up to {sum(nu):g}; the shares must add up to 1.")
-        rest = {key: v for key, v in entry.items() if key not in KEYS}
-        if k and rest.get("sigma0") is None and abs(sum(k) - 1.0) > SUM:
-            rest["sigma0"] = sum(k)
-            k = tuple(one / sum(k) for one in k)
-        return law(N, k, nu).block(), rest
-
-    def written(made: Block) -> dict[str, Any]:
-        own: Any = made.function
-        lists = {"stiffness": list(own.stiffness), "share": list(own.share)}
-        return {k: v for k, v in lists.items() if v} or {"elements": own.elements}
-
-    return Form(KEYS, build, written)
+def elements(
+    law: type[Elements], entry: Mapping[str, Any], where: str
+) -> tuple[Block, Mapping[str, Any]]:
+    """The law with the elements of an entry, and the entry with the law's parameters alone."""
+    k, nu = (_list(entry.get(key), f"{where}: {key}") for key in ("stiffness", "share"))
+    many = entry.get("elements")
+    N = len(k or nu) or FEW if many is None else whole(many, f"{where}: elements", 1)
+    if N > MANY:
+        raise InputError(f"{where}: {N} elements; give {MANY} at most.")
+    for key, given in (("stiffness", k), ("share", nu)):
+        if given and len(given) != N:
+            raise InputError(f"{where}: {key} has {len(given)} numbers for {N} elements.")
+    if nu and abs(sum(nu) - 1.0) > SUM:
+        raise InputError(f"{where}: share adds up to {sum(nu):g}; the shares must add up to 1.")
+    rest = {key: v for key, v in entry.items() if key not in KEYS}
+    if k and rest.get("sigma0") is None and abs(sum(k) - 1.0) > SUM:
+        rest["sigma0"] = sum(k)
+        k = tuple(one / sum(k) for one in k)
+    return law(N, k, nu).block(), rest
 
 
 def _list(given: Any, where: str) -> tuple[float, ...]:
@@ -551,4 +507,3 @@ def _list(given: Any, where: str) -> tuple[float, ...]:
 
 for _law in (MaxwellSlip, ParallelBristles, Leuven):
     REGISTRY["friction", _law.name] = _law().block()
-    FORMS[_law.name] = _by_elements(_law)

@@ -23,9 +23,9 @@ from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
 from .declared_values import Stated, check_keys, holding, refuse_crossed, stated
-from .extending import files_of_blocks, found, load_named, place
+from .extending import files_of_blocks, load_named
 from .friction import J as J_DECLARATION
-from .friction import form_keys, formed, usual_values, with_usual, written_form
+from .friction import formed, usual_values, written_form
 from .model_files import quoted, read_toml, rows, seen_from
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
@@ -435,8 +435,9 @@ def _alike(one: Part, other: Part) -> bool:
 
 def _part(made: Block, tag: str, entry: Any, where: str) -> tuple[Part, dict[str, Stated]]:
     """The block with the values of an entry, in which ``tag`` names it, and what it states."""
-    entry = with_usual(made, entry)
-    check_keys(entry, (tag, *made.own, *form_keys(made)), where)
+    usual = usual_values(made, entry)
+    entry = {**entry, **{k: {"value": value, "fixed": True} for k, value in usual.items()}}
+    check_keys(entry, (tag, *made.own, *made.form_keys), where)
     made, entry = formed(made, entry, where)
     values = {
         k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
@@ -644,7 +645,7 @@ def _law(before: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
     made = laws.get(name) if isinstance(name, str) else None
     if made is None:
         return {**before, "model": name, **given}
-    own, had = ({**m.own, **form_keys(m)} for m in (made, laws[before["model"]]))
+    own, had = ({**m.own, **m.form_keys} for m in (made, laws[before["model"]]))
     # n is another number in each law
     kept = {k for k, p in own.items() if not p.usual or p == had.get(k)}
     return {**{k: v for k, v in before.items() if k in kept}, "model": name, **given}
@@ -674,25 +675,18 @@ def values_of(p: Any) -> Any:
 
 @dataclass(frozen=True)
 class Sent:
-    """A model for another process, with the names of the user's own effects to load there."""
+    """A model for another process, where the user's own effects are declared when it is opened."""
 
     packed: bytes
-    effects: tuple[tuple[str, str], ...]
 
     @classmethod
     def of(cls, model: Model) -> Sent:
-        own = [(b.name, place(b.home)) for b in members("effect").values()]
-        return cls(pickle.dumps(model), tuple(e for e in own if not is_ours(e[1])))
+        own = [made for made in members("effect").values() if not is_ours(made.home)]
+        return cls(pickle.dumps((own, model)))
 
     def open(self) -> Model:
         """The model; raises InputError if one of the user's blocks is not known here."""
-        for name, home in self.effects:
-            if found("effect", name, home) is None:
-                raise InputError(
-                    f"the effect '{name}' is not known in the worker processes; define it in a "
-                    "module that can be imported, or use jobs=1."
-                )
-        return pickle.loads(self.packed)
+        return pickle.loads(self.packed)[1]
 
 
 def model_first(p: Any, other: Any, what: str) -> None:

@@ -8,13 +8,12 @@ import shlex
 import sys
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import lugrectl as lg
 
 from ..core.blas_threads import BLAS
-from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError, NotLoaded
+from ..core.errors import BROKEN_PIPE, INTERRUPTED, UNEXPECTED, InputError
 from ..core.option_names import on_command_line
 from .options import parser
 from .output import check_picture, say
@@ -31,25 +30,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     with warnings.catch_warnings():
         if argv is None and not sys.warnoptions:
             warnings.simplefilter("ignore")
-        with _own_warnings(), on_command_line():
+        with on_command_line():
             code = _run(argv)
     return code
-
-
-@contextlib.contextmanager
-def _own_warnings() -> Iterator[None]:
-    """Say in one line each which installed package's blocks are not there."""
-    others = warnings.showwarning
-
-    def show(message: Any, category: Any, *place: Any, **more: Any) -> None:
-        if issubclass(category, NotLoaded):
-            say(f"warning: {message}")
-        else:
-            others(message, category, *place, **more)
-
-    warnings.showwarning = show
-    warnings.simplefilter("always", NotLoaded)
-    yield
 
 
 def _run(argv: Sequence[str] | None) -> int:

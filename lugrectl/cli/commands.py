@@ -93,7 +93,7 @@ def demo(a: Namespace) -> int:
 
 def _fitted(work: Any, a: Namespace) -> int:
     """Fit, print and write; a record that cannot answer gives the verdict "refused"."""
-    from ..blocks.extending import files_loaded
+    from ..blocks.extending import files_of_blocks
     from ..diagnosis.notes import refusal
     from ..report import FILES, check_folder
 
@@ -103,7 +103,7 @@ def _fitted(work: Any, a: Namespace) -> int:
         check_folder(a.out)
         named = [*a.records, a.model, a.holdout or "last"]
         spare(a.out, named, [Path(a.out) / name for name in FILES])
-    sources = [*a.records, model, a.holdout, *files_loaded()]
+    sources = [*a.records, model, a.holdout, *files_of_blocks()]
     training, holdout = with_holdout(a, model)
     options = searched(a) | {"holdout": holdout}
     options |= {"law": AUTO} if getattr(a, "law", None) == AUTO else {}

@@ -1,4 +1,4 @@
-"""The two ways in which an input can fail, each with its exit code, and one warning."""
+"""The two ways in which an input can fail, each with its exit code."""
 
 from __future__ import annotations
 
@@ -22,10 +22,6 @@ class InputError(ValueError):
     """
 
     exit_code = 2
-
-
-class NotLoaded(UserWarning):
-    """The blocks of an installed package are not there."""
 
 
 class Refused(ValueError):

@@ -27,7 +27,7 @@ scales, excesses = st.floats(0.3, 3.0), st.floats(-0.9, 2.0)
 
 def motion(w, z, u=0.0, p=P):
     """F, dw/dt and dz/dt of the plant without load."""
-    F, dz = REGISTRY["lugre"](w, z, **p.friction())
+    F, dz = REGISTRY["friction", "lugre"](w, z, **p.friction())
     return F, (u - F) / p.J, dz
 
 

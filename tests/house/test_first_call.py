@@ -44,7 +44,6 @@ CALLS = {
     'lg.block("effect", out="d", name="mine")(lambda theta: theta).name': "mine",
     'lg.P(1.0, "N m")': "N m",
     '__import__("lugrectl.blocks.block").blocks.block.members("observer").keys()': "adaptive",
-    '__import__("lugrectl.blocks.block").blocks.block.REGISTRY["friction", "lugre"].name': "lugre",
     "lg.plant(lg.table1())": "theta",
     "lg.sensor(lg.table1())": "w_m",
     "lg.pi(1.0, 2.0)": "pi",

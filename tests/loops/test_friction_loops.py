@@ -196,7 +196,7 @@ def registered():
     """Observers that a user registers."""
 
     @block("observer", out="Fhat")
-    def coulomb_guess(w, Fc=REGISTRY["lugre"].parameters["Fc"]):
+    def coulomb_guess(w, Fc=REGISTRY["friction", "lugre"].parameters["Fc"]):
         """Fhat = Fc tanh(w)."""
         return Fc * np.tanh(w)
 

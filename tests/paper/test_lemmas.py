@@ -64,10 +64,10 @@ def test_drive():
         assert dz == pytest.approx(speed - 260 * abs(speed) / h(P, speed) * bristles, abs=1e-10)
         assert F == pytest.approx(260 * bristles + 0.6 * dz + 0.018 * speed, abs=1e-12)
         assert P.J * dw == pytest.approx(0.3 - F, abs=1e-12)
-    steady, dz = REGISTRY["lugre"](W, h(P, W) * np.sign(W) / P.sigma0, **P.friction())
+    steady, dz = REGISTRY["friction", "lugre"](W, h(P, W) * np.sign(W) / P.sigma0, **P.friction())
     assert dz == pytest.approx(0, abs=1e-12)
     assert steady == pytest.approx(h(P, W) * np.sign(W) + P.Fv * W)
-    (static,) = REGISTRY["stribeck"](W, 0.285, 0.335, 0.018, 0.01, eps=1e-9)
+    (static,) = REGISTRY["friction", "stribeck"](W, 0.285, 0.335, 0.018, 0.01, eps=1e-9)
     assert steady == pytest.approx(static)
     assert level(0.0, 0.285, 0.335, 0.01) == 0.335 and level(1.0, 0.285, 0.335, 0.01) == 0.285
 
@@ -105,7 +105,7 @@ def test_F_err():
     assert not same(e_f, s0 * (1 - s) * ez)  # as printed
     observer = lg.natural_observer(P)
     for speed, bristles in zip(W, Z, strict=True):
-        F = REGISTRY["lugre"](speed, bristles, **P.friction())[0]
+        F = REGISTRY["friction", "lugre"](speed, bristles, **P.friction())[0]
         miss = F - outputs(observer, [bristles - 2e-4], [speed])["Fhat"]
         slip = abs(speed) / h(P, speed)
         assert miss == pytest.approx(P.sigma0 * (1 - P.sigma1 * slip) * 2e-4, abs=1e-10)
