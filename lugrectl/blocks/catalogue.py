@@ -5,13 +5,10 @@ from __future__ import annotations
 import html as markup
 import inspect
 import math
-import re
-import shutil
 import textwrap
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from typing import Any, TypeVar, overload
 
 from ..core.errors import InputError
@@ -25,9 +22,9 @@ from .block import Block, P, members
 
 Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
 WIDTH = 80  # columns of an entry as text
-_TABLE = (80, 140)  # least and most columns of a list as text
-_SOURCED = 110  # columns from which a list as text shows the sources
-_PARTS = (0, 3, 1, 3)  # how the columns share what their longest words leave
+_INDENTED: Any = {
+    "initial_indent": "  ", "subsequent_indent": "    ", "break_on_hyphens": False
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -98,23 +95,21 @@ class Entry:
         }
 
     def __str__(self) -> str:
-        rows = [
-            *([f"also called: {', '.join(self.also_called)}"] if self.also_called else []),
-            *self._parameter_lines(),
-            *self._relations(),
-            *([f"source: {self.source}"] if self.source else []),
-        ]
-        filled = [_filled(row, "  ", "    ") for row in rows]
-        about = [_filled(self.about, "  ")] if self.about else []
-        return "\n".join([self.name, _filled(self.equation, "  "), *about, *filled])
+        also = [f"also called: {', '.join(self.also_called)}"] if self.also_called else []
+        rows = [self.about, *also, *self._parameter_lines(), *self._relations()]
+        return self._with(rows)
 
     __repr__ = __str__
 
     def short(self) -> str:
         """Name, equation, parameters, what it is confused with and how to distinguish them."""
-        names = ", ".join(_labels(self))
-        rows = [self.equation, f"parameters: {names or 'none'}", *self._relations()[1:]]
-        return "\n".join([self.name, *(_filled(row, "  ", "    ") for row in rows)])
+        return self._with([f"parameters: {_labels(self) or 'none'}", *self._relations()[1:]])
+
+    def _with(self, rows: Sequence[str]) -> str:
+        """Name, equation, these rows, and the source."""
+        rows = [self.equation, *rows, f"source: {self.source}" if self.source else ""]
+        filled = [textwrap.fill(row, WIDTH, **_INDENTED) for row in rows if row]
+        return "\n".join([self.name, *filled])
 
     def has(self, words: Sequence[str]) -> bool:
         """Whether all words, without capitals and accents, stand in what is said of it."""
@@ -197,34 +192,23 @@ class Catalogue(NamedRows[Entry]):
         return pandas.DataFrame(rows, columns=pandas.Index(head)).set_index("name")
 
     def __str__(self) -> str:
-        head, rows = self._cells()
-        columns = min(max(shutil.get_terminal_size((120, 24)).columns, _TABLE[0]), _TABLE[1])
-        table = [row[: 4 if columns >= _SOURCED else 3] for row in (head, *rows)]
-        # of each column its longest word at least, and what is left shared out
-        words = [_kept(" ".join(cells)).split(" ") for cells in zip(*table, strict=True)]
-        least = [max(map(len, each)) for each in words]
-        parts = _PARTS[: len(least)]
-        left = max(columns - sum(least) - 2 * (len(least) - 1), 0)
-        widths = [w + left * part // sum(parts) for w, part in zip(least, parts, strict=True)]
-        return "\n".join(_row(cells, widths) for cells in table)
+        return "\n".join(entry.short() for entry in self._rows)
 
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
         left = ' style="text-align: left; vertical-align: top"'
-
-        def row(cells: Sequence[str], tag: str) -> str:
-            made = (f"<{tag}{left}>{markup.escape(cell)}</{tag}>" for cell in cells)
-            return "<tr>" + "".join(made) + "</tr>"
-
         head, rows = self._cells()
-        body = "\n".join(row(cells, "td") for cells in rows)
-        return f"<table>\n<thead>{row(head, 'th')}</thead>\n<tbody>\n{body}\n</tbody>\n</table>"
+        lines = [
+            "".join(f"<td{left}>{markup.escape(cell)}</td>" for cell in row)
+            for row in (head, *rows)
+        ]
+        return "<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>"
 
     def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """The head and the rows of the table; ``source`` only where an entry has one."""
         count = 4 if any(entry.source for entry in self._rows) else 3
-        rows = [(e.name, e.equation, ", ".join(_labels(e)), e.source) for e in self._rows]
+        rows = [(e.name, e.equation, _labels(e), e.source) for e in self._rows]
         return ("name", "equation", "parameters", "source")[:count], [row[:count] for row in rows]
 
 
@@ -345,8 +329,8 @@ def _bare(text: str) -> str:
     return "".join(c for c in unicodedata.normalize("NFD", text.lower()) if c.isascii())
 
 
-def _labels(entry: Entry) -> list[str]:
-    return [f"{k} [{p.unit}]" for k, p in entry.parameters.items()]
+def _labels(entry: Entry) -> str:
+    return ", ".join(f"{k} [{p.unit}]" for k, p in entry.parameters.items())
 
 
 def _bounds(p: P) -> str:
@@ -362,28 +346,3 @@ def _bounds(p: P) -> str:
 def _number(value: float) -> str:
     named = {math.inf: "infinity", math.pi: "pi", -math.pi: "-pi"}
     return named.get(value, f"{value:g}")
-
-
-def _filled(text: str, first: str, later: str | None = None) -> str:
-    later = first if later is None else later
-    return textwrap.fill(
-        text, WIDTH, initial_indent=first, subsequent_indent=later, break_on_hyphens=False
-    )
-
-
-def _kept(cell: str) -> str:
-    """The text with a name kept beside its unit by no-break spaces."""
-    return re.sub(r"\w+ \[[^]]*\]", lambda name: name[0].replace(" ", "\xa0"), cell)
-
-
-def _row(cells: Sequence[str], widths: Sequence[int]) -> str:
-    """Cells side by side, each wrapped to its column."""
-    wrapped = [
-        textwrap.wrap(_kept(c), w, break_long_words=False, break_on_hyphens=False)
-        for c, w in zip(cells, widths, strict=True)
-    ]
-    lines = [
-        "  ".join(part.ljust(w) for part, w in zip(parts, widths, strict=True)).rstrip()
-        for parts in zip_longest(*wrapped, fillvalue="")
-    ]
-    return "\n".join(lines).replace("\xa0", " ")
