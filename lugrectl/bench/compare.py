@@ -15,7 +15,7 @@ import numpy as np
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members
 from ..blocks.controllers import MEASURED
-from ..blocks.model import Model, Parameters, as_model, model_first
+from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
 from ..core.display import Grid, grid_html, grid_text
 from ..core.display import number as figure
@@ -274,7 +274,6 @@ def compare_observers(
     >>> all(row.rounding < 0.01 for row in found)
     True
     """
-    model_first(p, observers, "observers")
     model = as_model(p, "p").with_defaults()
     if missing := [k for k, v in model.values().items() if v is None]:
         raise InputError(

@@ -12,7 +12,7 @@ import numpy as np
 from ..blocks.aliases import meant
 from ..blocks.block import unit_for
 from ..blocks.controllers import MEASURED
-from ..blocks.model import Model, as_model, model_first
+from ..blocks.model import Model, as_model
 from ..blocks.observers import observer_block
 from ..blocks.plant import plant
 from ..core.display import Row, Shown
@@ -397,7 +397,6 @@ def recommend_observer(
     >>> advice.best.name
     'disturbance'
     """
-    model_first(p, record, "record")
     said = {k: v for k, v in locals().items() if k in KEYS}
     if isinstance(p, Fitted):
         own = getattr(p, "model", None)

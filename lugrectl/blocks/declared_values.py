@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..core.errors import InputError
-from ..core.validation import nearest, number, positive
+from ..core.validation import flag, positive, within
+from .aliases import meant
+from .block import P
 
 KEYS = ("value", "fixed", "min", "max", "std")
 
@@ -48,48 +50,37 @@ class Stated:
         return ", ".join(filter(None, [text if self.bounded else "", prior]))
 
 
-def stated(
-    given: Mapping[str, Any], value: float | None, check: Callable[..., Any], where: str
-) -> Stated:
-    """What the table of a value states, ``{value = 0.285, fixed = true}``."""
-    check_keys(given, KEYS, where)
-    fixed, std = given.get("fixed", False), given.get("std")
-    if not isinstance(fixed, bool):
-        raise InputError(f"{where}: fixed must be true or false, not {fixed!r}.")
+def declared(given: Any, p: P, where: str) -> tuple[float | None, Stated]:
+    """A value of a model, None for one to be identified, and what its table states of it:
+    ``{value = 0.285, fixed = true}``."""
+    table = given if isinstance(given, Mapping) else {"value": given}
+    check_keys(table, KEYS, where)
 
-    def bound(end: str) -> float | None:
-        if given.get(end) is None:
-            return None
-        made = number(given[end], f"{where}: {end}")
-        return made and check(made, where=f"{where}: {end}")  # 0 is a bound of a value above 0
+    def one(key: str, at: str) -> float | None:
+        found = table.get(key)
+        if found is None or key != "value" and found == 0:  # a bound of a value above 0, too
+            return found
+        return within(found, at, p)
 
-    low, high = bound("min"), bound("max")
+    value, low, high = one("value", where), one("min", f"{where}: min"), one("max", f"{where}: max")
+    fixed, std = table.get("fixed", False), table.get("std")
     std = None if std is None else positive(std, f"{where}: std")
+    made = Stated(flag(fixed, f"{where}: fixed"), low, high, std)
     if value is None and (fixed or std is not None):
         raise InputError(f"{where}: {'fixed' if fixed else 'std'} needs a value beside it.")
     if low is not None and high is not None and low >= high:
         raise InputError(f"{where}: min = {low:g} must be below max = {high:g}.")
-    made = Stated(fixed, low, high, std)
     if value is not None and made.clipped(value) != value:
-        raise InputError(
-            f"{where}: value = {value:g} lies outside its own bounds, "
-            f"{Stated(low=low, high=high).words()}."
-        )
-    return made
+        bounds = Stated(low=low, high=high).words()
+        raise InputError(f"{where}: value = {value:g} lies outside its own bounds, {bounds}.")
+    return value, made
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
     """Raise InputError for a key that is not known, with the nearest one that is."""
     for key in table:
         if key not in known:
-            raise InputError(
-                f"{where}: unknown key '{key}'; known: {', '.join(known)}.{_hint(key, known)}"
-            )
-
-
-def _hint(name: Any, known: Iterable[str]) -> str:
-    near = nearest(str(name), known)
-    return f" Did you mean '{near}'?" if near else ""
+            raise InputError(f"{where}: unknown key '{key}'; {meant(key, known)}")
 
 
 def holding(
@@ -103,15 +94,11 @@ def holding(
     for name in names:
         keys = [k for k in values if k == name or k.startswith(f"{name}.")]
         if not keys:
-            raise InputError(
-                f"{where}: the model has no value named '{name}'; it has {', '.join(values)}."
-                f"{_hint(name, values)}"
-            )
+            raise InputError(f"{where}: no value of the model is '{name}'; {meant(name, values)}")
         for key in keys:
             if values[key] is None:
                 raise InputError(f"{where}: {key} has no declared value to hold: give it one.")
-            old = made.get(key, Stated())
-            made[key] = Stated(True, old.low, old.high, old.std)
+            made[key] = replace(made.get(key, Stated()), fixed=True)
     return made
 
 
@@ -119,16 +106,13 @@ def refuse_crossed(
     values: Mapping[str, float | None], said: Mapping[str, Stated], where: str
 ) -> None:
     """Raise InputError if no Fs that is allowed lies above an Fc that is allowed."""
-
-    def end(key: str, side: str, none: float) -> float:
-        """The farthest value that a parameter may have; infinite if nothing limits it."""
+    ends = []
+    for key, side, none in (("Fs", "high", math.inf), ("Fc", "low", -math.inf)):
         one, value = said.get(key, Stated()), values.get(key)
         far = value if one.fixed and value is not None else getattr(one, side)
-        return none if far is None else far
-
-    most, least = end("Fs", "high", math.inf), end("Fc", "low", -math.inf)
-    if most < least:
+        ends.append(none if far is None else far)
+    if ends[0] < ends[1]:
         raise InputError(
-            f"{where}: Fs is at most {most:g} and Fc at least {least:g}, but stiction cannot be "
-            "less than Coulomb friction: hold one of them at most, or give other bounds."
+            f"{where}: Fs is at most {ends[0]:g} and Fc at least {ends[1]:g}, but stiction cannot "
+            "be less than Coulomb friction: hold one of them at most, or give other bounds."
         )

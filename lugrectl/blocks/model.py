@@ -5,28 +5,26 @@ from __future__ import annotations
 import math
 import os
 import pickle
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 from ..core.display import Row, Shown
 from ..core.errors import InputError
-from ..core.option_names import option
 from ..core.provenance import SourceFile
-from ..core.validation import TINY, as_path, holds_samples, is_file, real, shown, text
+from ..core.validation import as_path, holds_samples, is_file, like_it, shown, text
 from ..core.writing import write_whole
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
-from .declared_values import Stated, check_keys, holding, refuse_crossed, stated
+from .declared_values import Stated, check_keys, declared, holding, refuse_crossed
 from .extending import files_of_blocks, load_named
 from .friction import J as J_DECLARATION
 from .friction import formed, usual_values, written_form
-from .model_files import quoted, read_toml, rows, seen_from
 
 _MODEL = "a Model, Parameters, a dict or the path of a model file"
 _FILE = ("name", "motion", "blocks", "plant", "friction", "effects")
@@ -344,22 +342,15 @@ class Model(Shown):
         return f"Model {self.name}: {self.motion}, {self.friction.block.name} friction"
 
     def _rows(self) -> Iterable[Row]:
-        until = self.with_defaults().values()
         rows = [
-            _value_row(k, v, self.unit(k), self.stated.get(k), until[k])
-            for k, v in self.values().items()
+            _value_row(k, v, self.unit(k), self.stated.get(k)) for k, v in self.values().items()
         ]
         bare = [part.key for part in self.effects if not part.values]
         return [*rows, *(Row(key, "no parameters") for key in bare)]
 
 
-def _value_row(
-    key: str, value: float | None, unit: str, more: Stated | None = None, until: float | None = None
-) -> Row:
-    """``until``: the default with which a value that is to be identified is simulated."""
+def _value_row(key: str, value: float | None, unit: str, more: Stated | None = None) -> Row:
     note = f"({words})" if more and (words := more.words()) else ""
-    if value is None and until is not None:
-        note = f"(until then {until:g})"
     unit = "" if unit == "1" else unit
     return Row(key, "to be identified" if value is None else value, unit, note)
 
@@ -373,15 +364,16 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
         raise InputError(f"{where}: motion must be 'rotary' or 'linear', not {motion!r}.")
     plant, friction = _table(data, "plant", where), _table(data, "friction", where)
     check_keys(plant, ("J",), f"{where}: [plant]")
+    J, of_J = declared(plant.get("J"), J_DECLARATION, f"{where}: [plant] J")
     law = friction.get("model", "lugre")
     made = block_named("friction", law, where=f"{where}: [friction]", what="friction model")
     part, held = _part(made, "model", friction, f"{where}: [friction]")
     model = Model(
         name=text(data.get("name", "drive"), f"{where}: name"),
         motion=motion,
-        J=_number(plant.get("J"), J_DECLARATION, f"{where}: [plant] J"),
+        J=J,
         friction=part,
-        stated=_statements(plant, {"J": J_DECLARATION}, f"{where}: [plant]") | held,
+        stated=held if of_J == Stated() else {"J": of_J, **held},
         blocks=blocks,
     )
     effects = data.get("effects", [])
@@ -411,16 +403,6 @@ def _with_entry(model: Model, entry: Any, where: str) -> Model:
     return replace(model, stated={**model.stated, **own})
 
 
-def _statements(entry: Mapping[str, Any], own: Mapping[str, Any], where: str) -> dict[str, Stated]:
-    """What the tables among the values of an entry state, by name."""
-    made = {}
-    for key, p in own.items():
-        given, at = entry.get(key), f"{where} {key}"
-        if isinstance(given, Mapping):
-            made[key] = stated(given, _number(given, p, at), partial(_number, p=p), at)
-    return {k: one for k, one in made.items() if one != Stated()}
-
-
 def _alike(one: Part, other: Part) -> bool:
     """Whether two effects add up to one of a kind: they differ in strength and phase at most."""
     if one.block.name != other.block.name:
@@ -439,11 +421,12 @@ def _part(made: Block, tag: str, entry: Any, where: str) -> tuple[Part, dict[str
     entry = {**entry, **{k: {"value": value, "fixed": True} for k, value in usual.items()}}
     check_keys(entry, (tag, *made.own, *made.form_keys), where)
     made, entry = formed(made, entry, where)
-    values = {
-        k: _number(entry.get(k), p, f"{where} {k}") if k in entry or p.fitted else p.value
+    found = {
+        k: declared(entry.get(k, None if p.fitted else p.value), p, f"{where} {k}")
         for k, p in made.own.items()
     }
-    return Part(made.name, made, values), _statements(entry, made.own, where)
+    held = {k: one for k, (_, one) in found.items() if one != Stated()}
+    return Part(made.name, made, {k: value for k, (value, _) in found.items()}), held
 
 
 def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
@@ -451,26 +434,6 @@ def _table(data: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
     if not isinstance(table, Mapping):
         raise InputError(f"{where}: {key} must be a table, written [{key}].")
     return table
-
-
-def _number(value: Any, p: Any, where: str) -> float | None:
-    value = value.get("value") if isinstance(value, Mapping) else value
-    if value is None:
-        return None
-    value = real(given := value)
-    if value is None or not (math.isfinite(value) or value == p.neutral):
-        quotes = " (remove the quotes)" if isinstance(given, str) else ""
-        raise InputError(f"{where} must be a finite number, not {shown(given)}{quotes}.")
-    if p.choices and value not in p.choices:
-        known = " or ".join(f"{c:g}" for c in p.choices)
-        raise InputError(f"{where} = {value:g}; it must be {known}.")
-    if value < p.low or value > p.high:
-        rule = "negative" if value < 0 <= p.low else f"outside [{p.low:g}, {p.high:g}]"
-        rule = "not above 0" if value == 0 < p.low < TINY else rule
-        raise InputError(
-            f"{where} = {value:g} is {rule}; give a value in {p.unit} or leave it out."
-        )
-    return value
 
 
 def read_model(path: str | Path) -> Model:
@@ -505,7 +468,16 @@ def read_model(path: str | Path) -> Model:
     ({'J': 0.002}, 'lugre')
     """
     path = as_path(path, "the model file")
-    model = model_from_dict(read_toml(path), str(path), path.parent)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such model file{like_it(path)}.") from None
+    except (OSError, ValueError, RecursionError) as error:  # ValueError: TOML, UTF-8, huge numbers
+        raise InputError(
+            f"{path}: not a TOML file in UTF-8: {error}. A model is needed here: lugrectl model > "
+            "my.toml writes one to start from."
+        ) from None
+    model = model_from_dict(data, str(path), path.parent)
     object.__setattr__(model, "file", SourceFile.of(path))
     return model
 
@@ -551,45 +523,62 @@ def model_toml(
     Files with blocks of the user's own are named as seen from the folder of the model file, if
     it is given.
     """
-    data, lines = model.to_dict(stated=True), []
-    declared, known = model.declarations(), known or {}
+    data, declared, known = model.to_dict(stated=True), model.declarations(), known or {}
 
-    def noted(values: Mapping[str, Any], prefix: str = "") -> list[str]:
-        units = {k: model.unit(prefix + k) for k in values if prefix + k in declared}
-        notes = {k: [unit, known.get(prefix + k)] for k, unit in units.items()}
-        return rows(values, {k: ", ".join(filter(None, both)) for k, both in notes.items()})
+    def rows(values: Mapping[str, Any], prefix: str = "") -> list[str]:
+        made = []
+        for key, value in values.items():
+            unit = model.unit(prefix + key) if prefix + key in declared else ""
+            note = ", ".join(filter(None, [unit, known.get(prefix + key)]))
+            note = "".join(c for c in f"  # {note}" if c.isprintable()) if note else ""
+            key = key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _written(key)
+            made.append(f"{key} = {_written(value)}{note}")
+        return made
 
-    lines += [f"name = {quoted(data['name'])}", f'motion = "{data["motion"]}"']
-    used = files_of_blocks(p.block.home for p in (model.friction, *model.effects))
-    if files := [seen_from(folder, file) for file in dict.fromkeys([*model.blocks, *used])]:
-        lines += [f"blocks = [{', '.join(map(quoted, files))}]"]
-    lines += ["", "[plant]", *noted(data["plant"]), "", "[friction]", *_needs(model.friction)]
-    lines += [f"model = {quoted(data['friction'].pop('model'))}", *noted(data["friction"])]
+    used = files_of_blocks([p.block.home for p in (model.friction, *model.effects)])
+    files = [_seen_from(folder, file) for file in dict.fromkeys([*model.blocks, *used])]
+    head = {"name": data["name"], "motion": data["motion"]} | ({"blocks": files} if files else {})
+    lines = [*rows(head), "", "[plant]", *rows(data["plant"]), "", "[friction]"]
+    lines += rows(data["friction"])
     for part, entry in zip(model.effects, data["effects"], strict=True):
-        lines += ["", "[[effects]]", *_needs(part), f"name = {quoted(entry.pop('name'))}"]
-        lines += noted(entry, f"{part.key}.")
+        lines += ["", "[[effects]]", *rows({"name": entry.pop("name")})]
+        lines += rows(entry, f"{part.key}.")
     return "\n".join(lines) + "\n"
 
 
-def _needs(part: Part) -> list[str]:
-    """A comment on a block that was declared in Python, in no file that a model can name."""
-    home = part.block.home
-    if is_ours(home) or files_of_blocks([home]):
-        return []
-    where = "a script or a notebook" if home in ("__main__", "__mp_main__") else f"module {home}"
-    put = "that @lugrectl.block into a file and give"
-    return [
-        f"# {quoted(part.block.name)} was declared in {quoted(where)[1:-1]}. To read this model",
-        f"# elsewhere, put {put} {option('blocks', 'FILE.py')}.",
-    ]
+def _written(value: Any) -> str:
+    """A value as TOML; InputError for half of a surrogate pair, which no TOML file can hold."""
+    if isinstance(value, str):
+        if half := re.search("[\ud800-\udfff]", value):
+            raise InputError(
+                f"the name {ascii(value)} holds half of a surrogate pair, {ascii(half[0])}, which "
+                "no TOML file can hold: give it another name."
+            )
+        text = value.replace("\\", "\\\\").replace('"', '\\"')
+        return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda c: f"\\u{ord(c[0]):04x}", text) + '"'
+    if isinstance(value, (bool, int)):
+        return str(value).lower()
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_written, value)) + "]"
+    if not isinstance(value, Mapping):
+        return repr(float(value))
+    return "{" + ", ".join(f"{k} = {_written(v)}" for k, v in value.items() if v is not None) + "}"
+
+
+def _seen_from(folder: Path | None, file: str) -> str:
+    """The path of a file as seen from a folder, if there is one."""
+    try:
+        return file if folder is None else Path(os.path.relpath(file, folder.resolve())).as_posix()
+    except ValueError:  # on another drive of Windows
+        return file
 
 
 def as_model(given: Any, what: str = "model") -> Model:
     """The model that is meant; InputError names the argument ``what``."""
     if isinstance(given, Model):  # it may have been given values that none of a file could have
-        declared = given.declarations()
+        known = given.declarations()
         for key, value in given.values().items():
-            _number(value, declared[key], f"{what}: {key}")
+            declared(value, known[key], f"{what}: {key}")
         refuse_crossed(given.values(), given.stated, what)
         return given
     if isinstance(given, Parameters):
@@ -609,12 +598,12 @@ def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
     if isinstance(given.get("stated"), Mapping):  # the model of a JSON document
         tables = given["stated"]
         model = _from_dict({k: v for k, v in given.items() if k != "stated"}, what)
-        values, declared = model.values(), model.declarations()
+        values, known = model.values(), model.declarations()
         check_keys(tables, values, f"{what}: stated")
         whole = {k: {"value": values[k], **_table(tables, k, what)} for k in tables}
-        model = replace(model, stated=_statements(whole, declared, what))
-        refuse_crossed(values, model.stated, what)
-        return model
+        found = {k: declared(table, known[k], f"{what}: {k}")[1] for k, table in whole.items()}
+        refuse_crossed(values, found, what)
+        return replace(model, stated={k: one for k, one in found.items() if one != Stated()})
     flat = set(given) - {*_FILE}
     if "plant" in given or not (flat or isinstance(given.get("friction"), (str, Block))):
         return model_from_dict({**given, "effects": _effects(given.get("effects"))}, what)
@@ -687,20 +676,3 @@ class Sent:
     def open(self) -> Model:
         """The model; raises InputError if one of the user's blocks is not known here."""
         return pickle.loads(self.packed)[1]
-
-
-def model_first(p: Any, other: Any, what: str) -> None:
-    """InputError where ``other``, the argument ``what``, is a model, and ``p`` rather not one."""
-    if _how_surely(other) > _how_surely(p):
-        log = isinstance(p, Mapping) and holds_samples(p)
-        called = f"'{p}'" if is_file(p) else "a log" if log else shown(p)
-        raise InputError(f"p is {called} and {what} is a model: swap them.")
-
-
-def _how_surely(given: Any) -> int:
-    """2 for a model or a result that holds one, 1 for a dict that may be one, else 0."""
-    if is_file(given):
-        return 2 * (Path(given).suffix.lower() == ".toml")
-    if isinstance(given, (Model, Parameters)) or isinstance(getattr(given, "model", None), Model):
-        return 2
-    return int(isinstance(given, Mapping) and not holds_samples(given))

@@ -18,7 +18,7 @@ class InputError(ValueError):
     ...     lg.Model.of(J=-0.002)
     ... except lg.InputError as error:
     ...     print(error)
-    Model.of: [plant] J = -0.002 is negative; give a value in kg m2 or leave it out.
+    Model.of: [plant] J = -0.002 must be above 0 kg m2.
     """
 
     exit_code = 2

@@ -138,7 +138,7 @@ def within(value: Any, name: str, p: Any) -> float:
         raise InputError(f"{name} must be a number, not {shown(value)}.")
     if math.isinf(made) and made != p.neutral:
         raise InputError(f"{name} must be finite, not {made}.")
-    if p.low > made >= 0.0 and p.low < TINY:
+    if made < p.low and 0.0 < p.low < TINY:
         raise InputError(f"{name} = {made:g} must be above 0 {p.unit}.")
     if not p.low <= made <= p.high:
         raise InputError(f"{name} = {made:g} lies outside [{p.low:g}, {p.high:g}] {p.unit}.")

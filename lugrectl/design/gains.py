@@ -19,7 +19,6 @@ from scipy.optimize import minimize
 
 from ..blocks.aliases import meant
 from ..blocks.friction import level, relaxation
-from ..blocks.model import model_first
 from ..blocks.observers import observer_block
 from ..core.display import Row, Shown
 from ..core.errors import InputError
@@ -600,7 +599,6 @@ def design_gains(
     >>> fast.gains
     {'tau': 0.002}
     """
-    model_first(p, method, "method")
     if observer_block(observer).name != "proposed_observer":
         if method != "constant":
             raise InputError(f"method = {shown(method)} belongs to the proposed observer only.")

@@ -9,7 +9,7 @@ from typing import Any
 import control as ct
 import numpy as np
 
-from ..blocks.model import model_first, values_of
+from ..blocks.model import values_of
 from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
@@ -121,7 +121,6 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
         return L2Verdict(gain, w, reason, system.meaning.format(gain)).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
-    model_first(p, K2, "K2")
     p = values_of(p)
     J, sigma0, sigma1 = (parameter(p, name) for name in ("J", "sigma0", "sigma1"))
     gain, frequency, reason = _gain(J, number(K2, "K2"), sigma0, sigma1)

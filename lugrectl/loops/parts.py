@@ -12,7 +12,7 @@ from ..blocks import controllers
 from ..blocks.aliases import VARIANTS, meant, name_of
 from ..blocks.block import Block, members
 from ..blocks.drive import limiter
-from ..blocks.model import Model, as_model, model_first
+from ..blocks.model import Model, as_model
 from ..blocks.observers import believed, observer, observer_block
 from ..blocks.sliding_control import sliding_error
 from ..core.errors import InputError
@@ -55,7 +55,6 @@ def connected(
 
 def models(p: Any, own: Any, observer: Any) -> tuple[Model, Model]:
     """Return the plant's model, and what the observer believes."""
-    model_first(p, observer, "observer")
     model = as_model(p, "p")
     return model, model if own is None else as_model(own, "observer_parameters")
 

@@ -132,7 +132,6 @@ def test_a_default_is_no_declared_value(smooth):
     """A fit identifies it: it is held by nothing, and no sentence says that a fit left it."""
     model = lg.Model.of(J=0.002, friction=smooth)
     assert model.known() == {"J": 0.002}
-    assert "to be identified N m (until then 0.3)" in repr(model)
     found = lg.identify({**LOG, "u": 0.5 * LOG["u"]}, lg.Model.of(friction=smooth))
     assert found.model.values()["Fc"] == pytest.approx(0.15, rel=0.05)
     assert found.error["declared"] is None

@@ -36,14 +36,14 @@ WRONG = [
     ("motion = []\n" + HEAD, "motion must be"),
     ("[plant]\n[friction]\nmodel = {a = 1}\n", "no friction model named {'a': 1}"),
     ('[plant]\n[friction]\nmodel = ["lugre"]\n', "no friction model named ['lugre']"),
-    (f"[plant]\nJ = 1{'0' * 400}\n", "J must be a finite number"),
+    (f"[plant]\nJ = 1{'0' * 400}\n", "J must be a number"),
     (f"[plant]\nJ = 1{'0' * 5000}\n", "not a TOML file"),
-    ("[plant]\nJ = [0.1]\n", "J must be a finite number"),
-    ("[plant]\nJ = true\n", "J must be a finite number"),
-    ("[plant]\nJ = 0\n", "J = 0 is not above 0"),
-    (HEAD + "sigma0 = 0\n", "sigma0 = 0 is not above 0"),
-    (HEAD + "vs = 0.0\n", "vs = 0 is not above 0"),
-    (HEAD + "Fc = -1\n", "Fc = -1 is negative"),
+    ("[plant]\nJ = [0.1]\n", "J must be a number"),
+    ("[plant]\nJ = true\n", "J must be a number"),
+    ("[plant]\nJ = 0\n", "J = 0 must be above 0"),
+    (HEAD + "sigma0 = 0\n", "sigma0 = 0 must be above 0"),
+    (HEAD + "vs = 0.0\n", "vs = 0 must be above 0"),
+    (HEAD + "Fc = -1\n", "Fc = -1 lies outside"),
     (HEAD + "Fd = 1\n", "unknown key 'Fd'"),
     ("a = " + "[" * 9000, "not a TOML file"),
     ('name = "Prüfstand"\n'.encode("latin-1"), "UTF-8"),
@@ -57,7 +57,7 @@ def test_what_cannot_be_meant_is_one_sentence_with_the_file(tmp_path, text, word
     with pytest.raises(InputError) as said:
         lg.read_model(path)
     assert str(said.value).startswith(str(path)) and words in str(said.value)
-    assert str(said.value).count(". ") == 0 or "Did you mean" in str(said.value)
+    assert "\n" not in str(said.value)
 
 
 @pytest.mark.parametrize("path", [3, None, ["m.toml"], "no.toml", ".", "a\0b"])
@@ -215,7 +215,7 @@ def test_names_and_units_of_the_users_own_blocks_are_escaped(tmp_path):
         ({}, 3, "path must be"),
         ({}, "no/such/folder/m.toml", "cannot be written"),
         ({"name": "bench\ud800"}, "m.toml", "surrogate"),
-        ({"J": float("nan")}, "m.toml", "J must be a finite number"),
+        ({"J": float("nan")}, "m.toml", "J must be a number"),
         ({"J": -1.0}, "m.toml", "J = -1"),
     ],
 )
