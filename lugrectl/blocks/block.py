@@ -114,6 +114,12 @@ class Group(dict[str, P]):
         self.kind = kind
 
 
+def defaults(function: Callable[..., Any]) -> dict[str, P]:
+    """The parameters that a function declares by its defaults."""
+    given = inspect.signature(function).parameters
+    return {key: one.default for key, one in given.items() if isinstance(one.default, P)}
+
+
 @dataclass(frozen=True, repr=False)
 class Block(Shown):
     """A pure function with declared signals; ``system()`` makes it a python-control block."""

@@ -202,22 +202,22 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
     >>> lg.dead_time(2e-3, dt=1e-3).dt  # in a drive that runs at 1 kHz, exact
     0.001
     """
-    late = number(delay, "delay")
-    if late < 0.0:
-        raise InputError(f"delay is {late:g} s, but a dead time cannot be negative.")
+    seconds = number(delay, "delay")
+    if seconds < 0.0:
+        raise InputError(f"delay is {seconds:g} s, but a dead time cannot be negative.")
     if dt is None:
-        return _LATE.system(**reading(names, "u_cmd"), delay=late)
+        return _LATE.system(**reading(names, "u_cmd"), delay=seconds)
     step = positive(dt, "dt", "seconds")
-    if late > MOST * step:
-        raise InputError(f"delay = {late:g} s lies outside 0 to {MOST} samples of {step:g} s.")
+    if seconds > MOST * step:
+        raise InputError(f"delay = {seconds:g} s lies outside 0 to {MOST} samples of {step:g} s.")
     import control as ct
 
-    name, samples = one_name(names.get("name")), late / step
+    name, samples = one_name(names.get("name")), seconds / step
     samples = float(round(samples)) if abs(samples - round(samples)) < 1e-9 else samples
-    many = math.ceil(samples)
+    many, late = math.ceil(samples), _Late(int(samples), samples % 1.0)
     return ct.nlsys(
-        _Shift() if many else None,
-        _Late(int(samples), samples % 1.0),
+        replace(late, updates=True) if many else None,
+        late,
         inputs=renamed(name, "inputs", ("u_cmd",), names.get("inputs")),
         outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
         states=[f"late{k + 1}" for k in range(many)] or None,
@@ -227,22 +227,19 @@ def dead_time(delay: float, dt: float | None = None, **names: Unpack[Names]):
 
 
 @dataclass(frozen=True)
-class _Shift(Steady):
-    """The update of a delay: each state takes the value of the one before."""
-
-    def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
-        return np.array([u[0], *x[:-1]])
-
-
-@dataclass(frozen=True)
 class _Late(Steady):
-    """The command of ``whole`` samples ago, mixed with the one before by ``part``."""
+    """The command of ``whole`` samples ago, mixed with the one before by ``part``; or the states
+    of the next sample, each the one before it."""
 
     whole: int
     part: float
+    updates: bool = False
 
     def __call__(self, t: Any, x: Any, u: Any, params: Any) -> np.ndarray:
-        late = (known := [u[0], *x])[self.whole]
+        known = [u[0], *x]
+        if self.updates:
+            return np.array(known[:-1])
+        late = known[self.whole]
         if self.part:
             late = (1.0 - self.part) * late + self.part * known[self.whole + 1]
         return np.array([late])

@@ -10,7 +10,6 @@ of w and F_i replaces. Parallel bristles are its smooth relative.
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -20,7 +19,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import array, shown, whole
-from .block import REGISTRY, Block, Group, P
+from .block import REGISTRY, Block, Group, P, defaults
 from .declaration import block
 
 J: Any = P(0.0022, "kg m2", 1e-12)
@@ -371,11 +370,9 @@ class Elements:
 
     def block(self) -> Block:
         law: Any = self  # each law has a __call__ of its own
-        given = inspect.signature(law).parameters.values()
-        own = {one.name: one.default for one in given if isinstance(one.default, P)}
         states = tuple(f"z{i + 1}" for i in range(self.elements))
         return Block(
-            self.name, "friction", law, ("w",), ("F",), states, own,
+            self.name, "friction", law, ("w",), ("F",), states, defaults(law),
             home=__name__, source=self.source, form_keys=KEYS,
         )  # fmt: skip
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Unpack
 
 from ..core.errors import InputError
 from .block import Block, P
@@ -57,18 +57,6 @@ class Part:
 Rates = dict[str, tuple[Any, ...]]  # of the states of each part, by its prefix
 
 
-def through_sensors(
-    sensors: Sequence[Part], signals: Mapping[str, Any], values: Mapping[str, Any], rates: Rates
-) -> tuple[Any, Any]:
-    """w and theta after all sensors in series; the sensors' rates are stored in ``rates``."""
-    w, theta = signals["w"], signals["theta"]
-    for part in sensors:
-        outputs = part.outputs({**signals, "w": w, "theta": theta}, values, rates)
-        seen = dict(zip(part.block.fresh, outputs, strict=True))
-        w, theta = seen["w_m"], seen["theta_m"]
-    return w, theta
-
-
 def acceleration(u: Any, F: Any, d: Any, J: Any) -> Any:
     """dw/dt = (u - F - d) / J (eq. mechanical_sys1, with a load torque d)."""
     return (u - F - d) / J
@@ -82,15 +70,21 @@ def assemble(model: Model, *, sensed: bool = False, loads: Sequence[str] = ()) -
     Effects may read ``load``, the sum of d and all load effects. ``sensed`` adds the outputs
     theta_m, w_m with the sensor effects inside, ``loads`` theta_load, w_load of these couplings.
     """
-    friction = Part("", model.friction.block)
-    for use in model.effects:
+    friction, uses = Part("", model.friction.block), _uses(model)
+    for use in uses:
         if not use.block.acts:
             raise InputError(
                 f"{use.block.name} acts on nothing inside a drive: declare it with acts=, or wire "
                 "its block to the drive's inputs."
             )
-    uses = tuple(Part(f"{use.key}.", use.block) for use in model.effects)
-    return _Motion(friction, uses, sensed, tuple(loads)).block()
+    sensors = tuple(part for part in uses if "sensor" in part.block.acts)
+    effects = tuple(part for part in uses if part not in sensors)
+    parts = (friction, *effects, *(sensors if sensed else ()))
+    return _Motion(parts, sensors if sensed else (), effects, sensed, tuple(loads)).block()
+
+
+def _uses(model: Model) -> tuple[Part, ...]:
+    return tuple(Part(f"{use.key}.", use.block) for use in model.effects)
 
 
 def load_outputs(model: Model) -> tuple[str, ...]:
@@ -113,64 +107,84 @@ def _load_names(many: int) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _Sensing:
+    """The function of :func:`sensor`: sensors in series."""
+
+    parts: tuple[Part, ...]
+    sensors: tuple[Part, ...]
+
+    name: ClassVar = "sensor"
+    inputs: ClassVar = ("w", "theta")
+    motion: ClassVar = ()  # states besides those of the parts
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return "w_m", "theta_m"
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        return (*self.motion, *(name for part in self.parts for name in part.states))
+
+    def signals(self, t: Any, given: Sequence[Any]) -> dict[str, Any]:
+        return {"t": t, **dict(zip((*self.inputs, *self.states), given, strict=True))}
+
+    def seen(self, signals: Mapping[str, Any], values: Mapping[str, Any], rates: Rates) -> Any:
+        """w and theta after all sensors; the sensors' rates are stored in ``rates``."""
+        w, theta = signals["w"], signals["theta"]
+        for part in self.sensors:
+            outputs = part.outputs({**signals, "w": w, "theta": theta}, values, rates)
+            found = dict(zip(part.block.fresh, outputs, strict=True))
+            w, theta = found["w_m"], found["theta_m"]
+        return w, theta
+
+    def flat(self, rates: Rates) -> list[Any]:
+        return [rate for part in self.parts for rate in rates[part.prefix]]
+
+    def __call__(self, t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
+        rates: Rates = {}
+        return *self.seen(self.signals(t, given), values, rates), *self.flat(rates)
+
+    def block(self) -> Block:
+        own = {k: p for part in self.parts for k, p in part.parameters.items()}
+        own = {"J": J, **own} if self.motion else own
+        return Block(
+            self.name, self.name, self, self.inputs, self.outputs, self.states, own, timed=True
+        )
+
+
+@dataclass(frozen=True)
+class _Motion(_Sensing):
     """The function of :func:`assemble`."""
 
-    friction: Part
-    uses: tuple[Part, ...]
+    effects: tuple[Part, ...]
     sensed: bool
-    loads: tuple[str, ...] = ()
+    loads: tuple[str, ...]
+
+    name: ClassVar = "plant"
+    inputs: ClassVar = ("u", "d")
+    motion: ClassVar = ("theta", "w")
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        sensed = super().outputs if self.sensed else ()
+        return "theta", "w", "F", *sensed, *_load_names(len(self.couplings))
 
     @cached_property
     def couplings(self) -> tuple[Part, ...]:
         return tuple(part for part in self.effects if part.prefix.removesuffix(".") in self.loads)
 
-    @cached_property
-    def sensors(self) -> tuple[Part, ...]:
-        return tuple(part for part in self.uses if "sensor" in part.block.acts)
-
-    @cached_property
-    def effects(self) -> tuple[Part, ...]:
-        return tuple(part for part in self.uses if part not in self.sensors)
-
-    @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        return (self.friction, *self.effects, *(self.sensors if self.sensed else ()))
-
-    @cached_property
-    def states(self) -> tuple[str, ...]:
-        return ("theta", "w", *(name for part in self.parts for name in part.states))
-
     def __call__(self, t: Any, *given: Any, **values: Any) -> tuple[Any, ...]:
-        signals = {"t": t, **dict(zip(("u", "d", *self.states), given, strict=True))}
-        rates: Rates = {}
+        signals, rates = self.signals(t, given), {}
         torque, values = _applied(self.effects, signals, values, rates)
-        F, *_ = self.friction.outputs(signals, values, rates)
-        measured = through_sensors(self.sensors, signals, values, rates) if self.sensed else ()
+        F, *_ = self.parts[0].outputs(signals, values, rates)
+        measured = self.seen(signals, values, rates) if self.sensed else ()
         dw = acceleration(signals["u"], F, torque, values["J"])
-        flat = [rate for part in self.parts for rate in rates[part.prefix]]
         beyond: list[Any] = []  # position and speed of the load of each coupling
         for part in self.couplings:
             own = dict(zip(part.block.states, (signals[k] for k in part.states), strict=True))
             turn, inertia = (own["twist"], own["w_load"]), values[f"{part.prefix}load_inertia"]
             beyond += load_motion(signals["theta"], signals["w"], *turn, inertia)
-        return F, *measured, *beyond, signals["w"], dw, *flat
-
-    def block(self) -> Block:
-        loads = _load_names(len(self.couplings))
-        return Block(
-            name="plant",
-            kind="plant",
-            function=self,
-            inputs=("u", "d"),
-            outputs=("theta", "w", "F", *(("w_m", "theta_m") if self.sensed else ()), *loads),
-            states=self.states,
-            parameters={
-                "J": J,
-                **{k: p for part in self.parts for k, p in part.parameters.items()},
-            },
-            timed=True,
-        )
+        return F, *measured, *beyond, signals["w"], dw, *self.flat(rates)
 
 
 STAGES = ("command", "motor", "load", "level", "torque")  # along the signals of a drive
@@ -301,38 +315,8 @@ def sensor(p: Parameters | Model, **names: Unpack[Names]):
     ['w_m', 'theta_m']
     """
     model = as_model(p)
-    uses = [Part(f"{use.key}.", use.block) for use in model.effects]
-    parts = tuple(part for part in uses if "sensor" in part.block.acts)
-    return _system(_Sensing(parts).block(), model, names)
-
-
-@dataclass(frozen=True)
-class _Sensing:
-    """The function of :func:`sensor`."""
-
-    parts: tuple[Part, ...]
-
-    @cached_property
-    def states(self) -> tuple[str, ...]:
-        return tuple(name for part in self.parts for name in part.states)
-
-    def __call__(self, *given: Any, **values: Any) -> tuple[Any, ...]:
-        signals = dict(zip(("t", "w", "theta", *self.states), given, strict=True))
-        rates: Rates = {}
-        w, theta = through_sensors(self.parts, signals, values, rates)
-        return w, theta, *(rate for part in self.parts for rate in rates[part.prefix])
-
-    def block(self) -> Block:
-        return Block(
-            name="sensor",
-            kind="sensor",
-            function=self,
-            inputs=("w", "theta"),
-            outputs=("w_m", "theta_m"),
-            states=self.states,
-            parameters={k: p for part in self.parts for k, p in part.parameters.items()},
-            timed=True,
-        )
+    parts = tuple(part for part in _uses(model) if "sensor" in part.block.acts)
+    return _system(_Sensing(parts, parts).block(), model, names)
 
 
 def _system(made: Block, model: Model, names: Names) -> ct.NonlinearIOSystem:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import flag, one_name, positive, renamed, shown, within
-from .block import REGISTRY, Block, Group, P
+from .block import REGISTRY, Block, Group, P, defaults
 from .controllers import MEASURED, check_kind
 from .declaration import block
 from .factories import Names, believed, built, factory
@@ -306,12 +306,6 @@ def backstepping_smc(
 
 HARMONICS = 9
 MOST = 100_000  # samples in a period
-PARAMETERS = {
-    "J": J,
-    "K": P(0.1, "N m s/rad", 0.0),
-    "gamma": P(2.0, "N m/rad", 0.0),
-    "period": P(1.0, "s", 1e-9),
-}
 
 
 @dataclass(frozen=True)
@@ -323,7 +317,14 @@ class Harmonics:
     n: int
 
     def __call__(
-        self, s: Any, ar: Any, *states: Any, J: Any, K: Any, gamma: Any, period: Any
+        self,
+        s: Any,
+        ar: Any,
+        *states: Any,
+        J: Any = J,
+        K: Any = P(0.1, "N m s/rad", 0.0),
+        gamma: Any = P(2.0, "N m/rad", 0.0),
+        period: Any = P(1.0, "s", 1e-9),
     ) -> tuple[Any, ...]:
         x, y = states[: self.n + 1], states[self.n + 1 :]
         om = 2.0 * np.pi / period
@@ -339,17 +340,9 @@ class Harmonics:
         counted = range(1, self.n + 1)
         states = ("x0", *(f"x{j}" for j in counted), *(f"y{j}" for j in counted))
         return Block(
-            name="repetitive_control",
-            kind="controller",
-            function=self,
-            inputs=("s", "ar"),
-            outputs=("u",),
-            states=states,
-            parameters=PARAMETERS,
-            start=("0",) * len(states),
-            home=__name__,
-            source=f"{DERIVED} {CHEN}",
-        )
+            "repetitive_control", "controller", self, ("s", "ar"), ("u",), states, defaults(self),
+            home=__name__, source=f"{DERIVED} {CHEN}",
+        )  # fmt: skip
 
 
 REGISTRY["controller", "repetitive_control"] = Harmonics(HARMONICS).block()
@@ -497,27 +490,22 @@ def repetitive_memory(
     """
     from ..core.block_system import BlockSystem
 
-    J = as_model(p, "p").J
-    if J is None:
-        raise InputError("repetitive_memory needs J, which p does not give; give it a value.")
-    dt, period = positive(dt, "dt, the sample time,", "seconds"), positive(period, "period", "s")
-    limit = positive(limit, "limit", "N m")
-    values, name = {"J": J, "K": K, "gamma": gamma}, one_name(names.get("name"))
-    for key, value in values.items():
+    values, name = {"J": as_model(p, "p").J, "K": K, "gamma": gamma}, one_name(names.get("name"))
+    for key, value in (values | {"limit": limit}).items():
         within(value, f"{name}.{key}", _memory.parameters[key])
+    dt, period = positive(dt, "dt, the sample time,", "seconds"), positive(period, "period", "s")
     if period > MOST * dt:
         raise InputError(
             f"period = {period:g} s is {period / dt:.3g} samples of {dt:g} s, more than {MOST}."
         )
-    count = max(2, round(period / dt))
     made = _Memory(name, float(limit), flag(smooth, "smooth"), updates=False)
     return BlockSystem(
         replace(made, updates=True),
         made,
         inputs=renamed(name, "inputs", ("s", "ar"), names.get("inputs")),
         outputs=renamed(name, "outputs", ("u",), names.get("outputs")),
-        states=[f"v{j}" for j in range(count + 1)],
-        params={f"{name}.{k}": float(v) for k, v in values.items()},
+        states=[f"v{j}" for j in range(max(2, round(period / dt)) + 1)],
+        params={f"{name}.{k}": float(v) for k, v in values.items() if v is not None},
         name=name,
         dt=float(dt),
     )
