@@ -13,10 +13,8 @@ __version__ = "0.1.0"
 _HOMES = {
     "commissioning": "frequency_response response_plan tune",
     "blocks.block": "P",
-    "blocks.declaration": "block",
-    "blocks.extending": "load_blocks",
+    "blocks.declaration": "block load_blocks",
     "blocks.controllers": "compensation error feedforward pi pid prefilter",
-    "blocks.dead_time_control": "coulomb_compensation coulomb_predictor smith_velocity",
     "blocks.drive": "current_lag dead_time limiter notch proportional",
     "blocks.factories": "effect friction",
     "blocks.observers": "adaptive_observer disturbance_observer existing_observer "
@@ -24,8 +22,9 @@ _HOMES = {
     "general_coulomb_observer lyapunov_observer natural_observer normal_force_observer "
     "position_coulomb_observer position_lugre_observer proposed_observer temperature_observer",
     "blocks.plant": "plant sensor",
-    "blocks.sliding_control": "adaptive_slotine_li backstepping_smc dual_observer_control "
-    "repetitive_control repetitive_memory sliding_error slotine_li",
+    "blocks.sliding_control": "adaptive_slotine_li backstepping_smc coulomb_compensation "
+    "coulomb_predictor dual_observer_control repetitive_control repetitive_memory sliding_error "
+    "slotine_li smith_velocity",
     "blocks.table": "tabulated",
     "simulation.bristle_deflection": "deflection",
     "loops.cascade": "cascade_loop",
@@ -83,10 +82,8 @@ if TYPE_CHECKING:
     from .blocks.block import P
     from .blocks.catalogue import controllers, effects, laws, observers
     from .blocks.controllers import compensation, error, feedforward, pi, pid, prefilter
-    from .blocks.dead_time_control import coulomb_compensation, coulomb_predictor, smith_velocity
-    from .blocks.declaration import block
+    from .blocks.declaration import block, load_blocks
     from .blocks.drive import current_lag, dead_time, limiter, notch, proportional
-    from .blocks.extending import load_blocks
     from .blocks.factories import effect, friction
     from .blocks.model import Model, Parameters, read_model, table1, write_model
     from .blocks.observers import (
@@ -109,11 +106,14 @@ if TYPE_CHECKING:
     from .blocks.sliding_control import (
         adaptive_slotine_li,
         backstepping_smc,
+        coulomb_compensation,
+        coulomb_predictor,
         dual_observer_control,
         repetitive_control,
         repetitive_memory,
         sliding_error,
         slotine_li,
+        smith_velocity,
     )
     from .blocks.table import tabulated
     from .commissioning import frequency_response, response_plan, tune

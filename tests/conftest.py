@@ -15,7 +15,7 @@ import matplotlib  # noqa: E402
 import pytest  # noqa: E402
 from hypothesis import settings  # noqa: E402
 
-from lugrectl.blocks import extending  # noqa: E402
+from lugrectl.blocks import declaration  # noqa: E402
 from lugrectl.blocks.block import REGISTRY, registered  # noqa: E402
 from lugrectl.engine.runtime.backend import has_compiler
 
@@ -86,12 +86,12 @@ def no_figure_stays() -> Iterator[None]:
 @pytest.fixture(autouse=True)
 def no_block_stays() -> Iterator[None]:
     """The blocks that a test declares go with it, and the files that it loads."""
-    before, loaded = set(registered()), dict(extending.LOADED)
+    before, loaded = set(registered()), dict(declaration.LOADED)
     yield
     for key in set(REGISTRY) - before:
         del REGISTRY[key]
-    extending.LOADED.clear()
-    extending.LOADED.update(loaded)
+    declaration.LOADED.clear()
+    declaration.LOADED.update(loaded)
 
 
 def there(backend: str | None) -> str | None:

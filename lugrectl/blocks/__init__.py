@@ -13,7 +13,6 @@ DECLARING = (
     "controllers",
     "drive",
     "sliding_control",
-    "dead_time_control",
 )
 
 

@@ -11,17 +11,6 @@ from ..core.option_names import option
 from ..core.validation import nearest, shown
 from .block import Block, is_ours, members
 
-VARIANTS = (  # kinds of another controller, which its function builds
-    "prefilter_dr",
-    "prefilter_ddr",
-    "prefilter_motion",
-    "pi_limited",
-    "pi_tracked",
-    "pid_limited",
-    "pid_tracked",
-    "compensation_scaled",
-    "sliding_error_velocity",
-)
 # Only names with one meaning: "dead band" may be a backlash or a dead zone, so it is not here.
 _COMMON = {
     "constant_torque": "torque_offset offset_torque",
@@ -58,15 +47,10 @@ def name_of(kind: str, given: Any) -> Any:
             )
         return given.name
     if hasattr(given, "ninputs") and hasattr(given, "noutputs"):
-        if not hasattr(getattr(given, "outfcn", None), "block"):  # not made of a declared one
-            raise InputError(
-                f"{given.name} is a python-control system: write its equations as a function "
-                f'below @lg.block("{kind}", ...), and give that {_word(kind)} or its name; or wire '
-                "the system to other blocks with lg.simulate([...], t)."
-            )
         raise InputError(
-            f"{given.name} is a system with values of its own: give the name of the {_word(kind)} "
-            "in its place, and the values beside it."
+            f"{given.name} is a python-control system: give the name of the {_word(kind)} in its "
+            "place and the values beside it, or write its equations as a function below "
+            f'@lg.block("{kind}", ...); or wire the system by lg.simulate([...], t).'
         )
     factory = callable(given) and is_ours(getattr(given, "__module__", None) or "")
     return given.__name__ if factory and given.__name__ in members(kind) else given
@@ -84,36 +68,32 @@ def listed(kind: str, given: Any) -> Any:
 
 
 def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Block:
-    """The registered block that a name means; an effect may be called by a common name.
+    """The registered block that a name means; an effect may be called by a common name, an
+    observer without ``_observer``.
 
     A registered name goes first, so a user's own effect ``cogging`` is not ``torque_ripple``. The
     sentence of the error starts with ``where`` and calls the kind ``what``.
     """
     known, name = members(kind), name_of(kind, name)
-    if isinstance(name, str) and name in known:
-        return known[name]
-    common = COMMON if kind == "effect" else {}
-    spelt = {_spelling(k): k for k in known}
-    typed = _spelling(name)
-    meant = spelt.get(typed) or common.get(typed)
-    if meant in known:
-        return known[meant]
-    near = nearest(typed, [*spelt, *common])
-    if near is None:
-        hint = f"known: {', '.join(known)}; one"
-    else:
-        close = f"'{spelt[near]}'" if near in spelt else f"'{near}' ({common[near]})"
-        hint = f"did you mean {close}? One"
-    hint += f" of your own: {option('blocks', 'FILE.py')}."
+    names = COMMON | {_spelling(k): k for k in known} if kind == "effect" else {}
+    names = names or {_spelling(k.removesuffix(f"_{kind}")): k for k in known}
+    typed = _spelling(name).removesuffix(f"_{kind}")
+    found = name if isinstance(name, str) and name in known else names.get(typed)
+    if found in known:
+        return known[found]
+    hint = meant(typed, names, ", ".join(known if kind == "effect" else names))
     start = f"{where}: " if where else ""
-    raise InputError(f"{start}there is no {what or kind} named {shown(name)}; {hint}")
+    raise InputError(
+        f"{start}there is no {what or _word(kind)} named {shown(name)}; {hint} One of your own: "
+        f"{option('blocks', 'FILE.py')}."
+    )
 
 
-def meant(name: Any, known: Iterable[str]) -> str:
+def meant(name: Any, known: Iterable[str], all_of: str = "") -> str:
     """What a sentence says of a mistyped name: the nearest known one, or all."""
     spelt = {_spelling(k): k for k in known}
     near = nearest(_spelling(name), spelt)
-    all_of = ", ".join(spelt.values()) or "none"
+    all_of = all_of or ", ".join(spelt.values()) or "none"
     return f"did you mean '{spelt[near]}'?" if near else f"known: {all_of}."
 
 

@@ -9,7 +9,7 @@ import textwrap
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar
 
 from ..core.errors import InputError
 from ..core.result import NamedRows, library, plain
@@ -17,7 +17,7 @@ from ..core.validation import shown
 from . import DECLARING
 from . import effects as _effects  # noqa: F401  fills the registry
 from . import friction as _friction  # noqa: F401
-from .aliases import VARIANTS, also_called, block_named, name_of
+from .aliases import also_called, block_named, name_of
 from .block import Block, P, members
 
 Listing = TypeVar("Listing", bound=Callable[..., "Catalogue"])
@@ -141,13 +141,7 @@ class Catalogue(NamedRows[Entry]):
         self.kind = kind
         self._rows = tuple(entries)
 
-    @overload
-    def __getitem__(self, index: int | str | Block) -> Entry: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Catalogue: ...
-
-    def __getitem__(self, index: int | str | Block | slice) -> Entry | Catalogue:
+    def __getitem__(self, index: Any) -> Any:
         """An entry by place or name, or a part of the list.
 
         An effect may be called by a common name, an observer without ``_observer``; the block
@@ -162,15 +156,14 @@ class Catalogue(NamedRows[Entry]):
         """
         if isinstance(index, slice):
             return Catalogue(self.kind, self._rows[index])
-        which: Any = name_of(self.kind, index)
+        which = name_of(self.kind, index)
         if not isinstance(which, str):
             return self._rows[which]
-        own = {entry.name: entry for entry in self._rows}
-        whole = which if which in own else f"{which}_{self.kind}"
-        name = whole if whole in own else block_named(self.kind, which).name
-        if name not in own:
-            raise InputError(f"this list has no {self.kind} named {which!r}.")
-        return own[name]
+        name = block_named(self.kind, which).name
+        for entry in self._rows:
+            if entry.name == name:
+                return entry
+        raise InputError(f"this list has no {self.kind} named {which!r}.")
 
     def __contains__(self, item: object) -> bool:
         return super().__contains__(item.name if isinstance(item, Block) else item)
@@ -310,13 +303,12 @@ def _listed(kind: str, about: str) -> Catalogue:
     """The blocks in the order of the package's modules, whatever was imported first."""
     if not isinstance(about, str):
         raise InputError(f"about = {shown(about)} must be words, such as an author's name.")
-    own = [made for name, made in members(kind).items() if name not in VARIANTS]
 
     def place(made: Block) -> int:
         module = made.home.removeprefix(f"{__package__}.").split(".")[0]
         return DECLARING.index(module) if module in DECLARING else len(DECLARING)
 
-    rows = [Entry.of(made) for made in sorted(own, key=place)]
+    rows = [Entry.of(made) for made in sorted(members(kind).values(), key=place)]
     found = [row for row in rows if row.has(_bare(about).split())]
     if not found:
         plain = "law" if kind == "friction" else kind

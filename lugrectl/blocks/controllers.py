@@ -6,13 +6,14 @@ e is measured - reference, so a controller acts on -e. All outputs named ``u`` a
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from ..core.errors import InputError
 from ..core.validation import number
-from .block import P
+from .block import Block, P
 from .declaration import block
 from .factories import Names, factory, reading
 from .friction import PAPER, J
@@ -42,12 +43,6 @@ def held_back(dq: Any, excess: Any, ki: Any, tracking: Any) -> Any:
     """dq/dt = dq + excess/(ki T): back-calculation, ki q changes by the excess in the time T."""
     none = ki == 0.0
     return dq + np.where(none, 0.0, excess / np.where(none, 1.0, ki * tracking))
-
-
-def limited(u: Any, dq: Any, limit: Any, ki: Any, tracking: Any) -> tuple[Any, Any]:
-    """The torque within its limit, and the rate of an integral that the limit holds back."""
-    inside = np.clip(u, -limit, limit)
-    return inside, held_back(dq, inside - u, ki, tracking)
 
 
 def lag(r_cmd: Any, r: Any, pole: Any) -> Any:
@@ -81,31 +76,28 @@ def _pid(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU):
     return u - kd * w, dq
 
 
-@block("controller", name="pi_limited", out="u", states="q")
-def _pi_limited(e, q, kp=KP, ki=KI, limit=LIMIT, tracking=TRACKING):
-    """u = clip(v, -limit, limit), v = kp (-e) + ki q, dq/dt = -e + (u - v)/(ki T)."""
-    return limited(*action(e, q, kp, ki, 0.0), limit, ki, tracking)
+@dataclass(frozen=True)
+class _Held:
+    """A controller whose integral a limit holds back: its own, or one elsewhere in the loop, whose
+    excess it reads."""
 
+    free: Block
+    own: bool
 
-@block("controller", name="pi_tracked", out="u", states="q")
-def _pi_tracked(e, excess, q, kp=KP, ki=KI, tracking=TRACKING):
-    """u = kp (-e) + ki q, dq/dt = -e + excess/(ki T)."""
-    u, dq = action(e, q, kp, ki, 0.0)
-    return u, held_back(dq, excess, ki, tracking)
+    def __call__(self, *given: Any, tracking: Any, limit: Any = np.inf, **gains: Any) -> Any:
+        *signals, q = given
+        u, dq = self.free(*signals[: len(self.free.inputs)], q, **gains)
+        inside, excess = u, signals[-1]
+        if self.own:
+            inside = np.clip(u, -limit, limit)
+            excess = inside - u
+        return inside, held_back(dq, excess, gains["ki"], tracking)
 
-
-@block("controller", name="pid_limited", out="u", states="q")
-def _pid_limited(e, w, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU, limit=LIMIT, tracking=TRACKING):
-    """u = clip(v, -limit, limit), v = kp (-e) + ki q - kd w, dq/dt + (u - v)/(ki T)."""
-    u, dq = action(e, q, kp, ki, tau)
-    return limited(u - kd * w, dq, limit, ki, tracking)
-
-
-@block("controller", name="pid_tracked", out="u", states="q")
-def _pid_tracked(e, w, excess, q, kp=KP_ANGLE, ki=KI_ANGLE, kd=KD, tau=TAU, tracking=TRACKING):
-    """u = kp (-e) + ki q - kd w, dq/dt + excess/(ki T)."""
-    u, dq = action(e, q, kp, ki, tau)
-    return u - kd * w, held_back(dq, excess, ki, tracking)
+    def block(self) -> Block:
+        free, more = self.free, {"limit": LIMIT} if self.own else {}
+        inputs = (*free.inputs, *(() if self.own else ("excess",)))
+        more = {**free.parameters, **more, "tracking": TRACKING}
+        return replace(free, function=self, inputs=inputs, parameters=more)
 
 
 @block("controller", name="compensation", out="u", source=f"{PAPER}, section 2")
@@ -114,7 +106,7 @@ def _compensation(Fhat):
     return Fhat
 
 
-@block("controller", name="compensation_scaled", out="u")
+@block("variant", name="compensation_scaled", out="u")
 def _compensation_scaled(Fhat, scale=P(1.0, "1", 0)):
     """u = scale Fhat."""
     return scale * Fhat
@@ -132,20 +124,20 @@ def _prefilter(r_cmd, r, pole=POLE):
     return lag(r_cmd, r, pole)
 
 
-@block("controller", name="prefilter_dr", out="r dr", states="r")
+@block("variant", name="prefilter_dr", out="r dr", states="r")
 def _prefilter_dr(r_cmd, r, pole=POLE):
     """dr/dt = pole (r_cmd - r); dr/dt is also an output."""
     dr = lag(r_cmd, r, pole)
     return dr, dr
 
 
-@block("controller", name="prefilter_ddr", out="r ddr", states="r ddr")
+@block("variant", name="prefilter_ddr", out="r ddr", states="r ddr")
 def _prefilter_ddr(r_cmd, ddr_cmd, r, ddr, pole=POLE):
     """dr/dt = pole (r_cmd - r), and the reference's second derivative through the same filter."""
     return lag(r_cmd, r, pole), lag(ddr_cmd, ddr, pole)
 
 
-@block("controller", name="prefilter_motion", out="r dr ddr", states="r")
+@block("variant", name="prefilter_motion", out="r dr ddr", states="r")
 def _prefilter_motion(r_cmd, dr_cmd, r, pole=POLE):
     """dr/dt = pole (r_cmd - r), and both derivatives of r from that of r_cmd."""
     dr = lag(r_cmd, r, pole)
@@ -168,16 +160,15 @@ def _built(
     of: str, gains: dict[str, Any], limit: float | None, tracking: float | None, names: Names
 ) -> ct.NonlinearIOSystem:
     """A controller without a limit, with its own, or with one elsewhere in the loop."""
-    free, limited, tracked = _FORMS[of]
+    free = {"pi": _pi, "pid": _pid}[of]
     if limit is None and tracking is None:
         return free.system(**names, **gains)
     time = tracking_time(gains["kp"], gains["ki"], tracking, of)
-    if limit is None:
-        return tracked.system(**names, **gains, tracking=time)
-    return limited.system(**names, **gains, tracking=time, limit=limit)
+    made = _Held(free, own=limit is not None).block()
+    own = {} if limit is None else {"limit": limit}
+    return made.system(**names, **gains, tracking=time, **own)
 
 
-_FORMS = {"pi": (_pi, _pi_limited, _pi_tracked), "pid": (_pid, _pid_limited, _pid_tracked)}
 _PREFILTERS = {
     None: _prefilter,
     "velocity": _prefilter_dr,

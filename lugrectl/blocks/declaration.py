@@ -1,22 +1,31 @@
-"""What a declaration of a block must say, checked where it is declared."""
+"""Blocks are declared, in code or in a file of the user's own, and checked where they are."""
 
 from __future__ import annotations
 
+import contextlib
+import copyreg
+import importlib
 import inspect
 import itertools
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, is_dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+from traceback import extract_tb
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.validation import names, shown
+from ..core.pickling import carried, from_fields, rebuilt
+from ..core.validation import as_path, like_it, names, shown
 from .aliases import meant
 from .block import REGISTRY, Block, Group, P, is_ours, registered
 
-KINDS = ("friction", "plant", "observer", "controller", "effect")
+KINDS = ("friction", "plant", "observer", "controller", "effect", "variant")
 SEEN = ("t", "theta", "w", "u", "d", "load")  # signals of a drive that an effect may read
 ACTS = ("torque", "input", "sensor")
 SENSED = ("w_m", "theta_m")
@@ -332,3 +341,163 @@ def _entered(made: Block) -> Block:
         object.__setattr__(made, key, value)
     REGISTRY[made.kind, made.name] = made
     return made
+
+
+# --- in a file of the user's own ----
+
+
+LOADED: dict[Path, tuple[str, str]] = {}  # file: (name of its module, SHA-256 of its text)
+
+
+def load_blocks(path: str | Path) -> list[str]:
+    """Declare the blocks of a Python file: effects, friction laws, observers, controllers.
+
+    The file is run like a script in its own folder. A file that was loaded before is run again
+    only if its text has changed, and then replaces its blocks.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file with one or more ``@lugrectl.block``.
+
+    Returns
+    -------
+    list of str
+        The names of the blocks that it declares.
+
+    Raises
+    ------
+    InputError
+        When the file is missing, fails or declares nothing; the sentence names file and line. No
+        block of it is declared then.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> file = Path("mine.py")
+    >>> lines = [
+    ...     "import lugrectl as lg",
+    ...     "@lg.block('effect', out='d', acts='torque')",
+    ...     "def stiff(theta, k=lg.P(0.0, 'N m/rad3', neutral=0.0)):",
+    ...     "    return k * theta**3",
+    ... ]
+    >>> size = file.write_text(chr(10).join(lines))
+    >>> lg.load_blocks(file)
+    ['stiff']
+    """
+    file, text = _read(path)
+    stem = "".join(c if c.isalnum() else "_" for c in file.stem)
+    # a name that no other file has; without a dot, so that what it holds pickles
+    name = f"blocks_{stem}_{sha256(str(file).encode('utf-8', 'replace')).hexdigest()[:8]}"
+    digest = sha256(text).hexdigest()
+    if LOADED.get(file) != (name, digest):
+        _run(file, text, name)
+        LOADED[file] = name, digest
+    return _declared_by(name)
+
+
+def load_named(given: Any, folder: str | Path, where: str) -> tuple[str, ...]:
+    """The files that ``blocks`` of a model names, loaded; InputError starts with ``where``."""
+    given = [given] if isinstance(given, str) else given
+    if not isinstance(given, (list, tuple)) or not all(isinstance(one, str) for one in given):
+        raise InputError(f'{where}: blocks must be a list of files, such as ["mine.py"].')
+    files = [Path(folder, one) for one in given]
+    for file in files:
+        try:
+            load_blocks(file)
+        except InputError as error:
+            raise InputError(f"{where}: blocks: {error}") from error
+    return tuple(str(file.resolve()) for file in files)
+
+
+def files_of_blocks(homes: Iterable[str] | None = None) -> list[str]:
+    """The files that were loaded by their path: all, or those among the homes of blocks."""
+    by_name = {name: str(file) for file, (name, _) in LOADED.items()}
+    return [*dict.fromkeys(by_name[home] for home in homes or by_name if home in by_name)]
+
+
+def _read(path: str | Path) -> tuple[Path, bytes]:
+    path = as_path(path, "a file of blocks")
+    try:
+        return path.resolve(), path.read_bytes()
+    except OSError as error:
+        why = error.strerror or error
+        raise InputError(
+            f"{path}: {why}{like_it(path)}; name a file of blocks, such as mine.py."
+        ) from None
+
+
+def _run(file: Path, text: bytes, name: str) -> None:
+    """Run a file as a module of that name; one that fails leaves nothing behind."""
+    module = ModuleType(name)
+    module.__file__ = str(file)
+    before, known, folder = dict(registered()), sys.modules.get(name), str(file.parent)
+    sys.modules[name] = module  # as for an import: dataclasses and pickles look there
+    sys.path.insert(0, folder)  # modules beside it can be imported, as from a script
+    try:
+        exec(compile(text, str(file), "exec", dont_inherit=True), module.__dict__)
+        if not _declared_by(name):
+            raise InputError("no block is declared: write @lugrectl.block above each function.")
+    except BaseException as error:  # SystemExit of a script as well
+        REGISTRY.clear()
+        REGISTRY.update(before)
+        sys.modules.pop(name, None)
+        sys.modules.update({} if known is None else {name: known})
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        raise InputError(_sentence(file, error)) from error
+    finally:
+        with contextlib.suppress(ValueError):
+            sys.path.remove(folder)
+
+
+def _sentence(file: Path, error: BaseException) -> str:
+    """File, line and what went wrong there."""
+    lines = [f.lineno for f in extract_tb(error.__traceback__) if f.filename == str(file)]
+    what = " ".join(f"{error}".split()) or "no message"
+    if isinstance(error, SyntaxError):
+        lines += [error.lineno] if error.filename == str(file) else []
+        what = error.msg
+    where = f"{file}, line {lines[-1]}" if lines else str(file)
+    own = isinstance(error, InputError)
+    return f"{where}: {what}" if own else f"{where}: {type(error).__name__}: {what}."
+
+
+def _declared_by(name: str) -> list[str]:
+    return [made.name for made in registered().values() if made.home == name]
+
+
+def declared(kind: str, name: str, where: str) -> Block:
+    """A registered block; ``where`` its module is to be found, a name or the path of a file."""
+    if (kind, name) not in registered() and where not in ("__main__", "__mp_main__", ""):
+        with contextlib.suppress(ImportError):
+            if where.endswith(".py"):
+                load_blocks(where)
+            else:
+                importlib.import_module(where)
+    if (kind, name) not in REGISTRY:
+        home = "the notebook cell or script" if where == "__main__" else f"the module {where}"
+        raise InputError(
+            f"the {kind} '{name}' is not declared in this session: run {home} that declares it "
+            "with @block, then load again; for worker processes, use jobs=1."
+        )
+    return REGISTRY[kind, name]
+
+
+def _reduced(made: Block) -> Any:
+    """A registered block pickles by kind and name, a composed one by its parts."""
+    known = REGISTRY.get((made.kind, made.name))
+    if known is made:
+        where = next(iter(files_of_blocks([made.home])), made.home)
+        return declared, (made.kind, made.name, where)
+    build = getattr(made.function, "block", None)
+    if build is not None and is_dataclass(made.function) and build() == made:
+        return rebuilt, (made.function,)
+    cure = "" if known is None else "it was declared again since: build what holds it again"
+    own = {f.name: getattr(made, f.name) for f in fields(made)}
+    for what, value in own.items():
+        carried(f"the {what} of the block {made.name}", value, cure)
+    return from_fields, (type(made), own)
+
+
+copyreg.pickle(Block, _reduced)

@@ -25,6 +25,11 @@ input_effect = partial(block, "effect", out="u", acts="input")
 sensor_effect = partial(block, "effect", out="w_m theta_m", acts="sensor")
 PHASE: Any = P(0.0, "rad", -np.pi, np.pi, span=(0.0, np.pi / 2), angle=True)
 AMPLITUDE: Any = P(0.0, "N m", 0.0, neutral=0.0)
+HARMONIC: Any = P(2.0, "1/rev", 1e-3, 1e9, whole=True)
+ONCE: Any = replace(HARMONIC, value=1.0)
+SHARE: Any = P(0.0, "1", 0.0, 0.95, neutral=0.0)
+RATIO: Any = P(0.0, "1", -0.95, 20.0, neutral=0.0)
+START = P(0.0, "s")
 
 
 @torque_effect(
@@ -61,9 +66,7 @@ def gravity(theta, amplitude=AMPLITUDE, phase=PHASE):
     "encoder_eccentricity",
     experiment="record slow moves over several periods, at two speeds and in both directions",
 )
-def torque_ripple(
-    theta, amplitude=AMPLITUDE, harmonic=P(2.0, "1/rev", 1e-3, 1e9, whole=True), phase=PHASE
-):
+def torque_ripple(theta, amplitude=AMPLITUDE, harmonic=HARMONIC, phase=PHASE):
     """r_e = A sin(N theta + phi).
 
     N >= 2 on rotary drives (N = 1 is gravity); on linear drives N = 2 pi / period in rad/m. In a
@@ -126,21 +129,13 @@ def periodic_disturbance(
     return amplitude * np.sin(2 * np.pi * frequency * t + phase)
 
 
-RATIO: Any = P(0.0, "1", -0.95, 20.0, neutral=0.0)
-
-
 @level_effect(
     acts="Fc Fs",
     confused="torque_ripple gravity coulomb_asymmetry load_dependent_friction",
     experiment="record the same slow path forwards and backwards: half the difference of the two "
     "torques is friction, half their sum is not",
 )
-def position_dependent_friction(
-    theta,
-    ratio=P(0.0, "1", 0.0, 0.95, neutral=0.0),
-    harmonic=P(1.0, "1/rev", 1e-3, 1e9, whole=True),
-    phase=PHASE,
-):
+def position_dependent_friction(theta, ratio=SHARE, harmonic=ONCE, phase=PHASE):
     """G = 1 + a sin(N theta + phi).
 
     N >= 1 on rotary drives; on linear drives N = 2 pi / period in rad/m. In a log: a spectral
@@ -216,7 +211,7 @@ def load_dependent_friction(load, coefficient=P(0.0, "1", 0.0, 20.0, neutral=0.0
     confused="thermal_drift inertia_step",
     experiment="repeat the run, check whether the change recurs, and log the temperature",
 )
-def friction_step(t, ratio=RATIO, time=P(0.0, "s")):
+def friction_step(t, ratio=RATIO, time=START):
     """G = 1 + a from t0.
 
     In a log: the residual torque times sign(w) jumps at one time. A drift that is faster than
@@ -456,13 +451,7 @@ def actuator_dead_zone(u, half_width: Any = P(0.0, "N m", 0.0, neutral=0.0)):
     confused="torque_ripple position_dependent_friction",
     experiment="repeat the same slow path under two loads: this ripple grows with the torque",
 )
-def torque_constant_ripple(
-    u,
-    theta,
-    ratio=P(0.0, "1", 0.0, 0.95, neutral=0.0),
-    harmonic=P(2.0, "1/rev", 1e-3, 1e9, whole=True),
-    phase=PHASE,
-):
+def torque_constant_ripple(u, theta, ratio=SHARE, harmonic=HARMONIC, phase=PHASE):
     """u' = u (1 + a sin(N theta + phi)).
 
     N >= 1 on rotary drives; on linear drives N = 2 pi / period in rad/m. In a log: a spectral
@@ -484,7 +473,7 @@ DAMPING: Any = P(0.01, "N m s/rad", 0.0)
     confused="friction_step pose_dependent_inertia",
     experiment="accelerate and brake along the same path before and after the change",
 )
-def inertia_step(t, ratio=RATIO, time=P(0.0, "s")):
+def inertia_step(t, ratio=RATIO, time=START):
     """J (1 + a) from t0.
 
     A payload picked up or put down at the speed of the drive. In a log: from one time on the
@@ -502,12 +491,7 @@ def inertia_step(t, ratio=RATIO, time=P(0.0, "s")):
     experiment="run through the same positions at two accelerations and at a constant high speed",
 )
 def pose_dependent_inertia(
-    theta,
-    w,
-    ratio=P(0.0, "1", 0.0, 0.9, neutral=0.0),
-    harmonic=P(1.0, "1/rev", 1e-3, 1e9, whole=True),
-    phase=PHASE,
-    J=SHARED_J,
+    theta, w, ratio=P(0.0, "1", 0.0, 0.9, neutral=0.0), harmonic=ONCE, phase=PHASE, J=SHARED_J
 ):
     """J(theta) = J (1 + a cos(N theta + phi)), r_e = (1/2) dJ/dtheta w^2.
 

@@ -21,8 +21,8 @@ from ..core.writing import write_whole
 from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
+from .declaration import files_of_blocks, load_named
 from .declared_values import Stated, check_keys, declared, holding, refuse_crossed
-from .extending import files_of_blocks, load_named
 from .friction import J as J_DECLARATION
 from .friction import formed, usual_values, written_form
 

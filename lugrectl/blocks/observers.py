@@ -15,10 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core.errors import InputError
-from ..core.validation import shown
-from .aliases import meant, name_of
-from .block import Block, Group, P, members
+from .aliases import block_named
+from .block import Block, Group, P
 from .declaration import block
 from .factories import believed, built
 from .friction import FV, LAW, LUGRE, PAPER, SMOOTH, Bristles, J, bristle_torque, coulomb
@@ -785,14 +783,7 @@ def position_lugre_observer(
 
 def observer_block(name: str) -> Block:
     """The registered observer of a name; ``_observer`` at its end may be left out."""
-    known, name = members("observer"), name_of("observer", name)
-    for key in (name, f"{name}_observer") if isinstance(name, str) else ():
-        if key in known:
-            return known[key]
-    short = [key.removesuffix("_observer") for key in known if key != "no_observer"]
-    hint = meant(str(name).removesuffix("_observer"), short)
-    hint = hint if hint.endswith("?") else f"{hint[:-1]}, and None for no observer."
-    raise InputError(f"unknown observer {shown(name)}; {hint}")
+    return block_named("observer", name)
 
 
 def observer(kind: str, p: Parameters | Model, **given: Any) -> ct.NonlinearIOSystem:

@@ -93,7 +93,7 @@ def demo(a: Namespace) -> int:
 
 def _fitted(work: Any, a: Namespace) -> int:
     """Fit, print and write; a record that cannot answer gives the verdict "refused"."""
-    from ..blocks.extending import files_of_blocks
+    from ..blocks.declaration import files_of_blocks
     from ..diagnosis.notes import refusal
     from ..report import FILES, check_folder
 

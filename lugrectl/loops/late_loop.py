@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ..blocks import controllers
-from ..blocks.dead_time_control import (
+from ..blocks.drive import dead_time
+from ..blocks.factories import friction
+from ..blocks.model import Model, Parameters, as_model
+from ..blocks.observers import friedland_park_observer
+from ..blocks.plant import plant
+from ..blocks.sliding_control import (
     MORGUL,
     RUDERMAN,
     coulomb_compensation,
     coulomb_predictor,
     smith_velocity,
 )
-from ..blocks.drive import dead_time
-from ..blocks.factories import friction
-from ..blocks.model import Model, Parameters, as_model
-from ..blocks.observers import friedland_park_observer
-from ..blocks.plant import plant
 from ..core.errors import InputError
 from ..core.validation import shown
 from .parts import connected

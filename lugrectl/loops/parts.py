@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks import controllers
-from ..blocks.aliases import VARIANTS, meant, name_of
+from ..blocks.aliases import meant, name_of
 from ..blocks.block import Block, members
 from ..blocks.drive import limiter
 from ..blocks.model import Model, as_model
@@ -176,7 +176,7 @@ def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any
 
 def controller_block(name: Any) -> Block:
     """The registered controller of a name, one that puts out u from what a loop offers."""
-    known = {k: b for k, b in members("controller").items() if k not in VARIANTS}
+    known = members("controller")
     name = name_of("controller", name)
     made = known.get(name) if isinstance(name, str) else None
     if made is None:

@@ -117,7 +117,7 @@ def test_default_reference_stays_inside_the_record():
         ({"bandwidth": -1.0}, "bandwidth"),
         ({"reference": ([0.0, 1.0], [0.0])}, "reference"),
         ({"reference": ([0.0, 2.0, 1.0], [0.0, 0.0, 0.0])}, "increase"),
-        ({"observer": "strange"}, "unknown observer"),
+        ({"observer": "strange"}, "no observer named"),
         ({"covariance": np.eye(2)}, "covariance must be that of a diagnosis"),
         ({"draws": 0}, "draws must be a whole number"),
     ],

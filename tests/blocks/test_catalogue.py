@@ -204,7 +204,7 @@ def test_a_users_block_goes_before_a_common_name(own):
     ("name", "words"),
     [
         ("backlsh", "did you mean 'backlash'?"),
-        ("coging", "did you mean 'cogging' (torque_ripple)?"),
+        ("coging", "did you mean 'cogging'?"),
         ("zzz", "known: constant_torque, gravity"),
         (None, "known: constant_torque"),
     ],

@@ -219,7 +219,7 @@ BROKEN = {
     ),
     "inside": ("def f():\n    return 1 / 0\n\n\nf()\n", "line 2: ZeroDivisionError"),
     "exit": ("import sys\nsys.exit(7)\n", "line 2: SystemExit: 7"),
-    "nothing": ("a = 3\n", "declares no block"),
+    "nothing": ("a = 3\n", "no block is declared"),
     "NUL": ("a = 3\0\n", "mine.py"),
     "latin-1": ("a = 'Prüfstand'\n".encode("latin-1"), "mine.py"),
     "name taken": (MINE.replace("cubic_of_file", "gravity"), "'gravity' exists"),

@@ -97,7 +97,7 @@ WRONG = [
     (lambda: lg.sampled(lg.pi(), 1e-3, held=3), "held must be"),
     (lambda: lg.block("observer", out=3), "out must be a name or a list of names"),
     (lambda: lg.block("effect", out="d")(3), "declared of a function"),
-    (lambda: lg.velocity_loop(P, "x"), "unknown observer 'x'"),
+    (lambda: lg.velocity_loop(P, "x"), "no observer named 'x'"),
     (lambda: lg.velocity_loop(P, "natural", K1=10, k=3), "K1 = 10: the observer 'natural'"),
     (lambda: lg.velocity_loop(P, k=3), "k = 3: without an observer"),
     (lambda: lg.velocity_loop(P, "proposed", K1=None, K2=None), "K1 = None is no gain"),
