@@ -81,7 +81,7 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     found = name if isinstance(name, str) and name in known else names.get(typed)
     if found in known:
         return known[found]
-    hint = meant(typed, names, ", ".join(known if kind == "effect" else names))
+    hint = meant(typed, names, ", ".join(known))
     start = f"{where}: " if where else ""
     raise InputError(
         f"{start}there is no {what or _word(kind)} named {shown(name)}; {hint} One of your own: "

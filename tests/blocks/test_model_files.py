@@ -24,30 +24,19 @@ WRONG = [
     (HEAD + '[[effects]]\nname = ["gravity"]\n', "no effect named ['gravity']"),
     (HEAD + "[[effects]]\namplitude = 1.0\n", "[[effects]] needs a name"),
     (HEAD + '[[effects]]\nname = "gravity"\n' * 2, "gravity is declared twice"),
-    (HEAD + '[[effects]]\nname = "constant_torque"\n' * 2, "constant_torque is declared twice"),
-    (
-        HEAD + '[[effects]]\nname = "torque_ripple"\nharmonic = 6.0\n' * 2,
-        "torque_ripple is declared twice",
-    ),
     ('effects = ["gravity"]\n' + HEAD, "[[effects]] must be a table"),
     ("effects = 3\n" + HEAD, "write [[effects]] above each effect"),
     ("plant = 3\n", "plant must be a table"),
     ('name = ["a"]\n' + HEAD, "name must be a text"),
     ("motion = []\n" + HEAD, "motion must be"),
     ("[plant]\n[friction]\nmodel = {a = 1}\n", "no friction model named {'a': 1}"),
-    ('[plant]\n[friction]\nmodel = ["lugre"]\n', "no friction model named ['lugre']"),
-    (f"[plant]\nJ = 1{'0' * 400}\n", "J must be a number"),
     (f"[plant]\nJ = 1{'0' * 5000}\n", "not a TOML file"),
-    ("[plant]\nJ = [0.1]\n", "J must be a number"),
     ("[plant]\nJ = true\n", "J must be a number"),
     ("[plant]\nJ = 0\n", "J = 0 must be above 0"),
-    (HEAD + "sigma0 = 0\n", "sigma0 = 0 must be above 0"),
-    (HEAD + "vs = 0.0\n", "vs = 0 must be above 0"),
     (HEAD + "Fc = -1\n", "Fc = -1 lies outside"),
     (HEAD + "Fd = 1\n", "unknown key 'Fd'"),
     ("a = " + "[" * 9000, "not a TOML file"),
     ('name = "Prüfstand"\n'.encode("latin-1"), "UTF-8"),
-    (("\ufeff" + HEAD).encode("utf-16"), "UTF-8"),
 ]
 
 
@@ -78,7 +67,6 @@ def test_stiction_below_friction_is_a_message_of_the_run(tmp_path):
         'name = "torque_ripple"\nharmonic = {}\n',
         'name = "hard_stop"\nside = {}\n',
         'name = "actuator_lag"\ntime_constant = {}\n',
-        'name = "inertia_step"\ntime = {}\n',
     ],
 )
 def test_two_effects_of_a_kind_that_differ_are_physics(tmp_path, entry):
@@ -87,11 +75,6 @@ def test_two_effects_of_a_kind_that_differ_are_physics(tmp_path, entry):
     model = lg.read_model(write(tmp_path, HEAD + both))
     first, second = model.effects
     assert second.key == f"{first.key}_2"
-
-
-def test_two_ripples_of_unknown_harmonics_are_allowed(tmp_path):
-    twice = '[[effects]]\nname = "torque_ripple"\n' * 2
-    assert len(lg.read_model(write(tmp_path, HEAD + twice)).effects) == 2
 
 
 PLACES = {  # key: a file in which it has the value {}
@@ -110,7 +93,7 @@ PLACES = {  # key: a file in which it has the value {}
     "fixed": HEAD + "Fc = {{value = 0.1, fixed = {}}}\n",
     "std": HEAD + "Fc = {{value = 0.1, std = {}}}\n",
 }
-SHAPES = ["[1.0]", "[[]]", "{a = 1}", "2024-05-06", "07:32:00", '"x"', "[{}]", "nan", "[true]"]
+SHAPES = ["[1.0]", "{a = 1}", "2024-05-06", '"x"', "nan"]
 MEANT = {("name", '"x"')}  # what may be written there
 
 
@@ -212,11 +195,9 @@ def test_names_and_units_of_the_users_own_blocks_are_escaped(tmp_path):
     ("change", "path", "words"),
     [
         ({}, None, "path must be"),
-        ({}, 3, "path must be"),
         ({}, "no/such/folder/m.toml", "cannot be written"),
         ({"name": "bench\ud800"}, "m.toml", "surrogate"),
         ({"J": float("nan")}, "m.toml", "J must be a number"),
-        ({"J": -1.0}, "m.toml", "J = -1"),
     ],
 )
 def test_what_cannot_be_written_is_one_sentence(tmp_path, monkeypatch, change, path, words):

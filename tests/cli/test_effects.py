@@ -53,7 +53,7 @@ def test_one_effect_is_explained(capsys):
     assert facts["parameters"]["coefficient"] == low | {"unit": "N m s2/rad2"}
     code, out, err = run(capsys, "effects windag")
     assert code == 2 and out == "" and len(err.splitlines()) == 1
-    assert "did you mean 'windage' (quadratic_drag)?" in err
+    assert "did you mean 'windage'?" in err
 
 
 def alone(line, heavy):
