@@ -197,7 +197,6 @@ class Block(Shown):
         return {k: p.value for k, p in self.parameters.items()}
 
     def check(self, values: Mapping[str, Any]) -> None:
-        """Raise InputError for an unknown parameter or one outside its bounds."""
         for key, value in values.items():
             if key not in self.parameters:
                 known = ", ".join(self.parameters)
@@ -289,7 +288,6 @@ def registered() -> dict[tuple[str, str], Block]:
 
 
 def is_ours(home: str) -> bool:
-    """Whether a module is one of this package."""
     return home.partition(".")[0] == "lugrectl"
 
 
@@ -297,7 +295,6 @@ class Steady:
     """A function of a system whose arguments alone decide its answers."""
 
     def rests_on(self) -> tuple[Any, ...]:
-        """The systems whose state decides the answers too: none."""
         return ()
 
 
@@ -319,7 +316,6 @@ class Called:
         return not self.functions and is_steady(self.block)
 
     def values(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> tuple[Any, ...]:
-        """Outputs that are not states, then the rates."""
         block = self.block
         signals = [t] if block.timed else []
         if getattr(u, "ndim", 1) == 0:  # control.describing_function gives a number
@@ -330,7 +326,6 @@ class Called:
 
     @property
     def declared(self) -> dict[str, Any]:
-        """The declarations of the parameters by python-control's key."""
         return {q: self.block.parameters[k] for k, q in self.keys.items()}
 
     @property
@@ -339,7 +334,6 @@ class Called:
         return {q: p.value for q, p in self.declared.items() if p.smooths}
 
     def rests_on(self) -> tuple[Any, ...] | None:
-        """The systems whose state decides the answers too: none; None where anything else may."""
         return () if self.steady else None
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
@@ -363,15 +357,11 @@ class Called:
 
 
 class Rates(Called):
-    """dx/dt of a block."""
-
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
         return np.array(self.values(t, x, u, params)[len(self.fresh) :])
 
 
 class Outputs(Called):
-    """The outputs of a block."""
-
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
         fresh = self.fresh
         out = dict(zip(fresh, self.values(t, x, u, params), strict=False)) if fresh else {}

@@ -51,7 +51,6 @@ class Entry:
 
     @classmethod
     def of(cls, made: Block) -> Entry:
-        """The entry of a registered block."""
         about, _, rest = made.doc.partition("\n")[2].partition("\nReferences\n")
         return cls(
             name=made.name,
@@ -106,7 +105,6 @@ class Entry:
         return self._with([f"parameters: {_labels(self) or 'none'}", *self._relations()[1:]])
 
     def _with(self, rows: Sequence[str]) -> str:
-        """Name, equation, these rows, and the source."""
         rows = [self.equation, *rows, f"source: {self.source}" if self.source else ""]
         filled = [textwrap.fill(row, WIDTH, **_INDENTED) for row in rows if row]
         return "\n".join([self.name, *filled])
@@ -199,7 +197,6 @@ class Catalogue(NamedRows[Entry]):
         return "<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>"
 
     def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        """The head and the rows of the table; ``source`` only where an entry has one."""
         count = 4 if any(entry.source for entry in self._rows) else 3
         rows = [(e.name, e.equation, _labels(e), e.source) for e in self._rows]
         return ("name", "equation", "parameters", "source")[:count], [row[:count] for row in rows]
@@ -227,7 +224,6 @@ Examples
 
 
 def _documented(listing: Listing) -> Listing:
-    """The function with what the docstrings of all four share."""
     listing.__doc__ = (inspect.getdoc(listing) or "").replace("\nExamples\n", _ABOUT)
     return listing
 
@@ -317,7 +313,6 @@ def _listed(kind: str, about: str) -> Catalogue:
 
 
 def _bare(text: str) -> str:
-    """Small letters without accents."""
     return "".join(c for c in unicodedata.normalize("NFD", text.lower()) if c.isascii())
 
 

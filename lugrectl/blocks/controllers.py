@@ -178,7 +178,6 @@ _PREFILTERS = {
 
 
 def check_kind(kind: Any, known: Iterable[Any]) -> None:
-    """Raise InputError for a kind that is not known."""
     if kind not in known:
         raise InputError(f"unknown kind {kind!r}; known: {', '.join(map(str, known))}.")
 

@@ -90,7 +90,6 @@ def _of_values(made: Block) -> Iterator[str]:
 
 
 def _of_acts(made: Block, known: Iterable[str]) -> Iterator[str]:
-    """What an effect or a law may read, and an effect act on."""
     many, sensor, drives = len(made.acts), "sensor" in made.acts, ("effect", "friction")
     for name in made.inputs if made.kind in drives else ():
         if name not in SEEN:
@@ -114,7 +113,6 @@ def _of_acts(made: Block, known: Iterable[str]) -> Iterator[str]:
 
 
 def _of_results(made: Block) -> Iterator[str]:
-    """What the function returns, and that an effect changes nothing at its neutral value."""
     results = _tried(made, made.defaults())
     wanted = [f"output {k}" for k in made.fresh] + [f"rate of {k}" for k in made.states]
     if results is not None and len(results) != len(wanted):
@@ -452,7 +450,6 @@ def _run(file: Path, text: bytes, name: str) -> None:
 
 
 def _sentence(file: Path, error: BaseException) -> str:
-    """File, line and what went wrong there."""
     lines = [f.lineno for f in extract_tb(error.__traceback__) if f.filename == str(file)]
     what = " ".join(f"{error}".split()) or "no message"
     if isinstance(error, SyntaxError):

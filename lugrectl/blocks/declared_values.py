@@ -35,7 +35,6 @@ class Stated:
         return self.low is not None or self.high is not None
 
     def table(self) -> dict[str, Any]:
-        """As in a model file, without the value."""
         given = {"fixed": self.fixed or None, "min": self.low, "max": self.high, "std": self.std}
         return {k: v for k, v in given.items() if v is not None}
 
@@ -77,7 +76,6 @@ def declared(given: Any, p: P, where: str) -> tuple[float | None, Stated]:
 
 
 def check_keys(table: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-    """Raise InputError for a key that is not known, with the nearest one that is."""
     for key in table:
         if key not in known:
             raise InputError(f"{where}: unknown key '{key}'; {meant(key, known)}")

@@ -526,7 +526,6 @@ def _load_side(
 
 
 def load_motion(theta: Any, w: Any, twist: Any, w_load: Any, load_inertia: Any) -> tuple[Any, Any]:
-    """Position and speed of a load behind a coupling; those of the motor without a load."""
     there = load_inertia > 0.0
     return np.where(there, theta - twist, theta), np.where(there, w_load, w)
 

@@ -105,7 +105,6 @@ def _completed(
     last: list[Any],
     doc: str,
 ) -> Callable[..., ct.NonlinearIOSystem]:
-    """The factory: its own arguments, the three names, and the last ones."""
     names = {"name": written.__name__, "inputs": None, "outputs": None}
     own = own + [Parameter(k, Parameter.KEYWORD_ONLY, default=v) for k, v in names.items()] + last
     signature = inspect.Signature(own, return_annotation="ct.NonlinearIOSystem")

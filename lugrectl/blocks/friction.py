@@ -377,7 +377,6 @@ class Elements:
         )  # fmt: skip
 
     def pull(self, z: Any, sigma0: Any) -> Any:
-        """sum k_i z_i, the torque of the springs."""
         return sum(sigma0 * k * one for (k, _), one in self.each(z))
 
     def stopped(self, w: Any, z: Any, sigma0: Any, limit: Any, v: Any = None) -> list[Any]:
@@ -474,7 +473,6 @@ class Leuven(Elements):
 def elements(
     law: type[Elements], entry: Mapping[str, Any], where: str
 ) -> tuple[Block, Mapping[str, Any]]:
-    """The law with the elements of an entry, and the entry with the law's parameters alone."""
     k, nu = (_list(entry.get(key), f"{where}: {key}") for key in ("stiffness", "share"))
     many = entry.get("elements")
     N = len(k or nu) or FEW if many is None else whole(many, f"{where}: elements", 1)
@@ -493,7 +491,6 @@ def elements(
 
 
 def _list(given: Any, where: str) -> tuple[float, ...]:
-    """Positive numbers; none where nothing is given."""
     if given is None:
         return ()
     made = array(given, where)

@@ -213,11 +213,9 @@ class Model(Shown):
         return {"J": self.J, **self.friction.values, **own}
 
     def part(self, key: str) -> Part:
-        """The effect of that key."""
         return next(part for part in self.effects if part.key == key)
 
     def known(self) -> dict[str, float]:
-        """``values()`` without those that are not known yet."""
         return {k: v for k, v in self.values().items() if v is not None}
 
     def fix(self, *names: str, what: str = "fix") -> Model:
@@ -231,7 +229,6 @@ class Model(Shown):
         return made
 
     def held(self) -> set[str]:
-        """The keys of the values that no fit may change."""
         return {k for k, one in self.stated.items() if one.fixed}
 
     def kept(self, values: Mapping[str, float]) -> dict[str, float]:
@@ -386,7 +383,6 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
 
 
 def _with_entry(model: Model, entry: Any, where: str) -> Model:
-    """The model with the effect of one entry of a file."""
     if not isinstance(entry, Mapping):
         raise InputError(f"{where} must be a table with a name, not {shown(entry)}.")
     if "name" not in entry:
@@ -566,7 +562,6 @@ def _written(value: Any) -> str:
 
 
 def _seen_from(folder: Path | None, file: str) -> str:
-    """The path of a file as seen from a folder, if there is one."""
     try:
         return file if folder is None else Path(os.path.relpath(file, folder.resolve())).as_posix()
     except ValueError:  # on another drive of Windows
@@ -674,5 +669,4 @@ class Sent:
         return cls(pickle.dumps((own, model)))
 
     def open(self) -> Model:
-        """The model; raises InputError if one of the user's blocks is not known here."""
         return pickle.loads(self.packed)[1]

@@ -154,8 +154,6 @@ class _Sensing:
 
 @dataclass(frozen=True)
 class _Motion(_Sensing):
-    """The function of :func:`assemble`."""
-
     effects: tuple[Part, ...]
     sensed: bool
     loads: tuple[str, ...]

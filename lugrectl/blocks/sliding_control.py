@@ -337,7 +337,6 @@ class Harmonics:
         return J * ar - K * s + learnt, push, *turned, *back
 
     def block(self) -> Block:
-        """The block, registered for the default number of harmonics."""
         counted = range(1, self.n + 1)
         states = ("x0", *(f"x{j}" for j in counted), *(f"y{j}" for j in counted))
         return Block(
@@ -531,7 +530,6 @@ class _Memory:
         return np.append(x[1:], new) if self.updates else np.array([u])
 
     def renamed(self, update: Any, name: str) -> tuple[Any, Any, dict[str, str]]:
-        """As :meth:`lugrectl.blocks.block.Called.renamed`."""
         keys = {f"{self.name}.{k}": f"{name}.{k}" for k in ("J", "K", "gamma")}
         return replace(update, name=name), replace(self, name=name), keys
 

@@ -342,7 +342,7 @@ def test_the_deflection_is_for_lugre_alone():
 
 def test_a_fit_finds_the_values_of_a_law_with_a_form():
     truth = lg.Model.of(P, delta=1.0)
-    t = np.arange(0.0, 3.0, 1e-3)
+    t = np.arange(0.0, 5.0, 1e-3)
     u = 0.3 * np.sin(8.2 * t) + 0.3 * np.sin(2.1 * t) + 0.25 * np.sin(19.0 * t)
     random = np.random.default_rng(3)
     theta, w, _ = lg.simulate(lg.plant(truth), t, [u, 0.0 * u], hold=True, rtol=1e-8).outputs
