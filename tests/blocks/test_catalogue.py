@@ -95,21 +95,11 @@ def test_a_list_shows_in_jupyter_as_a_table():
     assert "sigma0 [N m/rad]" in page and "0 &lt; n" in lg.effects()._repr_html_()
 
 
-def test_a_list_becomes_a_frame():
-    pytest.importorskip("pandas")
-    frame = lg.laws().to_frame()
-    assert list(frame.index) == list(lg.laws().names)
-    assert frame.loc["viscous", "equation"] == "F = Fv w"
-
-
 def test_a_users_block_appears_by_itself(own):
     own("hysteresis_of_mine", source="")
     entry = lg.effects()["hysteresis_of_mine"]
     assert entry.source == "The user, 2024." and entry.about == "In a log: not at all."
     assert "hysteresis_of_mine" in str(lg.effects())
-
-
-# --- common names ----
 
 
 @pytest.mark.parametrize("name", ["cogging", "Detent", "torque-ripple", "Torque Ripple"])

@@ -4,25 +4,20 @@ controllers, and the forms that a law may have."""
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import lugrectl as lg
 from lugrectl.blocks import declaration
 from lugrectl.blocks.block import REGISTRY, members, unit_for
-from lugrectl.blocks.model import model_from_dict
 from lugrectl.blocks.plant import assemble
 from lugrectl.engine.runtime import adaptive_run
 
 from ..cases import laws
 from ..cases.drives import EFFECTS, LAWS, arguments, law_for, model_of, own, plant_of, strong
 from ..cases.wired import joined, simulate
-from ..house.arrows import PACKAGE, imported
 
 FORMS = {case: laws.model_of(case).friction.block for case, (_, own) in laws.CASES.items() if own}
 BLOCKS = {f"{kind}-{name}": made for (kind, name), made in REGISTRY.items()} | FORMS
 every_block = pytest.mark.parametrize("made", BLOCKS.values(), ids=BLOCKS)
-speeds = st.floats(-50.0, 50.0)
 LEVELS = (  # signals that are the same for both directions of a drive
     "zeta excess ahat scale slip lost Jhat Fvhat Fchat S0 S1 T".split()
 )
@@ -35,10 +30,6 @@ def each(kind, holds=lambda made: True):
 
 
 every_effect = each("effect")
-every_law = pytest.mark.parametrize("law", LAWS)
-
-
-# --- what all blocks say and do ----
 
 
 @every_block
@@ -111,22 +102,6 @@ def test_unknown_and_impossible_values_are_refused(made):
                 made.check({key: 0.5})
 
 
-def test_a_name_is_one_block_of_its_kind():
-    """The Stribeck law and the effect that makes Coulomb friction one have one name."""
-    with pytest.raises(lg.InputError, match="'gravity' exists"):
-
-        @lg.block("effect", out="d", name="gravity")
-        def other(theta):
-            """d = theta."""
-            return theta
-
-    assert REGISTRY["friction", "stribeck"].outputs == ("F",)
-    assert REGISTRY["effect", "stribeck"].acts == ("Fc",)
-
-
-# --- a drive that runs the other way ----
-
-
 def mirrored(made, args, values):
     """Outputs and rates of a block, and those of the mirrored drive, mirrored back."""
     level = {*LEVELS} - ({"excess"} & {*made.inputs, *made.outputs})  # of a torque there
@@ -152,16 +127,6 @@ CURVED = ("adaptive_slotine_li", "dual_observer_control", "backstepping_smc")
 CURVED += ("coulomb_predictor", "coulomb_compensation")
 
 
-@each("controller", lambda made: made.name not in CURVED)
-def test_controllers_are_linear(made):
-    """Away from their limits, if they have any."""
-    values = strong(made) | ({"limit": np.inf} if "limit" in made.parameters else {})
-    one, other = arguments(made, (9,), 1), arguments(made, (9,), 2)
-    both = made(*[2.0 * a - 3.0 * b for a, b in zip(one, other, strict=True)], **values)
-    for c, a, b in zip(both, made(*one, **values), made(*other, **values), strict=True):
-        np.testing.assert_allclose(c, 2.0 * a - 3.0 * b, rtol=1e-10, atol=1e-12)
-
-
 @each("observer", lambda made: {"w", "theta"} & set(made.inputs))
 @pytest.mark.parametrize("make", [lg.velocity_loop, lg.position_loop])
 def test_ready_loops_take_an_observer_by_name(make, made):
@@ -179,33 +144,6 @@ def test_ready_loops_take_an_observer_by_name(make, made):
         r = np.full(one.ninputs, 0.1)
         assert one.output_labels == ["theta", "w", "F", "Fhat", "u", "e"]
         assert np.isfinite(one.dynamics(0.0, np.full(one.nstates, 1e-3), r)).all()
-
-
-# --- friction laws ----
-
-
-@st.composite
-def law_and_values(draw):
-    """A law with random positive parameters, Fs >= Fc."""
-    made = draw(st.sampled_from([*LAWS.values()]))
-    values = {
-        k: float(np.clip(p.value * draw(st.floats(0.1, 10.0)), p.low, p.high))
-        for k, p in made.parameters.items()
-    }
-    if "Fs" in values:
-        values["Fs"] = values["Fc"] * draw(st.floats(1.0, 3.0))
-    return made, values
-
-
-@given(law_and_values(), speeds)
-def test_friction_is_zero_at_rest_and_unbent_and_a_static_law_dissipates(law, w):
-    made, values = law
-    unbent = np.zeros(len(made.states))
-    assert not np.any(made(0.0, *unbent, **values))
-    assert made.states or made(w, **values)[0] * w >= 0.0
-
-
-# --- effects ----
 
 
 def with_effect(made, values, law=None):
@@ -288,22 +226,6 @@ def test_the_block_in_a_loop_is_the_effect_inside_the_plant(made):
     np.testing.assert_allclose(outside.output(1.0, x, u), one.output(1.0, x, u), rtol=1e-12)
 
 
-@each("effect", lambda made: "torque" in made.acts and not made.states)
-def test_along_a_log_it_is_the_effect_inside_the_plant(made):
-    """A stateless torque, on whole arrays, is what the plant's torque balance lacks."""
-    values = strong(made)
-    bare_model, model = with_effect(made, values)
-    _, bare = plant_of(bare_model)
-    whole, rates = plant_of(model)
-    args = arguments(whole, (50,))
-    signals = dict(zip(("t", *whole.inputs, *whole.states), args, strict=True))
-    values |= {k: model.values()[k] for k in made.parameters if k not in made.own}
-    deeds = dict(made.deeds(made(*[signals[k] for k in made.reads], **values)))
-    J = 0.0022 * (1.0 + deeds.get("J", 0.0))
-    missing = 0.0022 * bare(*args)[2] - J * rates(*args)[2]
-    np.testing.assert_allclose(deeds["torque"], missing, rtol=1e-9, atol=1e-12)
-
-
 TOGETHER = {  # effects that one drive has
     "coulomb": "stribeck constant_torque return_spring coulomb_asymmetry quadratic_drag hard_stop "
     "load_dependent_friction friction_step",
@@ -359,24 +281,3 @@ def test_all_effects_at_their_neutral_value_leave_a_simulation_alone(law, monkey
     models = with_all(law, neutral), model_of(law)
     ours, plain = (lg.simulate(lg.plant(m), t, u).outputs for m in models)
     np.testing.assert_allclose(ours, plain, rtol=1e-4, atol=1e-6)
-
-
-@every_effect
-def test_borrowed_values_are_nowhere_declared(made):
-    _, model = with_effect(made, strong(made))
-    shared = {f"{made.name}.{k}" for k in made.parameters if k not in made.own}
-    assert not shared & (set(model.values()) | set(model.declarations()))
-    for key in shared:
-        text = {"name": made.name, key.split(".")[1]: 1.0}
-        with pytest.raises(lg.InputError, match="unknown key"):
-            model_from_dict({"effects": [text]}, "here")
-
-
-def test_files_of_the_blocks_import_one_way():
-    """But for the registry, which is filled by the modules that declare its blocks."""
-    paths = [p for p in (PACKAGE / "blocks").rglob("*.py") if p.name != "__init__.py"]
-    files = {p.relative_to(PACKAGE).with_suffix("").parts: p for p in paths}
-    needs = {name: imported(path) & files.keys() - {name} for name, path in files.items()}
-    while free := {name for name, of in needs.items() if not of & needs.keys()}:
-        needs = {name: of for name, of in needs.items() if name not in free}
-    assert not needs, sorted(needs)

@@ -30,9 +30,6 @@ def uncompiled(monkeypatch):
     monkeypatch.setattr(adaptive_run, "compiler", lambda: None)
 
 
-# --- transfer functions ----
-
-
 def late(T):
     """The Pade form of a dead time."""
     return 1 - 12 * s * T / (s**2 * T**2 + 6 * s * T + 12)
@@ -84,26 +81,6 @@ def test_prefilters_put_out_the_derivatives_of_their_reference():
     same(position, ct.tf(0, 1), output=1, input=0)
     same(motion, 3 * s / (s + 3) - 3 * s / (s + 3) + ct.tf(-9, 1) * s / (s + 3), output=2)
     same(motion, 3 / ct.tf(1, 1), output=2, input=1)
-
-
-@given(st.floats(-10.0, 10.0), st.floats(-10.0, 10.0))
-def test_error_is_measured_minus_reference(r, y):
-    for kind, name in (("velocity", "w"), ("position", "theta")):
-        block = lg.error(kind)
-        assert block.input_labels == ["r", name] and block.output_labels == ["e"]
-        assert block.output(0, [], [r, y]) == y - r
-
-
-def test_inputs_follow_the_kind_and_a_name_changes_the_keys():
-    kinds = (("velocity", "dr"), ("position", "ddr"))
-    assert all(lg.feedforward(P, kind).input_labels == [name] for kind, name in kinds)
-    block = lg.pid(1.0, 0.0, name="outer", inputs=["e_theta", "w"], outputs="w_ref")
-    assert (block.name, block.input_labels) == ("outer", ["e_theta", "w"])
-    assert block.output_labels == ["w_ref"]
-    assert set(block.params) == {"outer.kp", "outer.ki", "outer.kd", "outer.tau"}
-
-
-# --- in the path of the torque ----
 
 
 @pytest.mark.parametrize("late", [0.5, Fraction(3, 4), np.float64(2.0)])
@@ -173,16 +150,6 @@ def test_back_calculation_pulls_the_integral_by_the_excess(tracking):
     assert made.dynamics(0, [q], [e]) == pytest.approx(0.9 + (1.0 - free) / (0.16 * time))
 
 
-def test_within_the_limit_nothing_changes():
-    for plain, held in (
-        (lg.pi(1.6, 0.16), lg.pi(1.6, 0.16, limit=50.0)),
-        (lg.pid(15, 1.5, 0.3, 0.2), lg.pid(15, 1.5, 0.3, 0.2, limit=50.0)),
-    ):
-        x, u = [0.7], [-0.4, 0.2][: plain.ninputs]
-        assert plain.output(0, x, u) == held.output(0, x, u)
-        assert plain.dynamics(0, x, u) == held.dynamics(0, x, u)
-
-
 def test_at_the_limit_the_integral_settles_at_the_limit():
     """With the default time: ki q -> limit, and the output leaves it when e changes sign."""
     made = lg.pi(2.0, 10.0, limit=1.5)
@@ -202,9 +169,6 @@ def test_a_limit_elsewhere_gives_the_same_as_its_own():
     assert other == pytest.approx(one, abs=1e-6)
     theirs = simulate(beside, T[:60], np.array(u)[:, :60], rtol=1e-8, atol=1e-11).outputs
     assert np.ravel(theirs) == pytest.approx(np.ravel(one)[:60], abs=1e-6)
-
-
-# --- controllers on s: Lyapunov functions ----
 
 
 @given(few, few, few, few, few, st.floats(0.0, 50.0))
@@ -279,9 +243,6 @@ def test_backstepping_closed_loop_of_the_surface(s, ar, q, error):
     assert dy == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-# --- late torque, and learning from period to period ----
-
-
 @given(few, few, few, st.floats(0.0, 1.0), st.floats(0.0, 1.0))
 def test_the_open_predictor_converges_for_every_delay(w, wp, u, a, ahat):
     """J e de/dt <= -Fv e^2 + |a - ahat| |e|, e = w(t + h) - wp(t), on Coulomb friction."""
@@ -289,13 +250,6 @@ def test_the_open_predictor_converges_for_every_delay(w, wp, u, a, ahat):
     dw = (u - a * np.tanh(w / 1e-4) - P.Fv * w) / P.J
     e = w - wp
     assert P.J * e * (dw - dwp) <= -P.Fv * e**2 + abs(a - ahat) * abs(e) + 1e-9
-
-
-@given(few, few, few, st.floats(0.0, 1.0))
-def test_the_parts_of_a_smith_loop(w, wp, before, ahat):
-    assert lg.smith_velocity().output(0.0, [], [w, wp, before]) == wp + (w - before)
-    made = lg.coulomb_compensation(P)
-    assert made.output(0.0, [], [w, ahat]) == ahat * np.tanh(w / 1e-4) + P.Fv * w
 
 
 @given(few, few, st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6))
@@ -327,9 +281,6 @@ def test_harmonics_are_a_fourier_series_in_rotating_coordinates(x, s, ar, t):
         dx = dc * co + dd * si + j * om * (d * co - c * si)
         dy = -dc * si + dd * co - j * om * (c * co + d * si)
         assert (rates[j], rates[3 + j]) == pytest.approx((dx, dy), abs=1e-9)
-
-
-# --- in the ready-made loops ----
 
 
 NAMES = ["slotine_li", "adaptive_slotine_li", "dual_observer_control", "backstepping_smc"]

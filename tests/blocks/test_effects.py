@@ -23,9 +23,6 @@ def rates_of(name, **values):
     return plant_of(free().with_effect(name, values))[1]
 
 
-# --- formulas of the contract, written out again ----
-
-
 TORQUES = {
     "constant_torque": ({"torque": -0.3}, -0.3),
     "gravity": ({"amplitude": 0.4, "phase": 0.5}, 0.4 * np.sin(1.4)),
@@ -81,15 +78,6 @@ def test_sublinear_friction_is_a_power_of_the_speed_and_smooth_at_rest(n, w):
     assert slope == pytest.approx(0.3 * 1e-4 ** (n - 1.0), rel=1e-6)
 
 
-def test_inertia_steps():
-    rates = rates_of("inertia_step", ratio=0.6, time=1.0)
-    for t, size in ((0.99, 1.0), (1.0, 1.6)):
-        assert rates(t, 0.3, 0.0, 0.0, 0.0)[2] == pytest.approx(0.3 / (size * J))
-
-
-# --- the order in which effects act ----
-
-
 def test_load_is_d_gravity_and_a_constant_torque_but_no_other():
     model = model_of("coulomb", J).with_effect("load_dependent_friction", {"coefficient": 0.1})
     loads, spring = 0.4 * np.sin(THETA) - 0.3, 2.0 * (THETA - 0.6)
@@ -103,16 +91,6 @@ def test_load_is_d_gravity_and_a_constant_torque_but_no_other():
     assert F == pytest.approx(-level + 0.018 * W, rel=1e-12)
     resisting = 0.2 + loads + spring - 0.1 * W * W
     assert J * dw == pytest.approx(-F - resisting, rel=1e-12)
-
-
-@pytest.mark.parametrize("order", [1, -1])
-def test_what_is_added_to_a_level_comes_on_top_of_what_multiplies_it(order):
-    model = model_of("coulomb", J)
-    for name in ("load_dependent_friction", "coulomb_asymmetry")[::order]:
-        gain = EFFECTS[name].gain
-        model = model.with_effect(name, {gain: 0.1})
-    _, rates = plant_of(model)
-    assert rates(T, 0.0, 2.0, THETA, 1.0)[0] == pytest.approx(1.1 * 0.285 + 0.2 + 0.018)
 
 
 ORDERS = {  # effects of the command in both orders, and the torque of a command of 3 N m
@@ -137,9 +115,6 @@ def test_effects_on_the_command_act_in_the_order_of_the_model(effects, expected)
         model = model.with_effect(name, own)
     _, rates = plant_of(model)
     assert J * rates(T, 3.0, 0.0, THETA, 0.0)[2] == pytest.approx(expected)
-
-
-# --- effects that complete a friction law ----
 
 
 @given(st.integers(0, 1000), st.floats(1.0, 3.0), st.floats(0.1, 2.0), st.sampled_from([0, 1]))
@@ -182,21 +157,6 @@ def test_stiction_grows_while_the_drive_rests_and_goes_when_it_slides():
     held = t < 0.6
     np.testing.assert_allclose(rest[held], 1.0 - np.exp(-t[held] / 0.3), rtol=1e-6, atol=1e-9)
     assert np.max(np.abs(rest[t > 0.65])) < 1e-3
-
-
-def test_break_away_torque_after_a_rest(dwell=0.05):
-    """A slow ramp breaks away at Fs (1 + a (1 - exp(-t_rest/tau)))."""
-    plant, _ = dwelling(2.0, vs=0.2, Fv=0.0)
-    t = np.append(0.0, dwell + np.linspace(0.0, 2.0, 501))
-    u = np.maximum(0.3 * (t - dwell), 0.0)
-    w = run(plant, t, u).outputs[1]
-    broke = np.argmax(w > 0.2)
-    assert broke > 0
-    grown = 1.0 - np.exp(-t[broke] / 2.0)
-    assert u[broke] == pytest.approx(0.335 * (1.0 + 0.5 * grown), rel=0.02)
-
-
-# --- actuator and sensors ----
 
 
 @settings(max_examples=20)
@@ -257,21 +217,6 @@ def test_an_eccentric_encoder_keeps_w_the_rate_of_theta():
     ).T
     np.testing.assert_allclose(theta_m, theta + 0.2 * np.sin(theta + 0.7), rtol=1e-12)
     np.testing.assert_allclose(np.gradient(theta_m, t)[1:-1], w_m[1:-1], atol=1e-5)
-
-
-def test_sensors_stand_one_behind_the_other():
-    """A lag first: the eccentric encoder then scales the speed that lags."""
-    ecc = {"amplitude": 0.2, "phase": 0.0}
-    model = free().with_effect("velocity_sensor_lag", {"time_constant": 0.01})
-    sensor = lg.sensor(model.with_effect("encoder_eccentricity", ecc))
-    w_m, theta_m = sensor.output(0.0, [3.0], [7.0, 1.0])
-    assert w_m == pytest.approx(3.0 * (1.0 + 0.2 * np.cos(1.0)))
-    assert theta_m == pytest.approx(1.0 + 0.2 * np.sin(1.0))
-    nothing = lg.sensor(free())
-    assert np.array_equal(nothing.output(0.0, [], [7.0, 1.0]), [7.0, 1.0])
-
-
-# --- inertia and what hangs on the shaft ----
 
 
 @pytest.mark.parametrize("harmonic", [1.0, 2.0])
@@ -354,18 +299,12 @@ def test_a_hard_stop_gives_back_what_it_takes():
     assert np.count_nonzero(depth > 0.0) * 1e-4 == pytest.approx(np.pi * np.sqrt(J / k), abs=2e-4)
 
 
-# --- the bristle along a measured motion ----
-
-
 def test_between_reversals_it_relaxes_over_the_path():
     dx = np.concatenate([np.full(400, 1e-3), np.zeros(5), np.full(400, -1e-3)])
     z = along(*strokes(dx), 0.05)
     turned = z[404]
     np.testing.assert_allclose(z[:400], 1.0 - np.exp(-np.arange(1, 401) * 0.02))
     np.testing.assert_allclose(z[405:], -1.0 + (1.0 + turned) * np.exp(-np.arange(1, 401) * 0.02))
-
-
-# --- a table over a signal as a block ----
 
 
 def value(block, x, t=0.0, params=None):

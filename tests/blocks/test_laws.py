@@ -23,7 +23,6 @@ from ..cases.laws import (
     TABLE1,
     VS,
     J,
-    along,
     model_of,
     values_of,
 )
@@ -285,14 +284,6 @@ def test_without_an_exponent_lugre_and_stribeck_are_what_they_were():
             assert free.output(0, x, [w]) == pytest.approx(plain.output(0, x, [w]), rel=1e-12)
 
 
-def test_another_law_keeps_what_means_the_same():
-    dahl = lg.Model.of(J=J, friction="dahl", sigma0=S0, Fc=FC, Fv=FV, n=1.5)
-    leuven = lg.Model.of(dahl, friction="leuven")
-    assert leuven.values()["n"] == 2.0 and leuven.values()["sigma0"] == S0
-    bristle = lg.Model.of(friction="elastoplastic", kappa=0.5)
-    assert lg.Model.of(bristle, friction="two_state").values()["kappa"] == 0.5
-
-
 def test_elements_come_by_number_or_by_lists():
     by_rule = lg.friction("maxwell_slip", elements=4, sigma0=100.0)
     listed = lg.friction("maxwell_slip", stiffness=[40, 30, 20, 10], share=[0.1, 0.2, 0.3, 0.4])
@@ -329,15 +320,6 @@ def test_wrong_elements_are_one_sentence(given, words):
     with pytest.raises(lg.InputError) as caught:
         lg.Model.of(friction="maxwell_slip", **given)
     assert words in str(caught.value) and str(caught.value).count(". ") <= 1
-
-
-def test_the_deflection_is_for_lugre_alone():
-    with pytest.raises(lg.InputError, match="'elastoplastic' friction: deflection is for LuGre"):
-        lg.deflection([0.1, 0.1], 1e-3, model_of("elastoplastic"))
-    z = lg.deflection(np.full(30, 0.02), 1e-3, model_of("lugre, delta"))
-    t = np.arange(30) * 1e-3
-    exact = along("lugre, delta", lambda s: 0.02 + 0.0 * s, t)[1][0]
-    np.testing.assert_allclose(z, exact, rtol=1e-6, atol=1e-12)
 
 
 def test_a_fit_finds_the_values_of_a_law_with_a_form():

@@ -180,17 +180,6 @@ def test_every_name_that_toml_can_hold_is_read_again(tmp_path, name):
     assert lg.read_model(tmp_path / "m.toml") == model
 
 
-def test_names_and_units_of_the_users_own_blocks_are_escaped(tmp_path):
-    @lg.block("effect", out="d", acts="torque", name="von mir \x01")
-    def mine(theta, α=P(0.0, "N\nm", neutral=0.0)):
-        """d = α."""
-        return α + 0.0 * theta
-
-    model = lg.Model.of(lg.table1()).with_effect("von mir \x01", {"α": 0.2})
-    lg.write_model(model, tmp_path / "m.toml")
-    assert lg.read_model(tmp_path / "m.toml") == model
-
-
 @pytest.mark.parametrize(
     ("change", "path", "words"),
     [
@@ -205,10 +194,3 @@ def test_what_cannot_be_written_is_one_sentence(tmp_path, monkeypatch, change, p
     with pytest.raises(InputError, match=words):
         lg.write_model(replace(lg.Model.of(lg.table1()), **change), path)
     assert not list(tmp_path.iterdir())
-
-
-def test_parameters_and_dicts_are_written_too(tmp_path):
-    lg.write_model(lg.table1(), tmp_path / "m.toml")
-    assert replace(lg.read_model(tmp_path / "m.toml")) == lg.Model.of(lg.table1())
-    lg.write_model({"J": 0.002}, tmp_path / "n.toml")
-    assert lg.read_model(tmp_path / "n.toml").J == 0.002

@@ -12,9 +12,8 @@ import lugrectl as lg
 from lugrectl.blocks.block import REGISTRY
 from lugrectl.blocks.observers import observer
 
-from ..cases.observed import P, believing, signals_by
+from ..cases.observed import P, believing
 from ..cases.observed import relaxation as rate
-from ..cases.transfer import response
 from ..cases.wired import joined
 
 OFF = replace(P, J=0.003, Fc=0.2, Fs=0.31, sigma0=300.0)
@@ -44,9 +43,6 @@ def scaled(theta):
 
 def wired(plant, estimate, outputs, inputs=("u", "d")):
     return joined([plant, estimate], [*inputs], outputs)
-
-
-# --- copies of LuGre ----
 
 
 @given(speeds, speeds, deflections, few)
@@ -91,9 +87,6 @@ def test_observers_take_their_values_from_what_is_known_of_a_drive():
     plain = lg.Model.of(J=P.J, friction="coulomb", Fc=0.285, Fv=0.018)
     for name in ("friedland_park", "disturbance", "extended_state"):
         assert observer(name, plain).params == observer(name, P).params
-
-
-# --- Coulomb friction: Friedland-Park, the generalised adaptation, from the position alone ----
 
 
 def power(k, mu):
@@ -142,13 +135,6 @@ def test_position_coulomb_lyapunov_function_never_grows(w, what, u, a, ahat, k):
     assert dV == pytest.approx(expected, rel=1e-6, abs=1e-6) and expected <= 0.0
 
 
-# --- no friction law: disturbance and extended state ----
-
-
-OMEGA = np.array([0.03, 0.7, 2.0, 11.0, 83.0, 900.0])  # of ``response``
-FREE = lg.plant(lg.Model.of(J=P.J, friction="viscous", Fv=0.0))
-
-
 @given(moving, few, few, st.floats(-1.0, 1.0), st.floats(1e-3, 1.0))
 def test_disturbance_observer_follows_any_friction(w, u, F, v, tau):
     """tau dFhat/dt = F - Fhat whatever F is, along J dw/dt = u - F."""
@@ -156,22 +142,6 @@ def test_disturbance_observer_follows_any_friction(w, u, F, v, tau):
     dFhat = P.J * (dv - (u - F) / P.J) / tau
     size = 1e-9 * (1 + abs(out["Fhat"]))
     assert tau * dFhat == pytest.approx(F - out["Fhat"], rel=1e-9, abs=size)
-
-
-@pytest.mark.parametrize("bandwidth", [5.0, 100.0, 3000.0])
-def test_extended_state_observer_has_both_poles_at_the_bandwidth(bandwidth):
-    made = lg.extended_state_observer(P, bandwidth)
-    A = ct.linearize(made, [0.0, 0.0], [0.0, 0.0]).A
-    assert np.poly(A) == pytest.approx([1.0, 2 * bandwidth, bandwidth**2], rel=1e-5)
-    system = wired(FREE, made, ["Fhat"])
-    expected = 1 / (1j * OMEGA / bandwidth + 1) ** 2
-    assert response(system, input=1) == pytest.approx(expected, rel=1e-4)
-    assert abs(response(system, input=0)).max() < 1e-4
-    noise = np.abs(response(wired(FREE, made, ["Fhat"], ["w"])))
-    assert noise.max() <= 0.5 * P.J * bandwidth * (1 + 1e-6)
-
-
-# --- a scale that is not known: adaptive, by a normal force, by temperature ----
 
 
 def adaptive_growth(theta, w, u, z, zhat, what, excess, K2, gamma):
@@ -187,15 +157,6 @@ def adaptive_growth(theta, w, u, z, zhat, what, excess, K2, gamma):
 def test_adaptive_lyapunov_function_decays_by_K2_e_squared(theta, w, u, z, what, excess, K2, gamma):
     growth, e = adaptive_growth(theta, w, u, z, z, what, excess, K2, gamma)
     assert growth == pytest.approx(-K2 * e**2, rel=1e-6, abs=1e-6 * (1 + theta) * (1 + w**2))
-
-
-@given(scales, moving, deflections, deflections, moving, excesses)
-def test_adaptive_disturbance_by_an_error_of_zhat(theta, w, z, zhat, what, excess):
-    """It enters J de/dt as -theta (sigma0 - sigma1 a)(z - zhat)."""
-    growth, e = adaptive_growth(theta, w, 0.3, z, zhat, what, excess, 1.0, 10.0)
-    term = -theta * (P.sigma0 - P.sigma1 * rate(w)) * (z - zhat) * e
-    size = (1 + theta) * (1 + w**2) * (1 + what**2)
-    assert growth == pytest.approx(-(e**2) + term, rel=1e-6, abs=1e-6 * size)
 
 
 @given(scales, speeds, st.floats(-1.0, 1.0), deflections, deflections, excesses)
@@ -236,9 +197,6 @@ def test_temperature_lyapunov_function_never_grows(theta, w, z, zhat, excess, k,
     assert made.dynamics(0.0, state, [0.0, 0.1])[1] == 0.0
 
 
-# --- friction as a state ----
-
-
 @given(
     speeds, speeds, deflections, st.floats(-0.5, 0.5), few, st.floats(10.0, 3e3), st.floats(0.5, 2)
 )
@@ -253,9 +211,6 @@ def test_friction_state_error_equation(w, what, z, f, u, p, factor):
     size = 1e-9 * (1 + p**2 + a) * (1 + abs(w) + abs(what))
     found = P.J * p * (dw - dwhat), P.sigma0 * dz - df
     assert found == pytest.approx(expected, abs=size)
-
-
-# --- the exact cross term; the whole drive from its position ----
 
 
 @given(speeds, st.floats(-1.0, 1.0), deflections, deflections, st.floats(0.01, 200.0))
@@ -318,15 +273,3 @@ def test_gains_decide_on_stability_in_sliding():
 
 
 # --- in a loop ----
-
-
-@pytest.mark.parametrize("name", ["friedland_park", "disturbance", "extended_state", "adaptive"])
-def test_estimate_in_steady_sliding_is_the_friction(name):
-    """LuGre plant 30 % above the observer's belief; no law, or its scale, is identified."""
-    loop = lg.velocity_loop(scaled(1.3), name, observer_parameters=P)
-    t = np.arange(0, 3.0, 5e-3)
-    for speed in (-0.15, 0.15):
-        resp = lg.simulate(loop, t, speed * np.minimum(t, 1))
-        F, Fhat = (signals_by(resp, k) for k in ("F", "Fhat"))
-        assert abs(F[-1]) > 0.37 and F[-1] * speed > 0
-        assert Fhat[-1] == pytest.approx(F[-1], abs=3e-3)

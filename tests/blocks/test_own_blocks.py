@@ -98,9 +98,6 @@ def test_a_block_has_the_docstring_and_signature_of_its_function():
     assert REGISTRY["effect", "gravity"].__doc__.startswith("r_e")
 
 
-# --- in a file, a model file ----
-
-
 MINE = '''import lugrectl as lg
 
 

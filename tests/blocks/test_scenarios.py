@@ -16,7 +16,6 @@ from ..cases.observed import (
     longer,
     position_error,
     sampled_velocity_error,
-    signals,
     signals_by,
     sine,
     velocity_error,
@@ -127,27 +126,6 @@ def test_dual_observer_control_follows_without_sigma0_sigma1_Fv():
     assert fast < found < 1.15e-3 and low < 1.15e-3
 
 
-@longer
-@pytest.mark.parametrize(
-    ("make", "last", "most"),
-    [
-        (lambda: wired(lg.dual_observer_control(P)), 5.0, (0.0, 1e-12)),
-        (lambda: wired(lg.slotine_li(P)), 5.0, (9.9e-2, 1e-3)),  # PD alone stops short of it
-        (lambda: wired(SMC(P), ESO(P, 200.0)), 5.0, (0.0, 1e-14)),
-        (lambda: wired(lg.adaptive_slotine_li()), 10.0, (5e-4, 4.5e-4)),
-    ],
-)
-def test_at_a_set_point(make, last, most):
-    """The largest theta - r over the last second, 0.1 rad after a smooth move of 1 s."""
-    t = np.arange(0.0, last + STEP / 2, STEP)
-    x = np.clip(t, 0.0, 1.0)
-    r = 0.1 * (10 * x**3 - 15 * x**4 + 6 * x**5)
-    dr, ddr = 3 * x**2 - 6 * x**3 + 3 * x**4, 6 * x - 18 * x**2 + 12 * x**3
-    system = make()
-    out = signals(system, lg.simulate(system, t, {"r": r, "dr": dr, "ddr": ddr}))
-    assert abs((out["theta"] - r)[t > last - 1]).max() == pytest.approx(most[0], abs=most[1])
-
-
 SAMPLED = {
     "friction state": (lambda: lg.friction_state_observer(LOW), (0.0076, 1e-4)),
     "normal force": (lambda: lg.normal_force_observer(LOW, k=0.35), (0.0029, 3e-4)),
@@ -185,9 +163,6 @@ def test_limit_cycles_with_friction_overestimated(name, factor, swing, digit):
     assert cycle(name, factor) == pytest.approx(swing, abs=digit)
 
 
-# --- from period to period ----
-
-
 def by_period(blocks, periods):
     """RMS of theta - r in rad for each period of 0.1 sin 2 pi t."""
     t = np.arange(0.0, periods + STEP / 2, STEP)
@@ -214,17 +189,3 @@ def test_harmonics_that_are_left_out_remain_in_the_error():
 
 
 # --- a torque that acts late ----
-
-
-def test_a_two_state_drive_is_its_own_predictor_without_a_delay():
-    """Friction of two states inside the predictor and inside the drive is the same."""
-    drive = lg.Model.of(friction="two_state", **vars(P))
-    blocks = [lg.plant(drive, inputs=["u", "d"]), lg.smith_velocity()]
-    blocks += [lg.plant(drive, name="twin", inputs=["u", "d"], outputs=["th", "wp", "Fp"])]
-    t = np.arange(0.0, 0.1, STEP)
-    given = {"u": 0.5 * np.sin(30 * t), "d": 0.0 * t, "wp_late": 0.0 * t}
-    done = lg.simulate(blocks, t, given)
-    w = signals_by(done, "w")
-    assert np.ptp(w) > 0.1
-    assert signals_by(done, "ws") == pytest.approx(2 * w, abs=1e-9)
-    assert signals_by(done, "Fp") == pytest.approx(signals_by(done, "F"), abs=1e-9)
