@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html as markup
 import inspect
 import math
 import textwrap
@@ -178,28 +177,14 @@ class Catalogue(NamedRows[Entry]):
         InputError
             When pandas is not installed.
         """
-        pandas = library("pandas")
-        head, rows = self._cells()
+        pandas, head = library("pandas"), ["name", "equation", "parameters", "source"]
+        rows = [(e.name, e.equation, _labels(e), e.source) for e in self._rows]
         return pandas.DataFrame(rows, columns=pandas.Index(head)).set_index("name")
 
     def __str__(self) -> str:
         return "\n".join(entry.short() for entry in self._rows)
 
     __repr__ = __str__
-
-    def _repr_html_(self) -> str:
-        left = ' style="text-align: left; vertical-align: top"'
-        head, rows = self._cells()
-        lines = [
-            "".join(f"<td{left}>{markup.escape(cell)}</td>" for cell in row)
-            for row in (head, *rows)
-        ]
-        return "<table>\n" + "\n".join(f"<tr>{line}</tr>" for line in lines) + "\n</table>"
-
-    def _cells(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-        count = 4 if any(entry.source for entry in self._rows) else 3
-        rows = [(e.name, e.equation, _labels(e), e.source) for e in self._rows]
-        return ("name", "equation", "parameters", "source")[:count], [row[:count] for row in rows]
 
 
 _ABOUT = """
@@ -212,7 +197,7 @@ about : str
 Returns
 -------
 Catalogue
-    Rows by place or by name; ``print`` shows a table, ``to_frame`` gives a DataFrame.
+    Rows by place or by name; ``print`` shows each in a few lines, ``to_frame`` gives a DataFrame.
 
 Raises
 ------

@@ -339,11 +339,9 @@ class Model(Shown):
         return f"Model {self.name}: {self.motion}, {self.friction.block.name} friction"
 
     def _rows(self) -> Iterable[Row]:
-        rows = [
+        return [
             _value_row(k, v, self.unit(k), self.stated.get(k)) for k, v in self.values().items()
         ]
-        bare = [part.key for part in self.effects if not part.values]
-        return [*rows, *(Row(key, "no parameters") for key in bare)]
 
 
 def _value_row(key: str, value: float | None, unit: str, more: Stated | None = None) -> Row:

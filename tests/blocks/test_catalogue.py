@@ -89,12 +89,6 @@ def test_a_list_prints_each_entry_in_a_few_lines():
     assert "source: Gao" in str(lg.observers())
 
 
-def test_a_list_shows_in_jupyter_as_a_table():
-    page = lg.laws()._repr_html_()
-    assert page.count("<tr>") == 1 + len(lg.laws()) and "text-align: left" in page
-    assert "sigma0 [N m/rad]" in page and "0 &lt; n" in lg.effects()._repr_html_()
-
-
 def test_a_users_block_appears_by_itself(own):
     own("hysteresis_of_mine", source="")
     entry = lg.effects()["hysteresis_of_mine"]
