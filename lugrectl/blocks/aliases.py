@@ -75,12 +75,13 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     sentence of the error starts with ``where`` and calls the kind ``what``.
     """
     known, name = members(kind), name_of(kind, name)
+    if isinstance(name, str) and name in known:
+        return known[name]
     names = COMMON | {_spelling(k): k for k in known} if kind == "effect" else {}
     names = names or {_spelling(k.removesuffix(f"_{kind}")): k for k in known}
     typed = _spelling(name).removesuffix(f"_{kind}")
-    found = name if isinstance(name, str) and name in known else names.get(typed)
-    if found in known:
-        return known[found]
+    if names.get(typed) in known:
+        return known[names[typed]]
     hint = meant(typed, names, ", ".join(known))
     start = f"{where}: " if where else ""
     raise InputError(

@@ -176,12 +176,12 @@ class Block(Shown):
         """The parameters that are not taken from the plant."""
         return {k: p for k, p in self.parameters.items() if not p.shared}
 
-    @property
+    @cached_property
     def reads(self) -> tuple[str, ...]:
         """The signals that the function takes, in order: t if it is used, then the inputs."""
         return ("t", *self.inputs) if self.timed else self.inputs
 
-    @property
+    @cached_property
     def fresh(self) -> tuple[str, ...]:
         """The outputs that are not states; the function returns them before the rates."""
         return tuple(o for o in self.outputs if o not in self.states)
@@ -308,10 +308,6 @@ class Called:
     functions: Mapping[str, Callable[..., Any]]
 
     @cached_property
-    def fresh(self) -> tuple[str, ...]:
-        return self.block.fresh
-
-    @cached_property
     def steady(self) -> bool:
         return not self.functions and is_steady(self.block)
 
@@ -358,12 +354,12 @@ class Called:
 
 class Rates(Called):
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-        return np.array(self.values(t, x, u, params)[len(self.fresh) :])
+        return np.array(self.values(t, x, u, params)[len(self.block.fresh) :])
 
 
 class Outputs(Called):
     def __call__(self, t: Any, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray:
-        fresh = self.fresh
+        fresh = self.block.fresh
         out = dict(zip(fresh, self.values(t, x, u, params), strict=False)) if fresh else {}
         for i, state in enumerate(self.block.states):
             out.setdefault(state, x[i])

@@ -49,20 +49,24 @@ class Stated:
         return ", ".join(filter(None, [text if self.bounded else "", prior]))
 
 
+NOTHING = Stated()
+
+
 def declared(given: Any, p: P, where: str) -> tuple[float | None, Stated]:
     """A value of a model, None for one to be identified, and what its table states of it:
     ``{value = 0.285, fixed = true}``."""
-    table = given if isinstance(given, Mapping) else {"value": given}
-    check_keys(table, KEYS, where)
+    if not isinstance(given, Mapping):
+        return None if given is None else within(given, where, p), NOTHING
+    check_keys(given, KEYS, where)
 
     def one(key: str, at: str) -> float | None:
-        found = table.get(key)
+        found = given.get(key)
         if found is None or key != "value" and found == 0:  # a bound of a value above 0, too
             return found
         return within(found, at, p)
 
     value, low, high = one("value", where), one("min", f"{where}: min"), one("max", f"{where}: max")
-    fixed, std = table.get("fixed", False), table.get("std")
+    fixed, std = given.get("fixed", False), given.get("std")
     std = None if std is None else positive(std, f"{where}: std")
     made = Stated(flag(fixed, f"{where}: fixed"), low, high, std)
     if value is None and (fixed or std is not None):

@@ -22,7 +22,7 @@ from . import effects as every_effect  # noqa: F401  fills the registry
 from .aliases import block_named, name_of
 from .block import Block, is_ours, members, unit_for
 from .declaration import files_of_blocks, load_named
-from .declared_values import Stated, check_keys, declared, holding, refuse_crossed
+from .declared_values import NOTHING, Stated, check_keys, declared, holding, refuse_crossed
 from .friction import J as J_DECLARATION
 from .friction import formed, usual_values, written_form
 
@@ -368,7 +368,7 @@ def model_from_dict(data: Mapping[str, Any], where: str, folder: str | Path = ""
         motion=motion,
         J=J,
         friction=part,
-        stated=held if of_J == Stated() else {"J": of_J, **held},
+        stated=held if of_J == NOTHING else {"J": of_J, **held},
         blocks=blocks,
     )
     effects = data.get("effects", [])
@@ -419,7 +419,7 @@ def _part(made: Block, tag: str, entry: Any, where: str) -> tuple[Part, dict[str
         k: declared(entry.get(k, None if p.fitted else p.value), p, f"{where} {k}")
         for k, p in made.own.items()
     }
-    held = {k: one for k, (_, one) in found.items() if one != Stated()}
+    held = {k: one for k, (_, one) in found.items() if one != NOTHING}
     return Part(made.name, made, {k: value for k, (value, _) in found.items()}), held
 
 
@@ -596,7 +596,7 @@ def _from_dict(given: Mapping[Any, Any], what: str) -> Model:
         whole = {k: {"value": values[k], **_table(tables, k, what)} for k in tables}
         found = {k: declared(table, known[k], f"{what}: {k}")[1] for k, table in whole.items()}
         refuse_crossed(values, found, what)
-        return replace(model, stated={k: one for k, one in found.items() if one != Stated()})
+        return replace(model, stated={k: one for k, one in found.items() if one != NOTHING})
     flat = set(given) - {*_FILE}
     if "plant" in given or not (flat or isinstance(given.get("friction"), (str, Block))):
         return model_from_dict({**given, "effects": _effects(given.get("effects"))}, what)
