@@ -195,17 +195,6 @@ def test_a_small_loop_inside_a_large_one_closes_only_with_a_memory_of_turns(law)
     assert low <= F[1700] - F[900] <= high
 
 
-def test_elastoplastic_within_its_zone_is_a_spring():
-    made, values = values_of("elastoplastic")
-    z = 0.69 * FC / S0
-    for w in (1e-3, -1e-3, 2.0):
-        F, dz = made(w, z, **values)
-        assert dz == w and F == pytest.approx(S0 * z + (S1 + FV) * w)
-    assert (
-        made(2.0, 0.9 * FC / S0, **values)[1] < 2.0 == made(-2.0, 0.9 * FC / S0, **values)[1] * -1
-    )
-
-
 def both(model, t, u, rtol=1e-10):
     system = lg.plant(model)
     given = [u, 0.0 * u]

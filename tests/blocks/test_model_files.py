@@ -56,11 +56,6 @@ def test_what_is_no_model_file_is_one_sentence(path, tmp_path, monkeypatch):
         lg.read_model(path)
 
 
-def test_stiction_below_friction_is_a_message_of_the_run(tmp_path):
-    model = lg.read_model(write(tmp_path, HEAD + "Fc = 0.3\nFs = 0.2\n"))
-    assert "Fs = 0.2 is below Fc = 0.3" in model.remarks()[0]
-
-
 @pytest.mark.parametrize(
     "entry",
     [

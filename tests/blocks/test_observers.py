@@ -14,7 +14,6 @@ from lugrectl.blocks.observers import observer
 
 from ..cases.observed import P, believing
 from ..cases.observed import relaxation as rate
-from ..cases.wired import joined
 
 OFF = replace(P, J=0.003, Fc=0.2, Fs=0.31, sigma0=300.0)
 speeds, few = st.floats(-3.0, 3.0), st.floats(-2.0, 2.0)
@@ -39,10 +38,6 @@ def parts(made, x, u):
 def scaled(theta):
     """All of LuGre's friction but the viscous part scaled by theta, as by a normal force."""
     return replace(P, **{k: theta * getattr(P, k) for k in ("sigma0", "sigma1", "Fc", "Fs")})
-
-
-def wired(plant, estimate, outputs, inputs=("u", "d")):
-    return joined([plant, estimate], [*inputs], outputs)
 
 
 @given(speeds, speeds, deflections, few)

@@ -15,7 +15,6 @@ from ..cases.observed import (
     follower,
     longer,
     position_error,
-    sampled_velocity_error,
     signals_by,
     sine,
     velocity_error,
@@ -124,19 +123,6 @@ def test_dual_observer_control_follows_without_sigma0_sigma1_Fv():
     made = [lg.dual_observer_control(P), lg.dual_observer_control(LOW), fast]
     found, low, fast = (position_error(wired(one)) for one in made)
     assert fast < found < 1.15e-3 and low < 1.15e-3
-
-
-SAMPLED = {
-    "friction state": (lambda: lg.friction_state_observer(LOW), (0.0076, 1e-4)),
-    "normal force": (lambda: lg.normal_force_observer(LOW, k=0.35), (0.0029, 3e-4)),
-    "general Coulomb": (lambda: lg.general_coulomb_observer(P), (0.0218, 1e-4)),
-}
-
-
-@longer
-@pytest.mark.parametrize(("make", "error"), SAMPLED.values(), ids=SAMPLED)
-def test_sampled_at_1_khz(make, error):
-    assert sampled_velocity_error(make()) == pytest.approx(error[0], abs=error[1])
 
 
 @longer
