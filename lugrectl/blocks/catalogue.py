@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from ..core.errors import InputError
-from ..core.result import NamedRows, library, plain
+from ..core.result import NamedRows, library, picked
 from ..core.validation import shown
 from . import DECLARING
 from . import effects as _effects  # noqa: F401  fills the registry
@@ -71,26 +71,14 @@ class Entry:
 
         ``strength`` names the parameter whose neutral value switches an effect off.
         """
-        facts = {
-            "name": self.name,
-            "equation": self.equation,
-            "parameters": {
-                k: plain({f: getattr(p, f) for f in ("value", "low", "high", "neutral", "unit")})
-                for k, p in self.parameters.items()
-            },
-            "source": self.source or None,
-            "about": self.about,
-        }
+        own = {k: picked(p, "value low high neutral unit") for k, p in self.parameters.items()}
+        facts = picked(self, "name equation") | {"parameters": own, "source": self.source or None}
+        facts |= {"about": self.about}
         if self.kind != "effect":
-            return facts | {"inputs": list(self.inputs), "outputs": list(self.outputs)}
+            return facts | picked(self, "inputs outputs")
         off = (k for k, p in self.parameters.items() if p.neutral is not None)
-        return facts | {
-            "strength": next(off, None),
-            "acts_on": list(self.acts_on),
-            "confused_with": list(self.confused_with),
-            "experiment": self.experiment or None,
-            "also_called": list(self.also_called),
-        }
+        facts |= {"strength": next(off, None), **picked(self, "acts_on confused_with")}
+        return facts | {"experiment": self.experiment or None, **picked(self, "also_called")}
 
     def __str__(self) -> str:
         also = [f"also called: {', '.join(self.also_called)}"] if self.also_called else []
@@ -292,8 +280,8 @@ def _listed(kind: str, about: str) -> Catalogue:
     rows = [Entry.of(made) for made in sorted(members(kind).values(), key=place)]
     found = [row for row in rows if row.has(_bare(about).split())]
     if not found:
-        plain = "law" if kind == "friction" else kind
-        raise InputError(f"no {plain} is about {shown(about)}; lg.{plain}s() lists all.")
+        what = "law" if kind == "friction" else kind
+        raise InputError(f"no {what} is about {shown(about)}; lg.{what}s() lists all.")
     return Catalogue(kind, found)
 
 

@@ -257,24 +257,16 @@ def dead_times(
     system: Any, params: Mapping[str, Any] | None = None, place: int = 0
 ) -> Iterator[DeadTime]:
     """The dead times of the package's continuous blocks, their own or those of a model inside."""
-    inside = getattr(system, "syslist", None)
-    if inside is None:
-        yield from _own(system, params or {}, place)
-        return
-    for one in inside:
+    for one in getattr(system, "syslist", ()):
         yield from dead_times(one, params, place)
         place += one.nstates
-
-
-def _own(block: Any, params: Mapping[str, Any], place: int) -> Iterator[DeadTime]:
-    answer: Any = getattr(block, "outfcn", None)
+    answer: Any = getattr(system, "outfcn", None)
     made = getattr(answer, "block", None)
-    if made is None or block.isdtime(strict=True):
+    if made is None or system.isdtime(strict=True):
         return
-    parts = getattr(made.function, "parts", ())
-    named = [("", made), *((part.prefix, part) for part in parts)]
-    for prefix, of in named:
+    parts = made.function.parts if made.kind == "plant" else ()
+    for prefix, of in [("", made), *((part.prefix, part) for part in parts)]:
         name = answer.keys.get(f"{prefix}delay")
         if name is not None and getattr(of, "block", of).name == input_delay.name:
             at = place + made.states.index(of.states[0])
-            yield DeadTime(block.name, float(params.get(name, block.params[name])), at)
+            yield DeadTime(system.name, float((params or {}).get(name, system.params[name])), at)
