@@ -82,7 +82,8 @@ def block_named(kind: str, name: Any, *, where: str = "", what: str = "") -> Blo
     typed = _spelling(name).removesuffix(f"_{kind}")
     if names.get(typed) in known:
         return known[names[typed]]
-    hint = meant(typed, names, ", ".join(known))
+    short = [k.removesuffix(f"_{kind}") for k in known if k != "no_observer"]
+    hint = meant(typed, names, ", ".join(short))
     start = f"{where}: " if where else ""
     raise InputError(
         f"{start}there is no {what or _word(kind)} named {shown(name)}; {hint} One of your own: "

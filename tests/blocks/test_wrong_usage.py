@@ -13,7 +13,7 @@ P = lg.table1()
 PLAIN = lg.Model.of(J=1e-3, friction="coulomb", Fc=0.1, Fv=0.01)
 WITHOUT_J = lg.Model.of(P).with_values({"J": None})
 CALLS = [
-    (lambda: observer("nonsense", P), "no observer named 'nonsense'; known: no_observer, natural"),
+    (lambda: observer("nonsense", P), "no observer named 'nonsense'; known: natural"),
     (lambda: observer("natural", P, K1=3.0), "natural_observer has no parameter 'K1'"),
     (lambda: lg.natural_observer(P, outputs=["Fhat"]), "outputs"),
     (lambda: lg.natural_observer(PLAIN), "natural_observer needs sigma0, sigma1, Fs, vs"),
