@@ -9,8 +9,8 @@ import pytest
 
 from .. import drives as rig
 from ..drives.effects import Context, find
-from ..drives.logger import stream
 from ..drives.machines import GRAVITY_LOAD, MACHINES
+from ..drives.record import stream
 from ..drives.run import FINE, open_loop, simulate, wave
 
 EVERY = [*rig.CATALOGUE, *rig.STRANGERS]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .points import MOST_CAUSES
+from .question import MOST_CAUSES
 
 Line = dict[str, Any]
 PLACES = {"rest", "position"}  # relative to the travel, their zero means nothing
