@@ -20,8 +20,8 @@ EFFECTS = (
     "elastic_coupling backlash inertia_step friction_step periodic_disturbance "
     "velocity_sensor_lag encoder_eccentricity "
     "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
-    "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
-    "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load"
+    "torque_bumps contact_pulses speed_hump dragged_cable "
+    "rough_patch fading_gain cubic_drag pumping_load"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -31,8 +31,7 @@ DELAY, ACT_LAG, SATURATION, DEAD_ZONE, SPRING, STOP = range(10, 16)
 ELASTIC, BACKLASH, INERTIA_STEP, FRICTION_STEP, PERIODIC = range(16, 21)
 SENSOR_LAG, ECCENTRIC = range(21, 23)
 KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
-BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
-VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING = range(32, 38)
+BUMPS, PULSES, HUMP, CABLE, PATCH, FADING, CUBIC, PUMPING = range(26, 34)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
 # at rest, accelerations, then the springs of the cable
@@ -88,15 +87,6 @@ def patch(theta, row):
     if row[3] > 0.0:
         gap -= row[3] * math.floor(gap / row[3] + 0.5)
     return 1.0 + row[0] / (1.0 + (gap / row[2]) ** 8)
-
-
-@compiled
-def wandering(t, row):
-    """row: size, then frequency and phase of four slow sines."""
-    total = 0.0
-    for i in range(4):
-        total += math.sin(2.0 * math.pi * row[1 + 2 * i] * t + row[2 + 2 * i])
-    return 1.0 + row[0] * total / 2.0
 
 
 @compiled
@@ -159,10 +149,6 @@ def resisting(t, theta, w, on, p):
     if on[HUMP]:
         gap = (abs(w) - p[HUMP, 1]) / p[HUMP, 2]
         r += p[HUMP, 0] * math.exp(-gap * gap) * sign(w)
-    if on[BURST] and t > p[BURST, 1]:
-        age = t - p[BURST, 1]
-        ring = math.sin(2.0 * math.pi * p[BURST, 3] * age)
-        r += p[BURST, 0] * math.exp(-age / p[BURST, 2]) * ring
     if on[PULSES]:
         r += pulses(t, p[PULSES])
     if on[CUBIC]:
@@ -190,8 +176,6 @@ def friction_level(t, theta, w, rest, m, on, p):
         g *= 1.0 + p[FRICTION_STEP, 0]
     if on[PATCH]:
         g *= patch(theta, p[PATCH])
-    if on[WANDERING]:
-        g *= wandering(t, p[WANDERING])
     if on[DWELL]:
         fs *= 1.0 + p[DWELL, 0] * (1.0 - math.exp(-rest / p[DWELL, 1]))
     level = g * stribeck(w, m[FC], fs, m[VS])
@@ -247,11 +231,6 @@ def actuator(t, u, theta, w, x, h, on, p):
         u = sign(u) * max(abs(u) - p[DEAD_ZONE, 0], 0.0)
     if on[SATURATION]:
         u = min(max(u, -p[SATURATION, 0]), p[SATURATION, 0])
-    if on[VOLTAGE]:  # what the supply leaves beyond the back-EMF
-        back = p[VOLTAGE, 1] * w
-        u = min(max(u, -p[VOLTAGE, 0] - back), p[VOLTAGE, 0] - back)
-    if on[DROOP]:
-        u -= p[DROOP, 0] * u * abs(u)
     old = x[UA]
     x[UA] = u
     if not on[ACT_LAG] or p[ACT_LAG, 0] <= 0.0:
@@ -317,7 +296,7 @@ def same_friction(m, on):
             return False
     if on[FRICTION_STEP] or on[SENSOR_LAG] or on[ECCENTRIC]:
         return False
-    if on[PATCH] or on[WANDERING]:
+    if on[PATCH]:
         return False
     return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0 and m[STATIC] == 0.0
 

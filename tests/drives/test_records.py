@@ -29,7 +29,7 @@ def test_neutral_at_nothing_and_alive_at_its_size(name):
     motion = [base.signals[k] for k in ("u", "theta_true", "w_true")]
     context = Context(m, t, *motion, base.friction_rms, 0.2, 500.0, FINE)
     size = find(name).recipe(context, stream(3, name))
-    limits = {"actuator_saturation": 1e9, "voltage_limit": 1e9, "hard_stop": -0.01}
+    limits = {"actuator_saturation": 1e9, "hard_stop": -0.01}
     neutral = simulate(setup, {name: size.build(limits.get(name, 0.0))})
     for key in ("w", "theta", "u"):
         np.testing.assert_allclose(neutral.signals[key], base.signals[key], atol=1e-9)
@@ -38,7 +38,7 @@ def test_neutral_at_nothing_and_alive_at_its_size(name):
 
 
 @pytest.mark.parametrize(  # of each power with which a torque grows
-    "name", ["gravity", "presliding", "hard_stop", "actuator_saturation", "voltage_limit"]
+    "name", ["gravity", "presliding", "hard_stop", "actuator_saturation"]
 )
 def test_strength(name):
     what = find(name)

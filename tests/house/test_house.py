@@ -12,8 +12,9 @@ import pytest
 
 from lugrectl.core.views import view
 
+
 from . import size
-from .arrows import FACE, PACKAGE, ROOT, arrows, room, walked
+from .size import FACE, PACKAGE, ROOT, arrows, room, walked
 
 FLOORS = {  # of each folder, from the ground up: a room imports from lower floors only
     ".": [
