@@ -12,7 +12,6 @@ import pytest
 
 from lugrectl.core.views import view
 
-
 from . import size
 from .size import FACE, PACKAGE, ROOT, arrows, room, walked
 
