@@ -45,17 +45,10 @@ UNKNOWN = {  # sets of signals that are a right answer
     "random load": (frozenset({"t"}),),
     "constant torque step": (frozenset({"t"}),),
 }
-SMALL = {  # beside what is to be named: what it may be called
-    "cogging": "torque_ripple",
-    "torque_ripple": "torque_ripple",
-    "encoder_eccentricity": "encoder_eccentricity",
-    "hysteresis cable": "",
-    "backlash": "backlash",
-    "torque-proportional friction": "torque_proportional_friction",
-    "thermal_drift": "thermal_drift",
-    "coulomb_asymmetry": "coulomb_asymmetry",
-    "random load": "",
-}
+SMALL = (  # beside what is to be named
+    *("cogging", "torque_ripple", "encoder_eccentricity", "hysteresis cable", "backlash"),
+    *("torque_proportional_friction", "thermal_drift", "coulomb_asymmetry", "random load"),
+)
 SEEN = 0.025  # of friction: less of it cannot be seen
 ALIKE = (  # what no log of such a drive tells apart
     {"constant_torque", "coulomb_asymmetry"},
@@ -133,7 +126,7 @@ def strengths(rng, rig: Rig, o: dict, level: float) -> dict[str, Callable[[float
         },
         "random load": lambda s: {"rand_a": s * level, "rand_f": frequency},
         "hysteresis cable": lambda s: {"cable_F": 1.2 * s * level, "cable_d": drag},
-        "torque-proportional friction": lambda s: {
+        "torque_proportional_friction": lambda s: {
             "load_mu": min(s * level / np.mean(np.abs(u)), 0.7)
         },
         "constant torque step": lambda s: {"step_t": at, "step_const": side * s * sine},
@@ -198,7 +191,7 @@ def drawn(seed: int, kind: str, name: str = "none") -> Drawn:
 def _small(rng, ways: dict, taken: set) -> dict:
     """Two to four small things, which leave the values of a clear effect alone."""
     made = {}
-    for name in rng.permutation(list(SMALL))[: int(rng.integers(2, 5))]:
+    for name in rng.permutation(SMALL)[: int(rng.integers(2, 5))]:
         given = ways[str(name)](between(rng, 0.002, 0.015)) if name in ways else {}
         if given and not taken & set(given):
             made[str(name)] = given
@@ -282,7 +275,7 @@ def draw(seed: int, kind: str) -> Question:
         name,
         values,
         UNKNOWN.get(name, ()),
-        frozenset(SMALL[n] for n in made.small) | LAW,
+        frozenset(n.replace("cogging", "torque_ripple") for n in made.small) | LAW,
         made.size * made.level,
         made.level,
         frozenset().union(*(group for group in ALIKE if name in group)) - {name},
