@@ -23,9 +23,9 @@ def test_finer_steps_change_little():
 
 @pytest.mark.parametrize("kind", questions.KINDS)
 def test_a_seed_gives_the_same_question_each_time(kind):
-    one = questions.draw(4, kind)
+    one = questions.draw(1, kind)
     questions.asked.cache_clear()
-    two = questions.draw(4, kind)
+    two = questions.draw(1, kind)
     assert (one.model, one.values, one.effect) == (two.model, two.values, two.effect)
     assert set(one.record) <= {"t", "u", "theta", "w"} and "u" in one.record and len(one.record) > 2
     for name, column in one.record.items():
@@ -34,6 +34,6 @@ def test_a_seed_gives_the_same_question_each_time(kind):
 
 
 def test_a_clear_effect_is_named_with_values_and_seen():
-    name, made, visible = questions.asked(5, "effect")
+    name, made, visible = questions.asked(1, "effect")
     assert name in questions.EFFECTS and made.values and 0.03 <= made.size <= 0.45
     assert visible > questions.SEEN
