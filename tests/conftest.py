@@ -4,7 +4,6 @@ import gc
 import os
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 from zlib import crc32
 
@@ -22,8 +21,10 @@ from lugrectl.engine.runtime.backend import has_compiler
 from .cases.own_blocks import momentum, smooth  # noqa: E402, F401  fixtures
 
 matplotlib.use("Agg")  # here: a kernel that a test starts chooses for itself
-settings.register_profile("any machine", deadline=None)  # slow, or busy with another test
-settings.load_profile("any machine")
+# no deadline: the machine may be slow, or busy with another test
+settings.register_profile("few", deadline=None, max_examples=25)
+settings.register_profile("many", deadline=None, max_examples=200)
+settings.load_profile("few")  # --hypothesis-profile many
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -58,21 +59,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return WorkStealingScheduling(config, log) if config.getoption("dist") == "load" else None
 
 
-@pytest.hookimpl(tryfirst=True)
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """Compiled code stays for the next run: all tests make more than one cache keeps."""
-    if "cache" in CODE:
-        os.environ["LUGRECTL_CACHE"] = str(CODE["cache"] / item.path.parent.name)
-
-
-CODE: dict[str, Path] = {}
-
-
 def pytest_configure(config: pytest.Config) -> None:
-    """Where compiled code stays, unless that is said already."""
+    """Compiled code stays for the next run, and both workers find it, unless it has a place."""
     made = getattr(config, "cache", None)
-    if made is not None and "LUGRECTL_CACHE" not in os.environ:
-        CODE["cache"] = made.mkdir("lugrectl")
+    if made is not None:
+        os.environ.setdefault("LUGRECTL_CACHE", str(made.mkdir("lugrectl")))
 
 
 @pytest.fixture(autouse=True)

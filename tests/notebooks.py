@@ -6,19 +6,18 @@ interpreter versions, cell ids) is left out, so that a new run changes only what
 
 from __future__ import annotations
 
-import argparse
 import base64
 import io
 import re
 import sys
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 FOLDER = Path(__file__).parents[1] / "notebooks"
 LARGEST = 400_000  # bytes of a stored notebook
 COLOURS = 64  # of a stored picture
 WIDGET = "application/vnd.jupyter.widget-view+json"  # a progress bar that is gone
+RICH = ("image/png", "text/html", "text/markdown")
 NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.])")
 MEASURED = re.compile(
     r"\d m?s\b.*(?:took|faster|CPU)|seconds|times faster|version|date", re.IGNORECASE
@@ -26,9 +25,8 @@ MEASURED = re.compile(
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
 
-def paths(names: Sequence[str] = ()) -> list[Path]:
-    """The notebooks of these names, or all."""
-    return [FOLDER / f"{n}.ipynb" for n in names] if names else sorted(FOLDER.glob("*.ipynb"))
+def paths() -> list[Path]:
+    return sorted(FOLDER.glob("*.ipynb"))
 
 
 def executed(path: Path, timeout: int = 1500):
@@ -39,15 +37,9 @@ def executed(path: Path, timeout: int = 1500):
     import nbclient
     import nbformat
 
-    notebook = nbformat.read(path, as_version=4)
-    client = nbclient.NotebookClient(
-        notebook,
-        timeout=timeout,
-        kernel_name="python3",
-        record_timing=False,
-        resources={"metadata": {"path": str(path.parent)}},
-    )
-    return client.execute()
+    notebook, where = nbformat.read(path, as_version=4), {"metadata": {"path": str(path.parent)}}
+    options = {"kernel_name": "python3", "record_timing": False, "resources": where}
+    return nbclient.NotebookClient(notebook, timeout=timeout, **options).execute()
 
 
 def smaller(png: str) -> str:
@@ -73,47 +65,31 @@ def plain(notebook):
             data = output.get("data", {})
             if "image/png" in data:
                 data["image/png"] = smaller(data["image/png"])
-            if "image/png" in data or "text/html" in data or "text/markdown" in data:
+            if any(kind in data for kind in RICH):
                 data.pop("text/plain", None)  # an address in memory, or the same again
     return notebook
 
 
 def figures(notebook) -> list[list[float]]:
     """The numbers in the text that each code cell shows, without lines of measured times."""
-    return [
-        [
-            float(number)
-            for line in "\n".join(map(_shown, cell.outputs)).splitlines()
-            if not MEASURED.search(line)
-            for number in NUMBER.findall(line)
-        ]
-        for cell in notebook.cells
-        if cell.cell_type == "code"
-    ]
+    made = []
+    for cell in notebook.cells:
+        if cell.cell_type != "code":
+            continue
+        shown = [o for o in cell.outputs if not {*RICH[:2], WIDGET} & set(o.get("data", {}))]
+        texts = [o.get("text", "") or o.get("data", {}).get("text/plain", "") for o in shown]
+        lines = [x for x in "\n".join(texts).splitlines() if not MEASURED.search(x)]
+        made.append([float(number) for line in lines for number in NUMBER.findall(line)])
+    return made
 
 
-def _shown(output) -> str:
-    data = output.get("data", {})
-    if "image/png" in data or "text/html" in data or WIDGET in data:
-        return ""
-    return output.get("text", "") or data.get("text/plain", "")
-
-
-def main(argv: Sequence[str] | None = None) -> int:
+if __name__ == "__main__":
     import nbformat
 
-    p = argparse.ArgumentParser(prog="python -m tests.notebooks", description=__doc__)
-    p.add_argument("names", nargs="*", metavar="NAME", help="without .ipynb; all where left out")
-    for path in paths(p.parse_args(argv).names):
+    for path in [FOLDER / f"{name}.ipynb" for name in sys.argv[1:]] or paths():
         start = time.perf_counter()
         nbformat.write(plain(executed(path)), path)
         size, taken = path.stat().st_size, time.perf_counter() - start
         print(f"{path.name}: {taken:.0f} s, {size / 1e3:.0f} kB", flush=True)
         if size > LARGEST:
-            print(f"{path.name} is larger than {LARGEST / 1e3:.0f} kB", file=sys.stderr)
-            return 1
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            sys.exit(f"{path.name} is larger than {LARGEST / 1e3:.0f} kB")

@@ -16,7 +16,7 @@ Log = dict[str, np.ndarray]
 
 def sticking(**values: float) -> Machine:
     """A machine with static friction and these parameters."""
-    return replace(MACHINES["servo"], law="static", **values)  # type: ignore[arg-type]
+    return replace(MACHINES["servo"], static=True, **values)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

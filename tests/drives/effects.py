@@ -364,20 +364,6 @@ def _bumps(c, rng):
     return Size(lambda x: (x, *tail), 2.0 * c.aim, power=1.0)
 
 
-@effect("torque_droop", "", "u", text="torque constant that droops with torque")
-def _droop(c, rng):
-    high = 0.4 / float(np.max(np.abs(c.u)))
-    return Size(lambda x: (x,), min(high, c.scaled(c.u**2)), high=high)
-
-
-@effect("decaying_burst", "", "t", text="a ringing burst that dies out", excitations=ALL)
-def _burst(c, rng):
-    t0, tau = moment(c, rng), float(rng.uniform(0.5, 2.0))
-    f = float(rng.uniform(2.0, 12.0))
-    shape = np.exp(-np.maximum(0, c.t - t0) / tau) * (c.t > t0) / np.sqrt(2.0)
-    return Size(lambda x: (x, t0, tau, f), c.scaled(shape))
-
-
 @effect("contact_pulses", "", "t", text="external contacts at random times", excitations=ALL)
 def _pulses(c, rng):
     count, length = int(rng.integers(3, 10)), float(rng.uniform(0.08, 0.4))
@@ -405,29 +391,6 @@ def _cable(c, rng):
     return Size(lambda x: (x, longest), 1.2 * c.aim)
 
 
-@effect(
-    "voltage_limit",
-    "",
-    "u w",
-    text="a supply that leaves less torque at speed",
-    excitations=("moves", "rich"),
-)
-def _voltage(c, rng):
-    m, fastest = c.machine, float(np.max(np.abs(c.w)))
-    share = float(rng.uniform(0.25, 0.5))  # of the torque at rest that the highest speed takes
-    running = 1.05 * (m.Fc + m.Fv * fastest + m.load_peak) / (1.0 - share)
-    floor = max(1.15 * (m.Fs + m.load_peak), running)
-    pull = np.sign(c.w) * c.u
-    levels = np.linspace(3.0, 0.3, 80) * float(np.abs(c.u).max())
-
-    def cut(level):
-        return np.maximum(0.0, pull - level * (1.0 - share * np.abs(c.w) / fastest))
-
-    rms = [float(np.sqrt(np.mean(cut(level) ** 2))) for level in levels]
-    start = max(floor, float(np.interp(c.aim, rms, levels)))
-    return Size(lambda x: (x, x * share / fastest), start, floor, max(floor, levels[0]), -4.0)
-
-
 def _part_of_travel(c, rng, least, most):
     """The travel or one turn of it, and of a part of it the middle and half its width; period."""
     low, span = float(c.theta.min()), float(np.ptp(c.theta))
@@ -449,12 +412,6 @@ def _fading(c, rng):
     tau = float(rng.uniform(0.2, 0.5)) * float(c.t[-1])
     start = c.scaled(c.u * (1.0 - np.exp(-c.t / tau)))
     return Size(lambda x: (x, tau), min(start, 0.5), high=0.6)
-
-
-@effect("wandering_friction", "", "t w", text="friction that wanders slowly up and down")
-def _wandering(c, rng):
-    sines = [v for _ in range(4) for v in (float(rng.uniform(0.05, 0.5)), phase(rng))]
-    return Size(lambda x: (x, *sines), 1.4 * c.target, high=0.8)
 
 
 @effect("cubic_drag", "", "w", text="drag with the cube of speed")

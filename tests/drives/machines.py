@@ -28,9 +28,7 @@ class Machine:
     load: tuple[int, float, float] = (NO_LOAD, 0.0, 0.0)
     Fs_twin: float = -1.0  # stiction of the declared structure; -1: the same as the truth
     twin_static: bool = False  # the declared structure is a static map
-    law: str = "lugre"
-    delta: float = 2.0  # exponent of the Stribeck curve
-    power: float = 1.0  # of the speed, of the viscous torque
+    static: bool = False  # a set-valued law instead of bristles
 
     @property
     def rotary(self) -> bool:

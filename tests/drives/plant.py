@@ -20,9 +20,8 @@ EFFECTS = (
     "elastic_coupling backlash inertia_step friction_step periodic_disturbance "
     "velocity_sensor_lag encoder_eccentricity "
     "torque_constant_ripple sublinear_viscous pose_dependent_inertia "
-    "torque_bumps torque_droop decaying_burst contact_pulses speed_hump dragged_cable "
-    "voltage_limit rough_patch fading_gain wandering_friction cubic_drag pumping_load "
-    "imperfections"
+    "torque_bumps contact_pulses speed_hump dragged_cable "
+    "rough_patch fading_gain cubic_drag pumping_load"
 ).split()
 WIDTH = 24  # columns of the effect table
 CODE = {name: row for row, name in enumerate(EFFECTS)}
@@ -32,20 +31,16 @@ DELAY, ACT_LAG, SATURATION, DEAD_ZONE, SPRING, STOP = range(10, 16)
 ELASTIC, BACKLASH, INERTIA_STEP, FRICTION_STEP, PERIODIC = range(16, 21)
 SENSOR_LAG, ECCENTRIC = range(21, 23)
 KT_RIPPLE, SUBLINEAR, POSE = range(23, 26)
-BUMPS, DROOP, BURST, PULSES, HUMP, CABLE = range(26, 32)
-VOLTAGE, PATCH, FADING, WANDERING, CUBIC, PUMPING, IMPERFECT = range(32, 39)
+BUMPS, PULSES, HUMP, CABLE, PATCH, FADING, CUBIC, PUMPING = range(26, 34)
 
 # state: motor, bristle, bristle of the declared structure, load, torque, measured speed, time
 # at rest, accelerations, then the springs of the cable
 TH, W, Z, ZN, THL, WL, UA, WS, REST, ACC, ACCL, SLIDER = range(12)
-SLIDERS, ELEMENTS = 4, 6
-ELEMENT = SLIDER + SLIDERS  # torques of the Maxwell elements
-STATES = ELEMENT + ELEMENTS
+SLIDERS = 4
+STATES = SLIDER + SLIDERS
 # machine
 J, S0, S1, FC, FS, FV, VS, LOAD, LOAD_A, LOAD_PHI, FS_TWIN, STATIC_TWIN = range(12)
-LAW, DELTA, POWER = range(12, 15)
-LUGRE, STATIC, MAXWELL, ELASTOPLASTIC = range(4)
-GRIP = 0.6  # share of the longest stretch up to which an elastoplastic bristle only bends
+STATIC = 12  # a set-valued law instead of bristles
 # drive
 MODE, KP, KI, KPP, U_MAX, XI_MAX, U_INIT, LAG_WM, NO_TACHO, QUANTUM = range(10)
 OPEN_LOOP, SPEED_LOOP, POSITION_LOOP = 0, 1, 2
@@ -95,15 +90,6 @@ def patch(theta, row):
 
 
 @compiled
-def wandering(t, row):
-    """row: size, then frequency and phase of four slow sines."""
-    total = 0.0
-    for i in range(4):
-        total += math.sin(2.0 * math.pi * row[1 + 2 * i] * t + row[2 + 2 * i])
-    return 1.0 + row[0] * total / 2.0
-
-
-@compiled
 def sign(x):
     if x == 0.0:
         return 0.0
@@ -111,11 +97,9 @@ def sign(x):
 
 
 @compiled
-def stribeck(w, fc, fs, vs, delta):
-    """h(w); beyond 6 vs the exponential with an exponent of 2 is below rounding."""
+def stribeck(w, fc, fs, vs):
+    """h(w); beyond 6 vs the exponential is below rounding."""
     v = w / vs
-    if delta != 2.0:
-        return fc + (fs - fc) * math.exp(-(abs(v) ** delta))
     return fc + (fs - fc) * math.exp(-v * v) if abs(v) < 6.0 else fc
 
 
@@ -165,19 +149,12 @@ def resisting(t, theta, w, on, p):
     if on[HUMP]:
         gap = (abs(w) - p[HUMP, 1]) / p[HUMP, 2]
         r += p[HUMP, 0] * math.exp(-gap * gap) * sign(w)
-    if on[BURST] and t > p[BURST, 1]:
-        age = t - p[BURST, 1]
-        ring = math.sin(2.0 * math.pi * p[BURST, 3] * age)
-        r += p[BURST, 0] * math.exp(-age / p[BURST, 2]) * ring
     if on[PULSES]:
         r += pulses(t, p[PULSES])
     if on[CUBIC]:
         r += p[CUBIC, 0] * w * w * w
     if on[PUMPING]:
         r += stroke(t, p[PUMPING])
-    if on[IMPERFECT]:  # row: ripple, order, phase, unbalance, phase, asymmetry, warming, its time
-        r += p[IMPERFECT, 0] * math.sin(p[IMPERFECT, 1] * theta + p[IMPERFECT, 2])
-        r += p[IMPERFECT, 3] * math.sin(theta + p[IMPERFECT, 4])
     return r
 
 
@@ -199,14 +176,9 @@ def friction_level(t, theta, w, rest, m, on, p):
         g *= 1.0 + p[FRICTION_STEP, 0]
     if on[PATCH]:
         g *= patch(theta, p[PATCH])
-    if on[WANDERING]:
-        g *= wandering(t, p[WANDERING])
-    if on[IMPERFECT]:
-        heat = 1.0 + p[IMPERFECT, 6] * (1.0 - math.exp(-t / p[IMPERFECT, 7]))
-        g, gv = g * heat * (1.0 + p[IMPERFECT, 5] * sign(w)), gv * heat
     if on[DWELL]:
         fs *= 1.0 + p[DWELL, 0] * (1.0 - math.exp(-rest / p[DWELL, 1]))
-    level = g * stribeck(w, m[FC], fs, m[VS], m[DELTA])
+    level = g * stribeck(w, m[FC], fs, m[VS])
     if on[LOAD_FRICTION]:
         level += p[LOAD_FRICTION, 0] * abs(load_torque(theta, m))
     return level, gv * m[FV]
@@ -226,50 +198,21 @@ def bristle(z, w, level, s0, h):
 
 
 @compiled
-def elastoplastic(z, w, level, s0, h):
-    """The same of a bristle that slips only beyond a part of its longest stretch."""
-    top, share = level / s0, 1.0
-    if z * w < 0.0 or abs(z) <= GRIP * top:
-        share = 0.0
-    elif abs(z) < top:
-        middle, width = 0.5 * (1.0 + GRIP) * top, (1.0 - GRIP) * top
-        share = 0.5 + 0.5 * math.sin(math.pi * (abs(z) - middle) / width)
-    return bristle(z, share * w, level, s0, h)[0] + (1.0 - share) * w * h
-
-
-@compiled
-def elements(x, w, level, m, h):
-    """Mean torque of springs in parallel, of equal stiffness, that slip at unequal limits."""
-    total = m[S1] * w * math.exp(-((w / m[VS]) ** 2))
-    for i in range(ELEMENTS):
-        limit, old = level * 2.0 * (i + 1.0) / (ELEMENTS * (ELEMENTS + 1.0)), x[ELEMENT + i]
-        x[ELEMENT + i] = min(max(old + m[S0] / ELEMENTS * w * h, -limit), limit)
-        total += 0.5 * (old + x[ELEMENT + i])
-    return total
-
-
-@compiled
 def rubbing(x, w, level, push, j, m, h):
     """Mean friction torque over a step, viscous part apart; ``push`` is all other torque.
 
     What is static takes any torque at rest: what stops the motion, up to the level.
     """
-    if m[LAW] == LUGRE:
-        x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
-        return m[S0] * mean + m[S1] * rate
-    if m[LAW] == STATIC:
+    if m[STATIC]:
         return min(max(push + j * x[W] / h, -level), level)
-    if m[LAW] == MAXWELL:
-        return elements(x, w, level, m, h)
-    old = x[Z]
-    x[Z] = elastoplastic(old, w, level, m[S0], h)
-    return 0.5 * m[S0] * (old + x[Z]) + m[S1] * (x[Z] - old) / h
+    x[Z], mean, rate = bristle(x[Z], w, level, m[S0], h)
+    return m[S0] * mean + m[S1] * rate
 
 
 @compiled
 def declared_friction(x, w, friction, m, h):
     """Friction of the declared structure, true values, along the measured speed."""
-    level = stribeck(w, m[FC], m[FS_TWIN], m[VS], m[DELTA])
+    level = stribeck(w, m[FC], m[FS_TWIN], m[VS])
     if m[STATIC_TWIN] > 0.0:  # set-valued at rest: whatever the truth is
         return friction if abs(w) < 0.2 * m[VS] else level * sign(w) + m[FV] * w
     x[ZN], mean, rate = bristle(x[ZN], w, level, m[S0], h)
@@ -288,11 +231,6 @@ def actuator(t, u, theta, w, x, h, on, p):
         u = sign(u) * max(abs(u) - p[DEAD_ZONE, 0], 0.0)
     if on[SATURATION]:
         u = min(max(u, -p[SATURATION, 0]), p[SATURATION, 0])
-    if on[VOLTAGE]:  # what the supply leaves beyond the back-EMF
-        back = p[VOLTAGE, 1] * w
-        u = min(max(u, -p[VOLTAGE, 0] - back), p[VOLTAGE, 0] - back)
-    if on[DROOP]:
-        u -= p[DROOP, 0] * u * abs(u)
     old = x[UA]
     x[UA] = u
     if not on[ACT_LAG] or p[ACT_LAG, 0] <= 0.0:
@@ -347,9 +285,6 @@ def sensed(theta, w, acc, x, on, p):
         slope = 1.0 + a * math.cos(angle)
         acc = acc * slope - a * math.sin(angle) * w * w
         return theta + a * math.sin(angle), w * slope, acc
-    if on[IMPERFECT]:  # row on: error of the encoder, its order, its phase
-        angle = p[IMPERFECT, 9] * theta + p[IMPERFECT, 10]
-        return theta + p[IMPERFECT, 8] * math.sin(angle), w, acc
     return theta, w, acc
 
 
@@ -361,11 +296,9 @@ def same_friction(m, on):
             return False
     if on[FRICTION_STEP] or on[SENSOR_LAG] or on[ECCENTRIC]:
         return False
-    if on[PATCH] or on[WANDERING]:
+    if on[PATCH]:
         return False
-    if on[IMPERFECT] or m[LAW] != LUGRE or m[POWER] != 1.0:
-        return False
-    return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0
+    return m[FS_TWIN] == m[FS] and m[STATIC_TWIN] == 0.0 and m[STATIC] == 0.0
 
 
 @compiled
@@ -376,14 +309,13 @@ def step(t, h, command, delayed, same, x, m, on, p):
     torque = actuator(t, delayed, theta, w, x, h, on, p)
     t += 0.5 * h
     level, fv = friction_level(t, theta, w, x[REST], m, on, p)
-    viscous = fv * w if m[POWER] == 1.0 else fv * sign(w) * abs(w) ** m[POWER]
     x[REST] = x[REST] + h if abs(w) < 0.5 * m[VS] else 0.0  # presliding counts as rest
     j_now, swing = inertia(t, theta, w, m, on, p)
     load, against = load_torque(theta, m), resisting(t, theta, w, on, p)
     drag = dragged(x, w, h, p[CABLE]) if on[CABLE] else 0.0
     shaft = coupling(x, theta, w, h, on, p)
-    push = torque - load - against - drag - viscous - swing - shaft
-    friction = rubbing(x, w, level, push, j_now, m, h) + viscous
+    push = torque - load - against - drag - fv * w - swing - shaft
+    friction = rubbing(x, w, level, push, j_now, m, h) + fv * w
     x[ACC] = (torque - (friction + load + against + drag) - swing - shaft) / j_now
     half = math.exp(-0.5 * h / max(p[SENSOR_LAG, 0], 1e-9)) if on[SENSOR_LAG] else 1.0
     x[WS] = w + (x[WS] - w) * half
@@ -391,7 +323,7 @@ def step(t, h, command, delayed, same, x, m, on, p):
     x[WS] = w + (x[WS] - w) * half
     x[TH] += h * (x[W] + 0.5 * h * x[ACC])
     before, x[W] = x[W], x[W] + h * x[ACC]
-    if m[LAW] == STATIC and abs(x[W]) < 1e-12 * abs(before):
+    if m[STATIC] and abs(x[W]) < 1e-12 * abs(before):
         x[W] = 0.0  # stopped: the rest is rounding
     nominal = friction if same else declared_friction(x, w_m, friction, m, h)
     # what the declared structure cannot account for along the measured motion
@@ -470,22 +402,3 @@ def advance(x, t, u, period, n, m, on, p):
     """One sample of a torque that acts as it is told: the state is moved on in place."""
     for i in range(n):
         step(t + i * period / n, period / n, u, u, True, x, m, on, p)
-
-
-@compiled
-def replay(m, on, p, told, stamps, n, states, restart, first):
-    """What the sensors show, (2, N), under the torque told, set to the true state at restarts."""
-    samples = len(told)
-    seen = np.zeros((2, samples))
-    x, j = states[:, 0].copy(), 0
-    late = p[DELAY, 0] if on[DELAY] else 0.0
-    for k in range(samples):
-        if restart[k]:
-            x[:] = states[:, k]
-        seen[0, k], seen[1, k], _ = sensed(x[TH], x[W], x[ACC], x, on, p)
-        h = (stamps[k + 1] - stamps[k]) / n
-        for i in range(n):
-            t = stamps[k] + i * h
-            delayed, j = held(told, stamps, j, k, t + 0.5 * h - late, first)
-            step(t, h, delayed, delayed, True, x, m, on, p)
-    return seen

@@ -18,7 +18,6 @@ from .plant import (
     STATES,
     TH,
     THL,
-    U_INIT,
     WIDTH,
     WL,
     W,
@@ -26,11 +25,9 @@ from .plant import (
     advance,
     run,
 )
-from .plant import replay as replay_record
 
 Program = Generator[float, tuple[float, float], None]
 Table = dict[str, tuple[float, ...]]  # effect name -> row of the effect table
-LAWS = ("lugre", "static", "maxwell", "elastoplastic")  # as the plant numbers them
 FINE = 20e-6  # s
 STIFF = 0.1  # sigma0 FINE^2 / J of bristles that stand for a static friction law: 2.5 kHz
 SEEN = {"theta_true": TH, "w_true": W, "z": Z, "th_load": THL, "w_load": WL, "a_true": ACC}
@@ -68,11 +65,7 @@ class Setup:
 
 @dataclass(frozen=True)
 class Run:
-    """Signals per sample (`plant.OUT` and `SEEN`) and RMS of friction and effect torque.
-
-    The rest is what it takes to run parts of it again: the set-up, the machine as it was, the
-    effect table and the states at the samples.
-    """
+    """Signals per sample (`plant.OUT` and `SEEN`) and RMS of friction and effect torque."""
 
     t: np.ndarray
     signals: dict[str, np.ndarray]
@@ -81,14 +74,12 @@ class Run:
     setup: Setup = field(repr=False)
     machine: Machine = field(repr=False)
     table: Table = field(repr=False)
-    states: np.ndarray = field(repr=False)
 
 
 def machine_row(m: Machine) -> np.ndarray:
     twin = m.Fs if m.Fs_twin < 0.0 else m.Fs_twin
-    law = (LAWS.index(m.law), m.delta, m.power)
-    values = (m.J, m.sigma0, m.sigma1, m.Fc, m.Fs, m.Fv, m.vs, *m.load, twin, m.twin_static, *law)
-    return np.array(values, dtype=float)
+    values = (m.J, m.sigma0, m.sigma1, m.Fc, m.Fs, m.Fv, m.vs, *m.load, twin, m.twin_static)
+    return np.array([*values, m.static], dtype=float)
 
 
 def holding_torque(m: Machine, theta: float) -> float:
@@ -142,27 +133,7 @@ def simulate(setup: Setup, table: Table, machine: Machine | None = None) -> Run:
     )
     signals = dict(zip(OUT, out, strict=True)) | {k: states[i] for k, i in SEEN.items()}
     rms = float(np.sqrt(friction)), float(np.sqrt(effect))
-    return Run(setup.stamps[:-1], signals, *rms, setup, machine, table, states)
-
-
-def replay(done: Run, torque: np.ndarray, restart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position and speed as noiseless sensors show them when this torque drives the machine.
-
-    At the samples where `restart` is set the machine is put into the state it truly had.
-    """
-    assert done.states.shape == (STATES, len(torque))
-    setup = done.setup
-    seen = replay_record(
-        machine_row(done.machine),
-        *_effects(done.table),
-        np.ascontiguousarray(torque),
-        setup.stamps,
-        setup.fine_steps,
-        done.states,
-        np.ascontiguousarray(restart),
-        float(setup.drive[U_INIT]),
-    )
-    return seen[0], seen[1]
+    return Run(setup.stamps[:-1], signals, *rms, setup, machine, table)
 
 
 def programmed(machine: Machine, program: Program, dt: float, start=(0.0, 0.0), table=None):

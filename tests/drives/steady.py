@@ -12,7 +12,7 @@ from math import pi
 
 import numpy as np
 
-from ..scores.question import Question
+from ..scores.question import LAW, Question
 
 EFFECTS = (
     "constant_torque",
@@ -55,9 +55,9 @@ def draw(seed: int, kind: str) -> Question:
         name,
         {f"{name}.{k}": v for k, v in made.values.items()},
         (frozenset({"w"}), frozenset({"w", "theta"})),
-        swings,
+        swings | LAW,
         alike=swings,
-        about={"machine": f"{len(made.runs)} runs"},
+        about=f"{len(made.runs)} runs",
         more=tuple(more),
     )
 

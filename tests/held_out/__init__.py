@@ -1,5 +1,1 @@
-"""A second rig: logs of servo drives with friction, made from the physics alone."""
-
-from .drawing import draw, draw_effect
-
-__all__ = ["draw", "draw_effect"]
+"""A second rig, by another hand: logs of servo drives with friction, from the physics alone."""

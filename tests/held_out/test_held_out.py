@@ -1,45 +1,39 @@
 """The second rig keeps to the physics, and a seed gives the same log again."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from tests.held_out import draw, draw_effect
-from tests.held_out.drawing import _draw as draw_with_motion
-from tests.held_out.motion_facts import leftover, nominal, simulate
-
-
-@cache
-def plain(seed):
-    return draw_with_motion(seed, "plain")
+from . import questions
+from .rig import leftover, simulate
 
 
 @pytest.mark.parametrize("seed", [0, 3])
 def test_the_torque_balance_of_a_plain_motion_holds(seed):
-    _, truth, rig, o, _ = plain(seed)
-    rest, level, moving = leftover(rig, o, nominal(rig))
+    _, made, _ = questions.asked(seed, "sound")
+    rest, level, moving = leftover(made.rig, made.motion, made.plain)
     assert moving > 0.1
     assert np.sqrt(np.mean(rest**2)) < 0.003 * level
-    assert truth["left_over"] < 0.003
 
 
 def test_finer_steps_change_little():
-    _, _, rig, o, (refs, noise) = plain(3)
-    fine = simulate(rig, refs, noise, finer=4)
-    assert np.sqrt(np.mean((fine["w"] - o["w"]) ** 2)) < 0.02 * np.std(o["w"])
+    _, made, _ = questions.asked(3, "sound")
+    fine = simulate(made.rig, made.refs, made.seed, finer=4)
+    assert np.sqrt(np.mean((fine["w"] - made.motion["w"]) ** 2)) < 0.02 * np.std(made.motion["w"])
 
 
-@pytest.mark.parametrize("make", [draw, lambda seed: draw(seed, "real"), draw_effect])
-def test_draws_are_reproducible(make):
-    (a, truth), (b, again) = make(4), make(4)
-    assert repr(truth) == repr(again)
-    assert set(a) <= {"t", "u", "theta", "w"} and "u" in a and len(a) >= 3
-    for name in a:
-        np.testing.assert_array_equal(a[name], b[name])
-        assert np.all(np.isfinite(a[name])) and a[name].size == a["t"].size
+@pytest.mark.parametrize("kind", questions.KINDS)
+def test_a_seed_gives_the_same_question_each_time(kind):
+    one = questions.draw(1, kind)
+    questions.asked.cache_clear()
+    two = questions.draw(1, kind)
+    assert (one.model, one.values, one.effect) == (two.model, two.values, two.effect)
+    assert set(one.record) <= {"t", "u", "theta", "w"} and "u" in one.record and len(one.record) > 2
+    for name, column in one.record.items():
+        np.testing.assert_array_equal(column, two.record[name])
+        assert np.isfinite(column).all() and len(column) == len(one.record["t"])
 
 
-def test_a_clear_effect_is_named_with_values():
-    effect = draw_effect(5)[1]["effect"]
-    assert effect["name"] and effect["values"] and 0.03 <= effect["share"] <= 0.45
+def test_a_clear_effect_is_named_with_values_and_seen():
+    name, made, visible = questions.asked(1, "effect")
+    assert name in questions.EFFECTS and made.values and 0.03 <= made.size <= 0.45
+    assert visible > questions.SEEN

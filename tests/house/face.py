@@ -23,7 +23,7 @@ from lugrectl.cli.options import parser
 
 FILE = Path(__file__).with_name("face.txt")
 JOBS = {  # name -> command line; DIR is a folder with a short record
-    "demo": "demo --json --out DIR --plot DIR/demo.png",
+    "demo": "demo --json --out DIR",
     "identify": "identify DIR/short.csv --model DEMO/model.toml --json",
     "check spr": "check spr --json",
     "check l2": "check l2 --json",

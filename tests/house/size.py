@@ -4,14 +4,41 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import lugrectl as lg
 
-from .arrows import PACKAGE, ROOT, arrows, room, walked
-
+ROOT = Path(__file__).parents[2]
+PACKAGE = ROOT / "lugrectl"
+FACE = {"__init__", "__main__", "results"}  # files beside the rooms
 MANY, LONG = 6, 40  # arguments of a function; lines of its body
 DATA = {".py", ".txt", ".json", ".toml", ".c", ".csv", ".md"}
+
+
+@cache
+def walked(path: Path) -> tuple[ast.AST, ...]:
+    """The nodes of a file."""
+    return tuple(ast.walk(ast.parse(path.read_text())))
+
+
+def room(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+@cache
+def arrows(folder: str) -> set[tuple[str, str]]:
+    """Which room of a folder imports which; the public face imports all."""
+    found, base = set(), PACKAGE / folder
+    for path in base.rglob("*.py"):
+        own = path.relative_to(base).parts[0].removesuffix(".py")
+        for node in walked(path):
+            if isinstance(node, ast.ImportFrom) and node.level:
+                module = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+                names = [module] if node.module else [module / a.name for a in node.names]
+                inside = [n.relative_to(base) for n in names if base in n.parents]
+                found |= {(own, n.parts[0]) for n in inside}
+    return {(a, b) for a, b in found if a != b and not FACE & {a, b}}
 
 
 def lines(folder: Path, kinds: set[str]) -> int:

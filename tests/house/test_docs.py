@@ -15,9 +15,7 @@ from lugrectl.cli.options import parser
 from lugrectl.diagnosis.result import VERDICTS
 
 DOCS = Path(__file__).parents[2] / ".docs"
-ROOMS = sorted(Path(lg.__file__).parent.glob("*/__init__.py"))
-LISTS = {"effects": lg.effects, "laws": lg.laws, "observers": lg.observers}
-LISTS["controllers"] = lg.controllers
+LISTS = ("effects", "laws", "observers", "controllers")
 
 
 @pytest.fixture(scope="module")
@@ -37,47 +35,32 @@ def pages(generator):
 
 @pytest.mark.parametrize("folder", LISTS)
 def test_every_registry_entry_has_a_page_with_its_text(pages, folder):
-    for entry in LISTS[folder]():
+    for entry in getattr(lg, folder)():
         page = pages[f"{folder}/{entry.name}"]
         assert re.sub(r"^   ", "", page, flags=re.M).count(str(entry)) == 1, entry.name
         assert f".. image:: {entry.name}.png" in page
         assert [k for k in entry.parameters if f"``{k}``" not in page] == []
         assert f"   {entry.name}\n" in pages[f"{folder}/index"] + "\n"
+        confused = getattr(entry, "confused_with", ())
+        assert [n for n in confused if f"<effect-{n}>" not in page] == []
 
 
-def test_an_effect_links_to_what_it_is_confused_with(pages):
-    for entry in lg.effects():
-        page = pages[f"effects/{entry.name}"]
-        assert [n for n in entry.confused_with if f"<effect-{n}>" not in page] == []
-        assert "To distinguish them:" in page
-
-
-def test_every_public_name_is_on_exactly_one_page(pages):
+def test_every_public_name_is_on_exactly_one_page_under_a_topic(pages, generator):
     text = "\n".join(v for k, v in pages.items() if k.startswith("python/"))
     found = re.findall(r"^\.\. (?:autofunction|autoclass|py:data):: (\w+)$", text, re.M)
     assert sorted(found) == sorted(lg.__all__)
-
-
-def test_the_architecture_names_each_room_and_what_it_uses(pages):
-    page, rooms = pages["architecture"], [p.parent.name for p in ROOMS]
-    assert len(rooms) > 15 and [r for r in rooms if f"   * - ``{r}``\n" not in page] == []
-    balance = page.split("   * - ``torque_balance``\n")[1].split("   * - ")[0]
-    assert "``estimates``" in balance and "``report``" not in balance
-
-
-def test_no_public_name_is_without_a_topic(generator):
     assert [name for name in lg.__all__ if generator.python.topic(name) == "others"] == []
 
 
-def test_every_command_and_option_is_on_the_page_of_the_command_line(pages):
+def test_each_part_of_the_face_is_in_its_section(pages):
+    """Rooms, commands with their options, and keys of the report."""
+    rooms = [p.parent.name for p in Path(lg.__file__).parent.glob("*/__init__.py")]
+    assert [r for r in rooms if f"   * - ``{r}``\n" not in pages["architecture"]] == []
     (commands,) = (a for a in parser()._actions if a.dest == "command")
     for name, command in commands.choices.items():
         section = pages["command"].split(f".. _command-{name}:")[1].split(".. _command-")[0]
         options = [o for a in command._actions for o in a.option_strings if a.dest != "help"]
         assert [o for o in options if f"``{o}" not in section] == [], name
-
-
-def test_every_key_of_the_report_is_on_its_page(pages):
     schema = resources.files("lugrectl") / "report" / "report.schema.json"
     for name, one in json.loads(schema.read_text(encoding="utf-8"))["$defs"].items():
         section = pages["files/report"].split(f".. _report-{name}:")[1].split(".. _report-")[0]
@@ -105,24 +88,16 @@ def test_the_table_of_other_tools_names_only_what_there_is():
     assert all(name in lg.laws() for name in re.findall(r'lg\.friction\("(\w+)"', text))
 
 
-def test_the_code_of_an_example_is_shown_as_it_is_typed(generator):
-    example = ">>> for _ in range(2):\n...     r = 0.1 * np.sin(2 * t**2) | {}\n>>> r\n'*a*'"
-    shown = generator.rst.prose(f"e = |w| zhat*\n\n{example}\n\nThen |w|.")
-    assert shown == f"e = \\|w\\| zhat\\*\n\n{example}\n\nThen \\|w\\|."
-
-
 def test_a_signature_is_the_torque_of_the_equation(generator):
     m = generator.motions.motion("travel")
     values = {"amplitude": 0.1, "phase": 0.5}
     torque = generator.signatures.residual(lg.effects()["gravity"], m, values)
     assert torque == pytest.approx(0.1 * np.sin(m.theta + 0.5), abs=1e-9)
-    drawn = generator.signatures.Signature(m.t, m.theta, m.w, {"r_e": torque})
-    assert generator.signatures.drawn(drawn).startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
-@pytest.mark.sample
 def test_the_reference_builds_without_a_warning(tmp_path):
+    """As Read the Docs does at each commit."""
     missing = [m for m in ("sphinx", "numpydoc", "myst_nb") if util.find_spec(m) is None]
     if missing:
         pytest.skip(f"{', '.join(missing)} not installed: pip install lugrectl[docs]")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
 import numpy as np
 
-from .points import MOST_CAUSES
+from .question import MOST_CAUSES
 
 Line = dict[str, Any]
 PLACES = {"rest", "position"}  # relative to the travel, their zero means nothing
@@ -45,20 +45,14 @@ def all_named(line: Line) -> bool:
     return verdict(line) in ("found", "ambiguous") and set(line["names"]) <= set(named)
 
 
-def signals(line: Line) -> tuple[bool, bool]:
-    """A stranger called unexplained: is the first signal named a true one; are all of them?"""
-    if verdict(line) != "unexplained":
-        return False, False
-    true = {s for e in line["truth"]["effects"] for s in e["depends_on"]}
-    named = line["answer"]["depends_on"] or []
-    return bool(named) and named[0] in true, bool(named) and set(named) <= true
-
-
 def is_right(line: Line) -> bool:
-    """Whether a record was called what it is, with no wrong name."""
-    if line["kind"] == "stranger":
-        return signals(line)[0]
-    return credit(line) == 1.0 if line["names"] else verdict(line) == "adequate"
+    """Whether a record was called what it is, with no wrong name; a stranger unexplained, with a
+    signal that it depends on named first."""
+    if line["kind"] != "stranger":
+        return credit(line) == 1.0 if line["names"] else verdict(line) == "adequate"
+    true = {s for e in line["truth"]["effects"] for s in e["depends_on"]}
+    named = line.get("answer", {}).get("depends_on") or []
+    return verdict(line) == "unexplained" and bool(named) and named[0] in true
 
 
 @dataclass(frozen=True)
@@ -138,32 +132,26 @@ def rows(lines: Sequence[Line]) -> list[tuple[str, str]]:
     Effects named as one of at most three are added in words, and pairs without a name too many.
     """
     kept = usable(lines)
-
-    def of(kind: str, strength: str = "normal") -> list[Line]:
-        return [x for x in kept if (x["kind"], x["strength"]) == (kind, strength)]
-
-    def exact(some: list[Line]) -> str:
-        credits = [credit(x) for x in some]
-        among = credits.count(0.5)
-        more = f", {among} more ambiguous" if among else ""
-        return counted(credits.count(1.0), len(credits)) + more
-
-    pairs, none, strange = of("pair"), of("none"), of("stranger")
+    made = []
+    for what, strength in (("20 %", "normal"), ("8 %", "weak")):
+        credits = [credit(x) for x in kept if (x["kind"], x["strength"]) == ("effect", strength)]
+        weak, among = "weak " * (strength == "weak"), credits.count(0.5)
+        said = counted(credits.count(1.0), len(credits)) + f", {among} more ambiguous" * bool(among)
+        of = f"RMS {what} of friction" if not weak else what
+        made.append((f"one {weak}effect, {of}, named exactly", said))
+    pairs, none, strange = (
+        [x for x in kept if x["kind"] == k] for k in ("pair", "none", "stranger")
+    )
     both, right = sum(map(all_named, pairs)), sum(credit(x) == 1.0 for x in pairs)
-    alone = f", {right} alone" if right < both else ""
+    alone = f", {right} alone" * (right < both)
     adequate = sum(verdict(x) == "adequate" for x in none)
-    called_so = sum(verdict(x) == "unexplained" for x in strange)
-    first = f", the first signal right in {sum(signals(x)[0] for x in strange)}"
+    so = sum(verdict(x) == "unexplained" for x in strange)
+    first = f", the first signal right in {sum(map(is_right, strange))}" * bool(so)
     every = [p.covered for x in kept for p in parameters(x) if p.covered is not None]
-    return [
-        ("one effect, RMS 20 % of friction, named exactly", exact(of("effect"))),
-        ("one weak effect, 8 %, named exactly", exact(of("effect", "weak"))),
+    return made + [
         ("two effects, both named", counted(both, len(pairs)) + alone),
         ("nothing missing: `adequate`", counted(adequate, len(none))),
-        (
-            "unknown effect: `unexplained`",
-            counted(called_so, len(strange)) + (first if called_so else ""),
-        ),
+        ("unknown effect: `unexplained`", counted(so, len(strange)) + first),
         ("95 % intervals that cover the true value", counted(sum(every), len(every))),
     ]
 
@@ -198,23 +186,13 @@ def conditions(line: Line) -> str:
 
 
 def text(lines: Sequence[Line]) -> str:
-    """The six figures, how long it took, and what each record was called."""
+    """The six figures, how long it took, and what the records were called."""
     kept = usable(lines)
     parts = [f"{len(lines)} records, {len(lines) - len(kept)} unfit and left out", ""]
     parts += [f"{what}: {value}" for what, value in rows(kept)]
     cpu = [x["cpu"] for x in kept if "cpu" in x]
     if cpu:
         parts.append(f"CPU time: {np.median(cpu):.1f} s median, {max(cpu):.1f} s worst")
-    for (kind, strength), some in _grouped(kept, lambda x: (x["kind"], x["strength"])).items():
-        parts += ["", f"what each was called: {kind}, {strength}"]
-        for truth, own in _grouped(some, lambda x: " + ".join(x["names"]) or "none").items():
-            calls = Counter(map(called, own)).most_common()
-            parts.append(f"    {truth}: " + ", ".join(f"{what} {n}" for what, n in calls))
+    calls = Counter((x["kind"], x["strength"], " + ".join(x["names"]), called(x)) for x in kept)
+    parts += [f"{' '.join(said)}: {n}" for said, n in sorted(calls.items())]
     return "\n".join(parts)
-
-
-def _grouped(lines: Sequence[Line], by: Callable) -> dict:
-    groups: dict = {}
-    for x in lines:
-        groups.setdefault(by(x), []).append(x)
-    return groups

@@ -9,7 +9,7 @@ import argparse
 import importlib
 import json
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -19,15 +19,15 @@ from typing import Any
 import numpy as np
 
 from .judges import judge_named, timed
-from .points import false_names, points, table, value_summary, values
-from .question import Answer, Question
+from .question import Answer, Question, coverage, false_names, points, values
 
 RESULTS = Path(__file__).parents[2] / "notebooks" / "results"
 GENERATORS = {
-    "drives": "tests.drives.messy",
+    "drives": "tests.drives.questions",
     "steady": "tests.drives.steady",
     "held_out": "tests.held_out.questions",
 }
+PLAIN = ("J", "Fc", "Fv")  # what plain.json keeps
 
 
 @dataclass(frozen=True)
@@ -36,34 +36,24 @@ class Row:
 
     question: Question
     answer: Answer
-    points: float
-    wrong: tuple[str, ...]
-    values: dict[str, dict[str, Any] | None]
+
+    @property
+    def points(self) -> float:
+        return points(self.question, self.answer)
 
     @property
     def line(self) -> str:
         """What is printed of it."""
-        q, answer = self.question, self.answer
-        named = ", ".join(answer.effects) or answer.reason or "-"
-        if answer.alternatives:
-            named += " | " + ", ".join(answer.alternatives)
-        if answer.depends_on:
-            named += f" ({', '.join(sorted(answer.depends_on))})"
-        alike = f" ~ {', '.join(sorted(q.alike))}" if q.alike else ""
-        return (
-            f"{q.seed:5d}  {q.about.get('machine', '')}  {q.effect}{alike}: {answer.verdict}  "
-            f"{named}  {self.points:.1f}  {answer.seconds:.2f} s"
-        )
-
-
-def drawer(generator: str) -> Callable[[int, str], Question]:
-    """The function that draws; ``generator`` is a name or a module."""
-    return importlib.import_module(GENERATORS.get(generator, generator)).draw
+        q, a = self.question, self.answer
+        named = " ".join([*a.effects, "|", *a.alternatives, "|", *a.depends_on, a.reason])
+        head = f"{q.seed:5d}  {q.about}  {q.effect} {'~ ' * bool(q.alike)}{' '.join(q.alike)}"
+        return f"{head}: {a.verdict}  {named}  {self.points:.1f}  {a.seconds:.2f} s"
 
 
 def judged(seed: int, kind: str, generator: str, judge: str) -> Row:
-    """Draw, judge and score one; a judge that fails has answered ``error``."""
-    question = drawer(generator)(seed, kind)
+    """Draw and judge one; a judge that fails has answered ``error``."""
+    module = importlib.import_module(GENERATORS.get(generator, generator))
+    question = module.draw(seed, kind)
     logs = [(log, {}) for log in (question.record, *question.more)]
     try:
         with warnings.catch_warnings():
@@ -71,31 +61,21 @@ def judged(seed: int, kind: str, generator: str, judge: str) -> Row:
             answer = timed(judge_named(judge), logs, question.model)
     except Exception as error:  # one record must not end the bench
         answer = Answer("error", reason=f"{type(error).__name__}: {error}")
-    wrong = tuple(sorted(false_names(question, answer)))
-    return Row(question, answer, points(question, answer), wrong, values(question, answer))
-
-
-def rows(seeds: range, jobs: int, **what: Any) -> Iterator[Row]:
-    """The judged records in the order of their seeds."""
-    work = partial(judged, **what)
-    if jobs < 2:
-        yield from map(work, seeds)
-        return
-    with ProcessPoolExecutor(jobs) as pool:
-        yield from pool.map(work, seeds)
+    return Row(question, answer)
 
 
 def summary(found: Sequence[Row]) -> dict[str, Any]:
     """Points, false names, seconds and coverage."""
     seconds = [row.answer.seconds for row in found if np.isfinite(row.answer.seconds)] or [0.0]
-    held = [(name, v["inside"]) for row in found for name, v in row.values.items() if v]
+    each = [values(row.question, row.answer) for row in found]
+    held = [(name, v["inside"]) for row in each for name, v in row.items() if v]
     truths: dict[str, list[float]] = {}
     for row in sorted(found, key=lambda row: row.question.effect):
         truths.setdefault(row.question.effect, []).append(row.points)
     return {
         "records": len(found),
         "points": round(float(np.mean([row.points for row in found])), 4),
-        "false_names": sum(bool(row.wrong) for row in found),
+        "false_names": sum(bool(false_names(row.question, row.answer)) for row in found),
         "errors": sum(row.answer.verdict == "error" for row in found),
         "median_seconds": round(float(np.median(seconds)), 3),
         "worst_seconds": round(float(np.max(seconds)), 3),
@@ -112,9 +92,7 @@ def _share(held: Sequence[bool]) -> float | None:
 def keep(path: Path, key: str, said: dict[str, Any]) -> None:
     """Merge one summary into the JSON file of results."""
     kept = json.loads(path.read_text()) if path.exists() else {}
-    kept[key] = said
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(dict(sorted(kept.items())), indent=1) + "\n")
+    path.write_text(json.dumps(dict(sorted({**kept, key: said}.items())), indent=1) + "\n")
 
 
 def parser() -> argparse.ArgumentParser:
@@ -124,7 +102,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--generator", default="drives", help=f"{', '.join(GENERATORS)} or a module")
     p.add_argument("--judge", default="lugrectl", help="lugrectl, balance, MODULE:FN")
     p.add_argument("--jobs", type=int, default=1)
-    p.add_argument("--misses", action="store_true", help="print only what scores below 1")
     p.add_argument("--keep", metavar="COMMIT", help="keep the summary: messy.json, plain.json")
     return p
 
@@ -132,22 +109,22 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str] | None = None) -> int:
     """Draw, judge, print; keep the summary where asked."""
     args = parser().parse_args(argv)
-    first, _, last = args.seeds.partition(":")
-    seeds = range(int(first), int(last) if last else int(first) + 1)
-    what = {k: getattr(args, k) for k in ("kind", "generator", "judge")}
+    first, last = map(int, args.seeds.split(":"))
+    work = partial(judged, kind=args.kind, generator=args.generator, judge=args.judge)
     found = []
-    for row in rows(seeds, args.jobs, **what):
-        found.append(row)
-        if row.points < 1 or not args.misses:
+    with ProcessPoolExecutor(args.jobs) as pool:
+        for row in (pool.map if args.jobs > 1 else map)(work, range(first, last)):
+            found.append(row)
             print(row.line, flush=True)
     said = summary(found)
-    print(*(f"{name:30s} {value}" for name, value in said.items()), sep="\n")
-    print(table([row.values for row in found]))
+    known = coverage([values(row.question, row.answer) for row in found])
+    for name, value in {**said, **known}.items():
+        print(f"{name:30s} {value}")
     if args.keep and args.judge == "balance":
         cpu = float(np.median([row.answer.cpu for row in found]))
         plain = {"commit": args.keep, "drives": len(found), "cpu": cpu}
-        key = f"{args.generator}, {args.kind}, seeds {args.seeds}"
-        keep(RESULTS / "plain.json", key, plain | value_summary([row.values for row in found]))
+        plain |= {name: known[name] for name in PLAIN if name in known}
+        keep(RESULTS / "plain.json", f"{args.generator}, {args.kind}, seeds {args.seeds}", plain)
     elif args.keep:
         key = f"{args.kind}/{args.generator}/{args.judge}/{args.seeds}"
         keep(RESULTS / "messy.json", key, {"commit": args.keep} | said)

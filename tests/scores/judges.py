@@ -1,7 +1,7 @@
 """Judges: what answers a log. Each is called with the logs and the declared model.
 
-The logs are pairs of a path or columns, and the options of reading it. A judge may return an
-``Answer``, a dict of its fields, or a ``Diagnosis``, of which the document counts.
+The logs are pairs of a path or columns, and the options of reading it. A judge returns an
+``Answer``, or a ``Diagnosis``, of which the document counts.
 """
 
 from __future__ import annotations
@@ -72,7 +72,8 @@ def judge_named(name: str) -> Judge:
 def timed(judge: Judge, logs: Logs, model: Mapping[str, Any]) -> Answer:
     """The answer, with the seconds that it took."""
     began, cpu = time.perf_counter(), time.process_time()
-    answer = answer_of(judge(logs, model))
+    said = judge(logs, model)
+    answer = said if isinstance(said, Answer) else of_document(said.summary())
     seconds = time.perf_counter() - began
     return replace(answer, seconds=seconds, cpu=time.process_time() - cpu)
 
@@ -88,14 +89,6 @@ def diagnosed(logs: Logs, model: Mapping[str, Any]) -> Any:
     return lg.diagnose(records if len(records) > 1 else records[0], dict(model))
 
 
-def _read(log: Any, options: Mapping[str, Any], model: Mapping[str, Any]) -> Any:
-    import lugrectl as lg
-
-    if isinstance(log, Mapping):
-        return log
-    return lg.read_record(log, motion=model.get("motion"), **options)
-
-
 def balanced(logs: Logs, model: Mapping[str, Any]) -> Answer:
     """The package's plain answer to one log, which knows nothing but that there is friction."""
     import lugrectl as lg
@@ -105,15 +98,12 @@ def balanced(logs: Logs, model: Mapping[str, Any]) -> Answer:
     return Answer("plain", parameters=_triples(known), reason=" ".join(plain.said))
 
 
-def answer_of(said: Any) -> Answer:
-    """What a judge returned, as an Answer."""
-    if isinstance(said, Answer):
-        return said
-    if not isinstance(said, Mapping):
-        return of_document(said.summary())
-    lists = {k: tuple(said.get(k, ())) for k in ("effects", "alternatives", "depends_on")}
-    more = {k: said[k] for k in ("parameters", "left", "reason") if said.get(k) is not None}
-    return Answer(said["verdict"], **lists, **more)
+def _read(log: Any, options: Mapping[str, Any], model: Mapping[str, Any]) -> Any:
+    import lugrectl as lg
+
+    if isinstance(log, Mapping):
+        return log
+    return lg.read_record(log, motion=model.get("motion"), **options)
 
 
 def of_document(d: Mapping[str, Any]) -> Answer:

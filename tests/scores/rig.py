@@ -17,7 +17,6 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -25,14 +24,14 @@ from typing import Any
 import numpy as np
 
 from ..drives import CATALOGUE, STRANGERS, Case, exported, problems, sample
-from ..drives.declared import model_text
 from ..drives.effects import find
-from ..drives.run import replay
+from ..drives.record import model_text
 from ..drives.sample import forms
 from . import counts
 from .judges import THREADS, apart
 
 STRENGTHS = {"normal": 0.20, "weak": 0.08}
+LIMIT = 1800  # s, for a record
 ALIKE = (  # no record tells these from each other when both are there
     {"input_delay", "actuator_lag", "velocity_sensor_lag"},
     {"elastic_coupling", "backlash"},
@@ -40,7 +39,6 @@ ALIKE = (  # no record tells these from each other when both are there
     {"constant_torque", "return_spring"},  # a spring with another rest
     {"gravity", "pose_dependent_inertia", "encoder_eccentricity"},
 )
-DEFAULT = {"none": 200, "strangers": 48, "pairs": 60}  # where no effects are asked for
 KEPT = ("verdict", "effects", "depends_on", "experiment", "error", "free_error", "torque_error",
         "record", "reason", "messages")  # fmt: skip
 
@@ -54,67 +52,41 @@ class Task:
     strength: str
     seed: int
     hard: bool = False
-    short: bool = False  # 20 s at 500 Hz, for a quick look
     form: str = ""  # as which export it holds theta, w and u; "" as the rig's sensors give them
 
     @property
     def key(self) -> str:
-        words = (self.hard and "hard", self.short and "short", self.form)
-        also = "".join(f" {word}" for word in words if word)
+        also = "".join(f" {word}" for word in ("hard" * self.hard, self.form) if word)
         return f"{'+'.join(self.names) or 'none'} {self.strength} {self.seed}{also}"
 
-    def case(self) -> Case:
-        """The record."""
-        short = {"rate": 500.0, "duration": 20.0} if self.short else {}
-        names, strength = list(self.names) or "none", STRENGTHS[self.strength]
-        case = sample(names, self.seed, hard=self.hard, strength=strength, **short)
-        return exported(case, self.form) if self.form else case
+    @property
+    def head(self) -> dict[str, Any]:
+        """Which record it is, and when it was done."""
+        own = {k: getattr(self, k) for k in ("key", "kind", "strength", "seed")}
+        at = datetime.now(UTC).isoformat(timespec="seconds")
+        return own | {"names": list(self.names), "at": at}
+
+    def drawn(self, hard: float, forms_too: float) -> Task:
+        """Made hard, and stored in another form, with these chances."""
+        rng = np.random.default_rng([self.seed, *self.key.encode()])
+        made, allowed = replace(self, hard=bool(rng.random() < hard)), forms(self.names)
+        if not allowed or rng.random() >= forms_too:
+            return made
+        return replace(made, form=str(rng.choice(allowed)))
 
 
-@dataclass(frozen=True)
-class Plan:
-    """Every effect at every strength and seed, then the others; ``hard``, ``exported``: shares.
-
-    Records with nothing missing, strangers and pairs take seeds from the first on, and the first
-    strength.
-    """
-
-    effects: Sequence[str]
-    strengths: Sequence[str]
-    seeds: range
-    none: int = 0
-    strangers: int = 0
-    pairs: int = 0
-    hard: float = 0.0
-    short: bool = False
-    exported: float = 0.0
-
-    def tasks(self) -> list[Task]:
-        first, strength, kinds = self.seeds.start, self.strengths[0], list(STRANGERS)
-        made = [
-            Task("none", (), s, seed) if n == "none" else Task("effect", (find(n).name,), s, seed)
-            for seed in self.seeds
-            for s in self.strengths
-            for n in self.effects
-        ]
-        made += [Task("none", (), "normal", first + i) for i in range(self.none)]
-        strange = [(kinds[i % len(kinds)],) for i in range(self.strangers)]
-        made += [Task("stranger", n, strength, first + i) for i, n in enumerate(strange)]
-        mixed = _pairs(first)
-        made += [Task("pair", next(mixed), strength, first + i) for i in range(self.pairs)]
-        made = [self._form(replace(self._hardened(t), short=self.short)) for t in made]
-        return list({task.key: task for task in made}.values())
-
-    def _hardened(self, task: Task) -> Task:
-        chance = np.random.default_rng([task.seed, *task.key.encode()]).random()
-        return replace(task, hard=bool(chance < self.hard))
-
-    def _form(self, task: Task) -> Task:
-        rng = np.random.default_rng([task.seed, *b"export", *task.key.encode()])
-        allowed = forms(task.names)
-        if rng.random() >= self.exported or not allowed:
-            return task
-        return replace(task, form=str(rng.choice(allowed)))
+def planned(args: argparse.Namespace) -> list[Task]:
+    """Every effect at every strength and seed, then the others, with seeds from the first on."""
+    first, kinds, mixed = args.seeds.start, list(STRANGERS), _pairs(args.seeds.start)
+    strengths = list(STRENGTHS) if args.strength == "both" else [args.strength]
+    effects = {"all": list(CATALOGUE), "": []}.get(args.effects, args.effects.split(","))
+    own = [("none", ()) if name == "none" else ("effect", (find(name).name,)) for name in effects]
+    made = [Task(*one, s, seed) for seed in args.seeds for s in strengths for one in own]
+    made += [Task("none", (), "normal", first + i) for i in range(args.none)]
+    for i in range(args.unknown):
+        made.append(Task("stranger", (kinds[i % len(kinds)],), strengths[0], first + i))
+    made += [Task("pair", next(mixed), strengths[0], first + i) for i in range(args.pairs)]
+    return list({t.key: t for t in (t.drawn(args.hard, args.exported) for t in made)}.values())
 
 
 def _pairs(seed: int) -> Iterator[tuple[str, ...]]:
@@ -122,8 +94,7 @@ def _pairs(seed: int) -> Iterator[tuple[str, ...]]:
     every = [pair for pair in combinations(CATALOGUE, 2) if together(*pair)]
     rng = np.random.default_rng(seed)
     while True:
-        for i in rng.permutation(len(every)):
-            yield every[int(i)]
+        yield from (every[int(i)] for i in rng.permutation(len(every)))
 
 
 def together(first: str, second: str) -> bool:
@@ -131,27 +102,20 @@ def together(first: str, second: str) -> bool:
     if any({first, second} <= group for group in ALIKE):
         return False
     a, b = find(first), find(second)
-    loads = {"gravity", "constant_torque"}
-    clash = (a.only == "load" and b.name in loads) or (b.only == "load" and a.name in loads)
-    return bool(set(a.excitations) & set(b.excitations)) and not clash
-
-
-# --- one record --------------------------------------------------------------------------
-
-
-def head(task: Task) -> dict[str, Any]:
-    """Which record it is, and when it was done."""
-    at = datetime.now(UTC).isoformat(timespec="seconds")
-    own = {k: getattr(task, k) for k in ("key", "kind", "names", "strength", "seed")}
-    return own | {"names": list(task.names), "at": at}
+    loads = {"gravity", "constant_torque"} & {first, second}
+    return bool(set(a.excitations) & set(b.excitations)) and not (
+        loads and "load" in (a.only, b.only)
+    )
 
 
 def line(task: Task) -> dict[str, Any]:
     """All that is kept of one record: its truth, the diagnosis of its files, the least error."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        case = task.case()
-        made = head(task) | {"truth": truth(case, task), "problems": problems(case)}
+        names, strength = list(task.names) or "none", STRENGTHS[task.strength]
+        case = sample(names, task.seed, hard=task.hard, strength=strength)
+        case = exported(case, task.form) if task.form else case
+        made = task.head | {"truth": truth(case, task), "problems": problems(case)}
         return made | answer(case)
 
 
@@ -180,7 +144,7 @@ def answer(case: Case) -> dict[str, Any]:
         spent = {"wall": time.perf_counter() - wall, "cpu": time.process_time() - cpu}
     said = found.summary()
     kept = {k: said.get(k) for k in KEPT} | {"ranking": (said.get("ranking") or [])[:4]}
-    return {**spent, "answer": kept, "floor": floor(case, records, found)}
+    return {**spent, "answer": kept, "floor": floor(case, said.get("error"))}
 
 
 def write(case: Case, folder: Path) -> tuple[list[Path], Path]:
@@ -194,53 +158,13 @@ def write(case: Case, folder: Path) -> tuple[list[Path], Path]:
     return paths, model
 
 
-def floor(case: Case, records: Sequence[Any], found: Any) -> float | None:
-    """RMS error of the rig's own plant over the windows on which the package was judged.
-
-    It starts from the state that the machine truly had, runs under the torque as recorded and
-    shares nothing with the package. No estimate of the state can reach it, for position by far.
-    """
-    if found.traces is None or found.error is None:
+def floor(case: Case, error: dict[str, Any] | None) -> float | None:
+    """The least error of the signal on which the package was judged: that of the sensor itself."""
+    if error is None or error["signal"] not in case.columns:
         return None
-    signal, horizon = found.error["signal"], found.error["horizon"]
-    edges = np.cumsum([0, *(r.samples for r in records)])
-    held_out = np.zeros(edges[-1], dtype=bool)
-    seen = found.traces.held_out[: edges[-1]]
-    held_out[: len(seen)] = seen
-    errors = []
-    for run, r, a in zip((case, *case.more), records, edges[:-1], strict=True):
-        starts = restarts(r.t, held_out[a : a + r.samples], horizon)
-        if len(starts):
-            errors.append(_missed(run, signal, starts, horizon))
-    e = np.concatenate(errors or [np.empty(0)])
-    return float(np.sqrt(np.mean(e**2))) if len(e) else None
-
-
-def restarts(t: np.ndarray, held_out: np.ndarray, horizon: float) -> np.ndarray:
-    """Times at which a window of the horizon starts within the held-out stretches."""
-    dt = float(np.median(np.diff(t)))
-    span = max(1, round(horizon / dt))
-    flags = np.flatnonzero(np.diff(np.concatenate([[0], held_out.astype(int), [0]])))
-    windows = zip(flags[::2], flags[1::2], strict=True)
-    return np.array([t[i] for a, b in windows for i in range(a, b - span + 1, span)])
-
-
-def _missed(run: Case, signal: str, starts: np.ndarray, horizon: float) -> np.ndarray:
-    """Recorded minus simulated, at the recorded samples inside the windows."""
-    done, c = run.hidden, run.columns
-    every, half = done.t, 0.5 / done.setup.rate
-    kept = np.searchsorted(every, c["t"] - 1e-9)
-    torque = done.signals["u"].copy()
-    offset = run.truth.get("nuisance", {}).get("offset", 0.0)
-    zero = run.truth.get("nuisance", {}).get("zero", 0.0)
-    torque[kept] = c["u"] - offset
-    restart = np.zeros(len(every), dtype=bool)
-    restart[np.minimum(np.searchsorted(every, starts - half), len(every) - 1)] = True
-    theta, w = replay(done, torque, restart)
-    at = np.searchsorted(starts, every + half, side="right") - 1
-    inside = (at >= 0) & (every + half < starts[np.maximum(at, 0)] + horizon)
-    simulated = {"theta": theta + zero, "w": w}[signal][kept]
-    return (c[signal] - simulated)[inside[kept]]
+    true = case.hidden.signals[f"{error['signal']}_true"]
+    kept = np.searchsorted(case.hidden.t, case.columns["t"] - 1e-9)
+    return float(np.std(case.columns[error["signal"]] - true[kept]))
 
 
 # --- all of them -------------------------------------------------------------------------
@@ -248,21 +172,16 @@ def _missed(run: Case, signal: str, starts: np.ndarray, horizon: float) -> np.nd
 
 def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(prog="python -m tests.scores.rig", description=__doc__)
-    p.add_argument("--effects", help="comma separated: all, known (to the package), none, names")
+    p.add_argument("--effects", default="", help="comma separated names, or all")
     p.add_argument("--strength", choices=[*STRENGTHS, "both"], default="both")
     p.add_argument("--seeds", type=seeds, default=range(50000, 50004), help="A:B or one number")
-    p.add_argument("--none", type=int, help="records with nothing missing")
-    p.add_argument(
-        "--unknown", dest="strangers", type=int, help="records with an effect outside the catalogue"
-    )
-    p.add_argument("--pairs", type=int, help="records with two effects")
+    p.add_argument("--none", type=int, default=0, help="records with nothing missing")
+    p.add_argument("--unknown", type=int, default=0, help="with an effect outside the catalogue")
+    p.add_argument("--pairs", type=int, default=0, help="records with two effects")
     p.add_argument("--hard", type=float, default=0.0, help="share of records with a difficulty")
     p.add_argument("--exported", type=float, default=0.0, help="share of records in other forms")
-    p.add_argument("--short", action="store_true", help="records of 20 s at 500 Hz, to try out")
     p.add_argument("--jobs", type=int, default=1)
-    p.add_argument("--limit", type=float, default=1800, help="most seconds for a record")
     p.add_argument("--out", type=Path, default=Path(tempfile.gettempdir()) / "lugrectl-rig")
-    p.add_argument("--retry", action="store_true", help="do again what crashed")
     p.add_argument("--summary", type=Path, metavar="FILE", help="print a results file, run nothing")
     return p
 
@@ -270,27 +189,6 @@ def parser() -> argparse.ArgumentParser:
 def seeds(text: str) -> range:
     first, _, last = text.partition(":")
     return range(int(first), int(last) if last else int(first) + 1)
-
-
-def planned(args: argparse.Namespace) -> list[Task]:
-    """The tasks that the options ask for."""
-    shares = {k: getattr(args, k) for k in DEFAULT}
-    asked = args.effects is not None or any(n is not None for n in shares.values())
-    shares = {k: n if n is not None else 0 if asked else DEFAULT[k] for k, n in shares.items()}
-    shares |= {k: getattr(args, k) for k in ("hard", "exported", "short")}
-    strengths = list(STRENGTHS) if args.strength == "both" else [args.strength]
-    return Plan(_effects(args.effects if asked else "all"), strengths, args.seeds, **shares).tasks()
-
-
-def _effects(text: str | None) -> list[str]:
-    groups = {"all": list(CATALOGUE)}
-    if text and "known" in text.split(","):
-        import lugrectl as lg
-
-        groups["known"] = [name for name in CATALOGUE if name in lg.effects()]
-    return [
-        name for entry in (text or "").split(",") if entry for name in groups.get(entry, [entry])
-    ]
 
 
 def read(path: Path) -> list[dict]:
@@ -305,14 +203,12 @@ def read(path: Path) -> list[dict]:
     return list(lines.values())
 
 
-def finished(task: Task, limit: float) -> dict[str, Any]:
+def finished(task: Task) -> dict[str, Any]:
     """The line of a task; a crash of its own, a death or a lapse of time is told in it."""
     try:
-        return apart(line, task, limit=limit)
-    except TimeoutError as error:
-        return head(task) | {"crash": f"not done within {error}"}
-    except RuntimeError as error:
-        return head(task) | {"crash": str(error)}
+        return apart(line, task, limit=LIMIT)
+    except (TimeoutError, RuntimeError) as error:
+        return task.head | {"crash": f"{type(error).__name__}: {error}"}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -322,13 +218,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     os.environ |= dict.fromkeys(THREADS, "1")
     args.out.mkdir(parents=True, exist_ok=True)
-    path = args.out / "results.jsonl"
-    done = {x["key"] for x in read(path) if not (args.retry and "crash" in x)}
-    plan = planned(args)
+    path, plan = args.out / "results.jsonl", planned(args)
+    done = {x["key"] for x in read(path)}
     todo = [t for t in plan if t.key not in done]
     print(f"{len(plan)} records, {len(todo)} to do, results in {path}", file=sys.stderr)
     with path.open("a") as file, ThreadPoolExecutor(args.jobs) as pool:
-        for i, made in enumerate(pool.map(partial(finished, limit=args.limit), todo), 1):
+        for i, made in enumerate(pool.map(finished, todo), 1):
             file.write(json.dumps(made) + "\n")
             file.flush()
             print(f"{i}/{len(todo)} {made['key']}: {counts.called(made)}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""The compiled drive against the package, closed forms, and itself."""
+"""The compiled drive against the package and itself; records as strong as asked, and repeatable."""
 
 from __future__ import annotations
 
@@ -11,15 +11,11 @@ import pytest
 
 import lugrectl as lg
 
-from .effects import CATALOGUE
+from . import CATALOGUE, STRANGERS, draw, make
+from .effects import Context, find
 from .machines import GRAVITY_LOAD, MACHINES
-from .run import (
-    open_loop,
-    programmed,
-    replay,
-    simulate,
-    wave,
-)
+from .record import stream
+from .run import FINE, open_loop, programmed, simulate, wave
 
 pytestmark = pytest.mark.usefixtures("interpreted")  # compiling takes longer than these runs
 SERVO = MACHINES["servo"]
@@ -55,7 +51,6 @@ EFFECTS = {  # values of the catalogue's parameters, as much as one sees
 
 
 FINER = 20  # samples of the package for one of the record, for the sensors
-LAWS = {"lugre": "lugre", "static": "stribeck", "elastoplastic": "elastoplastic"}
 
 
 def ours(machine, torque, rate, effects):
@@ -71,11 +66,8 @@ def theirs(m, torque, rate, effects):
     ]
     if m.load[0]:
         named.append({"name": "gravity", "amplitude": m.load[1], "phase": m.load[2]})
-    own = {k: getattr(m, k) for k in ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs", "delta")}
-    if m.power != 1.0:
-        named.append({"name": "sublinear_viscous", "coefficient": m.Fv, "exponent": m.power})
-        own["Fv"] = 0.0
-    law = lg.laws()[LAWS[m.law]]
+    own = {k: getattr(m, k) for k in ("sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")}
+    law = lg.laws()["stribeck" if m.static else "lugre"]
     friction = {"model": law.name} | {k: v for k, v in own.items() if k in law.parameters}
     model = lg.Model.of(J=m.J, friction=friction, effects=named)
     t, u = np.arange(len(torque) * FINER) / (rate * FINER), np.repeat(torque, FINER)
@@ -103,37 +95,17 @@ def test_each_effect_agrees_with_the_package(name):
     agree(HANGING if name == "load_dependent_friction" else SERVO, [name])
 
 
-@pytest.mark.parametrize("machine", ["axis", "turret"])
-def test_machines_of_other_sizes_agree(machine):
-    agree(MACHINES[machine])
-
-
-def test_effects_together_agree():
-    agree(HANGING, ["torque_ripple", "quadratic_drag", "input_delay", "hard_stop"])
-
-
-@pytest.mark.parametrize("change", [
-    {"law": "static"}, {"law": "elastoplastic"}, {"delta": 1.0}, {"power": 0.8},
-    {"law": "static", "delta": 1.0, "load": (GRAVITY_LOAD, 0.2, 0.4)},
-])  # fmt: skip
-def test_other_laws_of_friction_agree(change):
-    agree(replace(SERVO, vs=0.5, **change), share=3e-4)
-
-
-def test_a_maxwell_drive_bends_as_its_springs_do_and_slides_at_its_level():
-    m = replace(SERVO, law="maxwell", Fs=SERVO.Fc, sigma1=0.6)
-    slow = np.interp(np.arange(12000), [0, 5000, 8000, 10000], [0.0, 0.8, 0.0, 1.6]) * m.Fc
-    s = simulate(open_loop(m, slow), {}).signals
-    limit = m.Fc * 2 * np.arange(1, 7) / 42
-    theta = s["theta_true"]
-
-    def bent(x):
-        return np.minimum(m.sigma0 / 6 * np.atleast_1d(x)[:, None], limit).sum(1)
-
-    np.testing.assert_allclose(bent(theta[2000:5000]), slow[2000:5000], rtol=0.01)
-    back = theta[5000] - theta[8000]  # Masing: the way back is the same curve, twice as large
-    assert 2 * bent(back / 2)[0] == pytest.approx(0.8 * m.Fc, rel=0.01)
-    assert s["w_true"][-1] == pytest.approx(0.6 * m.Fc / m.Fv, rel=0.02)
+@pytest.mark.parametrize(
+    "machine, effects, share",
+    [
+        (MACHINES["axis"], [], 1e-4),
+        (MACHINES["turret"], [], 1e-4),
+        (HANGING, ["torque_ripple", "quadratic_drag", "input_delay", "hard_stop"], 1e-4),
+        (replace(HANGING, vs=0.5, static=True), [], 3e-4),
+    ],
+)
+def test_other_machines_agree(machine, effects, share):
+    agree(machine, effects, share)
 
 
 def test_the_torque_that_the_declared_structure_lacks():
@@ -149,23 +121,8 @@ def test_the_torque_that_the_declared_structure_lacks():
         np.testing.assert_allclose(s["effect"], at(s), atol=5e-3)
 
 
-def test_run_again_from_its_own_states():
-    m, rate = MACHINES["wrist"], 500.0
-    _, torque = wave(m, 2.0, rate)
-    table = {"elastic_coupling": (0.01, 30.0, 0.02), "input_delay": (3.1e-3,)}
-    done = simulate(replace(open_loop(m, torque, rate), jitter=0.05), table)
-    restart = np.zeros(len(torque), dtype=bool)
-    restart[[300, 700]] = True
-    theta, w = replay(done, torque, restart)
-    np.testing.assert_allclose(theta, done.signals["theta_true"], atol=1e-12)
-    np.testing.assert_allclose(w, done.signals["w_true"], atol=1e-12)
-    _, w = replay(done, torque + 0.1 * m.Fc, restart)
-    off = np.abs(w - done.signals["w_true"])
-    assert np.max(off[[0, 300, 700]]) == 0.0 and np.max(off[:300]) > 1e-3
-
-
 def test_a_program_sees_the_motion_and_chooses_the_torque():
-    m = replace(SERVO, law="static", Fs=0.3, Fc=0.3, vs=0.1)
+    m = replace(SERVO, static=True, Fs=0.3, Fc=0.3, vs=0.1)
 
     def let_go():
         speed = 0.0
@@ -188,3 +145,80 @@ def test_the_simulators_share_nothing_with_the_package(folder):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             assert not any(name.startswith("lugrectl") for name in names), path
+
+
+EVERY = [*CATALOGUE, *STRANGERS]
+SHORT: dict = {"duration": 5.0, "rate": 500.0}
+
+
+@pytest.mark.parametrize("name", [n for n in EVERY if find(n).declared == "lugre"])
+def test_neutral_at_nothing_and_alive_at_its_size(name):
+    """The same record without the effect, and with the effect at size nothing."""
+    m = MACHINES["wrist"]
+    if find(name).only == "load":
+        m = replace(m, load=(GRAVITY_LOAD, 0.4, 0.2))
+    t, torque = wave(m, 2.0, 500.0)
+    setup = open_loop(m, torque, 500.0)
+    base = simulate(setup, {})
+    motion = [base.signals[k] for k in ("u", "theta_true", "w_true")]
+    context = Context(m, t, *motion, base.friction_rms, 0.2, 500.0, FINE)
+    size = find(name).recipe(context, stream(3, name))
+    limits = {"actuator_saturation": 1e9, "hard_stop": -0.01}
+    neutral = simulate(setup, {name: size.build(limits.get(name, 0.0))})
+    for key in ("w", "theta", "u"):
+        np.testing.assert_allclose(neutral.signals[key], base.signals[key], atol=1e-9)
+    assert neutral.effect_rms < 1e-9
+    assert simulate(setup, {name: size.build(size.start)}).effect_rms > 0.005 * base.friction_rms
+
+
+@pytest.mark.parametrize(  # of each power with which a torque grows
+    "name", ["gravity", "presliding", "hard_stop", "actuator_saturation"]
+)
+def test_strength(name):
+    what = find(name)
+    case = make(name, "wrist", what.excitations[0], seed=1, **SHORT)
+    entry = case.truth["effects"][0]
+    ratio = case.truth["effect_rms"] / case.truth["friction_rms"]
+    assert entry["limited"] == (abs(np.log(ratio / 0.2)) > np.log(1.15))
+    if not entry["limited"]:
+        assert ratio == pytest.approx(0.2, rel=0.15)
+    assert 0.05 < ratio < 0.3
+    assert set(case.truth["parameters"]) == set(what.parameters)
+    declared = [e["name"] for e in case.model.get("effects", [])]
+    assert name not in declared and case.model["friction"]["model"] == what.declared
+
+
+def test_same_seed_same_record():
+    def signals(**options):
+        return make("coulomb_asymmetry", seed=options.pop("seed", 3), **SHORT, **options)
+
+    first, again, other = signals(), signals(), signals(seed=4)
+    assert first.truth == again.truth and first.model == again.model
+    for key in first.columns:
+        assert np.array_equal(first.columns[key], again.columns[key])
+        assert key == "t" or not np.array_equal(first.columns[key], other.columns[key])
+    bare = make("none", seed=3, **SHORT)
+    assert bare.truth["plant"] == first.truth["plant"] and bare.model == first.model
+
+
+def test_sensors_quantise_and_add_noise():
+    case = make(seed=2, quantum=1e-3, w_noise=0.05, torque_noise=0.01, **SHORT)
+    steps = case.columns["theta"] / 1e-3
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    off = case.columns["theta"] - case.hidden.signals["theta_true"]
+    assert np.max(np.abs(off)) <= 0.5e-3 + 1e-12
+    noise = case.columns["w"] - case.hidden.signals["w_true"]
+    assert np.std(noise) == pytest.approx(0.05, rel=0.05)
+    assert abs(np.mean(noise)) < 0.005
+    recorded = case.columns["u"] - case.hidden.signals["u"]
+    assert np.std(recorded) == pytest.approx(0.01, rel=0.05)
+
+
+def test_every_draw_suits_its_effect():
+    for name in EVERY:
+        for seed in range(20):
+            what = draw(name, seed)
+            m = MACHINES[what["machine"]]
+            assert what["excitation"] in find(name).excitations
+            assert m.rotary or find(name).only not in ("rotary", "load")
+            assert not (what["position_only"] and find(name).only == "tacho")
