@@ -10,7 +10,7 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .border import Axis, is_sampled, says_hidden
+from .border import Border, is_sampled
 from .exact import Poly, Quasi, gcd, mul
 from .transfer import (
     coefficients,
@@ -78,7 +78,7 @@ class DelayedTransfer:
     @property
     def hidden(self) -> str:
         """A remark on a mode that is not stable and cancelled from T(s); empty without one."""
-        return says_hidden(Axis(), self.cancelled)
+        return Border().hidden(self.cancelled)
 
     def __call__(self, s: Any, **_: Any) -> Any:
         """T(s) of a complex number or an array of them."""
