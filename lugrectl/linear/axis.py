@@ -264,7 +264,7 @@ def largest(T: DelayedTransfer) -> tuple[float, float]:
     w = np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0)
     best, at = _higher((best, at), _top(T, w))
     for _ in range(LEVELS):
-        found = signs(T.num.squared() + T.den.squared().scaled(-Fraction(best * (1 + RISE)) ** 2))
+        found = signs(T.num.squared() + T.den.squared().scaled(-(Fraction(best * (1 + RISE)) ** 2)))
         ends, touches = np.array([0.0, *found.changes]), [e.at for e in found.touches]
         places = np.concatenate([np.sqrt(ends[1:-1] * ends[2:]), ends[-1:] * 2, touches])
         if found.first < 0 and not found.edges and not found.touches:

@@ -310,10 +310,10 @@ class Quasi:
     def derivative(self) -> Quasi:
         return Quasi.of((late, add(derivative(p), scale(p, -late))) for late, p in self.terms)
 
-    def shifted(self, eps: float) -> Quasi:
+    def shifted(self, eps: float | Fraction) -> Quasi:
         """q(s - eps), the exponentials rounded."""
         return Quasi.of(
-            (late, scale(shift(p, Fraction(eps)), Fraction(math.exp(eps * float(late)))))
+            (late, scale(shift(p, Fraction(eps)), Fraction(math.exp(float(eps * late)))))
             for late, p in self.terms
         )
 

@@ -208,7 +208,7 @@ def _verdict(L: System, remark: str = "") -> StabilityVerdict:
         factors = [Margin(-1.0 / x, w) for w, x in turns]
         below = max((m for m in factors if m.value < 1), default=Margin(0.0))
         above = min((m for m in factors if m.value >= 1), default=NONE)
-        disks = [L.disk(skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
+        disks = [closed.disk(skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
         reason = _reason(delay, mine - closed.right, mine) + closed.basis
         reason += CLOSED * any(w == 0 and abs(x - 1) < L.alike for w, x in L.ends())
         if (end := L.beyond_band).value < above.value:
@@ -253,9 +253,7 @@ def _stable_gains(L: System, turns: list[tuple[float, float]]) -> Intervals:
     most = L.known(factors)
     borders = [0.0, *(x for x in factors if x < most), most]
     return tuple(
-        (low, high)
-        for low, high in pairwise(borders)
-        if L.closed(_between(low, high)).right == 0
+        (low, high) for low, high in pairwise(borders) if L.closed(_between(low, high)).right == 0
     )
 
 

@@ -83,7 +83,7 @@ class StateSystem(System):
     less: float = 0.0
     unseen: tuple[complex, ...] = ()
     lost: bool = False
-    basis = " (decided in floating point)"
+    basis = " (decided in floating point, within its rounding)"
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
@@ -157,9 +157,10 @@ class StateSystem(System):
         """A remark on the modes that do not show; empty without one."""
         if not self.unseen:
             return ""
+        modes = self.border.show(self.unseen, "s = ")
         return (
-            f"a mode of the system that is not stable ({self.border.show(self.unseen, 's = ')}) does not "
-            "show in T, within rounding: the system itself is not stable"
+            f"a mode of the system that is not stable ({modes}) does not show in T, within "
+            "rounding: the system itself is not stable"
         )
 
     def shown(self) -> StateSystem:

@@ -22,7 +22,7 @@ from .verdict import NONE, Margin, Realness
 SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
 SHOWN = 2  # bands of one sign that are told
-BITS, FEWER = 46, 36  # of a limit that is bisected, in exact arithmetic and in floating point
+BITS, FEWER = 42, 30  # of a limit that is bisected, in exact arithmetic and in floating point
 Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
 
 
@@ -60,8 +60,10 @@ class Signs(NamedTuple):
     end: float = math.inf
 
     @classmethod
-    def exact(cls, first: int, changes: Any, touches: Any = (), complete: bool = True) -> Signs:
-        return cls(first, *(tuple(Edge(x, x, x) for x in xs) for xs in (changes, touches)), complete)
+    def exact(cls, first: int, changes: Any, touches: Any = ()) -> Signs:
+        return cls(
+            first, tuple(Edge(x, x, x) for x in changes), tuple(Edge(x, x, x) for x in touches)
+        )
 
     @classmethod
     def of(cls, function: Function, points: Any) -> Signs:
@@ -192,7 +194,7 @@ class System:
         return f"{said} ({self.seen})"
 
     def dc(self) -> tuple[Any, float]:
-        """|T| at w = 0, 0 or inf where it has none, and the share of it that rounding may change."""
+        """|T| at w = 0 (0 or inf: it has none), and the share of it that rounding may change."""
         raise NotImplementedError
 
     def at(self, v: float) -> tuple[complex, float]:
@@ -250,8 +252,8 @@ class System:
         raise NotImplementedError
 
     def disk(self, skew: int) -> Margin:
-        """1/max |S + (skew - 1)/2|, S = 1/(1 + T); of skew 1 the least |1 + T|."""
-        most, w = self.closed().plus(0.5 * (skew - 1)).largest()
+        """1/max |S + (skew - 1)/2| of S = 1/(1 + L), which this is; of skew 1 the least |1 + L|."""
+        most, w = self.plus(0.5 * (skew - 1)).largest()
         return Margin(1.0 / most, w) if most else NONE
 
 
@@ -260,7 +262,7 @@ def why_not(T: System, found: Signs) -> str:
     causes = [f"T has {T.outside}"] if T.outside else []
     if found.first < 0 or found.edges:
         causes.append(f"{T.border.real} < 0 {found.below(T.border.frequency(math.inf))}")
-        if not T.strange and T.limit[1]:
+        if not T.strange and T.limit[0] < 0:
             causes.append(T.limit[1])
     causes += T.strange
     if not (causes or T.zero or T.fits):

@@ -32,6 +32,7 @@ from .exact import (
     hurwitz,
     positive_real,
     real_product,
+    shift,
 )
 from .state_system import StateSystem
 from .system import BITS, FEWER, Signs, System, last, why_not
@@ -72,10 +73,11 @@ class ExactSystem(System):
     def T(self) -> DelayedTransfer:
         if self.border.dt is None:
             return self.given
-        both, degree = (self.given.num, self.given.den), self.degree
-        return DelayedTransfer(
-            *(Quasi.of([(0, self.border.mapped(q.polynomial, degree))]) for q in both)
+        num, den = (
+            Quasi.of([(0, self.border.mapped(q.polynomial, self.degree))])
+            for q in (self.given.num, self.given.den)
         )
+        return DelayedTransfer(num, den)
 
     @property
     def degree(self) -> int:
@@ -245,7 +247,7 @@ class ExactSystem(System):
             samples = f"{many} sample{'s' * (many > 1)}"
             if self.excess < 0:
                 return [f"{T} is improper: its output would need the input {samples} ahead"]
-            return [f"T has a delay of {samples}, {T} -> 0 as z grows: no such {T} is positive real"]
+            return [f"T has a delay of {samples}, with which no {T} is positive real"]
         if many > 1 and not self.border.dt:
             return [f"the relative degree is {self.excess}, which must be -1, 0 or 1"]
         return []
@@ -269,7 +271,7 @@ class ExactSystem(System):
         if there:
             P = real_product(*self.ratio)
             value = float(Fraction(P[full // 2]) / den.polynomial[-1] ** 2)
-        return int(there), f"{name} tends to {value:.6g} as w grows"
+        return int(value > 0) - int(value < 0), f"{name} tends to {value:.6g} as w grows"
 
     @property
     def least_stable(self) -> str:
@@ -294,13 +296,13 @@ class ExactSystem(System):
 
     def _is_real(self, less: Fraction) -> bool:
         """Whether T(s - less), or T((1 - less) z), is positive real."""
-        q, T, dt = (self.given.num, self.given.den), self.T, self.border.dt
+        T = self.T
+        if self.rational and self.border.dt is None:
+            return positive_real(*(shift(p, less) for p in self.ratio))
         if self.rational:
-            moved = tuple(p.shifted(less).polynomial for p in q)
-            if dt:
-                inner = (tuple(c * (1 - less) ** i for i, c in enumerate(p.polynomial)) for p in q)
-                moved = tuple(self.border.mapped(p, self.degree) for p in inner)
-            return positive_real(*moved)
+            both = (self.given.num.polynomial, self.given.den.polynomial)
+            inner = (tuple(c * (1 - less) ** i for i, c in enumerate(p)) for p in both)
+            return positive_real(*(self.border.mapped(p, self.degree) for p in inner))
         moved = replace(self, given=DelayedTransfer(T.num.shifted(less), T.den.shifted(less)))
         if (reach(moved.T.den) or math.inf) > max(
             TURNS / max(T.dead_times), 10.0 * (reach(T.den) or 0.0)
@@ -356,7 +358,6 @@ class ExactSystem(System):
     def plus(self, c: float) -> ExactSystem:
         made = DelayedTransfer(self.given.num + self.given.den.scaled(Fraction(c)), self.given.den)
         return replace(self, given=made)
-
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.linear.state_system import SureSigns
+from lugrectl.linear.system import Signs, realness
 from lugrectl.linear.systems import ExactSystem
 
 from ..cases.structures import structure
@@ -19,7 +19,7 @@ from ..cases.structures import structure
 @pytest.mark.parametrize("turned", [False, True])
 def test_the_verdict_on_many_states_is_that_of_exact_arithmetic(turned):
     T = structure(4, turned=turned)
-    found, exact = lg.spr_check(T), ExactSystem.of(structure(4)).realness()
+    found, exact = lg.spr_check(T), realness(ExactSystem.of(structure(4)))
     assert found.classification == exact.kind == "SPR"
     assert found.margin == pytest.approx(exact.margin, rel=1e-5)
     assert "floating point" in found.reason
@@ -99,7 +99,7 @@ def port_hamiltonian(seed: int) -> ct.StateSpace:
 def test_edges_and_bandwidths_are_those_of_exact_arithmetic(seed):
     T = port_hamiltonian(seed)
     found, width, system = lg.spr_check(T), lg.bandwidth_check(T), ExactSystem.of(T)
-    exact = system.realness()
+    exact = realness(system)
     assert found.classification == exact.kind
     assert found.band_edge == pytest.approx(exact.edge, rel=1e-6)
     exact = lg.bandwidth_check([p[::-1] for p in system.ratio])
@@ -109,14 +109,14 @@ def test_edges_and_bandwidths_are_those_of_exact_arithmetic(seed):
 @pytest.mark.parametrize("seed", [0])
 def test_edges_of_sampled_models_are_those_of_exact_arithmetic(seed):
     T = ct.sample_system(port_hamiltonian(seed), 0.2, "bilinear")
-    found, exact = lg.spr_check(T), ExactSystem.of(T).realness()
+    found, exact = lg.spr_check(T), realness(ExactSystem.of(T))
     assert found.classification == exact.kind
     assert found.band_edge == pytest.approx(exact.edge, rel=1e-6)
 
 
 def test_an_edge_that_rounding_blurs_is_a_range():
     """x (x - 1) with a rounding of 1e-4 crosses 0 somewhere near 1, surely not far from it."""
-    made = SureSigns.of(lambda x: (x * (x - 1), 1e-4), [0.0, 0.5, 1.0, 2.0])
+    made = Signs.of(lambda x: (x * (x - 1), 1e-4), [0.0, 0.5, 1.0, 2.0])
     (edge,) = made.edges
     assert edge.at == pytest.approx(1.0) and not edge.sharp
     assert 0.9995 < edge.low < 1 - 1e-4 < 1 + 1e-4 < edge.high < 1.0005
