@@ -214,29 +214,24 @@ def _verdict(L: System, remark: str = "") -> StabilityVerdict:
         if (end := L.beyond_band).value < above.value:
             reason += BEYOND.format(end.at, end.value)
             above = above if math.isfinite(above.value) else end
-    gain, modulus = above, disks[0]
-    if below.value and above.value > 1.0 / below.value:  # in dB
-        gain = below
-    both = math.isfinite(mine) and math.isfinite(closed.right)
+    in_dB = below.value and above.value > 1.0 / below.value
+    margins = {"gain": below if in_dB else above, "phase": phase, "modulus": disks[0]}
+    made: dict[str, Any] = {}
+    for kind, margin in {**margins, "delay": delay}.items():
+        made |= {f"{kind}_margin": margin.value, f"{kind}_margin_frequency": margin.at}
+    known = math.isfinite(mine) and math.isfinite(closed.right)
     return StabilityVerdict(
-        not cause,
-        delay.value,
-        phase.value,
-        tuple(w for w, _ in crossovers),
-        mine - closed.right if both else math.nan,
-        mine,
-        closed.right,
-        reason + remark,
-        gain_margin=gain.value,
+        stable=not cause,
+        crossovers=tuple(w for w, _ in crossovers),
+        encirclements=mine - closed.right if known else math.nan,
+        open_poles=mine,
+        closed_poles=closed.right,
+        reason=reason + remark,
         gain_range=(below.value, above.value),
-        modulus_margin=modulus.value,
-        Ms=1.0 / modulus.value if modulus.value else math.inf,
-        gain_margin_frequency=gain.at,
-        phase_margin_frequency=phase.at,
-        modulus_margin_frequency=modulus.at,
-        delay_margin_frequency=delay.at,
+        Ms=1.0 / disks[0].value if disks[0].value else math.inf,
         disk_margins=(disks[0].value, disks[1].value, disks[2].value),
         stable_gains=gains,
+        **made,
     )
 
 

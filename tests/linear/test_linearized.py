@@ -37,13 +37,6 @@ def test_the_response_of_a_cascade_holds_the_exact_dead_time(model, options, dea
     assert T(S) == pytest.approx(cascade(np.exp(-S * dead[0])), rel=1e-6)
 
 
-def test_two_dead_times_with_a_lag_between_them_are_both_exact():
-    loop = lg.cascade_loop(late_model(5e-4), kv=20.0, kp=1.6, ki=16.0, delay=1e-3, lag=3e-4)
-    T = lg.linearize(loop, input="r", output="theta")
-    assert T(S) == pytest.approx(cascade(np.exp(-S * 1.5e-3) / (3e-4 * S + 1)), rel=1e-6)
-    assert lg.bandwidth_check(T).stable
-
-
 def test_dead_times_side_by_side_are_exact():
     """y = e(t - 0.1) + e(t - 0.19), e = u - y/(s + 4)."""
     blocks = [

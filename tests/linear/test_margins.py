@@ -50,7 +50,7 @@ def test_the_gain_margin_is_the_nearer_one_in_decibel():
 
 
 @given(st.floats(0.2, 30.0), st.floats(0.0, 3.0))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_a_late_integrator_is_its_closed_form(K, turn):
     """K exp(-s T)/s: stable below K T = pi/2, with the gain margin pi/(2 K T), at pi/(2 T)."""
     found = lg.stability_check(lg.delayed(ct.tf([K], [1.0, 0.0]), turn / K))
@@ -88,9 +88,8 @@ def test_each_margin_is_where_the_loop_becomes_unstable(late, share):
     assert found.modulus_margin * found.Ms == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("many", [0, 4])
-def test_a_sampled_loop_stands_its_factor_and_its_samples(many):
-    dt = 0.02
+def test_a_sampled_loop_stands_its_factor_and_its_samples():
+    dt, many = 0.02, 4
     late = ct.tf([1.0], [1.0] + [0.0] * many, dt)
     L = ct.tf([60 / 4096, 56 / 4096], [1.0, -1.8125, 0.8125], dt) * late  # 8/(s (0.1 s + 1))
     found = lg.stability_check(L)
@@ -130,10 +129,9 @@ def test_a_measured_loop_has_the_margins_of_its_system():
     assert late.gain_margin == pytest.approx(true.gain_margin, rel=1e-3)
 
 
-@pytest.mark.parametrize("K", [0.5, 8.0])
 @pytest.mark.parametrize("den", [[1.0, 3.0, 3.0, 1.0], [1.0, 1.0, 0.0], [1.0, 0.5, 0.0, 0.0]])
-def test_nyquist_counts_the_poles_of_a_measured_loop(K, den):
-    L = ct.tf([K], den)
+def test_nyquist_counts_the_poles_of_a_measured_loop(den):
+    L = ct.tf([8.0], den)
     found = lg.stability_check(ct.frd(L, np.geomspace(1e-3, 1e2, 500)))
     assert found.closed_poles == np.sum(ct.feedback(L).poles().real > 0)
 
@@ -159,7 +157,7 @@ def test_a_measured_loop_that_is_negative_at_low_frequency_has_its_factor_there(
     assert not raised and raised.stable_gains == ((0.0, pytest.approx(0.5)),)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 5])  # each direct path, with and without an integrator
+@pytest.mark.parametrize("seed", [0, 5])  # with and without an integrator
 def test_many_states_have_the_margins_of_exact_arithmetic(seed):
     random = np.random.default_rng(seed)
     A = random.normal(size=(8, 8))
@@ -220,7 +218,7 @@ def test_disk_margins_are_those_of_their_definition(kind):
             assert margin == pytest.approx(ct.disk_margins(L, w, skew=skew)[0], rel=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.parametrize("seed", range(6))
 def test_stable_gains_are_all_there_are(seed):
     """Against the poles of the closed loop over gains; a third has many states, one is sampled."""
     random = np.random.default_rng(seed)
@@ -256,7 +254,7 @@ def test_a_closed_loop_that_was_handed_in_is_told():
         assert said not in lg.stability_check(L).reason
 
 
-@pytest.mark.parametrize("turn", [0.2, 1.57, 1.58, 7.85, 7.86, 14.1, 14.2, 100.0])
+@pytest.mark.parametrize("turn", [1.57, 1.58, 14.1, 100.0])
 def test_the_poles_of_an_integrator_with_dead_time_are_counted(turn):
     """A pair crosses to the right at each K T = pi/2 + 2 pi k."""
     pairs = math.floor((turn - math.pi / 2) / (2 * math.pi)) + 1
@@ -288,8 +286,6 @@ def test_a_direct_path_of_1_or_more_stands_none():
     assert lg.stability_check(lg.delayed(ct.tf([0.5, 1.0], [1.0, 3.0]), 0.5))
 
 
-@pytest.mark.slow  # it looks for thousands of crossings before it says so
-@pytest.mark.sample
 def test_a_late_direct_path_of_1_or_more_is_told():
     late = lg.stability_check(lg.delayed(ct.tf([2.0, 1.0], [1.0, 3.0]), 1e-6))
     assert not late and late.closed_poles == math.inf and "infinitely many" in late.reason

@@ -139,19 +139,7 @@ def test_least_kd_of_a_pd_controller():
         assert repair.gains == {"kd": 0.9534} and "0.953333" in repair.sentence
 
 
-@pytest.mark.parametrize(("ki", "tau"), [(600, 0.01), (1e4, 1.0)])
-def test_least_kd_of_a_filtered_pid(ki, tau):
-    """P > 0 with a = sigma1 Kd - sigma0 J above (sqrt(tau^2 r - q) - tau sqrt(r))^2; Routh."""
-    kp, r = 15.0, 260 * (15.0 + ki)
-    q = tau * (260 * kp * tau - 0.6 * ki)
-    a = (math.sqrt(tau**2 * r - q) - tau * math.sqrt(r)) ** 2 if q < 0 else 0.0
-    routh = np.roots([tau, P.J + kp * tau**2, -P.J * tau * ki]).real.max()
-    least = max((a + 260 * 0.0022) / 0.6, routh)
-    repair = holds_at_its_limits("position", P, {"kp": kp, "ki": ki, "tau": tau})
-    assert repair.limits["kd"] == pytest.approx(least, rel=1e-9)
-
-
-@pytest.mark.parametrize(("ki", "kd"), [(1e4, 2.0), (700.0, 0.0)])
+@pytest.mark.parametrize(("ki", "kd"), [(1e4, 2.0)])
 def test_least_leak_of_a_velocity_pi(ki, kd):
     """P = a x^2 + (leak^2 a - q) x + leak sigma0 (Ki + Kp leak), q = sigma1 Ki - sigma0 Kp."""
     kp, a = 1.5, 0.6 * (P.J + kd)
