@@ -85,21 +85,6 @@ def test_borders_that_only_rounding_moves():
         assert checks.names[i] == spr_check(position_T(P, kp=15, kd=value)).classification
 
 
-def test_several_crossings_give_the_first():
-    """Three positive roots, which takes Ki Kd < 0 and a level close to that at DC."""
-    p, level = SimpleNamespace(J=1.0, sigma0=1.0, sigma1=1.0), -0.414
-    kp, ki, kd = np.array([[1.567], [-0.839], [0.808]]) * np.random.default_rng(2).normal(
-        1, 0.2, (3, 25)
-    )
-    checks = check_designs(p, kp, ki, kd, K2=0.0, loop="position", level=level)
-    numbers = []
-    for i in range(25):
-        exact = bandwidth_check(position_loop_tf(p, kp[i], ki[i], kd[i]), level)
-        numbers.append(len(exact.crossings))
-        assert checks.bandwidth[i] == pytest.approx(exact.bandwidth, rel=1e-9)
-    assert numbers.count(3) > 2 and numbers.count(1) > 2
-
-
 def test_shapes_broadcast_over_chunks():
     kp, ki = np.linspace(1, 30, 150)[:, None], np.linspace(0, 30, 130)
     checks = check_designs(P, kp, ki, K2=22.0)

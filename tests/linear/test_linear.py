@@ -13,7 +13,6 @@ from types import SimpleNamespace
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 import lugrectl as lg
@@ -201,9 +200,6 @@ def test_bandwidth_lists_every_crossing_and_skips_a_touch():
     den = [1, 2, 1]
     assert bandwidth([[1, Q(2, 5), Q(1, 5)], den], "half-power") == math.inf
     assert len(bandwidth_check([[1, Q(399, 1000), Q(1, 5)], den], "half-power").crossings) == 2
-
-
-positives = st.integers(1, 40).map(lambda k: Q(k, 4))
 
 
 def test_bandwidth_refuses_unknown_levels():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import control as ct
 import numpy as np
@@ -13,10 +12,8 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.paper import page, reproduce, runs, studies
 from lugrectl.paper.runs import milli
-from lugrectl.paper.studies import Case, Reference
 
 from ..cases.html_page import Page
-from ..cases.wired import simulate
 
 P = lg.table1()
 SOME = ("velocity", "friction-level", "standstill")
@@ -89,20 +86,6 @@ def test_exact_compensation_is_the_frictionless_loop(some):
     assert list(some.figure("velocity").errors.values())[2] == pytest.approx(error, rel=2e-3)
 
 
-@pytest.mark.parametrize("column", [5])
-def test_a_run_by_python_control(bench, column):
-    """Fc and Fs 20 % low, with LSODA and the observer's own parameters in place of overrides."""
-    c = studies.OBSERVERS[column]
-    low = replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fs)
-    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.06, dt=2e-3)
-    t, ours = bench.respond("velocity", studies.VELOCITY, c, case)
-    loop = lg.velocity_loop(P, c.observer, observer_parameters=low, **c.gains)
-    theirs = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-7, atol=1e-11)
-    for name in ("w", "F", "Fhat", "u", "e"):
-        values = theirs.outputs[loop.output_labels.index(name)]
-        assert ours[name] == pytest.approx(values, abs=1e-4 * max(abs(values)))
-
-
 @pytest.mark.parametrize("percent", [-30, 0, 40])
 def test_the_ranking_depends_on_the_gain(some, percent):
     """Velocity loop, no feed-forward, 0.1 rad/s at 1 Hz; k = 0.35, K1 = -10.24, K2 = 22."""
@@ -130,19 +113,6 @@ def test_the_position_pi_grows_as_its_poles_say(bench):
     found = runs.growth(bench)
     assert found.predicted == pytest.approx(1 / max(np.roots([P.J, 0, 15.0, 1.55]).real))
     assert found.simulated == pytest.approx(found.predicted, rel=1e-3)
-
-
-@pytest.mark.parametrize("kind, loop", [("sine", "velocity"), ("raised", "position")])
-def test_references_are_what_the_loops_prefilter_makes(kind, loop):
-    t, w = np.arange(0, 2.0005, 1e-3), 2 * np.pi
-    r, slope = Reference(kind, 0.1, 1.0, prefilter=True).inputs(t, loop, True)
-    command = ct.tf([2.0], [1, 2]) * (
-        ct.tf([0.1 * w], [1, 0, w**2]) if kind == "sine" else ct.tf([0.1 * w**2], [1, 0, w**2, 0])
-    )
-    assert r == pytest.approx(ct.impulse_response(command, t).outputs, abs=1e-6)
-    for _ in range(1 if loop == "velocity" else 2):
-        r = np.gradient(r, t)
-    assert slope[5:-5] == pytest.approx(r[5:-5], abs=1e-3)
 
 
 def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
