@@ -12,7 +12,6 @@ from typing import Any
 from ..core.errors import InputError
 from ..core.views import view
 from .state_system import StateSystem
-from .system import System
 from .systems import system_of
 from .transfer import number
 from .verdict import Verdict
@@ -126,7 +125,7 @@ def _floating(T: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
     return _verdict(StateSystem.of(T).shown(), power, level)
 
 
-def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVerdict:
+def _verdict(system: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
     name = level if isinstance(level, str) else f"{level:g} dB"
     dc, doubt = system.dc()
     base, width, crossings, said = f"|{system.base}|", math.nan, (), ""

@@ -150,7 +150,8 @@ def check_designs(
         T = made(SimpleNamespace(J=float(J[i])), *(float(a[i]) for a in (kp, ki, kd)))
         width[i] = bandwidth_check(T, level).bandwidth
     kinds = error_class(mass, sigma0, sigma1, kp, ki, damping)
-    found = (*l2_gain(J, sigma0, sigma1, K2), kinds, width, is_stable(mass, kp, ki, damping))
+    stable = is_stable(mass, kp, ki, damping)
+    found: Any = (*l2_gain(J, sigma0, sigma1, K2), kinds, width, stable)
     return DesignChecks(*(each.reshape(shape) for each in found))
 
 

@@ -19,7 +19,6 @@ from ..core.views import view
 from .border import is_sampled
 from .delayed import DelayedTransfer
 from .state_system import StateSystem
-from .system import System
 from .systems import ExactSystem, MeasuredSystem, has_many_states
 from .transfer import cleared, is_measured, require_siso, response
 from .verdict import NONE, UNKNOWN, Margin, Verdict
@@ -192,7 +191,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
     return _verdict(ExactSystem(of), said).of(of)
 
 
-def _verdict(L: System, remark: str = "") -> StabilityVerdict:
+def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
     closed, turns, mine = L.closed(), _real_crossings(L), L.right
     crossovers = [(w, L.at(L.border.place(w))[0]) for w in L.signs("size", 1).places]
     cause = f"it has {closed.trouble}" if closed.trouble else L.hidden
@@ -208,7 +207,7 @@ def _verdict(L: System, remark: str = "") -> StabilityVerdict:
         factors = [Margin(-1.0 / x, w) for w, x in turns]
         below = max((m for m in factors if m.value < 1), default=Margin(0.0))
         above = min((m for m in factors if m.value >= 1), default=NONE)
-        disks = [closed.disk(skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
+        disks = [_disk(closed, skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
         reason = _reason(delay, mine - closed.right, mine) + closed.basis
         reason += CLOSED * any(w == 0 and abs(x - 1) < L.alike for w, x in L.ends())
         if (end := L.beyond_band).value < above.value:
@@ -235,13 +234,19 @@ def _verdict(L: System, remark: str = "") -> StabilityVerdict:
     )
 
 
-def _real_crossings(L: System) -> list[tuple[float, float]]:
+def _disk(S: Any, skew: int) -> Margin:
+    """1/max |S + (skew - 1)/2|; of skew 1 the least |1 + L|."""
+    most, w = S.plus(0.5 * (skew - 1)).largest()
+    return Margin(1.0 / most, w) if most else NONE
+
+
+def _real_crossings(L: Any) -> list[tuple[float, float]]:
     """Where L is real and negative, and L there."""
     places = [(w, L.at(L.border.place(w))[0].real) for w in L.signs("imag").places]
     return [(w, x) for w, x in [*places, *L.ends()] if -math.inf < x < 0]
 
 
-def _stable_gains(L: System, turns: list[tuple[float, float]]) -> Intervals:
+def _stable_gains(L: Any, turns: list[tuple[float, float]]) -> Intervals:
     """The intervals of a factor on L, above 0, with which the closed loop is stable."""
     # poles reach the axis only at factors that move L to -1: one point of each interval decides
     factors = sorted({-1.0 / x for _, x in turns})
@@ -252,7 +257,7 @@ def _stable_gains(L: System, turns: list[tuple[float, float]]) -> Intervals:
     )
 
 
-def _lags(L: System, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
+def _lags(L: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
     # the lag above 0 and up to 2 pi that turns L(jw) to the negative real axis
     angles = [(cmath.phase(-x) % (2 * math.pi) or 2 * math.pi, w) for w, x in crossovers]

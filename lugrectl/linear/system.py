@@ -11,7 +11,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -174,17 +174,34 @@ def last(holds: Callable[[Fraction], bool], high: Fraction, bits: int = BITS) ->
 
 
 class System:
-    """T of one input and output (StateSystem: of any), as the checks see it."""
+    """T of one input and output (StateSystem: of any), as the checks see it; L of a loop.
+
+    ``at(v)``: T at the place jv, and what rounding may change of it. ``dc()``: |T| at w = 0 (0 or
+    inf: it has none), and the share of it that rounding may change. ``signs(part, level, doubt)``:
+    of Re T ("real"), Im T ("imag") or |T|^2 - level ("size"), in rad/s; ``doubt``: the share of
+    the level that is not sure. ``largest()``: the largest |T|, and where in rad/s. ``ends()``: the
+    real values that T takes at w = 0 and as w grows. ``closed(gain)``: 1/(1 + gain T);
+    ``plus(c)``: c + T; ``known(factors)``: the factor on T up to which these are all that move it
+    to -1.
+    """
 
     border = Border()
     stable: bool | None = True  # None: rounding decides
     poles: Sequence[complex] = ()  # the least stable first
-    seen = hidden = ""  # the poles, and a mode that is not stable and does not show, in words
-    lost = False  # whether that is outside the border
-    size, meaning = "|T|", "||y||_2 <= {:.6g} ||u||_2 from rest"
-    basis = ""  # what a verdict rests on
-    base = "T(0)"
+    right: float = 0  # number of poles outside the border
+    seen = trouble = outside = on_border = ""  # the poles, those that are not stable, ..., in words
+    hidden, lost = "", False  # a mode that is not stable and does not show; whether it is outside
+    size, meaning, base = "|T|", "||y||_2 <= {:.6g} ||u||_2 from rest", "T(0)"
+    basis = remark = ""  # what a verdict rests on
     excess = 0  # the relative degree
+    zero = False  # whether T is 0
+    strange: Sequence[str] = ()  # why else T is not positive real
+    limit: tuple[int, str] = (1, "")  # the sign of Re T, or w^2 Re T, as w grows, and in words
+    least_stable, no_margin = "", 0.0
+    fits = True  # whether 1/(1 + T) is stable, asked where Re T >= 0
+    alike = 1e-9  # of T at w = 0: closer to 1 is 1
+    beyond_band: Margin = NONE  # the factor on T up to which it is known beyond its band
+    open_at_infinity = False  # whether |T| is not below 1 as w grows
 
     @property
     def unsettled(self) -> str:
@@ -193,71 +210,12 @@ class System:
             said = "whether the system is stable is within rounding"
         return f"{said} ({self.seen})"
 
-    def dc(self) -> tuple[Any, float]:
-        """|T| at w = 0 (0 or inf: it has none), and the share of it that rounding may change."""
-        raise NotImplementedError
-
-    def at(self, v: float) -> tuple[complex, float]:
-        """T at the place jv, and what rounding may change of it."""
-        raise NotImplementedError
-
-    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
-        """Of Re T ("real"), Im T ("imag") or |T|^2 - level ("size"), in rad/s; ``doubt``: the
-        share of the level that is not sure."""
-        raise NotImplementedError
-
-    def largest(self) -> tuple[float, float]:
-        """The largest |T|, and where in rad/s."""
-        raise NotImplementedError
-
-    # --- realness ---
-
-    zero = False  # whether T is 0
-    outside = on_border = ""  # poles there, in words
-    strange: Sequence[str] = ()  # why else T is not positive real
-    limit: tuple[int, str] = (1, "")  # the sign of Re T, or w^2 Re T, as w grows, and in words
-    least_stable = remark = ""
-    no_margin = 0.0
-
-    @property
-    def fits(self) -> bool:
-        """Whether 1/(1 + T) is stable, asked where Re T >= 0."""
-        return True
-
     def margin(self) -> float:
         """The largest eps in 1/s with T(s - eps), or T(exp(-eps dt) z), positive real."""
         return self.no_margin
 
-    # --- the loop closed over T ---
 
-    alike = 1e-9  # of T at w = 0: closer to 1 is 1
-    beyond_band: Margin = NONE  # the factor on T up to which it is known beyond its band
-    open_at_infinity = False  # whether |T| is not below 1 as w grows
-    right: float = 0  # number of poles outside the border
-    trouble = ""  # the poles that are not stable, in words
-
-    def ends(self) -> list[tuple[float, float]]:
-        """The real values that T takes at w = 0 and as w grows."""
-        raise NotImplementedError
-
-    def known(self, factors: list[float]) -> float:
-        """The factor on T up to which these are all that move it to -1."""
-        return math.inf
-
-    def closed(self, gain: float = 1.0) -> Self:
-        """1/(1 + gain T)."""
-        raise NotImplementedError
-
-    def plus(self, c: float) -> Self:
-        raise NotImplementedError
-
-    def disk(self, skew: int) -> Margin:
-        """1/max |S + (skew - 1)/2| of S = 1/(1 + L), which this is; of skew 1 the least |1 + L|."""
-        most, w = self.plus(0.5 * (skew - 1)).largest()
-        return Margin(1.0 / most, w) if most else NONE
-
-
-def why_not(T: System, found: Signs) -> str:
+def why_not(T: Any, found: Signs) -> str:
     """Why T is not positive real, by the signs of Re T; empty where it is."""
     causes = [f"T has {T.outside}"] if T.outside else []
     if found.first < 0 or found.edges:
@@ -273,7 +231,7 @@ def why_not(T: System, found: Signs) -> str:
     return "; ".join(causes)
 
 
-def realness(T: System) -> Realness:
+def realness(T: Any) -> Realness:
     found, name = T.signs("real"), T.border.real
     kind, why = "not PR", why_not(T, found)
     if not why and (T.zero or not found.first):

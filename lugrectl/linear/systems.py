@@ -17,7 +17,6 @@ from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ..core.errors import InputError
 from .axis import WINDOWS, largest, limits, reach, settled, signs, signs_in_x, zeros
@@ -44,8 +43,7 @@ EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
 FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
 LEAST = 1e-300
-NEAR = 8  # steps between two frequencies, about which |1/(1 + L)| is then maximised
-AMONG = 3  # of the largest of these
+BETWEEN, ZOOMS = 32, 8  # points between two frequencies, and times that they close up
 CLOSE = 1e-3  # of |L| as w grows, where that is above 1: no factor on L is stable beyond it
 SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at higher frequencies
 
@@ -493,30 +491,24 @@ class MeasuredLoop(System):
         return replace(self, c=self.c + c)
 
     def largest(self) -> tuple[float, float]:
-        """About the largest of some points between the frequencies."""
+        """Of points between all frequencies, and again about the largest."""
 
-        def at(L: Any) -> Any:
-            return np.abs(self.c + 1 / (1 + L))
+        def at(k: Any, x: Any) -> Any:
+            size, turned = (line[k] + x * (line[k + 1] - line[k]) for line in self.L.lines)
+            with np.errstate(divide="ignore"):
+                return np.abs(self.c + 1 / (1 + np.exp(size + 1j * turned)))
 
-        x, found = np.linspace(0.0, 1.0, NEAR + 1), [(float(at(0.0)), math.inf)]
-        a, b = (line[:-1, None] + x * np.diff(line)[:, None] for line in self.L.lines)
-        with np.errstate(divide="ignore"):
-            every = at(np.exp(a + 1j * b))
-        for flat in np.argsort(every, axis=None)[-AMONG * NEAR :]:
-            k, i = divmod(int(flat), NEAR + 1)
-            ends = (max(x[i] - 1 / NEAR, 0.0), min(x[i] + 1 / NEAR, 1.0))
-            best: Any = minimize_scalar(
-                lambda part, k=k: -float(at(self.L.value(k, part))),
-                bounds=ends,
-                method="bounded",
-                options={"xatol": 1e-12},
-            )
-            tops = [(float(at(self.L.value(k, p))), along(self.L.w, k, p)) for p in (best.x, *ends)]
-            found += tops
-        return max(found)
+        x = np.linspace(0.0, 1.0, BETWEEN + 1)
+        every = at(np.arange(len(self.L.w) - 1)[:, None], x)
+        k, i = divmod(int(np.argmax(every)), BETWEEN + 1)
+        part, width = x[i], 1.0 / BETWEEN
+        for _ in range(ZOOMS):
+            x = np.clip(part + width * np.linspace(-1.0, 1.0, BETWEEN + 1), 0.0, 1.0)
+            part, width = x[np.argmax(at(k, x))], 2.0 * width / BETWEEN
+        return max((float(at(k, part)), along(self.L.w, k, part)), (abs(self.c + 1.0), math.inf))
 
 
-def system_of(T: Any) -> System:
+def system_of(T: Any) -> Any:
     """T of one input and output; InputError for what the checks do not take."""
     if is_measured(T):
         return MeasuredSystem(*response(T))

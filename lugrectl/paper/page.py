@@ -118,8 +118,8 @@ def _study(o: Outcome) -> Section:
 
 
 def _lines(ax: Axes, name: str, t: Any, y: Any, **more: Any) -> None:
-    look = LINES[name.partition(", K1")[0]]
-    ax.plot(t, y, **({"lw": 1.4} | look | more), label=name)
+    look: dict[str, Any] = {"lw": 1.4} | LINES[name.partition(", K1")[0]] | more
+    ax.plot(t, y, **look, label=name)
 
 
 def responses(figure: PaperFigure, ax: Axes) -> Axes:
