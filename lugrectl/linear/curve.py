@@ -29,7 +29,8 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     T: Any = source
     if not isinstance(T, DelayedTransfer | ct.TransferFunction | ct.StateSpace):
         T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
-    border, late, poles = border_of(T), 0.0, np.zeros(0, complex)
+    border, late = border_of(T), 0.0
+    poles: Any = np.zeros(0, complex)
     with np.errstate(all="ignore"):
         if isinstance(T, DelayedTransfer):
             late = max(T.dead_times, default=0.0)

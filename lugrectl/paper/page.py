@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 FILES: tuple[str, ...] = ("reproduce.html", "reproduce.json")
 WIDTHS = (
-    "Friction compensated; plant 1/(J s), or 1/(J s^2) with D on the measured speed. Of a loop that "
-    "is not stable the frequency is where |T| crosses, not a bandwidth. Last column: T(s) in the "
-    "condition of the existing observer, whose proof needs SPR and the feed-forward. PID and PD "
-    "are chosen for the same crossing: damping ratio 0.71 and the paper's Ki/Kp; Kd 5 % above "
+    "Friction compensated; plant 1/(J s), or 1/(J s^2) with D on the measured speed. Of a loop "
+    "that is not stable the frequency is where |T| crosses, not a bandwidth. Last column: T(s) in "
+    "the condition of the existing observer, whose proof needs SPR and the feed-forward. PID and "
+    "PD are chosen for the same crossing: damping ratio 0.71 and the paper's Ki/Kp; Kd 5 % above "
     "sigma0 J/sigma1, where T(s) becomes SPR."
 )
 _BINS = 400  # a long trace is drawn by the lowest and highest value in this many bins

@@ -112,21 +112,6 @@ def test_gains_without_a_certificate(K1, K2, words):
     json.dumps(cert.summary(), allow_nan=False)
 
 
-@pytest.mark.parametrize(
-    "p, K1, K2",
-    [(P, -1.0, 0.0), (P, 0.0, P.sigma0 * P.J / P.sigma1), (replace(P, sigma1=0.0), -1.0, 2.0)],
-)
-def test_stable_without_a_rate(p, K1, K2):
-    """Edges at which V never grows but at one speed does not decay everywhere."""
-    cert = certify(p, K1, K2)
-    assert cert and cert.rate is None and "no rate" in cert.conditions[0]
-    for a in (0.0, 1.0, 1e3, 1e6):
-        M = matrices(p, a, K1, K2)
-        scale = np.diag(1 / np.sqrt(np.diag(cert.P)))
-        Q = scale @ -(cert.P @ M + M.T @ cert.P) @ scale
-        assert np.linalg.eigvalsh(Q)[0] >= -1e-9 * np.abs(Q).max()
-
-
 def test_defaults_put_the_poles_where_they_say():
     corner = P.sigma0 / P.sigma1
     design = design_gains(P)

@@ -21,12 +21,6 @@ T = 4e-3
 LATE = np.exp(-1j * W * T)
 
 
-def test_a_dead_time_turns_the_phase_and_nothing_else():
-    found = lg.delayed(G, T)(1j * W)
-    assert found == pytest.approx(G(1j * W) * LATE, rel=1e-13)
-    assert np.abs(found) == pytest.approx(np.abs(G(1j * W)), rel=1e-13)
-
-
 def test_sums_products_quotients_and_loops_are_those_of_the_values():
     L, g, h = lg.delayed(G, T), G(1j * W) * LATE, 1 / (1j * W + 5)
     H = ct.tf([1.0], [1.0, 5.0])
@@ -112,18 +106,6 @@ def test_the_bandwidth_of_a_closed_integrator_is_the_root_of_its_equation(turn):
     assert lg.bandwidth(integrator(K, turn / K)) == pytest.approx(K * x, rel=1e-9)
 
 
-def test_a_dead_time_in_front_changes_no_bandwidth():
-    T = lg.velocity_loop_tf(P, kp=1.6, ki=0.16)
-    plain, late = lg.bandwidth_check(T), lg.bandwidth_check(lg.delayed(T, 0.01))
-    assert late.bandwidth == pytest.approx(plain.bandwidth, rel=1e-13) and late.stable
-    assert late.crossings == pytest.approx(plain.crossings, rel=1e-13)
-
-
-def test_a_delayed_all_pass_never_falls():
-    late = lg.bandwidth_check(lg.delayed(ct.tf([-1.0, 2.0], [1.0, 2.0]), 0.3))
-    assert late.stable and late.bandwidth == math.inf and not late
-
-
 def test_the_bandwidth_of_an_unstable_loop_comes_with_a_warning():
     with pytest.warns(UserWarning, match="2 poles right"):
         assert lg.bandwidth(integrator(100.0, 0.016)) > 100
@@ -132,14 +114,6 @@ def test_the_bandwidth_of_an_unstable_loop_comes_with_a_warning():
 
 
 # --- gain --------------------------------------------------------------------------------
-
-
-def test_a_narrow_peak_between_points_of_any_grid_is_found():
-    """A resonance of damping 1e-5 in a loop with a dead time."""
-    mode = ct.tf([1.0], [1.0, 2e-5 * 3.7, 3.7**2])
-    T = lg.delayed(mode * ct.tf([1e-6], [1.0, 1.0]), 0.2).feedback()
-    w = 3.7 * (1 + np.linspace(-1e-3, 1e-3, 400_001))
-    assert lg.l2_check(T).gain == pytest.approx(np.abs(T(1j * w)).max(), rel=1e-6)
 
 
 def test_a_gain_approached_as_w_grows_is_that_of_the_limit():
@@ -225,20 +199,6 @@ def even(*terms):
     """Half the sum of q(s) and q(-s)."""
     q = Quasi.of(terms)
     return q + q.mirror()
-
-
-def test_a_touch_is_no_change():
-    """(1 - w^2)^2 (1 + 0.4 cos w), and without the dead time exactly."""
-    touching = Quasi.of([(0, (1, 0, 1))])  # 1 - w^2
-    found = signs(touching * touching * even((0, (0.5,)), (1, (0.2,))))
-    assert found.changes == () and found.places == pytest.approx([1.0], rel=1e-6)
-    assert signs(touching * touching).places == [1.0]
-
-
-def test_two_changes_close_together_are_not_missed():
-    one, other = (Quasi.of([(0, (a**2, 0, 1))]) for a in (7.0, 7.0001))
-    found = signs(one * other * even((0, (0.5,)), (1, (0.2,))))
-    assert found.changes == pytest.approx((7.0, 7.0001), rel=1e-8)
 
 
 def test_a_sign_that_never_settles_is_followed_to_its_first_changes():

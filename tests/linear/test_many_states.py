@@ -74,28 +74,6 @@ def test_an_unstable_mode_that_cancels_is_named_at_any_order():
     assert found and "s = +0.5 1/s" in found.reason
 
 
-def port_hamiltonian(seed: int) -> ct.StateSpace:
-    """7 to 9 states with a disturbed output; every other one in units that differ by 1e6."""
-    random = np.random.default_rng(seed)
-    n = int(random.integers(7, 10))
-    S, R = random.normal(size=(2, n, n))
-    A, B = S - S.T - 0.1 * R @ R.T, random.normal(size=(n, 1))
-    C = B.T * (1 + 1.2 * random.normal(size=(1, n)))
-    units = 10 ** random.uniform(-3, 3, n) if seed % 2 else np.ones(n)
-    D = random.choice([0.0, 0.02, 0.3])
-    return ct.ss(A * np.outer(units, 1 / units), B * units[:, None], C / units, D)
-
-
-def test_edges_and_bandwidths_are_those_of_exact_arithmetic():
-    T = port_hamiltonian(1)
-    found, width, system = lg.spr_check(T), lg.bandwidth_check(T), ExactSystem.of(T)
-    exact = realness(system)
-    assert found.classification == exact.kind
-    assert found.band_edge == pytest.approx(exact.edge, rel=1e-6)
-    exact = lg.bandwidth_check([p[::-1] for p in system.ratio])
-    assert width.crossings == pytest.approx(exact.crossings, rel=1e-6)
-
-
 def test_an_edge_that_rounding_blurs_is_a_range():
     """x (x - 1) with a rounding of 1e-4 crosses 0 somewhere near 1, surely not far from it."""
     made = Signs.of(lambda x: (x * (x - 1), 1e-4), [0.0, 0.5, 1.0, 2.0])

@@ -107,21 +107,6 @@ def test_spr_margin_of_pd_closed_form(kp, kd):
     assert spr_check(position_T(P, kp=kp, kd=kd)).margin == pytest.approx(expected, rel=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("gains", "kind"),
-    [
-        ({"kp": 1.6}, "SPR"),
-        ({"kp": 1.6, "ki": 0.16}, "PR"),
-        ({"kp": 0.01, "ki": 260 * 0.01 / 0.6 * 0.999}, "PR"),
-        ({"kp": 0.01, "ki": 260 * 0.01 / 0.6 * 1.001}, "not PR"),
-        ({"kp": -1.6}, "not PR"),
-        ({}, "PR"),  # (sigma1 s + sigma0)/(J s)
-    ],
-)
-def test_spr_of_velocity_controllers(gains, kind):
-    assert spr_check(velocity_T(P, **gains)).classification == kind
-
-
 def test_spr_exact_equality():
     # sigma1 Kd = sigma0 J: weakly SPR when it holds exactly, as in binary fractions
     p = parameters(J=0.25, sigma0=2.0, sigma1=0.5)
@@ -167,18 +152,6 @@ coefficients = st.integers(-9, 9).map(lambda k: Q(k, 2))
 positives = st.integers(1, 40).map(lambda k: Q(k, 4))
 
 
-def convolve(a, b):
-    return [sum(a[i] * b[k - i] for i in range(len(a)) if 0 <= k - i < len(b))
-            for k in range(len(a) + len(b) - 1)]  # fmt: skip
-
-
-def total(T, U):
-    left, right = convolve(T[0], U[1]), convolve(U[0], T[1])
-    size = max(len(left), len(right))
-    pad = [[Q(0)] * (size - len(x)) + list(x) for x in (left, right)]
-    return [x + y for x, y in zip(*pad, strict=True)], convolve(T[1], U[1])
-
-
 @st.composite
 def anything(draw):
     """Any T up to order 6: mostly not positive real."""
@@ -193,9 +166,11 @@ def near_passive(draw):
     for _ in range(draw(st.integers(1, 3))):
         a, b, c = draw(positives), draw(positives), draw(positives)
         rlc, rc = ([c, Q(0)], [Q(1), a, b]), ([c], [Q(1), a])
-        T = total(T, draw(st.sampled_from([rlc, rc])))
+        more = draw(st.sampled_from([rlc, rc]))
+        num = np.polyadd(np.convolve(T[0], more[1]), np.convolve(more[0], T[1]))
+        T = list(num), list(np.convolve(T[1], more[1]))
     lag = len(T[1]) < 7 and draw(st.booleans())
-    return (T[0], convolve(T[1], [draw(positives) / 40, Q(1)])) if lag else T
+    return (T[0], list(np.convolve(T[1], [draw(positives) / 40, Q(1)]))) if lag else T
 
 
 GRID = np.geomspace(1e-4, 1e4, 100_001)
@@ -260,16 +235,6 @@ def test_a_sampled_system_is_what_the_map_of_its_circle_is(T):
     falls = len(np.trim_zeros(T[0], "f")) < len(T[1])
     kind = there.classification
     assert here.classification == ("PR" if falls and kind in ("SPR", "WSPR") else kind)
-
-
-def test_a_fast_sampled_system_has_the_margin_and_band_edge_of_the_continuous_one():
-    T = ct.tf([1, 2], [1, 4, 5]) + 0.1
-    fast = ct.sample_system(T, 1e-4, "tustin")
-    assert lg.spr_check(fast).margin == pytest.approx(lg.spr_check(T).margin, rel=1e-3)
-    falls = ct.tf([1, 10], [1, 2, 0.5])
-    fast = lg.spr_check(ct.sample_system(falls, 1e-3, "tustin"))
-    assert fast.band_edge == pytest.approx(lg.spr_check(falls).band_edge, rel=1e-4)
-    assert fast.classification == "not PR"
 
 
 def test_margin_and_frequencies_are_per_second_or_per_sample():

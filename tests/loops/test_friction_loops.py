@@ -50,15 +50,6 @@ def test_the_position_loop_of_the_paper_is_unstable():
         assert pole.real < 0 and min(abs(poles - pole)) < 1e-3
 
 
-def test_prefilter_stands_in_front():
-    assert transfer(velocity_loop(P, "natural", prefilter=True), "w") == pytest.approx(
-        at(H * T), rel=1e-4
-    )
-    slow = velocity_loop(P, "natural", prefilter=0.5)
-    assert transfer(slow, "w") == pytest.approx(at(0.5 / (s + 0.5) * T), rel=1e-4)
-    assert transfer(slow, "e") == pytest.approx(at(0.5 / (s + 0.5) * (T - 1)), rel=1e-3)
-
-
 @pytest.mark.parametrize(("smooth", "reference"), [(False, ct.tf(1, 1)), (True, H)])
 def test_feedforward_makes_the_loops_follow_their_reference(smooth, reference):
     loop = velocity_loop(P, "proposed", prefilter=smooth, feedforward=True)
@@ -229,13 +220,6 @@ def behind(system, delay, **options):
 
 def test_the_friction_is_known_ahead_of_time():
     assert behind("predicted", 10e-3) == pytest.approx(0.0068, abs=1e-3)
-
-
-def test_the_dead_time_must_be_known_to_about_a_crossover():
-    """kp dh/J of 1.5 is stable, 2.9 is not."""
-    assert behind("predicted", 10e-3, believed_delay=8e-3) < 0.01
-    with pytest.raises(lg.Diverged):
-        behind("predicted", 10e-3, believed_delay=6e-3)
 
 
 def test_wrong_names_and_delays_are_one_sentence():

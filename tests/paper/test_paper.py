@@ -94,13 +94,6 @@ def test_the_ranking_depends_on_the_gain(some, percent):
     assert e["k 20"] < e["k 5"] < e["proposed"]
 
 
-def test_natural_and_proposed_agree_when_all_is_exact(some):
-    e = level(some, 0)
-    assert e["natural"] == pytest.approx(e["proposed"], rel=1e-4)
-    assert e["natural"] == pytest.approx(0.61e-3, abs=0.01e-3)
-    assert e["k 0.35"] == pytest.approx(0.25e-3, abs=0.01e-3)
-
-
 def test_held_at_rest_only_the_proposed_observer_corrects(some):
     rows = {(r.label, r.measure.signal): r.rms for r in some.outcome("standstill").rows}
     moves, misses = rows["held", "w"], rows["held", "F - Fhat"]
@@ -122,14 +115,6 @@ def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
     monkeypatch.setattr(lg, "simulate", fail)
     outcome = runs.run(bench, studies.INITIAL, lambda what: None)
     assert milli(outcome.rows[0].rms["none"]) == "diverges" and outcome.traces == ()
-
-
-def test_thinning_loses_no_peak():
-    t = np.arange(50_000) * 2e-3
-    y = np.sin(82.6 * t) * np.exp(t / 50)
-    x, shown = page.thinned(t, y)
-    assert len(x) <= 800 and np.all(np.diff(x) >= 0)
-    assert max(shown) == max(y) and min(shown) == min(y)
 
 
 # --- text, page, files -------------------------------------------------------------------
