@@ -35,7 +35,16 @@ from .exact import (
 )
 from .state_system import StateSystem
 from .system import BITS, FEWER, Signs, System, last, why_not
-from .transfer import along, coefficients, crossings, is_measured, require_siso, response, span
+from .transfer import (
+    along,
+    coefficients,
+    crossings,
+    is_measured,
+    require_siso,
+    response,
+    span,
+    to_float,
+)
 from .verdict import Margin
 
 NEAR_ZERO = 1e-12
@@ -238,17 +247,10 @@ class ExactSystem(System):
 
     @property
     def strange(self) -> list[str]:
-        T, many = f"T({self.border.variable})", abs(self.excess)
-        if self.zero:
+        allowed = "-1, 0 or 1" if self.border.dt is None else "0 in z: no delay, no sample ahead"
+        if self.zero or abs(self.excess) <= (self.border.dt is None):
             return []
-        if self.border.dt and self.excess:
-            samples = f"{many} sample{'s' * (many > 1)}"
-            if self.excess < 0:
-                return [f"{T} is improper: its output would need the input {samples} ahead"]
-            return [f"T has a delay of {samples}, with which no {T} is positive real"]
-        if many > 1 and not self.border.dt:
-            return [f"the relative degree is {self.excess}, which must be -1, 0 or 1"]
-        return []
+        return [f"the relative degree is {self.excess}, which must be {allowed}"]
 
     @property
     def fits(self) -> bool:
@@ -265,11 +267,11 @@ class ExactSystem(System):
         there = real.degree >= full
         if not self.rational:
             return int(there), f"{name} {'stays above 0' if there else 'tends to 0'} as w grows"
-        value = 0.0
+        value = Fraction(0)
         if there:
-            P = real_product(*self.ratio)
-            value = float(Fraction(P[full // 2]) / den.polynomial[-1] ** 2)
-        return int(value > 0) - int(value < 0), f"{name} tends to {value:.6g} as w grows"
+            value = Fraction(real_product(*self.ratio)[full // 2]) / den.polynomial[-1] ** 2
+        said = f"{name} tends to {to_float(value):.6g} as w grows"
+        return int(value > 0) - int(value < 0), said
 
     @property
     def least_stable(self) -> str:
@@ -325,7 +327,8 @@ class ExactSystem(System):
             high = 1 / Fraction(max(self.given.dead_times))
             while self._is_real(high):
                 high *= 2
-        return self.border.rate(float(last(self._is_real, high, BITS if self.rational else FEWER)))
+        found = last(self._is_real, high, BITS if self.rational else FEWER)
+        return self.border.rate(to_float(found))
 
     # --- the loop closed over T ---
 

@@ -13,7 +13,7 @@ from ..blocks.observers import Gain
 from ..blocks.plant import load_outputs, plant
 from ..core.errors import InputError
 from ..core.validation import flag, real, shown
-from .parts import OUTPUTS, OWN, Limit, connected, error_s, loop_observer, models
+from .parts import OUTPUTS, OWN, connected, error_s, loop_observer, models, tracked
 
 if TYPE_CHECKING:
     import control as ct
@@ -130,7 +130,7 @@ def cascade_loop(
     p, believed = models(p, observer_parameters, observer)
     measured = _measured(p, feedback)
     estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
-    held = Limit(limit, tracking).held(kp, ki, "cascade_loop")
+    held = tracked(limit, tracking, kp, ki, "cascade_loop")
     before: list[Stage] = [] if notch is None else [(notch_block, _notch_values(notch), [])]
     before += [] if limit is None else [(limiter, [limit], ["excess"])]
     late = ((dead_time, delay), (current_lag, lag))

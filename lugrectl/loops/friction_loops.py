@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from ..blocks import controllers
-from ..blocks.observers import Gain
+from ..blocks.drive import limiter
+from ..blocks.observers import Gain, believed, observer_block
 from ..blocks.plant import plant
 from ..core.errors import InputError
 from ..core.validation import flag, positive
-from .parts import OUTPUTS, OWN, Controller, Limit, both, connected, loop_observer, models
+from .parts import (
+    DEFAULTS,
+    OUTPUTS,
+    OWN,
+    SLIDING,
+    both,
+    connected,
+    controller_block,
+    derivatives,
+    error_s,
+    loop_observer,
+    mapped,
+    models,
+    tracked,
+)
 
 if TYPE_CHECKING:
     import control as ct
@@ -121,12 +136,7 @@ def velocity_loop(
     >>> round(1e3 * float(np.sqrt(np.mean(e**2))))
     12
     """
-    own, most = {"kp": kp, "ki": ki}, Limit(limit, tracking)
-    drives = models(p, observer_parameters, observer)
-    act = Controller("velocity", own, observer, controller, controller_gains, most)
-    compensating = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
-    front = Reference(prefilter, feedforward, load)
-    return _closed(drives, act, observer, compensating, front, name)
+    return _closed("velocity", {"kp": kp, "ki": ki}, SimpleNamespace(**locals()))
 
 
 def position_loop(
@@ -200,47 +210,79 @@ def position_loop(
     >>> loop.state_labels[-1]
     'pid_q'
     """
-    own, most = {"kp": kp, "ki": ki, "kd": kd, "tau": tau}, Limit(limit, tracking)
-    drives = models(p, observer_parameters, observer)
-    act = Controller("position", own, observer, controller, controller_gains, most)
-    compensating = {"K1": K1, "K2": K2, "k": k}, both(observer, gains, more)
-    front = Reference(prefilter, feedforward, load)
-    return _closed(drives, act, observer, compensating, front, name)
+    own = {"kp": kp, "ki": ki, "kd": kd, "tau": tau}
+    return _closed("position", own, SimpleNamespace(**locals()))
 
 
-@dataclass(frozen=True)
-class Reference:
-    """What stands in front of a loop, and whether it has the input d."""
+def _closed(kind: str, own: dict[str, Any], a: SimpleNamespace) -> ct.InterconnectedSystem:
+    """Wire the drive that is there, a controller with the gains ``own`` or another one by name, and
+    an observer by the drive it believes in; ``a``: the arguments of the loop."""
+    p, known = models(a.p, a.observer_parameters, a.observer)
+    make = controllers.pi if kind == "velocity" else controllers.pid
+    other = None
+    if a.controller is not None and a.controller != make.__name__:
+        other = controller_block(a.controller)
+    held = _held(kind, own, other, make.__name__, a)
+    seen = () if a.observer is None else observer_block(a.observer).inputs
+    read = () if other is None else other.inputs
+    sliding, torque = bool({*SLIDING} & {*read}), "u" if a.limit is None else "u_cmd"
+    needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
+    inputs, reference, names = _referenced(kind, p, needs, torque, a)
+    shared, gains = {"K1": a.K1, "K2": a.K2, "k": a.k}, both(a.observer, a.gains, a.more)
+    parts = [plant(p), loop_observer(a.observer, known, shared, gains, sliding)]
+    if sliding or "s" in seen:
+        parts.append(error_s(kind, a.controller_gains, names))
+    if other is None:
+        parts.append(make(**own, **held, outputs=[torque]))
+    else:
+        values = {k: v for k, v in mapped(a.controller_gains, "").items() if k != "lam"}
+        values["inputs"] = [names.get(k, k) for k in other.inputs]
+        values["outputs"] = [torque if k == "u" else k for k in other.outputs]
+        parts.append(believed(other, known, **values))
+    parts += [*reference, controllers.compensation(outputs=[torque])]
+    parts += [] if a.limit is None else [limiter(a.limit)]
+    return connected(parts, [*inputs, *["d"] * flag(a.load, "load")], OUTPUTS, a.name)
 
-    prefilter: bool | float
-    feedforward: bool
-    load: bool
 
-    def blocks(self, p: Model, act: Controller) -> tuple[list[str], list[Any], dict[str, str]]:
-        """Return the loop's reference inputs, the blocks from them to the error and the
-        feed-forward, and what the loop calls the reference and its derivatives."""
-        measured, derivative = controllers.MEASURED[act.kind], controllers.DERIVATIVE[act.kind]
-        if flag(self.feedforward, "feedforward") and derivative in act.needs:
-            raise InputError("feedforward=True: this controller contains J times the acceleration.")
-        ahead = {derivative} if self.feedforward else set()
-        wanted = [k for k in ("dr", "ddr") if k in {*act.needs} | ahead]
-        inputs, smooth, names = self._filtered(["r", *wanted])
-        parts = [*smooth, controllers.error(act.kind, inputs=[names.get("r", "r"), measured])]
-        if self.feedforward:
-            inner, outer = [names.get(derivative, derivative)], [act.torque]
-            parts.append(controllers.feedforward(p, act.kind, inputs=inner, outputs=outer))
-        return inputs, parts, names
+def _held(kind: str, own: dict[str, Any], other: Any, usual: str, a: SimpleNamespace) -> Any:
+    """The back-calculation of the usual controller; what another one cannot take is refused."""
+    if other is None:
+        if mapped(a.controller_gains, "controller_gains"):
+            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
+        return tracked(a.limit, a.tracking, own["kp"], own["ki"], f"{kind}_loop")
+    mapped(a.controller_gains, "controller_gains")
+    if strange := [k for k, v in own.items() if v != DEFAULTS[kind][k]]:
+        raise InputError(
+            f"{strange[0]} is a gain of {usual}; give those of {other.name} in controller_gains."
+        )
+    if a.tracking is not None:
+        raise InputError(
+            f"tracking holds back the integral of {usual}; leave it out with {other.name}."
+        )
+    return {}
 
-    def _filtered(self, signals: list[str]) -> tuple[list[str], list[Any], dict[str, str]]:
-        """Return the inputs of the prefilter of these signals, its block, and their new names:
-        an input keeps its name, so that what is filtered needs another."""
-        if self.prefilter is False or self.prefilter is None:
-            return signals, [], {}
-        names = {k: f"{k}_filtered" for k in signals}
-        pole = 2.0 if self.prefilter is True else positive(self.prefilter, "prefilter", "1/s")
-        kind, inputs = _FILTERS[tuple(signals[1:])]
-        made = controllers.prefilter(pole, kind, inputs=inputs, outputs=list(names.values()))
-        return list(inputs), [made], names
+
+def _referenced(
+    kind: str, p: Model, needs: list[str], torque: str, a: SimpleNamespace
+) -> tuple[list[str], list[Any], dict[str, str]]:
+    """The loop's reference inputs, the blocks from them to the error and the feed-forward, and what
+    the loop calls the reference and its derivatives: behind a prefilter they need other names."""
+    measured, derivative = controllers.MEASURED[kind], controllers.DERIVATIVE[kind]
+    if flag(a.feedforward, "feedforward") and derivative in needs:
+        raise InputError("feedforward=True: this controller contains J times the acceleration.")
+    wanted = {*needs, *[derivative] * bool(a.feedforward)}
+    inputs, names, parts = ["r", *(k for k in ("dr", "ddr") if k in wanted)], {}, []
+    if a.prefilter is not False and a.prefilter is not None:
+        names = {k: f"{k}_filtered" for k in inputs}
+        pole = 2.0 if a.prefilter is True else positive(a.prefilter, "prefilter", "1/s")
+        form, inputs = _FILTERS[tuple(inputs[1:])]
+        outputs = list(names.values())
+        parts.append(controllers.prefilter(pole, form, inputs=inputs, outputs=outputs))
+    parts.append(controllers.error(kind, inputs=[names.get("r", "r"), measured]))
+    if a.feedforward:
+        ahead = [names.get(derivative, derivative)]
+        parts.append(controllers.feedforward(p, kind, inputs=ahead, outputs=[torque]))
+    return list(inputs), parts, names
 
 
 _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
@@ -249,20 +291,3 @@ _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
     ("ddr",): ("position", ["r", "ddr"]),
     ("dr", "ddr"): ("motion", ["r", "dr"]),
 }
-
-
-def _closed(
-    drives: tuple[Model, Model],
-    act: Controller,
-    observer: str | None,
-    gains: tuple[Mapping[str, Any], Mapping[str, Any] | None],
-    front: Reference,
-    name: str,
-) -> ct.InterconnectedSystem:
-    """Wire the drive that is there, the controller, and an observer by the drive it believes in."""
-    p, believed = drives
-    estimate = loop_observer(observer, believed, *gains, act.sliding)
-    inputs, reference, names = front.blocks(p, act)
-    parts = [plant(p), estimate, *act.blocks(believed, names), *reference]
-    parts += [controllers.compensation(outputs=[act.torque]), *act.limit.blocks()]
-    return connected(parts, [*inputs, *["d"] * flag(front.load, "load")], OUTPUTS, name)

@@ -248,8 +248,8 @@ def test_margin_and_frequencies_are_per_second_or_per_sample():
 @pytest.mark.parametrize(
     ("T", "kind", "words"),
     [
-        (ct.tf([1], [1, -0.5], 0.1), "not PR", "delay of 1 sample"),
-        (ct.tf([1, 0, 0], [1, 0.1], 0.1), "not PR", "1 sample ahead"),
+        (ct.tf([1], [1, -0.5], 0.1), "not PR", "no delay"),
+        (ct.tf([1, 0, 0], [1, 0.1], 0.1), "not PR", "relative degree is -1"),
         (ct.tf([1, 0.2], [1, 1.1], 0.1), "not PR", "poles outside the unit circle (z = -1.1)"),
         (ct.tf([1, 0], [1, -1], 0.1), "PR", "unit circle at w = 0 rad/s"),
         (ct.tf([1, 0], [1, 1], 0.1), "PR", "unit circle at w = 31.4159 rad/s"),
