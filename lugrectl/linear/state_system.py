@@ -37,6 +37,7 @@ EXACT = 16  # states up to which stability is decided in exact arithmetic: some 
 OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
 UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
+BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
 AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
 SINGLE = 1e-9  # relative distance of two candidates that count as one
 
@@ -299,6 +300,17 @@ class StateSystem(System):
         """What the gain is the largest value of."""
         return "|T|" if self.D.size == 1 else "the largest singular value of T"
 
+    @cached_property
+    def _sweep(self) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there."""
+        # a level far from the top has its zeros off the axis by more than such a width
+        rates = self.border.rates(self.poles)
+        w, width = np.imag(rates), np.abs(np.real(rates))
+        sharp = (width > 0) & (width < 10 * w)
+        near = self.border.place((w[sharp, None] + width[sharp, None] * BESIDE).ravel())
+        places = np.unique([*between(self.continuous.poles), *near[near > 0]])
+        return places, [self._states(x) for x in places]
+
     def closed(self, gain: float = 1.0) -> StateSystem:
         """1/(1 + gain T)."""
         if gain * float(self.D[0, 0]) == -1:
@@ -312,13 +324,17 @@ class StateSystem(System):
     def plus(self, c: float) -> StateSystem:
         """The same with another direct term; what is known of A serves both."""
         result = replace(self, D=self.D + c)
-        vars(result).update({k: getattr(self, k) for k in ("poles", "triangular") if len(self.A)})
+        known = ("poles", "triangular", "_sweep")
+        vars(result).update({name: getattr(self, name) for name in known if len(self.A)})
         return result
 
     def largest(self) -> tuple[float, float]:
         best, v = self._best(np.array([0.0, math.inf]))
         if len(self.A):
-            best, v = max((best, v), self._best(between(self.continuous.poles)))
+            places, states = self._sweep
+            k = int(np.argmax([_norm(self.D + x) for x in states]))
+            about = places[[k, max(k - 1, 0), min(k + 1, len(places) - 1)]]
+            best, v = max((best, v), self._top(*about))
         for _ in range(LEVELS if len(self.A) and best > 0 else 0):
             zeros: Any = self.level_zeros((best * (1 + RISE)) ** 2)
             near = zeros[np.abs(zeros.real) <= OFF * np.abs(zeros)]
@@ -327,19 +343,21 @@ class StateSystem(System):
                 break
             best, v = found, at
         if 0 < v < math.inf:
-            found: Any = minimize_scalar(
-                lambda x: -self.size_at(x),
-                bounds=(v * (1 - 1e-4), v * (1 + 1e-4)),
-                method="bounded",
-                options={"xatol": 1e-12 * v},
-            )
-            best, v = max((best, v), (-float(found.fun), float(found.x)))
+            best, v = self._top(v, v * (1 - 1e-4), v * (1 + 1e-4))
         return best, self.border.frequency(v)
 
     def _best(self, places: np.ndarray) -> tuple[float, float]:
         values = [self.size_at(v) for v in places]
         k = int(np.argmax(values))
         return values[k], float(places[k])
+
+    def _top(self, v: float, low: float, high: float) -> tuple[float, float]:
+        """The largest value at v, or at the top of a peak between two places about it."""
+        sharp = {"xatol": 1e-12 * v}
+        found: Any = minimize_scalar(
+            lambda x: -self.size_at(x), bounds=(low, high), method="bounded", options=sharp
+        )
+        return max((self.size_at(v), float(v)), (-float(found.fun), float(found.x)))
 
     # --- realness ---
 

@@ -100,6 +100,14 @@ def test_the_norm_is_reached_and_passed_nowhere(dt):
             assert there == pytest.approx(found.gain, rel=1e-9)
 
 
+@pytest.mark.parametrize("high", [1e2, 1e4])
+def test_a_bilinear_map_keeps_the_norm(high):
+    """At 1e-4 s the poles of slow modes all but meet at z = 1."""
+    T = structure(5, 0.0, turned=True, high=high)
+    fast = lg.l2_check(ct.sample_system(T, 1e-4, "tustin"))
+    assert fast.gain == pytest.approx(lg.l2_check(T).gain, rel=1e-6)
+
+
 @pytest.mark.parametrize("dt", [0, True])
 def test_several_channels_have_the_largest_singular_value(dt):
     rng = np.random.default_rng(5)
