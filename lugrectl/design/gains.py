@@ -618,8 +618,8 @@ def method(name: str, **choices: float | None) -> Callable[[Any], Any]:
     )
 
 
-@method("time-varying", A=None)
 @method("bounded", A=None, M=None)
+@method("time-varying", A=None)
 def _scheduled(m: Any, c: Choices) -> Made:
     """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M:
     V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""

@@ -96,14 +96,6 @@ def test_a_position_outside_the_loop_is_no_mode_of_it(output):
     assert bool(lg.bandwidth_check(T).stable) is (output == "w")  # theta itself goes on
 
 
-def test_a_position_that_no_output_shows_is_no_mode_of_a_state_space_model():
-    loop = speed_loop(0.0)
-    T = lg.linearize(loop, input="r", output="w")
-    assert T.nstates == loop.nstates - 1 and "cancelled" not in lg.spr_check(T).reason
-    assert lg.linearize(loop).nstates == loop.nstates
-    assert lg.linearize(loop, input="r", output="theta").nstates == loop.nstates
-
-
 def test_a_mode_that_a_state_reads_is_still_said():
     """An unstable filter beside the loop is no position: nothing bounds it."""
     wild = ct.ss([[3.0]], [[1.0]], [[1.0]], [[0.0]], inputs="w", outputs="y", name="wild")

@@ -124,20 +124,6 @@ def test_the_cascade_without_limits_is_its_transfer_function():
 # The load's side.
 
 
-REST = {"elastic_coupling": {"damping": 0.02}, "backlash": {"damping": 0.02, "gap": 0.01}}
-
-
-def test_two_loads_have_names_of_their_own_and_none_has_none():
-    play = {"load_inertia": 0.001, "stiffness": 40.0, **REST["backlash"]}
-    both = GEARED.with_effect("backlash", play)
-    more = ["theta_load", "w_load", "theta_load_2", "w_load_2"]
-    assert lg.plant(both).output_labels == ["theta", "w", "F", *more]
-    rigid = lg.Model.of(P).with_effect(
-        "elastic_coupling", {"load_inertia": 0.0, "stiffness": 1, "damping": 0}
-    )
-    assert lg.plant(rigid).output_labels == ["theta", "w", "F"]
-
-
 def test_a_loop_on_the_second_encoder_places_the_load():
     """A constant load torque on the motor's side is no matter; the twist is."""
     t = np.arange(0, 1.0, 1e-3)

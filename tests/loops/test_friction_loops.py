@@ -34,22 +34,6 @@ def test_loops_with_exact_compensation_are_linear_at_rest(make, observer):
     assert found == pytest.approx(at(closed), rel=1e-4)
 
 
-def test_the_position_loop_of_the_paper_is_unstable():
-    """J s^3 + Kp s + Ki, in motion as well: (theta, w, q) does not see the bristles."""
-    expected = np.roots([P.J, 0.0, 15.0, 1.55])
-    assert max(expected.real) == pytest.approx(0.0517, abs=5e-5)
-    loop = position_loop(P, "natural")
-    moving = states(loop, plant_w=0.3, plant_z=1e-3, natural_observer_zhat=1e-3)
-    for x in (np.zeros(loop.nstates), moving):
-        poles = np.linalg.eigvals(ct.linearize(loop, x, [0.0]).A)
-        for pole in expected:
-            assert min(abs(poles - pole)) < 1e-3
-    damped = position_loop(P, "natural", kd=0.5)
-    poles = np.linalg.eigvals(ct.linearize(damped, np.zeros(damped.nstates), [0.0]).A)
-    for pole in np.roots([P.J, 0.5, 15.0, 1.55]):
-        assert pole.real < 0 and min(abs(poles - pole)) < 1e-3
-
-
 @pytest.mark.parametrize(("smooth", "reference"), [(False, ct.tf(1, 1)), (True, H)])
 def test_feedforward_makes_the_loops_follow_their_reference(smooth, reference):
     loop = velocity_loop(P, "proposed", prefilter=smooth, feedforward=True)

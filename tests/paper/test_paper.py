@@ -39,22 +39,6 @@ def width(some, loop, label, kind="-3dB"):
     return next(w for w in some.widths if (w.loop, w.label, w.level) == (loop, label, kind))
 
 
-@pytest.mark.parametrize(
-    ("label", "kind", "Fv", "fall", "hertz"),
-    [
-        ("paper's PI", "-3dB", 0.0, 10 ** (-3 / 20), 115.5),
-        ("paper's PI", "half-power", 0.0, 0.5**0.5, 115.8),
-        ("paper's PI, Fv left in", "-3dB", P.Fv, 10 ** (-3 / 20), 114.2),
-    ],
-)
-def test_bandwidths_of_the_velocity_loop(some, label, kind, Fv, fall, hertz):
-    """(kp s + ki)/(J s^2 + kp s + ki), and the same with Fv left in the plant."""
-    found = width(some, "velocity", label, kind).hertz
-    T = ct.tf([1.6, 0.16], [P.J, 1.6 + Fv, 0.16])
-    assert abs(T(2j * np.pi * found)) == pytest.approx(fall, rel=1e-9)
-    assert found == pytest.approx(hertz, abs=0.05)
-
-
 def test_the_position_pi_is_called_unstable_with_its_poles(some):
     found = width(some, "position", "paper's PI")
     assert not found.stable and found.hertz == pytest.approx(20.4, abs=0.05)
