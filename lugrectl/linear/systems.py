@@ -198,14 +198,16 @@ class ExactSystem(System):
             return signs(turned)
         least = max([1.0, *(abs(x) * (1 + CLOSE) for x in limits(T))])
         end = max([1.0 / max(T.dead_times), *filter(math.isfinite, self._level(least))])
-        found = signs(turned, end)
-        for _ in range(0 if self.open_at_infinity else WINDOWS):
+        found = Signs(1)
+        for _ in range(1 if self.open_at_infinity else WINDOWS):
+            if end > FAR:
+                break
+            found = signs(turned, end)
             below = [-x for v in found.places if -1 < (x := T(1j * v).real) < 0]
             beyond = self._level(max(below) * (1 - SAME)) if below else [math.inf]
-            if max(beyond, default=0.0) <= end or end > FAR:
+            if max(beyond, default=0.0) <= end:
                 break
             end = max([2.0 * end, *(1.01 * v for v in beyond if math.isfinite(v))])
-            found = signs(turned, end)
         return found
 
     def _level(self, size: float) -> list[float]:
