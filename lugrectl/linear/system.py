@@ -21,7 +21,7 @@ from .verdict import NONE, Margin, Realness
 
 SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
 NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
-SHOWN = 2  # bands of one sign that are told
+SHOWN = 2  # bands below 0 that are named
 BITS, FEWER = 42, 30  # of a limit that is bisected, in exact arithmetic and in floating point
 Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
 

@@ -94,11 +94,11 @@ class ExactSystem(System):
     def excess(self) -> int:
         return self.given.den.degree - self.given.num.degree
 
-    @property
+    @cached_property
     def rational(self) -> bool:
         return self.given.num.rational and self.given.den.rational
 
-    @property
+    @cached_property
     def ratio(self) -> tuple[Poly, Poly]:
         return self.T.num.polynomial, self.T.den.polynomial
 
@@ -259,7 +259,7 @@ class ExactSystem(System):
         total = self.T.num + self.T.den
         return hurwitz(total.polynomial) if self.rational else zeros(total) == (0, 0, None)
 
-    @property
+    @cached_property
     def limit(self) -> tuple[int, str]:
         num, den = self.T.num, self.T.den
         if self.border.dt:
