@@ -27,7 +27,6 @@ _HOMES = {
     "slotine_li smith_velocity",
     "blocks.table": "tabulated",
     "simulation.bristle_deflection": "deflection",
-    "loops.cascade": "cascade_loop",
     "blocks.catalogue": "controllers effects laws observers",
     "bench": "Assurance Compensation HuntingChance assure compensate hunting_chance",
     "bench.compare": "ObserverComparison compare_observers",
@@ -46,8 +45,7 @@ _HOMES = {
     "linear": "DelayedTransfer bandwidth bandwidth_check check_designs delayed l2_check linearize "
     "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
     "velocity_L velocity_T velocity_loop_tf",
-    "loops.friction_loops": "position_loop velocity_loop",
-    "loops.late_loop": "late_loop",
+    "loops.friction_loops": "cascade_loop late_loop position_loop velocity_loop",
     "simulation.sampled_response": "simulate_sampled",
     "blocks.model": "Model Parameters read_model table1 write_model",
     "record": "Record read_record",
@@ -161,9 +159,7 @@ if TYPE_CHECKING:
         velocity_loop_tf,
         velocity_T,
     )
-    from .loops.cascade import cascade_loop
-    from .loops.friction_loops import position_loop, velocity_loop
-    from .loops.late_loop import late_loop
+    from .loops.friction_loops import cascade_loop, late_loop, position_loop, velocity_loop
     from .paper.equations import PAPER
     from .record import Record, read_record
     from .simulation.bristle_deflection import deflection

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from .certificate import Certificate, certify
-from .excitation import Excitation, excitation, natural_decay
+from .certificate import Certificate, Excitation, certify, excitation, natural_decay
 from .gains import Design, ObserverDesign, ScheduledGain, design_gains
 
 __all__ = [

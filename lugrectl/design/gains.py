@@ -23,17 +23,15 @@ from ..blocks.observers import observer_block
 from ..core.display import Row, Shown
 from ..core.errors import InputError
 from ..core.result import Result
-from ..core.validation import number, positive, shown
+from ..core.validation import number, shown
 from ..linear import position_T, spr_check
 from .certificate import (
     ANY_MOTION,
     MATCHED,
     Certificate,
-    Drive,
     bristle_errors,
     checked,
     constant_certificate,
-    drive,
     slowest_pole,
 )
 
@@ -106,7 +104,7 @@ COULOMB = "the drive has F = a sign(w) + Fv w, J and Fv are right, and no load t
 
 
 Choices = Mapping[str, Any]
-Made = tuple[dict[str, float], Certificate]
+Made = tuple[dict[str, Any], Certificate]
 
 
 def claim(
@@ -129,14 +127,19 @@ class Rule(NamedTuple):
 
 
 RULES: dict[str, Rule] = {}  # by observer
+METHODS: dict[str, Rule] = {}  # of the proposed one
 LUGRE = "J sigma0 sigma1 Fc Fs Fv vs"
 
 
 def rule(observer: str, needs: str, **choices: float | None) -> Callable[[Any], Any]:
     """Enter the function below as the rule of an observer."""
+    return _entering(RULES, f"{observer}_observer", needs, choices)
+
+
+def _entering(table: dict[str, Rule], name: str, needs: str, choices: Any) -> Callable[[Any], Any]:
 
     def enter(build: Any) -> Any:
-        RULES[f"{observer}_observer"] = Rule(build, needs, choices)
+        table[name] = Rule(build, needs, choices)
         return build
 
     return enter
@@ -383,11 +386,7 @@ class ObserverDesign(Result):
         return f"Design: {self.observer} observer"
 
     def _rows(self) -> Iterable[Row]:
-        declared = observer_block(self.observer).parameters
-        units = {k: declared[k].unit for k in self.gains}
-        gains = [Row(k, v, "" if units[k] == "1" else units[k]) for k, v in self.gains.items()]
-        gains = gains or [Row("gains", "it has none")]
-        return [*gains, Row("certificate", self.certificate), *self.certificate._rows()]
+        return _shown(self)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python."""
@@ -395,22 +394,12 @@ class ObserverDesign(Result):
         return own | {"certificate": self.certificate.summary()}
 
 
-def design_observer(p: Any, observer: str, choices: Mapping[str, Any]) -> ObserverDesign:
-    """The gains of an observer other than the proposed one; see :func:`design_gains`."""
-    made = observer_block(observer)
-    short = made.name.removesuffix("_observer")
-    rule = RULES.get(made.name)
-    if rule is None:
-        raise InputError(
-            f"there is no design rule for {made.name}: choose its gains yourself and test them "
-            "with lugrectl.compare_observers."
-        )
-    given = _chosen(short, rule, choices)
-    free = {"Fv"} if made.name in DAMPED else {"Fv", "sigma1"}
-    values = checked(p, rule.needs.split(), free, f"the design rule of {made.name}")
-    gains, certificate = rule.build(SimpleNamespace(**values), given)
-    own = {k: v for k, v in given.items() if v is not None}
-    return ObserverDesign(short, gains, own, replace(certificate, lemma=short))
+def _shown(design: Any) -> list[Row]:
+    declared = observer_block(design.observer).parameters
+    units = {k: declared[k].unit for k in design.gains}
+    gains = [Row(k, v, "" if units[k] == "1" else units[k]) for k, v in design.gains.items()]
+    gains = gains or [Row("gains", "it has none")]
+    return [*gains, Row("certificate", design.certificate), *design.certificate._rows()]
 
 
 def _chosen(short: str, rule: Rule, choices: Mapping[str, Any]) -> dict[str, Any]:
@@ -495,8 +484,7 @@ class Design(Result):
         return f"Design: {self.method}"
 
     def _rows(self) -> Iterable[Row]:
-        gains = [Row("K1", self.K1), Row("K2", self.K2, "N m s/rad")]
-        return [*gains, Row("certificate", self.certificate), *self.certificate._rows()]
+        return _shown(self)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python; a gain that depends on w as its offset and slope."""
@@ -599,41 +587,49 @@ def design_gains(
     >>> fast.gains
     {'tau': 0.002}
     """
-    if observer_block(observer).name != "proposed_observer":
-        if method != "constant":
-            raise InputError(f"method = {shown(method)} belongs to the proposed observer only.")
-        return design_observer(p, observer, choices)
-    if not isinstance(method, str) or method not in _METHODS:
-        raise InputError(f"unknown method {shown(method)}; {meant(method, _METHODS)}")
-    build, allowed = _METHODS[method]
-    for key in choices:
-        if key not in allowed:
-            raise InputError(f"method '{method}' has no choice '{key}'; it has {allowed}.")
-    m = drive(p)
-    if m.sigma1 == 0.0 and method != "time-varying":
-        raise InputError(f"method '{method}' needs sigma1 > 0; use method='time-varying'.")
-    given = {k: positive(v, k) for k, v in choices.items()}
-    if method == "bounded" and "M" not in given:
-        raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
-    K1, K2, certificate = build(m, given)
-    return Design(method, K1, K2, certificate)
+    name = observer_block(observer).name
+    short, proposed = name.removesuffix("_observer"), name == "proposed_observer"
+    if not proposed and method != "constant":
+        raise InputError(f"method = {shown(method)} belongs to the proposed observer only.")
+    if proposed and (not isinstance(method, str) or method not in METHODS):
+        raise InputError(f"unknown method {shown(method)}; {meant(method, METHODS)}")
+    rule = METHODS[method] if proposed else RULES.get(name)
+    if rule is None:
+        raise InputError(
+            f"there is no design rule for {name}: choose its gains yourself and test them "
+            "with lugrectl.compare_observers."
+        )
+    given = _chosen(f"method '{method}'" if proposed else short, rule, choices)
+    free = {"Fv"} if name in DAMPED or (proposed and method != "time-varying") else {"Fv", "sigma1"}
+    values = checked(p, rule.needs.split(), free, f"the design rule of {name}")
+    gains, certificate = rule.build(SimpleNamespace(**values), given)
+    if proposed:
+        return Design(method, gains["K1"], gains["K2"], certificate)
+    own = {k: v for k, v in given.items() if v is not None}
+    return ObserverDesign(short, gains, own, replace(certificate, lemma=short))
 
 
-def _default(m: Drive, given: dict[str, float], key: str, make: Callable[[], float]) -> float:
-    if key not in given and m.sigma1 == 0.0:
-        raise InputError(f"with sigma1 = 0 there is no default for {key}: give {key}.")
-    return given[key] if key in given else make()
+def method(name: str, **choices: float | None) -> Callable[[Any], Any]:
+    """Enter the function below as a method of the proposed observer."""
+    return _entering(
+        METHODS, name, "J sigma0 sigma1 Fc Fs vs", {"C": 1.0, "alpha": None, **choices}
+    )
 
 
-def _scheduled(
-    m: Drive, given: dict[str, float]
-) -> tuple[ScheduledGain, float | ScheduledGain, Certificate]:
+@method("bounded", A=None, M=None)
+@method("time-varying", A=None)
+def _scheduled(m: Any, c: Choices) -> Made:
     """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M:
     V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
-    C, M = given.get("C", 1.0), given.get("M")
-    A = _default(m, given, "A", lambda: C * (m.sigma1 / m.J) ** 2)
-    alpha = _default(m, given, "alpha", lambda: 2.0 * m.J * m.sigma0 / m.sigma1)
-    size = C * m.sigma0 / (A * m.J)
+    C, M = c["C"], c.get("M")
+    if "M" in c and M is None:
+        raise InputError("method 'bounded' needs M, the largest |w| in rad/s: give M.")
+    for key in ("A", "alpha"):
+        if c[key] is None and m.sigma1 == 0.0:
+            raise InputError(f"with sigma1 = 0 there is no default for {key}: give {key}.")
+    A = c["A"] or C * (m.sigma1 / m.J) ** 2
+    alpha = c["alpha"] or 2.0 * m.J * m.sigma0 / m.sigma1
+    size, low = C * m.sigma0 / (A * m.J), min(m.Fc, m.Fs)
     K1 = ScheduledGain(-size, size * m.sigma1, m.Fc, m.Fs, m.vs)
     if M is None:
         at_rest = alpha + m.sigma1 * K1.offset
@@ -644,43 +640,33 @@ def _scheduled(
             "bounded and persistently exciting (Excitation.rate)",
         )
     else:
-        at_rest = K2 = alpha + m.sigma1 * (K1.offset + K1.slope * M / m.low)
+        at_rest = K2 = alpha + m.sigma1 * (K1.offset + K1.slope * M / low)
         said = (
             f"|w| <= M = {M:g} rad/s",
             "sigma1 > 0",
             "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
         )
-    return (
-        K1,
-        K2,
-        Certificate(
-            holds=True,
-            lemma="lemma4" if M is None else "lemma5",
-            conditions=(*said, MATCHED),
-            pole_at_rest=slowest_pole(m, K1.offset, at_rest),
-            A=A,
-            B=0.0,
-            C=C,
-            alpha=alpha,
-            alpha_unit="N m s/rad",
-            P=np.diag([A, C]),
-            Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
-            Q1=np.diag([2.0 * A, 0.0]),
-        ),
+    certificate = Certificate(
+        holds=True,
+        lemma="lemma4" if M is None else "lemma5",
+        conditions=(*said, MATCHED),
+        pole_at_rest=slowest_pole(m, K1.offset, at_rest),
+        A=A,
+        B=0.0,
+        C=C,
+        alpha=alpha,
+        alpha_unit="N m s/rad",
+        P=np.diag([A, C]),
+        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
+        Q1=np.diag([2.0 * A, 0.0]),
     )
+    return {"K1": K1, "K2": K2}, certificate
 
 
-def _constant(m: Drive, given: dict[str, float]) -> tuple[float, float, Certificate]:
-    C = given.get("C", 1.0)
-    alpha = given.get("alpha", m.sigma0 / m.sigma1)
-    beta = given.get("beta", 2.0 * C * (m.sigma1 / m.J) ** 2)
+@method("constant", beta=None)
+def _constant(m: Any, c: Choices) -> Made:
+    C, alpha = c["C"], c["alpha"] or m.sigma0 / m.sigma1
+    beta = c["beta"] or 2.0 * C * (m.sigma1 / m.J) ** 2
     K1, K2 = -2.0 * C * (m.sigma1 * alpha + m.sigma0) / (beta * m.J), m.J * alpha
     sentences = ("sigma1 > 0", MATCHED, ANY_MOTION)
-    return K1, K2, constant_certificate(m, (K1, K2), C, beta, "lemma6", sentences)
-
-
-_METHODS: dict[str, tuple[Callable[..., Any], str]] = {
-    "time-varying": (_scheduled, "A, C, alpha"),
-    "bounded": (_scheduled, "A, C, alpha, M"),
-    "constant": (_constant, "C, alpha, beta"),
-}
+    return {"K1": K1, "K2": K2}, constant_certificate(m, (K1, K2), C, beta, "lemma6", sentences)

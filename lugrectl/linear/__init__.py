@@ -7,10 +7,9 @@ from .band import (
     bandwidth,
     bandwidth_check,
 )
-from .delayed import DelayedTransfer, delayed
+from .delayed import DelayedTransfer, delayed, linearize
 from .designs import DesignChecks, check_designs
 from .l2 import L2Verdict, l2_check
-from .linearized import linearize
 from .loops import (
     position_L,
     position_loop_tf,

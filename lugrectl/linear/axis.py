@@ -37,6 +37,7 @@ from .exact import (
     scale,
     squarefree,
 )
+from .system import Signs
 from .transfer import TINY, roots, to_float
 
 ROUNDING = 1e-14  # of the sum of its terms: what floating point does not resolve of a value
@@ -46,42 +47,36 @@ SMALL = 2.0**-48
 WINDOWS = 16  # octaves that are searched for the first changes of a sign that never settles
 
 
-class Signs(NamedTuple):
-    """The sign just above w = 0, where it changes (rad/s), and where q touches 0; ``complete``:
-    there are no more changes at higher frequencies."""
-
-    first: int
-    changes: tuple[float, ...]
-    touches: tuple[float, ...] = ()
-    complete: bool = True
-
-
 def signs(F: Quasi, end: float | None = None) -> Signs:
     """The signs of F(jw), w > 0, of an even F, which is real there; up to ``end``, where given.
     Where the sign never settles as w grows, the changes of the first octaves that have any."""
     if not F:
-        return Signs(0, ())
+        return Signs(0)
     if F.rational:
-        x = even_odd(F.polynomial)[0]
-        factors = squarefree(x)
-        odd, even = (positive_roots(reduce(mul, factors[k::2], (1,))) for k in (0, 1))
-        first = 1 if next(c for c in x if c) > 0 else -1
-        return Signs(first, tuple(map(math.sqrt, odd)), tuple(map(math.sqrt, even)))
+        return signs_in_x(even_odd(F.polynomial)[0])
     end = settled(F) if end is None else end
     if end is not None:
         return _signs(F, end)
-    unit, found = 1.0 / max(abs(float(late)) for late, _ in F.terms), None
+    unit, found = 1.0 / max(abs(float(late)) for late, _ in F.terms), Signs(0)
     for _ in range(WINDOWS):
         unit *= 2.0
         found = _signs(F, unit)
-        if len(found.changes) > 1:
-            return found._replace(complete=False)
-    if found and found.changes:
-        return found._replace(complete=False)
-    raise InputError(
-        "as w grows, the sign of a condition on T(jw) stays undecided: its dead times act on the "
-        "highest power of s; add the lag that the drive has."
-    )
+        if len(found.edges) > 1:
+            break
+    if not found.edges:
+        raise InputError(
+            "as w grows, the sign of a condition on T(jw) stays undecided: its dead times act on "
+            "the highest power of s; add the lag that the drive has."
+        )
+    return found._replace(complete=False)
+
+
+def signs_in_x(a: Poly) -> Signs:
+    """The same of a polynomial in x = w^2."""
+    factors = squarefree(a)
+    odd, even = (positive_roots(reduce(mul, factors[k::2], (1,))) for k in (0, 1))
+    first = 1 if next(c for c in a if c) > 0 else -1
+    return Signs.exact(first, map(math.sqrt, odd), map(math.sqrt, even))
 
 
 def settled(F: Quasi) -> float | None:
@@ -166,7 +161,7 @@ def _signs(F: Quasi, end: float) -> Signs:
     low, m = _start(f)
     first = 1 if f.taylor(m) * (-1) ** (m // 2) > 0 else -1
     if low >= 1.0:
-        return Signs(first, ())
+        return Signs(first)
     a, b, undecided = _cells(f, *_octaves(low), monotone=True)
     ends = np.real(f.at(1j * np.append(a, b[-1])))
     ends[0] = first
@@ -176,7 +171,7 @@ def _signs(F: Quasi, end: float) -> Signs:
     ]
     touches = (0.5 * (a + b)[undecided & ~changed] * unit).tolist()
     apart = [w for k, w in enumerate(touches) if not k or w > touches[k - 1] * (1 + 1e-5)]
-    return Signs(first, tuple(changes), tuple(apart))
+    return Signs.exact(first, changes, apart)
 
 
 def _between(f: Quasi, a: float, b: float, at_a: float, at_b: float) -> float:
@@ -256,48 +251,40 @@ LEVELS = 60
 START = 400  # frequencies at which the search for the largest value begins
 
 
-def extreme(N: Poly, D: Poly, sign: int) -> tuple[float, float]:
-    """The largest (sign 1) or least (-1) N(x)/D(x) on x = w^2 >= 0, and w; inf: as w grows."""
-    # N/D has it at x = 0, as x grows, or where N'D - N D' changes its sign
-    slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
-    places = [Fraction(0), *map(Fraction, positive_roots(odd_roots(slope)))] if slope else [0]
-    size = {math.sqrt(to_float(Fraction(x))): Fraction(at(N, x)) / at(D, x) for x in places}
-    end = Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0)
-    size.setdefault(math.inf, end)
-    w = max(size, key=lambda place: sign * size[place])
-    return to_float(size[w]), w
-
-
-def level_signs(T: DelayedTransfer, square: Fraction) -> Signs:
-    """The signs of |T(jw)|^2 - square."""
-    return signs(T.num.squared() + T.den.squared().scaled(-square))
-
-
-def largest(T: DelayedTransfer, *near: float) -> tuple[float, float]:
-    """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows. Frequencies
-    ``near``, at which |T| is known to be large, shorten the search."""
+def largest(T: DelayedTransfer) -> tuple[float, float]:
+    """sup |T(jw)| of a stable T, to 1e-7 with dead times, and its w; inf: as w grows."""
+    if T.num.degree > T.den.degree:
+        return math.inf, math.inf
     if T.num.rational and T.den.rational:
-        num, den = T.num.polynomial, T.den.polynomial
-        square, w = extreme(real_product(num, num), real_product(den, den), 1)
-        return math.sqrt(square), w
-    proper = T.num.degree <= T.den.degree
-    limit = max(map(abs, limits(T)), default=0.0) if proper else math.inf
+        return _largest_ratio(*(real_product(q.polynomial, q.polynomial) for q in (T.num, T.den)))
+    limit = max(map(abs, limits(T)), default=0.0)
     best, at = _higher((abs(T(0j)), 0.0), (limit, math.inf))
     if math.isinf(best):
         return best, at
-    w = np.append(near, np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0))
+    w = np.geomspace(1e-6, 1.0, START) * (reach(T.den.squared()) or 1.0)
     best, at = _higher((best, at), _top(T, w))
     for _ in range(LEVELS):
-        found = level_signs(T, Fraction(best * (1 + RISE)) ** 2)
-        ends = np.array([0.0, *found.changes])
-        places = np.concatenate([np.sqrt(ends[1:-1] * ends[2:]), ends[-1:] * 2, found.touches])
-        if found.first < 0 and not found.changes and not found.touches:
+        found = signs(T.num.squared() + T.den.squared().scaled(-(Fraction(best * (1 + RISE)) ** 2)))
+        ends, touches = np.array([0.0, *found.changes]), [e.at for e in found.touches]
+        places = np.concatenate([np.sqrt(ends[1:-1] * ends[2:]), ends[-1:] * 2, touches])
+        if found.first < 0 and not found.edges and not found.touches:
             return best, at
         higher = _higher((best, at), _top(T, places))
         if higher[0] <= best * (1 + RISE):
             return higher
         best, at = higher
     return best, at
+
+
+def _largest_ratio(N: Poly, D: Poly) -> tuple[float, float]:
+    """The root of the largest N(x)/D(x) on x = w^2 >= 0, and w."""
+    # N/D has it at x = 0, as x grows, or where N'D - N D' changes its sign
+    slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
+    places = [Fraction(0), *map(Fraction, positive_roots(odd_roots(slope)))] if slope else [0]
+    size = {math.sqrt(to_float(Fraction(x))): Fraction(at(N, x)) / at(D, x) for x in places}
+    size.setdefault(math.inf, Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0))
+    w = max(size, key=lambda place: size[place])
+    return math.sqrt(to_float(size[w])), w
 
 
 def _higher(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .state_system import UNDECIDED, StateSystem
-from .systems import System, system_of
+from .state_system import StateSystem
+from .systems import system_of
 from .transfer import number
 from .verdict import Verdict
 
@@ -125,29 +125,32 @@ def _floating(T: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
     return _verdict(StateSystem.of(T).shown(), power, level)
 
 
-def _verdict(system: System, power: Fraction, level: str | float) -> BandwidthVerdict:
+def _verdict(system: Any, power: Fraction, level: str | float) -> BandwidthVerdict:
     name = level if isinstance(level, str) else f"{level:g} dB"
-    falls = system.falls(power)
-    width = falls.width if 0 < falls.dc < math.inf else math.nan
-    hertz = width / (2 * math.pi)
-    start = f"{name} of |{falls.base}| = {falls.dc:.6g}" if falls.base else name
-    size = f"|T({system.border.argument})|"
-    if math.isnan(width):
-        value = "infinite" if falls.dc else "zero"
-        more = "; of an open loop check T/(1 + T)" if falls.dc else ""
-        reason = f"{falls.base} is {value}{falls.said}, so there is no DC gain to measure a "
-        reason += f"bandwidth from{more}"
-    elif math.isinf(width):
-        never = "never falls" if falls.base else "does not fall"  # at frequencies that are known
-        reason = f"{size} {never} below {start}{falls.said}"
+    dc, doubt = system.dc()
+    base, width, crossings, said = f"|{system.base}|", math.nan, (), ""
+    if 0 < dc < math.inf:
+        found = system.signs("size", power * Fraction(dc) ** 2, doubt)
+        crossings = tuple(edge.first for edge in found.edges)
+        blurred = [edge for edge in found.touches if edge.low < edge.high]
+        edges = sorted([*found.edges[:1], *blurred[:1]], key=lambda edge: edge.low)
+        width = edges[0].first if edges else math.inf
+        said = f"through {name} of {base} = {float(dc):.6g} at {width:.6g} rad/s "
+        said = f"falls {said}({width / (2 * math.pi):.6g} Hz)"
+        if not edges:
+            said = f"never falls below {name} of {base} = {float(dc):.6g}"
+        elif edges[0] in blurred or not edges[0].sharp:
+            said += f", or up to {edges[0].high:.6g} rad/s: rounding decides"
+        reason = f"|T({system.border.argument})| {said}"
     else:
-        reason = f"{size} falls through {start} at {width:.6g} rad/s ({hertz:.6g} Hz){falls.said}"
+        reason = f"{system.base} is {'infinite' if dc else 'zero'}, so there is no DC gain to "
+        reason += "measure a bandwidth from"
+        reason += "; of an open loop check T/(1 + T)" if dc else ""
+    reason += system.basis + (f"; {system.hidden}" if system.hidden else "")
     if not system.stable:
-        said = UNDECIDED if system.stable is None else "T is not stable"
-        reason = f"{said} ({system.seen}): {reason}"
-    reason += f"; {system.hidden}" if system.hidden else ""
+        reason = f"{system.unsettled}: {reason}"
     poles, stable = tuple(map(complex, system.poles)), bool(system.stable)
-    return BandwidthVerdict(width, hertz, falls.crossings, stable, poles, reason)
+    return BandwidthVerdict(width, width / (2 * math.pi), crossings, stable, poles, reason)
 
 
 def bandwidth(T: Any, level: str | float = "-3dB") -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import control as ct
@@ -15,7 +14,7 @@ from .transfer import is_measured, response, roots
 
 POINTS = 800
 BEYOND = 30.0  # the grid reaches this factor beyond the outermost pole, zero or mark
-ROUND = 81  # points about each pole
+ROUND = np.tan(np.linspace(-1.5, 1.5, 81))  # points about each pole, in widths of its peak
 TURNS = 100.0  # rad of phase of the longest dead time that are drawn
 NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phase
 
@@ -30,43 +29,36 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     T: Any = source
     if not isinstance(T, DelayedTransfer | ct.TransferFunction | ct.StateSpace):
         T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
-    border, late, poles = border_of(T), 0.0, np.zeros(0, complex)
-    if isinstance(T, DelayedTransfer):
-        late = max(T.dead_times, default=0.0)
-        both = [p for q in (T.num, T.den) for _, p in q.terms]
-        around = [1.0 / late] if late else []
-        places = np.abs([*(root for p in both for root in roots(p)), *around])
-    else:
-        with np.errstate(all="ignore"):
-            poles, zeros = (border.rates(np.asarray(x, complex)) for x in (T.poles(), T.zeros()))
-        places = np.abs(np.concatenate([poles, zeros]))
-    dt, end = border.dt, border.frequency(math.inf)
-    places = np.append(places[places <= NEAR * end], marks)
-    places = places[np.isfinite(places) & (places > 0)]
-    if not len(places):
-        places = np.ones(1) if dt is None else np.array([end / BEYOND])
-    low, top = places.min() / BEYOND, min(places.max() * BEYOND, NEAR * end)
-    if late:
-        top = max(min(top, TURNS / late), 3.0 / late, *(3.0 * w for w in marks if w < math.inf))
-    top = top if dt is None else NEAR * end
-    w = np.concatenate([np.geomspace(low, top, POINTS), places, _about(poles, late, top)])
-    w = np.unique(w[(w >= low) & (w <= top)])
+    border, late = border_of(T), 0.0
+    poles: Any = np.zeros(0, complex)
     with np.errstate(all="ignore"):
-        at = 1j * w if dt is None else np.exp(1j * w * dt)
-        values = np.asarray(T(at, warn_infinite=False))
+        if isinstance(T, DelayedTransfer):
+            late = max(T.dead_times, default=0.0)
+            around = np.array(
+                [root for q in (T.num, T.den) for _, p in q.terms for root in roots(p)]
+            )
+            around = np.append(around, [1.0 / late] if late else [])
+        else:
+            poles, zeros = (border.rates(np.asarray(x, complex)) for x in (T.poles(), T.zeros()))
+            around = np.append(poles, zeros)
+        end = NEAR * border.frequency(np.inf)
+        places = np.append(np.abs(around)[np.abs(around) <= end], marks)
+        places = places[np.isfinite(places) & (places > 0)]
+        places = places if len(places) else np.array([min(end / BEYOND, 1.0)])
+        low, top = places.min() / BEYOND, min(places.max() * BEYOND, end)
+        if late:
+            top = max(min(top, TURNS / late), 3.0 / late, *(3.0 * w for w in marks if w < np.inf))
+        top = end if border.dt else top
+        peaks = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * ROUND
+        turns = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late or 1.0)
+        w = np.concatenate([np.geomspace(low, top, POINTS), places, peaks.ravel(), turns])
+        w = np.unique(w[(w >= low) & (w <= top)])
+        values = np.asarray(
+            T(np.exp(1j * w * border.dt) if border.dt else 1j * w, warn_infinite=False)
+        )
     if values.ndim == 3:  # of several channels the largest singular value
         values = np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
     return w, np.ravel(values)
-
-
-def _about(poles: np.ndarray, late: float, top: float) -> np.ndarray:
-    """So close about the poles that a resonance is a round curve, and steps that follow the phase
-    of a dead time."""
-    poles = poles[np.isfinite(poles)]
-    width = np.abs(np.real(poles))[:, None] * np.tan(np.linspace(-1.5, 1.5, ROUND))
-    near = np.abs(np.imag(poles))[:, None] + width
-    steps = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late) if late else []
-    return np.append(near.ravel(), steps)
 
 
 def name(source: Any, of: str = "T") -> str:

@@ -22,7 +22,7 @@ CLASSES = ("not PR", "PR", "WSPR", "SPR")
 NOT_PR, PR, WSPR, SPR = range(4)
 SETTLED = 1e-6  # last Newton step relative to the root; the remaining error is its square
 Floats = NDArray[np.float64]
-CHUNK = 8192  # designs at a time, so that temporary arrays fit into the cache
+STEPS = 16
 NAMES = ("J", "sigma0", "sigma1", "kp", "ki", "kd", "K2")
 
 
@@ -140,29 +140,19 @@ def check_designs(
     ):
         if wrong:
             raise InputError(f"{name} in a design; use the check of a single design for it.")
-    flat = [a if a.size == 1 else np.broadcast_to(a, shape).ravel() for a in parts]
-    size = int(np.prod(shape))
-    out = DesignChecks(*(np.empty(size, kind) for kind in (float, float, np.int8, float, np.bool_)))
-    for start in range(0, size, CHUNK):
-        here = slice(start, min(start + CHUNK, size))
-        _chunk([a.reshape(1) if a.size == 1 else a[here] for a in flat], here, loop, level, out)
-    return DesignChecks(*(getattr(out, f).reshape(shape) for f in out.__dataclass_fields__))
-
-
-def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: DesignChecks) -> None:
-    J, sigma0, sigma1, kp, ki, kd, K2 = parts
-    out.l2_gain[here], out.l2_frequency[here] = l2_gain(J, sigma0, sigma1, K2)
+    J, sigma0, sigma1, kp, ki, kd, K2 = (np.broadcast_to(part, shape).ravel() for part in parts)
     # a velocity loop is a position loop with its inertia in place of kd
-    mass, damping = (J, kd) if loop == "position" else (0.0, J + kd)
-    out.classification[here] = error_class(mass, sigma0, sigma1, kp, ki, damping)
-    out.stable[here] = is_stable(mass, kp, ki, damping)
+    mass, damping = (J, kd) if loop == "position" else (0.0 * J, J + kd)
     with np.errstate(all="ignore"):
-        out.bandwidth[here], doubt = bandwidths(mass, kp, ki, damping, float(level_power(level)))
-    for i in np.nonzero(np.broadcast_to(doubt, out.bandwidth[here].shape))[0]:
-        own, *gains = (float(a[i if a.size > 1 else 0]) for a in (J, kp, ki, kd))
-        made = position_loop_tf if loop == "position" else velocity_loop_tf
-        T = made(SimpleNamespace(J=own), *gains)
-        out.bandwidth[here.start + i] = bandwidth_check(T, level).bandwidth
+        width, doubt = bandwidths(mass, kp, ki, damping, float(level_power(level)))
+    made = position_loop_tf if loop == "position" else velocity_loop_tf
+    for i in np.flatnonzero(doubt):
+        T = made(SimpleNamespace(J=float(J[i])), *(float(a[i]) for a in (kp, ki, kd)))
+        width[i] = bandwidth_check(T, level).bandwidth
+    kinds = error_class(mass, sigma0, sigma1, kp, ki, damping)
+    stable = is_stable(mass, kp, ki, damping)
+    found: Any = (*l2_gain(J, sigma0, sigma1, K2), kinds, width, stable)
+    return DesignChecks(*(each.reshape(shape) for each in found))
 
 
 # --- closed forms of P, PI, PD and PID, elementwise: J > 0, sigma0 > 0, sigma1 >= 0 -----------
@@ -171,16 +161,11 @@ def _chunk(parts: list[Any], here: slice, loop: str, level: str | float, out: De
 
 def sign_of_difference(a: Any, b: Any, c: Any, d: Any) -> NDArray[np.int8]:
     """Sign of a b - c d. Rounding is monotone: only products that round alike are uncertain."""
-    left, right = np.multiply(a, b), np.multiply(c, d)
-    sign = np.asarray(np.greater(left, right), np.int8) - np.less(left, right)
-    alike = np.equal(left, right)
-    if np.any(alike):
-        parts = np.broadcast_arrays(a, b, c, d)
-        w, x, y, z = (part == 0 for part in parts)
-        alike, sign = alike & ~((w | x) & (y | z)), np.array(np.broadcast_to(sign, w.shape))
-        for i in zip(*np.nonzero(alike), strict=True):
-            w, x, y, z = (Fraction(float(part[i])) for part in parts)
-            sign[i] = (w * x > y * z) - (w * x < y * z)
+    left, right = a * b, c * d
+    sign = np.sign(left - right).astype(np.int8)
+    for i in np.flatnonzero((left == right) & (((a != 0) & (b != 0)) | ((c != 0) & (d != 0)))):
+        w, x, y, z = (Fraction(float(part[i])) for part in (a, b, c, d))
+        sign[i] = (w * x > y * z) - (w * x < y * z)
     return sign
 
 
@@ -213,54 +198,28 @@ def is_stable(J: Any, kp: Any, ki: Any, kd: Any) -> NDArray[np.bool_]:
     return np.greater(kd, 0) & np.greater(kp, 0) & np.greater_equal(ki, 0) & routh
 
 
-def positive_root(a: Any, half: Any, last: Any) -> Floats:
-    """The positive root of a x^2 + 2 half x - last, a > 0, last >= 0, without cancellation."""
-    root = np.sqrt(half * half + a * last)
-    return np.where(half > 0, last / (half + root), (root - half) / a)
-
-
 def bandwidths(J: Any, kp: Any, ki: Any, kd: Any, c: float) -> tuple[Floats, Any]:
     """First w with |T(jw)|^2 = c |T(0)|^2, T = (kp s + ki)/(J s^3 + kd s^2 + kp s + ki).
 
     With x = w^2 the least positive root of J^2 x^3 + a x^2 + b x + r, where a = kd^2 - 2 J kp,
-    b = -((1 - c) kp^2/c + 2 ki kd), r = -(1 - c) ki^2/c; without J the only one. Else the
-    only one unless a < 0 < b, by Cardano's formula, or the quadratic that remains for x far below
-    a/J^2, and two Newton steps. Also returns which answers are uncertain, such as those where the
-    level is almost touched. T(0) = 0 is nan, and certain.
+    b = -((1 - c) kp^2/c + 2 ki kd), r = -(1 - c) ki^2/c: the only one unless a < 0 < b, to which
+    Newton steps fall from any larger x. Also returns which answers are uncertain. T(0) = 0 is nan,
+    and certain.
     """
-    rest, none = (1 - c) / c, np.equal(kp, 0) & np.equal(ki, 0)
-    a = np.multiply(kd, kd) - 2 * np.multiply(J, kp)
-    b = -(rest * np.multiply(kp, kp) + 2 * np.multiply(ki, kd))
-    r = -rest * np.multiply(ki, ki)
-    if not np.any(J):
-        x = positive_root(a, b / 2, -r)
-        good = np.isfinite(x) & (x > 0)
-    else:
-        inertia = 1 / np.multiply(J, J)
-        p, q, r = np.broadcast_arrays(a * inertia, b * inertia, r * inertia)
-        start, doubt = _least_positive(p, q, r)
-        x = start
-        for _ in range(2):
-            step = (((x + p) * x + q) * x + r) / ((3 * x + 2 * p) * x + q)
-            x = x - step
-        good = (np.abs(step) < SETTLED * x) & (np.abs(x - start) < 1e-3 * x) & ~doubt
+    rest, none = (1 - c) / c, (kp == 0) & (ki == 0)
+    a, b, r = kd * kd - 2 * J * kp, -(rest * kp * kp + 2 * ki * kd), -rest * ki * ki
+    root = np.sqrt(
+        b * b / 4 - a * r
+    )  # of the polynomial without its cube, with a > 0 above the root
+    without_cube = np.where(b < 0, (root - b / 2) / a, -r / (b / 2 + root))
+    p, q, s = a / J**2, b / J**2, r / J**2
+    bound = 2 * np.fmax(np.fmax(-p, np.sqrt(np.fmax(-q, 0.0))), np.cbrt(-s))  # Fujiwara's
+    x = start = np.where(a > 0, without_cube, bound)
+    step = np.zeros_like(x)
+    for _ in range(STEPS):
+        step = (((J * J * x + a) * x + b) * x + r) / ((3 * J * J * x + 2 * a) * x + b)
+        x = x - step
+        if (np.abs(step) <= SETTLED * x).all():
+            break
+    good = (np.abs(step) < SETTLED * x) & (x <= start * (1 + SETTLED)) & ~((a < 0) & (b > 0))
     return np.where(none, np.nan, np.sqrt(x)), ~good & ~none
-
-
-def _least_positive(p: Any, q: Any, r: Any) -> tuple[Floats, Any]:
-    """Approximate least positive root of x^3 + p x^2 + q x + r, r <= 0; whether uncertain."""
-    third = p / 3
-    P, Q = q / 3 - third * third, third * (third * third - q / 2) + r / 2
-    P3, Q2 = P * P * P, Q * Q
-    disc = P3 + Q2
-    u = np.cbrt(-Q - np.copysign(np.sqrt(np.maximum(disc, 0)), Q))
-    x = u - P / u - third
-    three, several = disc < 0, (p < 0) & (q > 0)
-    if np.any(three):  # the largest, or the least where there are several
-        size = np.sqrt(-P[three])
-        angle = np.arccos(np.clip(-Q[three] / size**3, -1, 1)) / 3
-        turn = np.where(several[three], angle + 2 * np.pi / 3, angle)
-        x[three] = 2 * size * np.cos(turn) - third[three]
-    without_cube = positive_root(p, q / 2, -r)
-    x = np.where((p > 0) & (p > 1e4 * without_cube), without_cube, x)
-    return x, several & (np.abs(disc) < 1e-9 * (np.abs(P3) + Q2))

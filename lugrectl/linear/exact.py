@@ -225,6 +225,22 @@ def hurwitz(a: Poly) -> bool:
     return bool(p)
 
 
+def positive_real(num: Poly, den: Poly) -> bool:
+    """Whether num/den, in lowest terms, is positive real."""
+    return nonnegative(real_product(num, den)) and hurwitz(add(num, den))
+
+
+def classify(num: Poly, den: Poly) -> str:
+    """ "SPR", "WSPR", "PR" or "not PR", of num/den in lowest terms."""
+    if not positive_real(num, den):
+        return "not PR"
+    real = real_product(num, den)
+    if not (positive(real) and hurwitz(den)):
+        return "PR"
+    # Of full degree, Re T (times w^2 for relative degree 1) has a limit above zero.
+    return "SPR" if len(real) == min(len(num), len(den)) else "WSPR"
+
+
 def axis_roots(a: Poly) -> tuple[list[float], bool]:
     """Frequencies w >= 0 of the roots on the imaginary axis, and whether any lies right of it."""
     zeros = next(i for i, c in enumerate(a) if c)
@@ -294,10 +310,10 @@ class Quasi:
     def derivative(self) -> Quasi:
         return Quasi.of((late, add(derivative(p), scale(p, -late))) for late, p in self.terms)
 
-    def shifted(self, eps: float) -> Quasi:
+    def shifted(self, eps: float | Fraction) -> Quasi:
         """q(s - eps), the exponentials rounded."""
         return Quasi.of(
-            (late, scale(shift(p, Fraction(eps)), Fraction(math.exp(eps * float(late)))))
+            (late, scale(shift(p, Fraction(eps)), Fraction(math.exp(float(eps * late)))))
             for late, p in self.terms
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -111,14 +112,23 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
             raise InputError("K2 goes with a drive's parameters: leave it out beside T(s).")
         several = isinstance(p, ct.StateSpace) and p.ninputs * p.noutputs != 1
         system = StateSystem.of(p).shown() if several else system_of(p)
-        if no_gain := system.no_gain():
+        meaning, hidden = system.meaning, f"; {system.hidden}" if system.hidden else ""
+        gain, w, reason = math.inf, math.nan, ""
+        if not system.stable:
+            reason = system.unsettled
+        elif system.lost:
+            reason = system.hidden
+        elif system.excess < 0:
+            w = math.nan if system.border.dt else math.inf
+            reason = f"T({system.border.variable}) is improper: it needs the input ahead, or |T| "
+            reason += "grows with w without bound"
+        if reason:
             meaning = "nothing follows for the output of an input in L2"
-            return L2Verdict(float("inf"), no_gain.at, no_gain.why, meaning).of(p)
+            return L2Verdict(gain, w, reason, meaning).of(p)
         gain, w = system.largest()
         where = f"at w = {w:.6g} rad/s" if np.isfinite(w) else "as w grows"
-        reason = f"{system.size} is largest {where}: {gain:.6g}{system.said}"
-        reason += f"; {system.hidden}" if system.hidden else ""
-        return L2Verdict(gain, w, reason, system.meaning.format(gain)).of(p)
+        reason = f"{system.size} is largest {where}: {gain:.6g}{system.basis}{hidden}"
+        return L2Verdict(gain, w, reason, meaning.format(gain)).of(p)
     if K2 is None:
         raise InputError("l2_check needs K2, the observer's gain in N m s/rad.")
     p = values_of(p)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from decimal import ROUND_FLOOR, Context, Decimal
@@ -15,13 +13,14 @@ import control as ct
 from ..core.display import Shown
 from ..core.errors import InputError
 from ..core.views import view
+from .exact import classify
 from .loops import Loop, LoopT, rounded
 from .state_system import StateSystem
-from .systems import EXACT, classify, system_of
+from .system import last, realness
+from .systems import EXACT, system_of
 from .transfer import lowest_terms, read_transfer, to_float
 from .verdict import Realness, Verdict
 
-SMALLEST = -200  # a limit is searched for between 2^-200 and 2^200
 DIGITS = Context(prec=4, rounding=ROUND_FLOOR)
 WORDS = {
     "kp": "Kp above {} (say {})",
@@ -90,8 +89,9 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
     def passes(value: Fraction) -> bool:
         return _is_spr(_with(loop, **{name: value}))
 
-    limit = least_passing(passes)
-    if limit is None:
+    most = Fraction(2) ** 256
+    limit = last(lambda value: not passes(value), most)
+    if limit == most:
         return None
     start = limit or _usual(loop, name)
     value = DIGITS.create_decimal(Decimal(start.numerator) / Decimal(start.denominator))
@@ -108,20 +108,6 @@ def _least(loop: Loop, name: str, repair: Repair) -> Repair | None:
         value = value.next_plus(DIGITS)
     gains = repair.gains | {name: float(value)}
     return Repair(gains, repair.limits | {name: to_float(limit)})
-
-
-def least_passing(passes: Callable[[Fraction], bool]) -> Fraction | None:
-    """Lower end, to 50 bits, of the upward interval of positive numbers that pass; 0 if 2^-200
-    passes, None if 2^200 does not."""
-    powers = [Fraction(2) ** k for k in range(SMALLEST, 1 - SMALLEST)]
-    if passes(powers[0]):
-        return Fraction(0)
-    if not passes(powers[-1]):
-        return None
-    low = powers[bisect_left(powers, True, key=passes) - 1]
-    steps = range(1, 2**50)
-    k = bisect_left(steps, True, key=lambda k: passes(low + low * Fraction(k, 2**50)))
-    return low + low * Fraction(k + 1, 2**50)
 
 
 def _usual(loop: Loop, name: str) -> Fraction:
@@ -260,9 +246,10 @@ def _realness(T: Any) -> Realness:
     system = system_of(T)
     if isinstance(T, ct.StateSpace) and 0 < T.nstates <= EXACT:
         with suppress(InputError):  # of any size in exact arithmetic
-            if (found := StateSystem.of(T).shown().realness()).rounded:
+            found = realness(StateSystem.of(T).shown())
+            if found.kind == "PR" and found.rounded:
                 return found
-    return system.realness()
+    return realness(system)
 
 
 def spr_repair(T: Any) -> Repair | None:

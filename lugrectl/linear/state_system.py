@@ -14,141 +14,32 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import control as ct
 import numpy as np
 from scipy.linalg import eig, get_lapack_funcs, matrix_balance, schur, solve_sylvester
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 
+from ..core.display import show_poles
 from ..core.errors import InputError
-from .border import Axis, border_of
+from .border import Border, border_of
+from .system import FEWER, Edge, Signs, System, last
 from .transfer import EPS, state_space_polynomials
-from .verdict import Falls, NoGain, Realness
 
-SHARP = 1e-6  # relative distance of the two sides of an edge that counts as none
-HALVINGS = 40
 LARGEST = 1e140  # its square, and that of its inverse, are floats
 RISE = 1e-11  # of the largest value: the next level is higher by this
 LEVELS = 60
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
 OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
 UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
-UNDECIDED = "whether the system is stable is within rounding"
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
 BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
-AT_BORDER = "within rounding on the border of stability"
 AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
-FAR = 700.0  # samples^-1: the margin of a pole at z = 0 is searched up to this
 SINGLE = 1e-9  # relative distance of two candidates that count as one
-NEAREST, FURTHER = 1e-13, 2.0  # of an edge: the first point beside it, and the next ones
-
-Function = Callable[[float], tuple[float, float]]  # value and rounding bound at a frequency
-
-
-class Edge(NamedTuple):
-    """A change of sign at ``at``; at ``low`` and ``high``, beside it, the sign is sure."""
-
-    at: float
-    low: float
-    high: float
-
-    @property
-    def sharp(self) -> bool:
-        return math.isfinite(self.high) and self.high - self.low <= SHARP * self.high
-
-    @property
-    def first(self) -> float:
-        """Up to where nothing changes: the edge, or the last sure point before a blurred one."""
-        return self.at if self.sharp else self.low
-
-    def __str__(self) -> str:
-        if self.sharp:
-            return f"{self.at:.6g}"
-        return f"(between {self.low:.9g} and {self.high:.9g}: rounding decides)"
-
-
-@dataclass(frozen=True)
-class SureSigns:
-    """The signs ``above`` at the points ``at``, where the value exceeds its rounding bound, and the
-    ``edges`` between; ``touches``: where it is 0 within rounding between points of one sign, or at
-    an end."""
-
-    at: np.ndarray
-    above: np.ndarray
-    edges: tuple[Edge, ...]
-    touches: tuple[Edge, ...] = ()
-
-    @classmethod
-    def of(cls, function: Function, points: Any, values: Any = None) -> SureSigns:
-        """``points`` (n,) ascend; ``values`` (n, 2) are those there, where they are known."""
-        made = np.array([function(x) for x in points] if values is None else values)
-        x, sure = np.asarray(points), np.flatnonzero(np.abs(made[:, 0]) > made[:, 1])
-        at, above = x[sure], made[sure, 0] > 0
-        turns = np.flatnonzero(above[1:] != above[:-1])
-        edges = tuple(edge(function, *at[k : k + 2].tolist()) for k in turns)
-        return cls(at, above, edges, tuple(_touches(function, x, sure, above)))
-
-    def below_beyond(self) -> SureSigns:
-        """The same of a function that is below 0 as the frequency grows without end."""
-        if len(self.above) and not self.above[-1]:
-            return self
-        last = float(self.at[-1]) if len(self.at) else 0.0
-        edges = (*self.edges, Edge(last, last, math.inf)) if len(self.at) else ()
-        at, above = np.append(self.at, math.inf), np.append(self.above, False)
-        return SureSigns(at, above, edges, self.touches)
-
-
-def _touches(
-    function: Function, x: np.ndarray, sure: np.ndarray, above: np.ndarray
-) -> Iterator[Edge]:
-    """The stretches of points without a sure sign, not those in which it changes."""
-    ends = [-1, *sure.tolist(), len(x)]
-    for i, (k, m) in enumerate(pairwise(ends)):
-        inner = 0 < i < len(sure)
-        if m == k + 1 or (inner and above[i] != above[i - 1]):
-            continue
-        low, high = float(x[k + 1]), float(x[m - 1])
-        at = 0.5 * (low + high)
-        low = beside(function, low, float(x[k])) if k >= 0 else low
-        yield Edge(at, low, beside(function, high, float(x[m])) if m < len(x) else high)
-
-
-def edge(function: Function, a: float, b: float) -> Edge:
-    """The change of sign between two points with different, sure signs."""
-    found: Any = brentq(lambda x: function(x)[0], a, b, xtol=1e-300, rtol=np.float64(1e-13))
-    at = float(found)
-    return Edge(at, beside(function, at, a), beside(function, at, b))
-
-
-def beside(function: Function, at: float, end: float) -> float:
-    """The nearest point on the way from an edge to ``end`` that has, surely, the sign there."""
-    sign = math.copysign(1.0, function(end)[0])
-    step = NEAREST * (abs(at) or abs(end))
-    while step < abs(end - at):
-        x = at + math.copysign(step, end - at)
-        value, slack = function(x)
-        if sign * value > slack:
-            return x
-        step *= FURTHER
-    return end
-
-
-def last_that_holds(holds: Callable[[float], bool], high: float) -> float:
-    """The largest value up to ``high`` for which it holds, as for all smaller ones; bisection."""
-    if holds(high * (1 - 1e-12)):
-        return high
-    low = 0.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if holds(middle) else (low, middle)
-    return low
-
 
 _trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
 
@@ -176,10 +67,10 @@ def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class StateSystem:
+class StateSystem(System):
     """T = C (sI - A)^-1 B + D, or of z, with any number of channels.
 
-    ``shift``: T(s - shift), or T(exp(-shift) z), instead. ``unseen``: modes that are not stable and
+    ``less``: T(s - less), or T((1 - less) z), instead. ``unseen``: modes that are not stable and
     were taken out, as they do not show in T; ``lost``: whether one is so beyond rounding. Places
     on the border are v, jv = s.
     """
@@ -188,11 +79,11 @@ class StateSystem:
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    border: Axis = Axis()
-    shift: float = 0.0
+    border: Border = Border()
+    less: float = 0.0
     unseen: tuple[complex, ...] = ()
     lost: bool = False
-    meaning, said = "||y||_2 <= {:.6g} ||u||_2 from rest", ""
+    basis = " (decided in floating point, within its rounding)"
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
@@ -224,7 +115,7 @@ class StateSystem:
     @cached_property
     def poles(self) -> np.ndarray:
         """The least stable first, without the shift."""
-        return self.border.order(np.linalg.eigvals(self.A) if len(self.A) else np.zeros(0))
+        return self.border.ordered(np.linalg.eigvals(self.A) if len(self.A) else [])
 
     @cached_property
     def norm(self) -> float:
@@ -266,9 +157,10 @@ class StateSystem:
         """A remark on the modes that do not show; empty without one."""
         if not self.unseen:
             return ""
+        modes = self.border.show(self.unseen, "s = ")
         return (
-            f"a mode of the system that is not stable ({self.border.modes(self.unseen)}) does not "
-            "show in T, within rounding: the system itself is not stable"
+            f"a mode of the system that is not stable ({modes}) does not show in T, within "
+            "rounding: the system itself is not stable"
         )
 
     def shown(self) -> StateSystem:
@@ -292,7 +184,7 @@ class StateSystem:
         seen = [C2 @ np.linalg.matrix_power(step, k) @ B2 for k in range(len(A2))]
         if not many or max(np.abs(m).max() for m in seen) > UNSEEN * size:
             return self
-        poles = self.border.order(np.diag(A2))
+        poles = self.border.ordered(np.diag(A2))
         unseen = tuple(complex(pole.real, abs(pole.imag)) for pole in poles)
         lost = bool(self.border.beyond(poles).max() > self.rounding)
         return StateSystem(A1, B1, C1, self.D, self.border, unseen=unseen, lost=lost)
@@ -309,7 +201,7 @@ class StateSystem:
     def at(self, v: float) -> tuple[complex, float]:
         """T of one channel at jv, and what rounding of the matrices may change of it."""
         (S, B, C), D = self.triangular, float(self.D[0, 0])
-        s = self.border.point(v, self.shift)
+        s = self.border.point(v, self.less)
         if math.isinf(abs(s)):
             return complex(D), 0.0
         b, c = B[:, 0], C[0]
@@ -319,10 +211,6 @@ class StateSystem:
         reach = float(np.linalg.norm(left) * np.linalg.norm(right))
         size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(D)
         return complex(c @ right) + D, EPS * ((self.norm + abs(s)) * reach + size)
-
-    def real_part(self, v: float) -> tuple[float, float]:
-        t, slack = self.at(v)
-        return t.real, slack
 
     def _states(self, v: float) -> np.ndarray:
         """C (sI - A)^-1 B at jv."""
@@ -342,10 +230,10 @@ class StateSystem:
 
     @cached_property
     def continuous(self) -> StateSystem:
-        """The system, its shift apart, or the one in v with the same values."""
+        """The system, ``less`` apart, or the one in v with the same values."""
         if self.border.dt is None:
             return self
-        grow, eye = math.exp(self.shift), np.eye(len(self.A))
+        grow, eye = 1.0 / (1.0 - self.less), np.eye(len(self.A))
         A, B, C = self.A * grow, self.B, self.C * grow
         if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
             A = A * (1 - AT_HALF)
@@ -353,10 +241,10 @@ class StateSystem:
         D = self.D - C @ inverse @ B
         return StateSystem(inverse @ (A - eye), root * inverse @ B, root * C @ inverse, D)
 
-    def mirrored_zeros(self, sign: float) -> np.ndarray:
-        """The zeros of T(s) + sign T(-s); among those with sign -1, where T(jw) is real."""
-        of = self.continuous
-        A = of.A + of.shift * np.eye(len(of.A))
+    def mirrored_zeros(self, part: str) -> np.ndarray:
+        """The zeros of T(s) + T(-s) ("real"), or of T(s) - T(-s) ("imag")."""
+        of, sign = self.continuous, 1.0 if part == "real" else -1.0
+        A = of.A + of.less * np.eye(len(of.A))
         zero = np.zeros_like(A)
         return zeros_of(
             np.block([[A, zero], [zero, -A.T]]),
@@ -381,42 +269,31 @@ class StateSystem:
         found = between(np.concatenate([zeros, self.border.marks(self.poles)]))
         return found if self.border.dt is None else np.append(found, math.inf)
 
-    def signs(self, function: Function, points: np.ndarray, values: Any = None) -> SureSigns:
-        """The signs of a function of v, and where they change, in rad/s."""
-        w = [self.border.frequency(v) for v in points]
-        return SureSigns.of(lambda x: function(self.border.place(x)), w, values)
+    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
+        size = part == "size"
+        zeros = self.level_zeros(float(level)) if size else self.mirrored_zeros(part)
+
+        def function(w: float) -> tuple[float, float]:
+            t, slack = self.at(self.border.place(w))
+            if not size:
+                return getattr(t, part), slack
+            above, share = abs(t) ** 2 / float(level), slack / max(abs(t), slack) + doubt
+            return above - 1.0, 2.0 * above * share + EPS
+
+        w = [self.border.frequency(v) for v in self.places(zeros)]
+        found = Signs.of(function, w)
+        if part == "real" and self.limit[0] < 0 and found.first * (-1) ** len(found.edges) > 0:
+            sure = max((x for x in w if abs(function(x)[0]) > function(x)[1]), default=0.0)
+            return found._replace(edges=(*found.edges, Edge(sure, sure, math.inf)))
+        return found
 
     # --- the checks ---
 
-    def falls(self, power: Fraction) -> Falls:
-        """Where |T|^2 crosses ``power`` times its value at w = 0, as far as rounding can tell."""
-        dc, slack = self.at(0.0)
-        if not slack < abs(dc):  # nan too
-            integrates = np.abs(self.border.marks(self.poles)).min() <= self.rounding
-            return Falls(math.inf if integrates else 0.0, said=" within rounding")
-        square = float(power) * abs(dc) ** 2
-
-        def above(v: float) -> tuple[float, float]:
-            t, rounding = self.at(v)
-            size = abs(t) ** 2 / square
-            share = rounding / max(abs(t), rounding) + slack / abs(dc)
-            return size - 1.0, 2 * size * share + EPS
-
-        signs = self.signs(above, self.places(self.level_zeros(square)))
-        first = min([*signs.edges[:1], *signs.touches[:1]], key=lambda e: e.low, default=None)
-        width, said = first.first if first else math.inf, ""
-        if first and (first in signs.touches or not first.sharp):
-            said = f", or up to {first.high:.6g} rad/s: rounding decides"
-        return Falls(abs(dc), tuple(e.first for e in signs.edges), width, said)
-
-    def no_gain(self) -> NoGain | None:
-        if self.stable and not self.lost:
-            return None
-        said = UNDECIDED if not self.lost and self.stable is None else "the system is not stable"
-        least_stable = self.unseen[0] if self.lost else self.poles[0]
-        upper = complex(least_stable.real, abs(least_stable.imag))
-        shown = self.border.show([upper]).removeprefix("poles ")
-        return NoGain(f"{said}: its {self.border.least} pole is {shown}")
+    def dc(self) -> tuple[Any, float]:
+        value, slack = self.at(0.0)
+        if slack < abs(value):
+            return abs(value), slack / abs(value)
+        return math.inf if np.abs(self.border.marks(self.poles)).min() <= self.rounding else 0, 0.0
 
     @property
     def size(self) -> str:
@@ -434,16 +311,19 @@ class StateSystem:
         places = np.unique([*between(self.continuous.poles), *near[near > 0]])
         return places, [self._states(x) for x in places]
 
-    @cached_property
-    def sensitivity(self) -> StateSystem:
-        """1/(1 + T)."""
-        own = 1.0 / (1.0 + float(self.D[0, 0]))
-        A = self.A - self.B @ self.C * own
-        return StateSystem(A, self.B * own, -self.C * own, np.array([[own]]), self.border)
+    def closed(self, gain: float = 1.0) -> StateSystem:
+        """1/(1 + gain T)."""
+        if gain * float(self.D[0, 0]) == -1:
+            raise InputError(
+                "L(s) is -1 as s grows, so that the closed loop L/(1 + L) is improper."
+            )
+        own = 1.0 / (1.0 + gain * float(self.D[0, 0]))
+        A = self.A - self.B @ self.C * (gain * own)
+        return StateSystem(A, self.B * own, -gain * self.C * own, np.array([[own]]), self.border)
 
-    def plus(self, D: float) -> StateSystem:
+    def plus(self, c: float) -> StateSystem:
         """The same with another direct term; what is known of A serves both."""
-        result = replace(self, D=self.D + D)
+        result = replace(self, D=self.D + c)
         known = ("poles", "triangular", "_sweep")
         vars(result).update({name: getattr(self, name) for name in known if len(self.A)})
         return result
@@ -481,98 +361,75 @@ class StateSystem:
 
     # --- realness ---
 
-    def realness(self) -> Realness:
-        found = self._realness()
-        hidden = f"; {self.hidden}" if self.hidden else ""
-        return found._replace(reason=f"{found.reason} (decided in floating point){hidden}")
+    @property
+    def right(self) -> float:
+        return int((self.beyond > self.rounding).sum())
 
-    def _realness(self) -> Realness:
-        v = self.places(self.mirrored_zeros(1.0))
-        values = np.array([self.real_part(x) for x in v])
-        end, least = self.at_infinity()
-        signs = self.signs(self.real_part, v, values)
-        if end < -least:
-            signs = signs.below_beyond()
-        touch = next((zone for zone in signs.touches if zone.low > 0), None)
-        below, why = self._first_below(signs, touch)
-        name = self.border.real
-        if (over := self.beyond > self.rounding).any():
-            poles = f"T has poles {self.border.outside} ({self.border.show(self.poles[over])})"
-            blur = f"{name} is 0 within rounding at {touch} rad/s" if touch else ""
-            return Realness("not PR", "; ".join(filter(None, [poles, why or blur])), below)
-        if why:
-            return Realness("not PR", why, below)
-        if self.beyond.max() > -self.rounding:
-            return self._on_the_border()
-        if signs.touches:
-            w = signs.touches[0].at if touch is None else touch.at
-            reason = f"{name} >= 0, but it is 0 at w = {w:.6g} rad/s within rounding"
-            return Realness("PR", reason, touch.first if touch else math.inf, rounded=True)
-        if end <= least:
-            reason = f"{name} > 0 at every finite w, but {self._limit(end)} within rounding"
-            return Realness("WSPR", reason)
-        where, tail = self.border.least_stable(self.poles[0]), f" and {self._limit(end)}"
-        if self.border.dt:
-            k = int(np.argmin(values[:, 0]))
-            w = self.border.frequency(v[k])
-            tail = f", about {values[k, 0]:.6g} at w = {w:.6g} rad/s"
-        return Realness("SPR", f"{where}, {name} > 0 at every w{tail}", margin=self.margin())
+    @property
+    def outside(self) -> str:
+        over = self.poles[self.beyond > self.rounding]
+        return f"poles {self.border.outside} ({self.border.show(over)})" if len(over) else ""
 
-    def _on_the_border(self) -> Realness:
-        """With poles that are, within rounding, neither stable nor unstable."""
-        at = self.border.show(self.poles[self.beyond > -self.rounding])
-        S = self.sensitivity if self.D[0, 0] > -1 else None
-        if S is None or (S.beyond > S.rounding).any():  # n + d is not Hurwitz
-            why = f"a pole is repeated or its residue is not positive where T has one, at {at}"
-            return Realness("not PR", f"{why}, {AT_BORDER}")
-        return Realness("PR", f"{self.border.real} >= 0, with poles, {AT_BORDER}: {at}")
+    @property
+    def on_border(self) -> str:
+        on = self.poles[np.abs(self.beyond) <= self.rounding]
+        at = f"within rounding on the border of stability ({self.border.show(on)})"
+        return at if len(on) else ""
 
-    def _first_below(self, signs: SureSigns, touch: Edge | None) -> tuple[float, str]:
-        """Up to where Re T > 0 in rad/s, and the first band with Re T < 0 in words, if any;
-        ``touch``: where Re T is first 0 within rounding, w = 0 apart."""
-        if signs.above.all():
-            return touch.first if touch else math.inf, ""
-        ends = signs.edges if signs.above[0] else (Edge(0.0, 0.0, 0.0), *signs.edges)
-        low, high, later = ends[0], ends[1] if len(ends) > 1 else None, (len(ends) - 1) // 2
-        said = f"{self.border.real} < 0 for w > {low} rad/s"
-        last = self.border.frequency(math.inf)
-        if high is not None or math.isfinite(last):
-            more = f" and at {later} higher places" if later else ""
-            said = f"{self.border.real} < 0 for {low} < w < {high or f'{last:.6g}'} rad/s{more}"
-        if signs.touches and not signs.touches[0].low:
-            said += f"; below {signs.touches[0].high:.6g} rad/s rounding decides on its sign"
-        if touch is None or touch.low > low.first:
-            return low.first, said
-        return touch.first, f"{said}; before it, it is 0 within rounding at {touch} rad/s"
+    @property
+    def fits(self) -> bool:
+        """With poles on the border; without, Re T >= 0 is enough."""
+        return not self.on_border or (float(self.D[0, 0]) > -1 and not self.closed().right)
 
-    def at_infinity(self) -> tuple[float, float]:
-        """The limit of Re T(jw), or without D of w^2 Re T(jw), and what rounding may change."""
+    @property
+    def trouble(self) -> str:
+        upper = [p for p in self.poles[self.beyond >= -self.rounding] if p.imag >= 0]
+        where = self.border.outside
+        where += "" if self.right else " or, within rounding, on its border"
+        return f"poles {where} ({show_poles(upper)}), found in floating point" if upper else ""
+
+    @property
+    def least_stable(self) -> str:
+        return self.border.least_stable(self.poles[0])
+
+    @cached_property
+    def limit(self) -> tuple[int, str]:
         if self.border.dt:  # the circle is closed: half the rate is a point like all others
-            return math.inf, 0.0
-        if D := float(self.D[0, 0]):
-            return D, 0.0
-        A = self.A + self.shift * np.eye(len(self.A))
-        sizes = np.linalg.norm(self.C) * np.linalg.norm(self.B) * self.norm
-        return -float(np.real(self.C @ A @ self.B)[0, 0]), EPS * float(sizes)
-
-    def _limit(self, end: float) -> str:
+            return 1, ""
+        end, least = float(self.D[0, 0]), 0.0
+        if not end:
+            A = self.A + self.less * np.eye(len(self.A))
+            least = EPS * float(np.linalg.norm(self.C) * np.linalg.norm(self.B) * self.norm)
+            end = -float(np.real(self.C @ A @ self.B)[0, 0])
         power = "" if self.D.any() else "w^2 "
-        return f"{power}{self.border.real} tends to {end:.6g} as w grows"
+        said = f"{power}Re T(jw) tends to {end:.6g} as w grows"
+        return int(end > least) - int(end < -least), said
+
+    def _is_real(self, less: Fraction) -> bool:
+        """Whether Re T(s - less) is nowhere below 0 beyond rounding."""
+        moved = replace(self, less=float(less))
+        vars(moved).update(triangular=self.triangular, poles=self.poles)
+        values = map(moved.at, moved.places(moved.mirrored_zeros("real")))
+        return moved.limit[0] >= 0 and all(t.real >= -slack for t, slack in values)
 
     def margin(self) -> float:
+        slowest = -float(self.beyond.max()) * (1 - 1e-12)
+        return self.border.rate(float(last(self._is_real, Fraction(slowest), FEWER)))
 
-        def is_real(eps: float) -> bool:
-            """Whether Re T(s - eps) is nowhere below 0 beyond rounding."""
-            moved = replace(self, shift=eps)
-            vars(moved).update(triangular=self.triangular, poles=self.poles)
-            end, least = moved.at_infinity()
-            values = map(moved.at, moved.places(moved.mirrored_zeros(1.0)))
-            return end >= -least and all(t.real >= -slack for t, slack in values)
+    # --- the loop closed over T ---
 
-        dt = self.border.dt or 1.0
-        high = -dt * float(np.real(self.border.rates(self.poles)).max())
-        high = high if math.isfinite(high) else FAR
-        return last_that_holds(is_real, high) / dt
+    @property
+    def open_at_infinity(self) -> bool:
+        return abs(float(self.D[0, 0])) >= 1
+
+    def ends(self) -> list[tuple[float, float]]:
+        there = [(self.border.frequency(v), *self.at(v)) for v in (0.0, math.inf)]
+        return [(w, value.real) for w, value, slack in there if slack < abs(value)]
+
+    def known(self, factors: list[float]) -> float:
+        """A beginning or an end of T that is 0 within rounding may be reached beyond it."""
+        ends = [slack for value, slack in map(self.at, (0.0, math.inf)) if abs(value) <= slack]
+        return min((1.0 / float(slack) for slack in ends if slack), default=math.inf)
 
 
 def between(marks: np.ndarray) -> np.ndarray:

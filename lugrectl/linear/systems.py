@@ -1,47 +1,40 @@
-"""What a check is asked about: a system with exact coefficients, of many states, or measured.
-
-Exact are T(s), also with dead times, and T(z), each of one input and one output.
+"""Systems with exact coefficients, T(s), also with dead times, and T(z); and measured ones.
 
 How real a rational T is, is decided on rational numbers. Of T(s) with dead times the sign of
 Re T(jw) and the zeros of its denominator are decided in floating point (:mod:`axis`); of T(z) the
-circle is closed, so that there is no WSPR.
+circle is closed, so that there is no WSPR. Between two frequencies of a measured response log |T|
+and the phase are straight lines over log w (over w from w = 0).
 """
 
 from __future__ import annotations
 
+import cmath
 import math
-from bisect import bisect_left
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .axis import Signs, extreme, largest, level_signs, reach, settled, signs, zeros
-from .border import Axis, border_of, says_hidden
+from .axis import WINDOWS, largest, limits, reach, settled, signs, signs_in_x, zeros
+from .border import Border, border_of
 from .delayed import DelayedTransfer, reduced
 from .exact import (
     Poly,
     Quasi,
-    add,
     axis_roots,
-    distinct_roots,
     divide,
     gcd,
     hurwitz,
-    nonnegative,
-    odd_roots,
-    positive,
-    positive_roots,
+    positive_real,
     real_product,
     shift,
 )
-from .state_system import StateSystem, last_that_holds
+from .state_system import StateSystem
+from .system import BITS, FEWER, Signs, System, last, why_not
 from .transfer import (
     along,
     coefficients,
@@ -52,23 +45,24 @@ from .transfer import (
     span,
     to_float,
 )
-from .verdict import Falls, NoGain, Realness
+from .verdict import Margin
 
 NEAR_ZERO = 1e-12
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
-LEAST = 1e-300
-BEYOND = "on whether T is stable, it says nothing"
 TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
+FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
+LEAST = 1e-300
+BETWEEN, ZOOMS = 32, 8  # points between two frequencies, and times that they close up
+CLOSE = 1e-3  # of |L| as w grows, where that is above 1: no factor on L is stable beyond it
+SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at higher frequencies
 
 
 @dataclass(frozen=True)
-class ExactSystem:
+class ExactSystem(System):
     """T(s), or T(z) as a function of v; ``given`` is T in its own variable."""
 
     given: DelayedTransfer
-    border: Axis = Axis()
-    size, said = "|T|", ""
-    meaning = "||y||_2 <= {:.6g} ||u||_2 from rest"
+    border: Border = Border()
 
     @classmethod
     def of(cls, T: Any, name: str = "T") -> ExactSystem:
@@ -80,23 +74,17 @@ class ExactSystem:
         num, den = (Quasi.of([(0, p)]) for p in coefficients(T, name))
         return cls(reduced(num, den), border_of(T))
 
-    @cached_property
-    def num(self) -> Quasi:
-        return self.on_axis(self.given.num)
+    # --- T in the variable whose imaginary axis the frequencies lie on ---
 
     @cached_property
-    def den(self) -> Quasi:
-        return self.on_axis(self.given.den)
-
-    @property
-    def axis(self) -> DelayedTransfer:
-        """T in the variable whose imaginary axis the frequencies lie on."""
-        return DelayedTransfer(self.num, self.den)
-
-    def on_axis(self, q: Quasi) -> Quasi:
+    def T(self) -> DelayedTransfer:
         if self.border.dt is None:
-            return q
-        return Quasi.of([(0, self.border.mapped(q.polynomial, self.degree))])
+            return self.given
+        num, den = (
+            Quasi.of([(0, self.border.mapped(q.polynomial, self.degree))])
+            for q in (self.given.num, self.given.den)
+        )
+        return DelayedTransfer(num, den)
 
     @property
     def degree(self) -> int:
@@ -104,42 +92,40 @@ class ExactSystem:
 
     @property
     def excess(self) -> int:
-        """The relative degree."""
         return self.given.den.degree - self.given.num.degree
 
-    @property
+    @cached_property
     def rational(self) -> bool:
         return self.given.num.rational and self.given.den.rational
 
-    @property
-    def ratio(self) -> tuple[Poly, Poly]:
-        """Numerator and denominator of a rational T in the variable of the axis."""
-        return self.num.polynomial, self.den.polynomial
-
     @cached_property
-    def stable(self) -> bool:
-        return not self.why_unstable(self.given.den)
+    def ratio(self) -> tuple[Poly, Poly]:
+        return self.T.num.polynomial, self.T.den.polynomial
+
+    # --- poles ---
 
     @cached_property
     def poles(self) -> tuple[complex, ...]:
-        """Of a rational T, the least stable first (floats: for display, not for decisions)."""
+        """Of a rational T (floats: for display, not for decisions)."""
         return self.border.roots(self.given.den.polynomial) if self.rational else ()
 
     @property
-    def seen(self) -> str:
-        """The poles of T, or how many are not stable, in words."""
-        return self.border.show(self.poles) if self.rational else self.why_unstable(self.given.den)
+    def stable(self) -> bool:
+        return not self.trouble
+
+    @cached_property
+    def _zeros(self) -> Any:
+        return zeros(self.T.den)
 
     @property
-    def hidden(self) -> str:
-        """A remark on a mode that is not stable and cancelled from T; empty without one."""
-        return says_hidden(self.border, self.given.cancelled)
+    def right(self) -> float:
+        return self._zeros.right
 
-    def why_unstable(self, den: Quasi) -> str:
-        """The poles of a system with this denominator that are not stable; empty where all are."""
-        if self.border.dt and self.border.stable(den.polynomial):
+    @cached_property
+    def trouble(self) -> str:
+        if self.border.dt and self.border.stable(self.given.den.polynomial):
             return ""
-        right, origin, on_axis = zeros(self.on_axis(den))
+        right, origin, on_axis = self._zeros
         if math.isinf(right):
             return (
                 "infinitely many poles right of the imaginary axis, or as near to it as any: a "
@@ -152,355 +138,390 @@ class ExactSystem:
         v = on_axis if on_axis is not None else 0.0 if origin else math.inf
         return f"a pole {self.border.on}, at w = {self.border.frequency(v):.6g} rad/s"
 
-    def falls(self, power: Fraction) -> Falls:
-        """Where |T|^2 crosses ``power`` times its value at w = 0."""
-        top, bottom = self.num.taylor(0), self.den.taylor(0)
-        if not top or not bottom:
-            return Falls(math.inf if top else 0.0)
-        found = level_signs(self.axis, power * (top / bottom) ** 2).changes
-        at = tuple(map(self.border.frequency, found))
-        return Falls(abs(float(top / bottom)), at, min(at, default=math.inf))
+    @property
+    def seen(self) -> str:
+        return self.border.show(self.poles) if self.rational else self.trouble
 
-    def no_gain(self) -> NoGain | None:
-        T = f"T({self.border.variable})"
-        if not self.stable:
-            return NoGain(f"{T} is not stable ({self.seen})")
-        if self.border.has_outside(self.given.cancelled):
-            return NoGain(self.hidden)
-        if self.excess >= 0:
-            return None
-        if self.border.dt:
-            return NoGain(f"{T} is improper: it needs the input ahead")
-        return NoGain(f"{T} is improper: |T| grows with w without bound", math.inf)
+    @property
+    def hidden(self) -> str:
+        return self.border.hidden(self.given.cancelled)
+
+    @property
+    def lost(self) -> bool:
+        return self.border.has_outside(self.given.cancelled)
+
+    # --- values and signs ---
+
+    def dc(self) -> tuple[Any, float]:
+        top, bottom = self.T.num.taylor(0), self.T.den.taylor(0)
+        return (abs(top / bottom) if bottom else math.inf) if top else 0, 0.0
+
+    def at(self, v: float) -> tuple[complex, float]:
+        return self.T(1j * v), 0.0
+
+    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
+        num, den = self.T.num, self.T.den
+        if part == "size":
+            found = signs(num.squared() + den.squared().scaled(-Fraction(level)))
+        elif part == "imag":
+            found = self._imaginary()
+        else:
+            found = self._with_ends(signs(num.real_product(den)))
+        return found.moved(self.border.frequency)
+
+    def _with_ends(self, found: Signs) -> Signs:
+        """The signs of Re T with its zeros at w = 0 and half the rate; a pole on the axis at which
+        Re T is finite is no zero of it."""
+        real = self.T.num.real_product(self.T.den)
+        if not real:
+            return found
+        at_0, ends = not (real.taylor(0) or self.T.den.order()), []
+        if self.rational:
+            P, square = (real_product(p, self.ratio[1]) for p in self.ratio)
+            common = gcd(P, square)
+            if len(common) > 1:
+                P, square = divide(P, common)[0], divide(square, common)[0]
+                found = found._replace(touches=signs_in_x(P).touches)
+            at_0 = P[0] == 0
+            ends = [math.inf] * (self.border.dt is not None and len(P) < len(square))
+        more = Signs.exact(1, (), [*[0.0] * at_0, *(e.at for e in found.touches), *ends])
+        return found._replace(touches=more.touches)
+
+    def _imaginary(self) -> Signs:
+        """The signs of Im T; with a dead time, which makes them change at ever higher frequencies,
+        up to beyond the largest |T| below 1 and every |T| above 1 where T is real and negative."""
+        T = self.T
+        product = T.num * T.den.mirror()
+        odd = product + product.mirror().scaled(-1)
+        turned = Quasi.of([(0, (0, 1))]) * odd  # s (N(s) D(-s) - N(-s) D(s)), even
+        if not turned or turned.rational or settled(turned) is not None:
+            return signs(turned)
+        least = max([1.0, *(abs(x) * (1 + CLOSE) for x in limits(T))])
+        end = max([1.0 / max(T.dead_times), *filter(math.isfinite, self._level(least))])
+        found = Signs(1)
+        for _ in range(1 if self.open_at_infinity else WINDOWS):
+            if end > FAR:
+                break
+            found = signs(turned, end)
+            below = [-x for v in found.places if -1 < (x := T(1j * v).real) < 0]
+            beyond = self._level(max(below) * (1 - SAME)) if below else [math.inf]
+            if max(beyond, default=0.0) <= end:
+                break
+            end = max([2.0 * end, *(1.01 * v for v in beyond if math.isfinite(v))])
+        return found
+
+    def _level(self, size: float) -> list[float]:
+        """Where |T(jv)| = size."""
+        square = self.T.num.squared() + self.T.den.squared().scaled(-(Fraction(size) ** 2))
+        try:
+            found = signs(square)
+        except (InputError, OverflowError):  # |T| has this size again and again, or too far out
+            return [math.inf]
+        return [*found.changes] if found.complete else [math.inf]
 
     def largest(self) -> tuple[float, float]:
-        gain, v = largest(self.axis)
+        gain, v = largest(self.T)
         return gain, self.border.frequency(v)
 
-    def realness(self) -> Realness:
-        real = self.num.real_product(self.den)
-        found = signs(real)
-        kind, why = "not PR", _why_not(self, found)
-        if not why:
-            kind, why = _how_real(self, real, found)
-        why += _rounding(self) + (f"; {self.hidden}" if self.hidden else "")
-        return Realness(kind, why, self._edge(real, found), _margin(self) if kind == "SPR" else 0.0)
+    # --- realness ---
 
-    def _edge(self, real: Quasi, found: Signs) -> float:
-        """End of the band (0+, edge) with Re T > 0, in rad/s; inf if it reaches half the rate."""
+    @property
+    def zero(self) -> bool:
+        return not self.given.num
+
+    @property
+    def outside(self) -> str:
         if not self.rational:
-            first = [*found.changes[:1], *found.touches[:1]] if found.first > 0 else [0.0]
-            return min(first, default=math.inf)
-        v = band_edge(*self.ratio)
-        ends = math.isfinite(v) or real.degree < 2 * self.den.degree
-        return self.border.frequency(v) if ends else v
+            found = self._zeros
+            return self.trouble if found.right or found.on_axis is not None else ""
+        bad = not self.stable and self.border.has_outside(self.given.den.polynomial)
+        return f"poles {self.border.outside} ({self.seen})" if bad else ""
 
+    @property
+    def on_border(self) -> str:
+        if self.stable:
+            return ""
+        where = axis_roots(self.ratio[1])[0] if self.rational else [0.0]
+        if self.border.dt and len(self.ratio[1]) <= self.degree:
+            where = [*where, math.inf]
+        shown = ", ".join(f"{self.border.frequency(v):.6g}" for v in where)
+        return f"{self.border.on} at w = {shown} rad/s"
 
-# --- why T is not positive real ------------------------------------------------------------
-
-
-def _why_not(T: ExactSystem, found: Signs) -> str:
-    """Why T is not positive real; empty where it is."""
-    if not T.given.num:
-        return ""
-    if T.border.dt and T.excess < 0:
-        ahead = f"{-T.excess} sample{'s' * (T.excess < -1)}"
-        return f"T(z) is improper: its output would need the input {ahead} ahead"
-    if T.rational:
-        if not T.stable and T.border.has_outside(T.given.den.polynomial):
-            return f"T has poles {T.border.outside} ({T.seen})"
-    else:
-        right, _, on_axis = zeros(T.den)
-        if right or on_axis is not None:
-            return f"T has {T.seen}"
-    causes = []
-    if found.first < 0 or found.changes:
-        causes.append(f"{T.border.real} < 0 {_bands(T, found)}")
-    if T.border.dt and T.excess > 0:
-        causes.append(
-            f"T has a delay of {T.excess} sample{'s' * (T.excess > 1)}: without a direct part, "
-            "T(z) -> 0 as z grows, no T(z) is positive real"
-        )
-    elif not T.border.dt and abs(T.excess) > 1:
-        causes.append(f"the relative degree is {T.excess}, which must be -1, 0 or 1")
-    elif causes and T.rational and not T.border.dt:
-        causes.append(_limit(T))
-    return "; ".join([*causes, *_poles_on_border(T, bool(causes))])
-
-
-def _poles_on_border(T: ExactSystem, more: bool) -> list[str]:
-    """What is wrong with poles on the border; of a rational T, if nothing else is (``more``)."""
-    if T.rational:
-        if more or hurwitz(add(*T.ratio)):
+    @property
+    def strange(self) -> list[str]:
+        allowed = "-1, 0 or 1" if self.border.dt is None else "0 in z: no delay, no sample ahead"
+        if self.zero or abs(self.excess) <= (self.border.dt is None):
             return []
-        where = [f"w = {w:.6g} rad/s" if math.isfinite(w) else "infinity" for w in _on_border(T)]
-        return [
-            f"a pole {T.border.on} is repeated or its residue is not positive (poles at "
-            f"{', '.join(where)})"
-        ]
-    said, origin = [], T.den.order()
-    top, bottom = T.num.leading, T.den.leading
-    if T.excess == -1 and not ({*top, *bottom} == {0} and top[0] / bottom[0] > 0):
-        said.append("T grows with w, and not as s times a positive number")
-    if origin > 1 or (origin and T.num.taylor(0) / T.den.taylor(1) < 0):
-        said.append("the pole at s = 0 is repeated or its residue is not positive")
-    return said
+        return [f"the relative degree is {self.excess}, which must be {allowed}"]
 
+    @property
+    def fits(self) -> bool:
+        total = self.T.num + self.T.den
+        return hurwitz(total.polynomial) if self.rational else zeros(total) == (0, 0, None)
 
-def _on_border(T: ExactSystem) -> list[float]:
-    """The frequencies of poles on the border; inf: T(s) grows with s."""
-    num, den = T.ratio
-    at = [*axis_roots(den)[0], *[math.inf] * (len(num) > len(den))]
-    return [T.border.frequency(v) for v in at]
+    @cached_property
+    def limit(self) -> tuple[int, str]:
+        num, den = self.T.num, self.T.den
+        if self.border.dt:
+            return 1, ""
+        real, full = num.real_product(den), 2 * min(num.degree, den.degree)
+        name = "w^2 Re T(jw)" if self.excess > 0 else "Re T(jw)"
+        there = real.degree >= full
+        if not self.rational:
+            return int(there), f"{name} {'stays above 0' if there else 'tends to 0'} as w grows"
+        value = Fraction(0)
+        if there:
+            value = Fraction(real_product(*self.ratio)[full // 2]) / den.polynomial[-1] ** 2
+        said = f"{name} tends to {to_float(value):.6g} as w grows"
+        return int(value > 0) - int(value < 0), said
 
+    @property
+    def least_stable(self) -> str:
+        if not self.rational:
+            return "all poles are left of the axis"
+        return self.border.least_stable(self.poles[0]) if self.poles else "no poles"
 
-def _bands(T: ExactSystem, found: Signs) -> str:
-    """The bands in which Re T < 0, in words; with dead times the first of them."""
-    ends = [T.border.frequency(v) for v in ([0.0] * (found.first < 0)) + [*found.changes]]
-    pairs = list(pairwise([*ends, T.border.frequency(math.inf)]))[0::2]
+    @property
+    def remark(self) -> str:
+        """On a coefficient of P that is only the rounding error of its terms."""
+        if not self.rational or self.border.dt:
+            return ""
+        sizes = (tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in self.ratio)
+        real, terms = real_product(*self.ratio), real_product(*sizes)
+        near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
+        if not near or min(near) > NEAR_ZERO:
+            return ""
+        return (
+            f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
+            "rounding of the inputs decides"
+        )
 
-    def band(low: float, high: float) -> str:
-        if math.isfinite(high):
-            return f"for {low:.6g} < w < {high:.6g} rad/s" if low else f"for w < {high:.6g} rad/s"
-        return f"for w > {low:.6g} rad/s" if low else "at every w"
-
-    shown = [band(*pair) for pair in (pairs if T.rational else pairs[:2])]
-    if not found.complete:
-        return f"first {shown[0]}, and again and again as w grows: the dead time turns the phase"
-    more = len(pairs) - len(shown)
-    return " and ".join(shown) + (f" and at {more} higher places" if more else "")
-
-
-# --- how real a positive real T is ---------------------------------------------------------
-
-
-def _how_real(T: ExactSystem, real: Quasi, found: Signs) -> tuple[str, str]:
-    """The kind of a positive real T, and why."""
-    name, closed = T.border.real, T.border.dt is not None
-    if not real:
-        return "PR", f"T is lossless, {name} = 0 at every w" if T.given.num else "T is zero"
-    at = [0.0] * bool(T.den.order())
-    if T.rational:  # one at infinity of T(s) apart
-        at = [] if T.stable else [w for w in _on_border(T) if math.isfinite(w)]
-    if at:
-        where = ", ".join(f"{w:.6g}" for w in at)
-        return "PR", f"simple poles with positive residues {T.border.on} at w = {where} rad/s"
-    falls_off = real.degree < 2 * min(T.num.degree, T.den.degree)
-    if not closed and not real.taylor(0):
-        return "PR", f"{name} >= 0, but T has a zero at s = 0"
-    ends = [0.0] * (not real.taylor(0)), [math.inf] * (closed and real.degree < 2 * T.degree)
-    if zeros_at := [*ends[0], *found.touches, *ends[1]]:
-        where = ", ".join(f"{T.border.frequency(v):.6g}" for v in zeros_at)
-        return "PR", f"{name} >= 0, but it is 0 at w = {where} rad/s"
-    if falls_off:
-        return "WSPR", f"{name} > 0 at every finite w, but {_limit(T)}"
-    where = T.border.least_stable(T.poles[0]) if T.poles else "no poles"
-    where = where if T.rational else "all poles are left of the axis"
-    if closed:
-        value, v = extreme(real_product(*T.ratio), real_product(T.ratio[1], T.ratio[1]), -1)
-        end = f", the least {value:.6g} at w = {T.border.frequency(v):.6g} rad/s"
-    else:
-        end = f" and {_limit(T)}"
-    return "SPR", f"{where}, {name} > 0 at every w{end}"
-
-
-def _limit(T: ExactSystem) -> str:
-    """The high-frequency limit of Re T(jw) in words."""
-    name = "w^2 Re T(jw)" if T.excess > 0 else "Re T(jw)"
-    num, den = T.ratio
-    if not T.rational:
-        strict = T.num.real_product(T.den).degree == 2 * min(T.num.degree, T.den.degree)
-        return f"{name} {'stays above 0' if strict else 'tends to 0'} as w grows"
-    real, full = real_product(num, den), min(len(num), len(den))
-    value = Fraction(real[full - 1]) / den[-1] ** 2 if len(real) >= full else 0
-    return f"{name} tends to {float(value):.6g} as w grows"
-
-
-def _rounding(T: ExactSystem) -> str:
-    """A remark if a coefficient of P is only the rounding error of its terms."""
-    if not T.rational or T.border.dt:
-        return ""
-    real = real_product(*T.ratio)
-    terms = real_product(
-        *(tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in T.ratio)
-    )
-    near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
-    if not near or min(near) > NEAR_ZERO:
-        return ""
-    return (
-        f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
-        "rounding of the inputs decides"
-    )
-
-
-# --- the margin ----------------------------------------------------------------------------
-
-
-def _margin(T: ExactSystem) -> float:
-    """The largest eps in 1/s with T(s - eps), or T(exp(-eps dt) z), positive real, of an SPR T."""
-    if not T.rational:
-        return _delayed_margin(T)
-    if T.border.dt is None:
-        return margin(*T.ratio)
-    if not T.degree:
-        return math.inf
-    given = [q.polynomial for q in (T.given.num, T.given.den)]
-
-    def holds(less: Fraction) -> bool:
-        inner = (tuple(c * (1 - less) ** i for i, c in enumerate(a)) for a in given)
-        return positive_real(*(T.border.mapped(a, T.degree) for a in inner))
-
-    return -math.log1p(-float(_last(holds, Fraction(1)))) / T.border.dt
-
-
-def _delayed_margin(T: ExactSystem) -> float:
-    delay = max(T.given.dead_times)
-    most = max(TURNS / delay, 10.0 * (reach(T.den) or 0.0))
-
-    def holds(eps: float) -> bool:
-        moved = replace(T, given=DelayedTransfer(T.num.shifted(eps), T.den.shifted(eps)))
-        real = moved.num.real_product(moved.den)
-        if (reach(moved.den) or math.inf) > most:
+    def _is_real(self, less: Fraction) -> bool:
+        """Whether T(s - less), or T((1 - less) z), is positive real."""
+        T = self.T
+        if self.rational and self.border.dt is None:
+            return positive_real(*(shift(p, less) for p in self.ratio))
+        if self.rational:
+            both = (self.given.num.polynomial, self.given.den.polynomial)
+            inner = (tuple(c * (1 - less) ** i for i, c in enumerate(p)) for p in both)
+            return positive_real(*(self.border.mapped(p, self.degree) for p in inner))
+        moved = replace(self, given=DelayedTransfer(T.num.shifted(less), T.den.shifted(less)))
+        if (reach(moved.T.den) or math.inf) > max(
+            TURNS / max(T.dead_times), 10.0 * (reach(T.den) or 0.0)
+        ):
             return False  # short of a chain of poles: eps is too large, or so by about 1e-4
         try:
-            return settled(real) is not None and not _why_not(moved, signs(real))
+            known = settled(moved.T.num.real_product(moved.T.den)) is not None
+            return known and why_not(moved, moved.signs("real")) == ""
         except InputError:
             return False
 
-    high = 1.0 / delay
-    while holds(high):
-        high *= 2.0
-    return last_that_holds(holds, high)
+    def margin(self) -> float:
+        if not self.degree and self.rational:
+            return math.inf
+        if self.border.dt:
+            high = 1 - Fraction(1, 2**60)
+        elif self.rational:
+            # Poles and zeros must stay left of the axis; the nearest one is not farther than
+            # their mean.
+            high = min(Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in self.ratio if len(p) > 1)
+        else:
+            high = 1 / Fraction(max(self.given.dead_times))
+            while self._is_real(high):
+                high *= 2
+        found = last(self._is_real, high, BITS if self.rational else FEWER)
+        return self.border.rate(to_float(found))
 
+    # --- the loop closed over T ---
 
-# --- num/den in lowest terms ---------------------------------------------------------------
+    @property
+    def open_at_infinity(self) -> bool:
+        num, den = self.T.num, self.T.den
+        if num.degree != den.degree:
+            return num.degree > den.degree
+        low = den.leading
+        own = abs(low.pop(0, Fraction(0))) - sum(map(abs, low.values()))
+        return own <= 0 or sum(map(abs, num.leading.values())) >= own
 
+    def ends(self) -> list[tuple[float, float]]:
+        below = self.T.den.taylor(0)
+        static = [(0.0, float(self.T.num.taylor(0) / below))] if below else []
+        return [*static, *((self.border.frequency(math.inf), x) for x in limits(self.T))]
 
-def positive_real(num: Poly, den: Poly) -> bool:
-    """Whether num/den, in lowest terms, is positive real."""
-    return nonnegative(real_product(num, den)) and hurwitz(add(num, den))
+    def known(self, factors: list[float]) -> float:
+        """With dead times there is no end of them."""
+        return math.inf if self.rational else max(factors, default=math.inf)
 
+    def closed(self, gain: float = 1.0) -> ExactSystem:
+        num, den = self.given.num.scaled(Fraction(gain)), self.given.den
+        if not (total := num + den):
+            raise InputError("L(s) is -1, so that the closed loop L/(1 + L) has no solution.")
+        return ExactSystem(DelayedTransfer(den, total, self.given.cancelled), self.border)
 
-def classify(num: Poly, den: Poly) -> str:
-    """ "SPR", "WSPR", "PR" or "not PR", of num/den in lowest terms."""
-    if not positive_real(num, den):
-        return "not PR"
-    real = real_product(num, den)
-    if not (positive(real) and hurwitz(den)):
-        return "PR"
-    # Of full degree, Re T (times w^2 for relative degree 1) has a limit above zero.
-    return "SPR" if len(real) == min(len(num), len(den)) else "WSPR"
-
-
-def margin(num: Poly, den: Poly) -> float:
-    """Largest eps with T(s - eps) PR, of an SPR T, by bisection of the exact decision."""
-    # Poles and zeros must stay left of the axis; the nearest one is not farther than their mean.
-    means = [Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in (num, den) if len(p) > 1]
-    if not means:
-        return math.inf
-
-    def holds(eps: Fraction) -> bool:
-        return positive_real(shift(num, eps), shift(den, eps))
-
-    nearest = min(means)
-    if holds(nearest):
-        return to_float(nearest)
-    bits = nearest.numerator.bit_length() - nearest.denominator.bit_length()
-    return to_float(_last(holds, 2 * Fraction(2) ** bits))
-
-
-def _last(holds: Callable[[Fraction], bool], high: Fraction) -> Fraction:
-    """The largest value below ``high`` for which it holds, as for all smaller ones; bisection."""
-    low = high / 2
-    while not holds(low):
-        low /= 2
-    steps = range(1, 2**50)
-    k = bisect_left(steps, True, key=lambda k: not holds(low + low * Fraction(k, 2**50)))
-    return low + low * Fraction(k, 2**50)
-
-
-def band_edge(num: Poly, den: Poly) -> float:
-    """End of the band (0+, edge) with Re T(jw) > 0, in rad/s."""
-    real, square = real_product(num, den), real_product(den, den)
-    if not real:
-        return 0.0
-    # In lowest terms a pole on the axis at which Re T is finite does not end the band.
-    common = gcd(real, square)
-    real, square = divide(real, common)[0], divide(square, common)[0]
-    at_zero = next(c for c in real if c) * next(c for c in square if c)
-    if at_zero < 0:
-        return 0.0
-    ends = positive_roots(distinct_roots(real)) + positive_roots(odd_roots(square))
-    return math.sqrt(min(ends, default=math.inf))
+    def plus(self, c: float) -> ExactSystem:
+        made = DelayedTransfer(self.given.num + self.given.den.scaled(Fraction(c)), self.given.den)
+        return replace(self, given=made)
 
 
 @dataclass(frozen=True)
-class MeasuredSystem:
-    """T(jw) at frequencies w in rad/s."""
+class MeasuredSystem(System):
+    """T(jw) at frequencies w in rad/s; ``right``: its poles right of the axis, as declared."""
 
     w: np.ndarray
     values: np.ndarray
-    border, stable, poles, seen, hidden, size = Axis(), True, (), "", "", "|T|"
-    meaning = "the L2 gain is at least {:.6g}"
+    right: float = 0
+    meaning, base = "the L2 gain is at least {:.6g}", "T at the lowest frequency"
+    alike, no_margin = 0.02, math.nan
 
     @property
-    def said(self) -> str:
-        """What the largest value rests on."""
-        return f", of {span(self.w)}; between and outside them, and {BEYOND}"
+    def basis(self) -> str:
+        return (
+            f", of {span(self.w)}; between and outside them, and on whether T is stable, it says "
+            "nothing"
+        )
 
-    def no_gain(self) -> None:
-        """Why there is no L2 gain."""
+    @cached_property
+    def lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """log |T| and the phase in rad."""
+        return np.log(np.maximum(np.abs(self.values), LEAST)), np.unwrap(np.angle(self.values))
+
+    def value(self, k: int, x: float) -> complex:
+        """T a part x of the way from point k to the next."""
+        size, turned = (float(line[k] + x * (line[k + 1] - line[k])) for line in self.lines)
+        return cmath.rect(math.exp(size), turned)
+
+    def dc(self) -> tuple[Any, float]:
+        return float(abs(self.values[0])), 0.0
+
+    def at(self, v: float) -> tuple[complex, float]:
+        k = min(max(int(np.searchsorted(self.w, v, "right")) - 1, 0), len(self.w) - 2)
+        low, high = self.w[k : k + 2].tolist()
+        x = math.log(v / low) / math.log(high / low) if low else v / high
+        return self.value(k, x), 0.0
+
+    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
+        """Of Im T those of the changes at which T is real and negative."""
+        w, size = self.w, self.lines[0]
+        if part == "imag":
+            return Signs.exact(1, sorted(along(w, k, x) for k, x in self.half_turns()))
+        line = size - 0.5 * math.log(level) if part == "size" else np.real(self.values)
+        edges = [along(w, k, x) for k, x in crossings(line)]
+        touches = w[line == 0].tolist() if part == "real" else ()
+        return Signs.exact(-1 if line[0] < 0 else 1, edges, touches)._replace(end=float(w[-1]))
+
+    def half_turns(self) -> list[tuple[int, float]]:
+        """Where the phase goes through an odd multiple of 180 deg."""
+        turned = self.lines[1]
+        low, high = (math.floor((x / math.pi - 1) / 2) for x in (turned.min(), turned.max()))
+        halves = [(2 * m + 1) * math.pi for m in range(low, high + 2)]
+        return [place for half in halves for place in crossings(turned, half)]
 
     def largest(self) -> tuple[float, float]:
         k = int(np.argmax(np.abs(self.values)))
         return float(abs(self.values[k])), float(self.w[k])
 
-    def falls(self, power: Fraction) -> Falls:
-        """Where |T|^2, linear in dB over log w, crosses ``power`` times its first value."""
-        w, size = self.w, np.abs(self.values)
-        if size[0] == 0:
-            return Falls(0.0, base=f"|T| at the lowest frequency, {w[0]:.6g} rad/s,")
-        said = f", relative to |T| = {size[0]:.6g} at the lowest frequency, of {span(w)}; on lower"
-        said += f" frequencies, and {BEYOND}"
-        above = 20 * np.log10(np.maximum(size, LEAST) / size[0]) - 10 * math.log10(power)
-        found = tuple(along(w, k, part) for k, part in crossings(above))
-        return Falls(float(size[0]), found, min(found, default=math.inf), said, "")
+    # --- the loop closed over T ---
 
-    def realness(self) -> Realness:
-        w, real = self.w, np.real(self.values)
-        if (real < 0).any():
-            ends = np.flatnonzero(np.diff([0, *(real < 0), 0])).reshape(-1, 2)
-            bands = [f"from {w[k]:.6g} to {w[end - 1]:.6g} rad/s" for k, end in ends]
-            reason = f"Re T(jw) < 0 {' and '.join(bands)}, of {span(w)}"
-            return Realness("not PR", reason, _edge(w, real), math.nan)
-        kind, sign = ("SPR", ">") if (real > 0).all() else ("PR", ">=")
-        k = int(np.argmin(real))
-        reason = (
-            f"Re T(jw) {sign} 0 at all of {span(w)}; the least value is {real[k]:.4g} at "
-            f"{w[k]:.6g} rad/s; outside them, and {BEYOND}"
+    @property
+    def beyond_band(self) -> Margin:
+        """The factor on T up to which the last |T| stays below 1."""
+        size = float(abs(self.values[-1]))
+        return Margin(1.0 / size if size else math.inf, float(self.w[-1]))
+
+    @property
+    def integrators(self) -> int:
+        """How many the slope at the lowest frequency shows."""
+        if not self.w[0]:
+            return 0
+        size = self.lines[0]
+        return max(round(float((size[0] - size[1]) / math.log(self.w[1] / self.w[0]))), 0)
+
+    def ends(self) -> list[tuple[float, float]]:
+        first = self.values[0]
+        return [] if self.integrators else [(0.0, math.copysign(abs(first), first.real))]
+
+    def known(self, factors: list[float]) -> float:
+        """Beyond the band |T| may be as large as at its end."""
+        return self.beyond_band.value
+
+    def closed(self, gain: float = 1.0) -> MeasuredLoop:
+        return MeasuredLoop(replace(self, values=gain * self.values))
+
+
+@dataclass(frozen=True)
+class MeasuredLoop(System):
+    """c + 1/(1 + L) of a measured L, stable by Nyquist's criterion."""
+
+    L: MeasuredSystem
+    c: float = 0.0
+
+    @property
+    def basis(self) -> str:
+        held = f"{self.L.right or 'no'} pole{'s' * (self.L.right != 1)}"
+        return (
+            f", of {span(self.L.w)}, if L has {held} right of the axis and no crossover beyond them"
         )
-        return Realness(kind, reason, _edge(w, real), math.nan)
+
+    @cached_property
+    def right(self) -> float:
+        """Nan where |L| ends above 1."""
+        L, n = self.L, self.L.integrators
+        first, (_, turned) = complex(L.values[0]), L.lines
+        if abs(L.values[-1]) >= 1:
+            return math.nan
+        # From w = 0 the short way to the first point; at the last, 1 + L goes the short way to 1.
+        along_0 = (-1j) ** n
+        sign = 1 if (first / along_0).real >= 0 else -1
+        late = along_0 * sign if n else complex(1 + sign * abs(first))
+        angle = cmath.phase((1 + first) / late) - cmath.phase(1 + first)
+        for k, x in L.half_turns():
+            if L.value(k, x).real < -1:
+                angle += math.copysign(2 * math.pi, turned[k + 1] - turned[k])
+        return round(L.right + n / 2 - angle / math.pi)
+
+    @property
+    def trouble(self) -> str:
+        if not self.right:
+            return ""
+        if math.isnan(self.right):
+            return (
+                "any number of poles: this is not decided, |L| is "
+                f"{abs(self.L.values[-1]):.4g} at the highest frequency and must be below 1; "
+                "measure up to higher ones"
+            )
+        many = f"{self.right:.0f} pole{'s' * (self.right != 1)}"
+        return f"{many} right of the imaginary axis{self.basis}"
+
+    def plus(self, c: float) -> MeasuredLoop:
+        return replace(self, c=self.c + c)
+
+    def largest(self) -> tuple[float, float]:
+        """Of points between all frequencies, and again about the largest."""
+
+        def at(k: Any, x: Any) -> Any:
+            size, turned = (line[k] + x * (line[k + 1] - line[k]) for line in self.L.lines)
+            with np.errstate(divide="ignore"):
+                return np.abs(self.c + 1 / (1 + np.exp(size + 1j * turned)))
+
+        x = np.linspace(0.0, 1.0, BETWEEN + 1)
+        every = at(np.arange(len(self.L.w) - 1)[:, None], x)
+        k, i = divmod(int(np.argmax(every)), BETWEEN + 1)
+        part, width = x[i], 1.0 / BETWEEN
+        for _ in range(ZOOMS):
+            x = np.clip(part + width * np.linspace(-1.0, 1.0, BETWEEN + 1), 0.0, 1.0)
+            part, width = x[np.argmax(at(k, x))], 2.0 * width / BETWEEN
+        return max((float(at(k, part)), along(self.L.w, k, part)), (abs(self.c + 1.0), math.inf))
 
 
-def _edge(w: np.ndarray, real: np.ndarray) -> float:
-    """Where Re T, linear in log w between the measured frequencies, first reaches 0."""
-    if real[0] <= 0:
-        return 0.0
-    return next((along(w, k, part) for k, part in crossings(-real)), float(w[-1]))
-
-
-System = ExactSystem | StateSystem | MeasuredSystem
-
-
-def has_many_states(T: Any) -> bool:
-    return isinstance(T, ct.StateSpace) and T.nstates > EXACT
-
-
-def system_of(T: Any) -> System:
-    """Return T of one input and output; InputError for what the checks do not take."""
+def system_of(T: Any) -> Any:
+    """T of one input and output; InputError for what the checks do not take."""
     if is_measured(T):
         return MeasuredSystem(*response(T))
     if not has_many_states(T):
         return ExactSystem.of(T)
     require_siso(T, "T")
     return StateSystem.of(T).shown()
+
+
+def has_many_states(T: Any) -> bool:
+    return isinstance(T, ct.StateSpace) and T.nstates > EXACT

@@ -68,25 +68,6 @@ class Realness(NamedTuple):
     rounded: bool = False
 
 
-class Falls(NamedTuple):
-    """Where |T| crosses a level below ``dc``, its value at w = 0: 0, or inf, where it has none.
-    ``width``: up to where it surely does not; ``said``: a remark; ``base``: what has the value dc.
-    """
-
-    dc: float
-    crossings: tuple[float, ...] = ()
-    width: float = math.inf
-    said: str = ""
-    base: str = "T(0)"
-
-
-class NoGain(NamedTuple):
-    """Why a system has no L2 gain, and where |T| grows without bound."""
-
-    why: str
-    at: float = math.nan
-
-
 class Margin(NamedTuple):
     """A margin, and its frequency in rad/s (nan where there is none)."""
 

@@ -11,7 +11,6 @@ import numpy as np
 from ..blocks import controllers
 from ..blocks.aliases import meant, name_of
 from ..blocks.block import Block, members
-from ..blocks.drive import limiter
 from ..blocks.model import Model, as_model
 from ..blocks.observers import believed, observer, observer_block
 from ..blocks.sliding_control import sliding_error
@@ -59,70 +58,13 @@ def models(p: Any, own: Any, observer: Any) -> tuple[Model, Model]:
     return model, model if own is None else as_model(own, "observer_parameters")
 
 
-@dataclass(frozen=True)
-class Limit:
-    """The largest torque, on the sum of all, and the time of the back-calculation."""
-
-    torque: float | None = None
-    tracking: float | None = None
-
-    def check(self, loop: str) -> None:
-        if self.torque is None and self.tracking is not None:
-            raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
-
-    def held(self, kp: Any, ki: Any, loop: str) -> dict[str, Any]:
-        """Return the time of the back-calculation, none without a limit."""
-        self.check(loop)
-        if self.torque is None:
-            return {}
-        return {"tracking": controllers.tracking_time(kp, ki, self.tracking, loop)}
-
-    def blocks(self) -> list[Any]:
-        return [] if self.torque is None else [limiter(self.torque)]
-
-
-class Controller:
-    """The controller of a loop: its PI or PID with the gains ``own``, or another one by name."""
-
-    def __init__(
-        self, kind: str, own: dict[str, Any], observer: Any, name: Any, gains: Any, limit: Limit
-    ):
-        self.kind, self.own, self.gains, self.limit = kind, own, gains, limit
-        self.torque = "u" if limit.torque is None else "u_cmd"
-        usual = "pi" if kind == "velocity" else "pid"
-        self.other = None if name is None or name == usual else controller_block(name)
-        if self.other is None and mapped(gains, "controller_gains"):
-            raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
-        if self.other is not None:
-            if strange := [k for k, v in own.items() if v != DEFAULTS[kind][k]]:
-                raise InputError(
-                    f"{strange[0]} is a gain of {usual}; give those of {self.other.name} in "
-                    "controller_gains."
-                )
-            limit.check(f"{kind}_loop")
-            if limit.tracking is not None:
-                raise InputError(
-                    f"tracking holds back the integral of {usual}; leave it out with "
-                    f"{self.other.name}."
-                )
-        self.held = limit.held(own["kp"], own["ki"], f"{kind}_loop") if self.other is None else {}
-        seen = () if observer is None else observer_block(observer).inputs
-        read = () if self.other is None else self.other.inputs
-        self.sliding = bool({*SLIDING} & {*read})
-        self.with_s = self.sliding or "s" in seen
-        self.needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
-
-    def blocks(self, p: Model, names: Mapping[str, str]) -> list[Any]:
-        """The controller by the model p, with the sliding error where something reads s; ``names``:
-        what the loop calls the reference and its derivatives."""
-        before = [error_s(self.kind, self.gains, names)] if self.with_s else []
-        if self.other is None:
-            make = controllers.pi if self.kind == "velocity" else controllers.pid
-            return [*before, make(**self.own, **self.held, outputs=[self.torque])]
-        own = {k: v for k, v in mapped(self.gains, "controller_gains").items() if k != "lam"}
-        inputs = [names.get(k, k) for k in self.other.inputs]
-        outputs = [self.torque if k == "u" else k for k in self.other.outputs]
-        return [*before, believed(self.other, p, inputs=inputs, outputs=outputs, **own)]
+def tracked(limit: Any, tracking: Any, kp: Any, ki: Any, loop: str) -> dict[str, Any]:
+    """Return the time of the back-calculation, none without a limit."""
+    if limit is None and tracking is not None:
+        raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+    if limit is None:
+        return {}
+    return {"tracking": controllers.tracking_time(kp, ki, tracking, loop)}
 
 
 def loop_observer(

@@ -1,4 +1,4 @@
-"""Error systems of the proposed observer for the tests: random drives, exact steps, simulations."""
+"""Error systems of the proposed observer for the tests: exact steps, simulations."""
 
 from __future__ import annotations
 
@@ -17,26 +17,6 @@ KEYS = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
 
 def h(p: Any, w: Any) -> Any:
     return p.Fc + (p.Fs - p.Fc) * np.exp(-((w / p.vs) ** 2))
-
-
-def drives(count: int, seed: int) -> list[lg.Parameters]:
-    """Random LuGre drives over several decades, Fs also below Fc."""
-    random = np.random.default_rng(seed)
-    made = []
-    for _ in range(count):
-        J, sigma0, corner, Fc, vs = 10 ** random.uniform([-4, 1, 1, -1.5, -3], [0, 4.5, 3.5, 1, -1])
-        made.append(
-            lg.Parameters(
-                J=J,
-                sigma0=sigma0,
-                sigma1=sigma0 / corner,
-                Fc=Fc,
-                Fs=Fc * random.uniform(0.8, 2.0),
-                Fv=Fc * random.uniform(0.0, 0.3),
-                vs=vs,
-            )
-        )
-    return made
 
 
 def matrices(p: Any, a: Any, K1: Any, K2: Any) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import control as ct
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,7 +17,7 @@ from lugrectl.design import certify, design_gains, excitation
 from lugrectl.design.certificate import error_matrices
 from lugrectl.design.gains import RULES, common_rate, decay, position_corners
 
-from ..cases.error_systems import drives, errors_at, h, matrices, propagator
+from ..cases.error_systems import h, matrices
 
 P = lg.table1()
 PAPER_GAINS = (-10.24, 22.0)
@@ -68,7 +67,7 @@ def test_certificate_matrices_and_rate():
     assert cert.rate_at(0.0) == cert.rate
 
 
-@settings(max_examples=30)
+@settings(max_examples=10)
 @given(powers, powers, powers, powers)
 def test_no_other_V_does_better(j, k1, k2, corner):
     """Random quadratic forms, with B = 2 C sigma1/J and without, at rest and at ever higher
@@ -113,77 +112,6 @@ def test_gains_without_a_certificate(K1, K2, words):
     json.dumps(cert.summary(), allow_nan=False)
 
 
-def test_the_speed_named_for_negative_K2_is_where_the_pole_crosses():
-    ratio = P.sigma0 * 10.0  # K1/K2 = 10 rad/(N m s)
-    for factor, sign in [(1.01, 1.0), (0.99, -1.0)]:
-        det = np.linalg.det(matrices(P, ratio * factor, -10.0, -1.0))
-        assert np.sign(det) == -sign
-    assert "above 10 rad" in certify(P, -10.0, -1.0).conditions[0]
-
-
-@pytest.mark.parametrize(
-    "p, K1, K2",
-    [(P, -1.0, 0.0), (P, 0.0, P.sigma0 * P.J / P.sigma1), (replace(P, sigma1=0.0), -1.0, 2.0)],
-)
-def test_stable_without_a_rate(p, K1, K2):
-    """Edges at which V never grows but at one speed does not decay everywhere."""
-    cert = certify(p, K1, K2)
-    assert cert and cert.rate is None and "no rate" in cert.conditions[0]
-    for a in (0.0, 1.0, 1e3, 1e6):
-        M = matrices(p, a, K1, K2)
-        scale = np.diag(1 / np.sqrt(np.diag(cert.P)))
-        Q = scale @ -(cert.P @ M + M.T @ cert.P) @ scale
-        assert np.linalg.eigvalsh(Q)[0] >= -1e-9 * np.abs(Q).max()
-
-
-def held(p, count, rate, random):
-    """Held velocities from rest to fast, and times around the certificate's own."""
-    w = p.vs * 10.0 ** random.uniform(-4, 4, count)
-    w[random.random(count) < 0.4] = 0.0
-    return w, 10.0 ** random.uniform(-2, 0, count) / rate
-
-
-def never_slower(p, seed):
-    """Every step of the exact error system against the certificates of random gains."""
-    random = np.random.default_rng(seed)
-    corner = p.sigma0 / p.sigma1
-    alpha, weight = 10.0 ** random.uniform(-1.5, 1.5, 2)
-    beta = 2 * (p.sigma1 / p.J) ** 2 * weight
-    constant = design_gains(p, "constant", alpha=corner * alpha, beta=beta)
-    gains = -(10.0 ** random.uniform(-2, 2)), p.J * corner * 10.0 ** random.uniform(-1.5, 1.5)
-    varying = design_gains(p, "time-varying", alpha=p.J * corner * alpha)
-    for cert, K1, K2 in [
-        (constant.certificate, constant.K1, constant.K2),
-        (certify(p, *gains), *gains),
-        (varying.certificate, varying.K1, varying.K2),
-    ]:
-        w, tau = held(p, 25, cert.rate or corner, random)
-        a = p.sigma0 * w / h(p, w)
-        K1, K2 = (K(w) if callable(K) else K for K in (K1, K2))
-        unit = np.sqrt(np.diag(cert.P))  # errors of equal weight in V
-        M = unit[:, None] * matrices(p, a, K1, K2) / unit
-        path = errors_at(propagator(M, tau), random.normal(size=2)) / unit
-        kept = cert.V(*path[:, 1].T) / cert.V(*path[:, 0].T)
-        assert np.all(kept <= np.exp(-2 * cert.rate_at(a) * tau) * (1 + 1e-6))
-        if cert.rate is not None:
-            assert np.all(cert.rate_at(a) >= cert.rate * (1 - 1e-9))
-
-
-@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.slow)])
-def test_simulated_errors_never_decay_slower_than_the_certificate(count):
-    for seed, p in enumerate(drives(count, 7)):
-        never_slower(p, seed)
-
-
-def test_bound_is_reached_and_not_passed():
-    cert = certify(P, *PAPER_GAINS)
-    most_ez, most_ew = cert.bound(1e-3, 0.2)
-    angle = np.linspace(0, 2 * np.pi, 20001)
-    shape = np.linalg.inv(np.linalg.cholesky(cert.P).T) @ np.stack([np.cos(angle), np.sin(angle)])
-    ez, ew = np.sqrt(cert.V(1e-3, 0.2)) * shape
-    assert (np.abs(ez).max(), np.abs(ew).max()) == pytest.approx((most_ez, most_ew), rel=1e-6)
-
-
 def test_defaults_put_the_poles_where_they_say():
     corner = P.sigma0 / P.sigma1
     design = design_gains(P)
@@ -196,14 +124,6 @@ def test_defaults_put_the_poles_where_they_say():
         corner**2
     )
     assert varying.certificate.pole_at_rest == pytest.approx(-corner, rel=1e-6)
-
-
-def test_summaries_are_plain():
-    for method, more in [("constant", {}), ("time-varying", {}), ("bounded", {"M": 2.0})]:
-        design = design_gains(lg.Model.of(P), method, **more)
-        text = json.dumps(design.summary(), allow_nan=False)
-        assert json.loads(text)["certificate"]["holds"] is True
-        assert design.certificate.lemma in str(design.certificate)
 
 
 @settings(max_examples=30)
@@ -236,7 +156,7 @@ def test_every_observer_has_a_rule_or_is_the_proposed_one():
     assert known - {*RULES} == {"no_observer", "proposed_observer"}
 
 
-@pytest.mark.parametrize("name", [*SHORT[::3], "proposed"])
+@pytest.mark.parametrize("name", [*SHORT[::5], "proposed"])
 def test_a_loop_takes_the_gains_of_a_design(name):
     design = lg.design_gains(P, observer=name)
     assert design.observer == name and design.certificate
@@ -263,39 +183,12 @@ def test_the_position_observer_has_the_known_gains_and_decay(most, claimed):
     assert design.certificate.rate == pytest.approx(claimed, rel=5e-3)
 
 
-def test_slow_poles_of_the_position_observer_are_certified_at_rest_only():
-    made = lg.design_gains(P, observer="position_lugre", pole=300.0).certificate
-    assert not made and made.rate is None
-    assert made.valid == "linearised at rest only"
-    assert "choose a faster pole" in made.conditions[-1]
-
-
-def test_the_poles_at_rest_are_those_of_the_linearised_block():
-    design = lg.design_gains(P, observer="position_lugre", pole=800.0)
-    block = lg.position_lugre_observer(P, **design.gains)
-    A = ct.linearize(block, np.zeros(3), np.zeros(2)).A
-    assert np.linalg.eigvals(A).real == pytest.approx(-800.0 * np.ones(3), rel=1e-3)
-
-
 def test_a_common_function_decays_at_every_corner():
     _, corners = position_corners(P, 1000.0, 0.5)
     rate, V = common_rate(corners)
     assert decay(V, corners) == pytest.approx(rate, rel=1e-6)
     assert np.linalg.eigvalsh(V)[0] > 0.0
     assert common_rate([np.eye(2), -np.eye(2)]) is None
-
-
-def test_the_claimed_decay_holds_along_a_motion():
-    """Two friction-state observers on one drive: their difference follows the error system."""
-    design = lg.design_gains(P, observer="friction_state", M=0.4)
-    block = lg.friction_state_observer(P, **design.gains)
-    t = 1e-4 * np.arange(300)
-    given = np.array([0.3 * np.sin(60 * t), 0.2 + 0.0 * t])
-    one, other = (lg.simulate(block, t, given, x0).states for x0 in ([0, 0], [0.1, 0.2]))
-    p = design.gains["bandwidth"]
-    size = np.hypot(P.J * p * (one - other)[0], (one - other)[1])
-    bound = 6.0 * size[0] * np.exp(-design.certificate.rate * t)
-    assert size[-1] < 1e-3 * size[0] and np.all(size <= bound)
 
 
 def test_a_sample_time_limits_the_rates():

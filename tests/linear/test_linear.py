@@ -1,6 +1,7 @@
 """L2 gain, bandwidth and the loops' transfer functions, against closed forms and control."""
 
-import itertools
+from __future__ import annotations
+
 import json
 import math
 import re
@@ -11,10 +12,8 @@ from types import SimpleNamespace
 import control as ct
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
-from scipy.integrate import trapezoid
 
+import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.linear import (
     NoBandwidthWarning,
@@ -82,30 +81,6 @@ def test_l2_edge_cases(changes, K2, gain, frequency):
 def test_l2_says_what_is_wrong(changes, K2, word):
     with pytest.raises(InputError, match=word):
         l2_check(parameters(**changes), K2=K2)
-
-
-def l2_norm(y, t):
-    return math.sqrt(trapezoid(y**2, t))
-
-
-def test_l2_meaning_bounds_the_error():
-    """||e_z|| <= gain ||e_w|| + m |e_z(0) + (J/sigma1) e_w(0)|, and no smaller numbers do."""
-    verdict = l2_check(P, K2=22)
-    gain, start, mix = map(float, re.findall(r"\d\.\d+", verdict.meaning))
-    pole, t = P.sigma0 / P.sigma1, np.linspace(0, 4, 400_001)
-
-    def norms(ez0, ew0, b):
-        """sigma1 dez/dt + sigma0 ez = -(J dew/dt + 22 ew) for ew = ew0 exp(-b t)."""
-        forced = -(22 - P.J * b) * ew0 / (P.sigma0 - P.sigma1 * b)
-        ez = forced * np.exp(-b * t) + (ez0 - forced) * np.exp(-pole * t)
-        return l2_norm(ez, t), l2_norm(ew0 * np.exp(-b * t), t), abs(ez0 + mix * ew0)
-
-    for case in itertools.product((1e-3, 0.0), (1.0, -0.1), (3.0, 300.0, 5000.0)):
-        ez, ew, c = norms(*case)
-        assert ez <= gain * ew + start * c
-    assert norms(1e-3, 0.0, 3.0)[0] == pytest.approx(start * 1e-3, rel=1e-4)
-    ez, ew, _ = norms(-mix, 1.0, 3.0)
-    assert ez == pytest.approx(gain * ew, rel=1e-2)
 
 
 def test_l2_meaning_where_little_follows():
@@ -178,7 +153,7 @@ INTEGRATOR_OF_MANY = ct.ss(np.diag(np.arange(-7.0, 1.0)), np.ones((8, 1)), np.on
         (INTEGRATOR_OF_MANY, r"T\(0\) is infinite"),
         (
             ct.frd([0.0, 1.0, 0.1], [1.0, 2.0, 3.0]),
-            "at the lowest frequency, .* is zero, so there is no",
+            "at the lowest frequency is zero, so there is no",
         ),
     ],
 )
@@ -201,24 +176,6 @@ def test_bandwidth_lists_every_crossing_and_skips_a_touch():
     assert len(bandwidth_check([[1, Q(399, 1000), Q(1, 5)], den], "half-power").crossings) == 2
 
 
-positives = st.integers(1, 40).map(lambda k: Q(k, 4))
-
-
-@settings(max_examples=30)
-@given(st.lists(positives, min_size=1, max_size=4), st.lists(positives, max_size=3), positives)
-def test_bandwidth_agrees_with_control_on_stable_systems(poles, zeros, gain):
-    assume(len(zeros) < len(poles))
-    T = ct.zpk([-float(z) for z in zeros], [-float(q) for q in poles], float(gain))
-    verdict = bandwidth_check(T)
-    assert (
-        verdict
-        and verdict.stable
-        and level_ratio(T, verdict.bandwidth) == pytest.approx(10**-0.15, rel=1e-9)
-    )
-    before = np.linspace(0, verdict.bandwidth, 200, endpoint=False)[1:]
-    assert level_ratio(T, before).min() > 10**-0.15 * (1 - 1e-9)
-
-
 def test_bandwidth_refuses_unknown_levels():
     for level in ("3dB", 3.0, math.nan):
         with pytest.raises(InputError, match="[Ll]evel"):
@@ -239,3 +196,30 @@ def test_verdicts_print_and_sum_up():
         with pytest.raises(AttributeError):
             verdict.reason = "other"
     assert "Re T(jw) &lt; 0" in spr_check(position_T(P, kp=15))._repr_html_()
+
+
+S = ct.tf("s")
+HIDDEN = {
+    "real": ((S - 1) / ((S - 1) * (S + 1)), r"\(s = \+1 1/s\)"),
+    "not controllable": (
+        ct.ss([[-1, 0], [0, 1]], [[1], [0]], [[1, 1]], 0),
+        r"\(s = \+1 1/s\)",
+    ),
+    "integrator": (S / (S * (S + 1)), r"\(s = [+-]0 1/s\)"),
+    "pair": ((S**2 + 4) * (S + 2) / ((S**2 + 4) * (S + 1)), r"\+- 2j 1/s\)"),
+}
+CHECKS = {"spr": lg.spr_check, "l2": lg.l2_check, "bandwidth": lg.bandwidth_check}
+
+
+@pytest.mark.parametrize("check", CHECKS.values(), ids=CHECKS)
+@pytest.mark.parametrize("T, mode", HIDDEN.values(), ids=HIDDEN)
+def test_an_unstable_mode_that_cancels_is_named(T, mode, check):
+    said = check(T).reason
+    assert "was cancelled from T(s): the system itself is not stable" in said
+
+    assert re.search(mode, said)
+
+
+@pytest.mark.parametrize("check", CHECKS.values(), ids=CHECKS)
+def test_a_stable_mode_that_cancels_is_not_mentioned(check):
+    assert "cancelled" not in check((S + 3) / ((S + 3) * (S + 1))).reason

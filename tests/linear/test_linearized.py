@@ -37,28 +37,6 @@ def test_the_response_of_a_cascade_holds_the_exact_dead_time(model, options, dea
     assert T(S) == pytest.approx(cascade(np.exp(-S * dead[0])), rel=1e-6)
 
 
-def test_two_dead_times_with_a_lag_between_them_are_both_exact():
-    loop = lg.cascade_loop(late_model(5e-4), kv=20.0, kp=1.6, ki=16.0, delay=1e-3, lag=3e-4)
-    T = lg.linearize(loop, input="r", output="theta")
-    assert T(S) == pytest.approx(cascade(np.exp(-S * 1.5e-3) / (3e-4 * S + 1)), rel=1e-6)
-    assert lg.bandwidth_check(T).stable
-
-
-def test_dead_times_side_by_side_are_exact():
-    """y = e(t - 0.1) + e(t - 0.19), e = u - y/(s + 4)."""
-    blocks = [
-        lg.dead_time(0.1, name="one", inputs=["e"], outputs=["a"]),
-        lg.dead_time(0.19, name="two", inputs=["e"], outputs=["b"]),
-        ct.summing_junction(["a", "b"], "y", name="sum"),
-        ct.ss([[-4.0]], [[1.0]], [[1.0]], [[0.0]], inputs="y", outputs="back", name="lag"),
-        ct.summing_junction(["u", "-back"], "e", name="error"),
-    ]
-    loop = ct.interconnect(blocks, inputs=["u"], outputs=["y"], params={}, check_unused=False)
-    T = lg.linearize(loop)
-    paths = np.exp(-0.1 * S) + np.exp(-0.19 * S)
-    assert T(S) == pytest.approx(paths / (1 + paths / (S + 4)), rel=1e-6)
-
-
 def test_without_a_dead_time_it_is_a_state_space_model():
     loop = lg.cascade_loop(late_model(0.0), kv=20.0, kp=1.6, ki=16.0)
     T = lg.linearize(loop, input="r", output="theta")
@@ -116,14 +94,6 @@ def test_a_position_outside_the_loop_is_no_mode_of_it(output):
     assert check.delay_margin == pytest.approx(own.delay_margin, rel=1e-6)
     assert T.open_loop.cancelled == (1,)
     assert bool(lg.bandwidth_check(T).stable) is (output == "w")  # theta itself goes on
-
-
-def test_a_position_that_no_output_shows_is_no_mode_of_a_state_space_model():
-    loop = speed_loop(0.0)
-    T = lg.linearize(loop, input="r", output="w")
-    assert T.nstates == loop.nstates - 1 and "cancelled" not in lg.spr_check(T).reason
-    assert lg.linearize(loop).nstates == loop.nstates
-    assert lg.linearize(loop, input="r", output="theta").nstates == loop.nstates
 
 
 def test_a_mode_that_a_state_reads_is_still_said():

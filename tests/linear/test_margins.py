@@ -1,7 +1,6 @@
 """Stability is Nyquist's, and each margin that of its definition, in every kind of loop."""
 
 import math
-import time
 
 import control as ct
 import numpy as np
@@ -42,15 +41,8 @@ def test_an_unstable_plant_is_encircled_and_needs_a_least_gain():
     assert not late and (late.encirclements, late.closed_poles) == (-1, 2)
 
 
-def test_the_gain_margin_is_the_nearer_one_in_decibel():
-    """K (s + 1)^2/s^3 is stable for K > 1/2."""
-    found = lg.stability_check(ct.tf([5.0, 10.0, 5.0], [1.0, 0.0, 0.0, 0.0]))
-    assert found.gain_range == pytest.approx((0.1, math.inf), rel=1e-12)
-    assert found.gain_margin == pytest.approx(0.1, rel=1e-12)
-
-
 @given(st.floats(0.2, 30.0), st.floats(0.0, 3.0))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_a_late_integrator_is_its_closed_form(K, turn):
     """K exp(-s T)/s: stable below K T = pi/2, with the gain margin pi/(2 K T), at pi/(2 T)."""
     found = lg.stability_check(lg.delayed(ct.tf([K], [1.0, 0.0]), turn / K))
@@ -88,9 +80,8 @@ def test_each_margin_is_where_the_loop_becomes_unstable(late, share):
     assert found.modulus_margin * found.Ms == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("many", [0, 4])
-def test_a_sampled_loop_stands_its_factor_and_its_samples(many):
-    dt = 0.02
+def test_a_sampled_loop_stands_its_factor_and_its_samples():
+    dt, many = 0.02, 4
     late = ct.tf([1.0], [1.0] + [0.0] * many, dt)
     L = ct.tf([60 / 4096, 56 / 4096], [1.0, -1.8125, 0.8125], dt) * late  # 8/(s (0.1 s + 1))
     found = lg.stability_check(L)
@@ -130,10 +121,9 @@ def test_a_measured_loop_has_the_margins_of_its_system():
     assert late.gain_margin == pytest.approx(true.gain_margin, rel=1e-3)
 
 
-@pytest.mark.parametrize("K", [0.5, 8.0])
 @pytest.mark.parametrize("den", [[1.0, 3.0, 3.0, 1.0], [1.0, 1.0, 0.0], [1.0, 0.5, 0.0, 0.0]])
-def test_nyquist_counts_the_poles_of_a_measured_loop(K, den):
-    L = ct.tf([K], den)
+def test_nyquist_counts_the_poles_of_a_measured_loop(den):
+    L = ct.tf([8.0], den)
     found = lg.stability_check(ct.frd(L, np.geomspace(1e-3, 1e2, 500)))
     assert found.closed_poles == np.sum(ct.feedback(L).poles().real > 0)
 
@@ -159,7 +149,7 @@ def test_a_measured_loop_that_is_negative_at_low_frequency_has_its_factor_there(
     assert not raised and raised.stable_gains == ((0.0, pytest.approx(0.5)),)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 5])  # each direct path, with and without an integrator
+@pytest.mark.parametrize("seed", [0, 5])  # with and without an integrator
 def test_many_states_have_the_margins_of_exact_arithmetic(seed):
     random = np.random.default_rng(seed)
     A = random.normal(size=(8, 8))
@@ -176,19 +166,6 @@ def test_many_states_have_the_margins_of_exact_arithmetic(seed):
     for name in ("gain_range", "crossovers", "delay_margin", "phase_margin", "modulus_margin"):
         wanted = pytest.approx(getattr(exact, name), rel=1e-6, nan_ok=True)
         assert getattr(found, name) == wanted, name
-
-
-def test_a_hundred_states_take_little_time():
-    random = np.random.default_rng(0)
-    A = random.normal(size=(100, 100)) / 10
-    A = A - (np.linalg.eigvals(A).real.max() + 0.1) * np.eye(100)
-    B, C = random.normal(size=(2, 100)) / 10
-    begun = time.process_time()
-    found = lg.stability_check(ct.ss(A, B[:, None], 0.3 * C[None], 0.0))
-    assert found.stable and time.process_time() - begun < 2.5  # 0.3 s on a free core
-    on = 1j * np.geomspace(1e-2, 1e2, 2000)
-    L = ct.ss(A, B[:, None], 0.3 * C[None], 0.0)(on)
-    assert found.modulus_margin == pytest.approx(np.abs(1 + L).min(), rel=1e-3)
 
 
 def test_beyond_the_band_the_gain_margin_is_a_least_one():
@@ -220,7 +197,7 @@ def test_disk_margins_are_those_of_their_definition(kind):
             assert margin == pytest.approx(ct.disk_margins(L, w, skew=skew)[0], rel=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(15))
+@pytest.mark.parametrize("seed", range(6))
 def test_stable_gains_are_all_there_are(seed):
     """Against the poles of the closed loop over gains; a third has many states, one is sampled."""
     random = np.random.default_rng(seed)
@@ -256,26 +233,6 @@ def test_a_closed_loop_that_was_handed_in_is_told():
         assert said not in lg.stability_check(L).reason
 
 
-@pytest.mark.parametrize("turn", [0.2, 1.57, 1.58, 7.85, 7.86, 14.1, 14.2, 100.0])
-def test_the_poles_of_an_integrator_with_dead_time_are_counted(turn):
-    """A pair crosses to the right at each K T = pi/2 + 2 pi k."""
-    pairs = math.floor((turn - math.pi / 2) / (2 * math.pi)) + 1
-    found = lg.stability_check(lg.delayed(ct.tf([100.0], [1.0, 0.0]), turn / 100))
-    assert found.closed_poles == 2 * max(pairs, 0)
-
-
-def test_all_crossovers_count():
-    """A resonance lifts |L| above 1 again: a crossover beyond the first one decides."""
-    lift = 1 + ct.tf([60.0, 0.0], [1.0, 2.0, 1e4])
-    found = lg.stability_check(ct.tf([10.0], [1.0, 0.0]) * lift)
-    w = np.array(found.crossovers)
-    L = 10 / (1j * w) * (1 + 60j * w / (1e4 - w**2 + 2j * w))
-    assert found and len(w) == 3 and np.abs(L) == pytest.approx(np.ones(3), rel=1e-9)
-    margins = (np.angle(-L) % (2 * np.pi)) / w
-    assert found.delay_margin == pytest.approx(margins.min(), rel=1e-9)
-    assert np.argmin(margins) > 0
-
-
 def test_a_loop_below_1_stands_any_dead_time():
     found = lg.stability_check(lg.delayed(ct.tf([0.5], [1.0, 1.0]), 3.0))
     assert found and found.delay_margin == found.phase_margin == math.inf
@@ -288,8 +245,6 @@ def test_a_direct_path_of_1_or_more_stands_none():
     assert lg.stability_check(lg.delayed(ct.tf([0.5, 1.0], [1.0, 3.0]), 0.5))
 
 
-@pytest.mark.slow  # it looks for thousands of crossings before it says so
-@pytest.mark.sample
 def test_a_late_direct_path_of_1_or_more_is_told():
     late = lg.stability_check(lg.delayed(ct.tf([2.0, 1.0], [1.0, 3.0]), 1e-6))
     assert not late and late.closed_poles == math.inf and "infinitely many" in late.reason
@@ -319,19 +274,3 @@ def test_wrong_loops_are_named():
         lg.stability_check(ct.tf([-1.0], [1.0]))
     with pytest.raises(InputError, match="dead_time"):
         lg.velocity_L(P, kp=1.0, dead_time=-1e-3)
-
-
-def test_simulation_decides_as_the_criterion():
-    """A cascade on either side of its delay margin, by the method of steps."""
-    p = lg.Model.of(J=0.0022, friction="viscous", Fv=0.018)
-
-    def grows(late):
-        loop = lg.cascade_loop(p, kv=20.0, kp=1.6, ki=16.0, delay=late)
-        run = lg.simulate(loop, np.linspace(0.0, 0.4, 401), {"r": 0.01})
-        w = np.abs(run.outputs[1])
-        return w[-50:].max() > w[50:100].max()
-
-    loop = lg.cascade_loop(p, kv=20.0, kp=1.6, ki=16.0, delay=1e-3)
-    L = lg.linearize(loop, input="r", output="w").open_loop
-    late = 1e-3 + lg.stability_check(L).delay_margin
-    assert not grows(0.97 * late) and grows(1.03 * late)

@@ -1,5 +1,7 @@
 """Strict positive realness against closed forms, a dense grid and its own invariances."""
 
+from __future__ import annotations
+
 import math
 from decimal import Decimal
 from fractions import Fraction as Q
@@ -8,9 +10,14 @@ from types import SimpleNamespace
 import control as ct
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
+import lugrectl as lg
 from lugrectl.core.errors import InputError
-from lugrectl.linear import bandwidth_check, position_T, spr_check, velocity_T
+from lugrectl.linear import UnstableLoopWarning, bandwidth_check, position_T, spr_check, velocity_T
+
+from ..cases.structures import structure
 
 P = SimpleNamespace(J=0.0022, sigma0=260.0, sigma1=0.6, Fc=0.285, Fs=0.335, Fv=0.018, vs=0.01)
 
@@ -100,21 +107,6 @@ def test_spr_margin_of_pd_closed_form(kp, kd):
     assert spr_check(position_T(P, kp=kp, kd=kd)).margin == pytest.approx(expected, rel=1e-11)
 
 
-@pytest.mark.parametrize(
-    ("gains", "kind"),
-    [
-        ({"kp": 1.6}, "SPR"),
-        ({"kp": 1.6, "ki": 0.16}, "PR"),
-        ({"kp": 0.01, "ki": 260 * 0.01 / 0.6 * 0.999}, "PR"),
-        ({"kp": 0.01, "ki": 260 * 0.01 / 0.6 * 1.001}, "not PR"),
-        ({"kp": -1.6}, "not PR"),
-        ({}, "PR"),  # (sigma1 s + sigma0)/(J s)
-    ],
-)
-def test_spr_of_velocity_controllers(gains, kind):
-    assert spr_check(velocity_T(P, **gains)).classification == kind
-
-
 def test_spr_exact_equality():
     # sigma1 Kd = sigma0 J: weakly SPR when it holds exactly, as in binary fractions
     p = parameters(J=0.25, sigma0=2.0, sigma1=0.5)
@@ -154,3 +146,154 @@ def test_transfer_functions_that_cannot_be_understood(T, word):
     for check in (spr_check, bandwidth_check):
         with pytest.raises(InputError, match=word):
             check(T)
+
+
+coefficients = st.integers(-9, 9).map(lambda k: Q(k, 2))
+positives = st.integers(1, 40).map(lambda k: Q(k, 4))
+
+
+@st.composite
+def anything(draw):
+    """Any T up to order 6: mostly not positive real."""
+    den = [draw(positives), *draw(st.lists(coefficients, min_size=0, max_size=6))]
+    return draw(st.lists(coefficients, min_size=1, max_size=len(den) + 1)), den
+
+
+@st.composite
+def near_passive(draw):
+    """Up to three passive terms, less a constant or with a lag: near the border, order <= 6."""
+    T = [draw(coefficients.map(abs)) - draw(st.sampled_from([0, 0, Q(1, 8)]))], [Q(1)]
+    for _ in range(draw(st.integers(1, 3))):
+        a, b, c = draw(positives), draw(positives), draw(positives)
+        rlc, rc = ([c, Q(0)], [Q(1), a, b]), ([c], [Q(1), a])
+        more = draw(st.sampled_from([rlc, rc]))
+        num = np.polyadd(np.convolve(T[0], more[1]), np.convolve(more[0], T[1]))
+        T = list(num), list(np.convolve(T[1], more[1]))
+    lag = len(T[1]) < 7 and draw(st.booleans())
+    return (T[0], list(np.convolve(T[1], [draw(positives) / 40, Q(1)]))) if lag else T
+
+
+GRID = np.geomspace(1e-4, 1e4, 100_001)
+transfers = st.one_of(anything(), near_passive())
+
+
+def on_grid(T):
+    """Rightmost pole and cos(arg T(jw)) over a dense grid with the corner frequencies in it."""
+    num, den = ([float(c) for c in x] for x in T)
+    poles = np.roots(den)
+    corners = np.abs(np.concatenate([poles, np.roots(num)]))
+    w = np.concatenate([GRID, corners[corners > 0]])
+    with np.errstate(all="ignore"):
+        values = np.polyval(num, 1j * w) / np.polyval(den, 1j * w)
+        cosine = values.real / np.abs(values)
+    degree = len(den) - len(np.trim_zeros(num, "f"))
+    pole = max(poles.real, default=-math.inf)
+    if degree < -1 or (degree == -1 and np.trim_zeros(num, "f")[0] < 0):
+        pole = math.inf  # at infinity, repeated or with a negative residue
+    return pole, cosine[np.isfinite(cosine)], degree
+
+
+def reduced(T):
+    """Whether np.roots sees a common root (then the grid's poles are not T's)."""
+    poles, zeros = (np.roots([float(c) for c in x]) for x in T)
+    return np.any(np.abs(poles[:, None] - zeros[None, :]) < 1e-2)
+
+
+@settings(max_examples=25)
+@given(transfers)
+def test_spr_never_disagrees_with_a_decisive_grid(T):
+    assume(any(T[0]) and not reduced(T))
+    verdict = spr_check(T)
+    pole, cosine, degree = on_grid(T)
+    if pole > 1e-3 or cosine.min() < -1e-6:
+        assert verdict.classification == "not PR", verdict.reason
+    elif pole < -1e-3 and cosine.min() > 1e-6:
+        at_rest = ("SPR", "WSPR") if T[0][-1] else ("PR",)  # a zero at s = 0
+        assert verdict.classification in at_rest, verdict.reason
+        assert verdict.band_edge == math.inf
+        if degree == 0 and T[0][-1]:
+            assert verdict and verdict.margin > 0
+
+
+# --- SPR: sampled ------------------------------------------------------------------------
+
+
+def on_circle(T):
+    """T((z - 1)/(z + 1)), by powers of two: the circle is the axis, and z = -1 infinity."""
+    n = max(map(len, T)) - 1
+    powers = [np.poly([1.0] * k + [-1.0] * (n - k)) for k in range(n + 1)]
+    num, den = (sum(float(c) * powers[len(x) - 1 - i] for i, c in enumerate(x)) for x in T)
+    return ct.tf(num, den, 0.01)
+
+
+@settings(max_examples=25)
+@given(anything())
+def test_a_sampled_system_is_what_the_map_of_its_circle_is(T):
+    """SPR stays SPR; what falls off as w grows is 0 at half the rate."""
+    assume(any(T[0]) and len(np.trim_zeros(T[0], "f")) <= len(T[1]))
+    there, here = spr_check(T), spr_check(on_circle(T))
+    falls = len(np.trim_zeros(T[0], "f")) < len(T[1])
+    kind = there.classification
+    assert here.classification == ("PR" if falls and kind in ("SPR", "WSPR") else kind)
+
+
+def test_margin_and_frequencies_are_per_second_or_per_sample():
+    T = [1, 0.5], [1, -0.5]  # zero and pole at |z| = 1/2
+    assert lg.spr_check(ct.tf(*T, 0.1)).margin == pytest.approx(10 * math.log(2))
+    assert lg.spr_check(ct.tf(*T, True)).margin == pytest.approx(math.log(2))
+    found = lg.spr_check(ct.tf([1, 1], [1, -0.3], 0.1))  # Re T = 0 at half the rate only
+    assert (found.classification, found.band_edge) == ("PR", pytest.approx(10 * math.pi))
+
+
+@pytest.mark.parametrize(
+    ("T", "kind", "words"),
+    [
+        (ct.tf([1], [1, -0.5], 0.1), "not PR", "no delay"),
+        (ct.tf([1, 0, 0], [1, 0.1], 0.1), "not PR", "relative degree is -1"),
+        (ct.tf([1, 0.2], [1, 1.1], 0.1), "not PR", "poles outside the unit circle (z = -1.1)"),
+        (ct.tf([1, 0], [1, -1], 0.1), "PR", "unit circle at w = 0 rad/s"),
+        (ct.tf([1, 0], [1, 1], 0.1), "PR", "unit circle at w = 31.4159 rad/s"),
+        (ct.tf([1, 0, 0], [1, -2, 1], 0.1), "not PR", "Re T(exp(jw dt)) < 0"),
+        (ct.tf([1, 1], [1, -1], 0.1), "PR", "lossless"),
+        (ct.tf([-1, -1], [1, -1], 0.1), "not PR", "residue is not positive"),
+        (ct.tf([0], [1], 0.1), "PR", "T is zero"),
+        (ct.tf([3], [2], 0.1), "SPR", "no poles"),
+        (ct.tf([1, 0.3], [1, -0.2], 0.1), "SPR", "the largest |z| = 0.2"),
+    ],
+)
+def test_each_kind_says_why(T, kind, words):
+    found = lg.spr_check(T)
+    assert found.classification == kind and words in found.reason, found.reason
+    assert bool(found) == (kind == "SPR") and (found.margin > 0) == (kind == "SPR")
+
+
+def test_an_unstable_mode_that_cancels_from_a_sampled_system_is_named():
+    z = ct.tf("z")
+    T = (z - 1.5) * (z + 0.25) / ((z - 1.5) * (z - 0.5))
+    for check in (lg.spr_check, lg.l2_check, lg.bandwidth_check):
+        assert "(z = +1.5) was cancelled from T(z)" in check(T).reason
+
+
+@pytest.mark.parametrize("modes, through", [(4, 0.01), (4, 0.0), (4, -0.005)])
+def test_many_states_are_decided_as_in_continuous_time(modes, through):
+    """The bilinear map keeps SPR, PR and not PR; other coordinates change nothing."""
+    T = structure(modes, through, turned=True, high=1e2)
+    found, wanted = lg.spr_check(ct.sample_system(T, 1e-3, "tustin")), lg.spr_check(T)
+    assert found.classification == wanted.classification
+    assert found.margin == pytest.approx(wanted.margin, rel=1e-3)
+    assert "floating point" in found.reason
+
+
+def test_the_bandwidth_of_a_sampled_system_is_where_its_response_falls():
+    T = ct.sample_system(ct.tf([400.0], [1, 4, 400]), 0.01)
+    width = lg.bandwidth(T)
+    assert abs(T(np.exp(0.01j * width))) == pytest.approx(10 ** (-3 / 20) * abs(T(1)), rel=1e-9)
+    grown = ct.append(ct.ss(T), *[ct.ss(0.1 * k, 1, 1, 0, 0.01) for k in range(6)])
+    many = ct.ss(grown.A, grown.B[:, :1], grown.C[:1], grown.D[:1, :1], 0.01)
+    assert lg.bandwidth(many) == pytest.approx(width, rel=1e-9)
+    assert "|T(exp(jw dt))| falls through" in lg.bandwidth_check(T).reason
+    with pytest.warns(UnstableLoopWarning, match=r"z = \+1.1"):
+        lg.bandwidth(ct.tf([1, 0.3], [1, -1.1], 0.1))
+    assert lg.bandwidth(ct.tf([1, 0.01], [1, -0.01], 0.1)) == math.inf
+    with pytest.warns(UserWarning, match="no DC gain"):
+        assert math.isnan(lg.bandwidth(ct.tf([1, -1], [1, 0.1], 0.1)))

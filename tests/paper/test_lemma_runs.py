@@ -20,15 +20,12 @@ from ..cases.error_systems import (
     simulated,
     values_of,
 )
-from ..cases.wired import simulate
 
 P = lg.table1()
 T4 = np.linspace(0.0, 0.4, 801)
 TORQUES = {
-    "sine": 0.6 * np.sin(40 * T4),
     "steps": np.repeat(np.random.default_rng(1).uniform(-0.5, 0.5, 9), 89),
     "below break-away": 0.1 * np.sin(9 * T4),
-    "nothing": 0.0 * T4,
 }
 START = [0.0, 0.0, 0.0, -8e-4, 0.05]  # theta, w, z, zhat, what
 
@@ -36,8 +33,7 @@ START = [0.0, 0.0, 0.0, -8e-4, 0.05]  # theta, w, z, zhat, what
 def natural_error(w, t, p=P):
     """e_z(t)/e_z(0) as the difference of two natural observers on one velocity."""
     made = lg.natural_observer(p)
-    options = {"rtol": 1e-10, "atol": 1e-13, "max_step": 10 * (t[1] - t[0])}
-    runs = [simulate(made, t, w, [z0], **options).states[0] for z0 in (1e-3, -1e-3)]
+    runs = [lg.simulate(made, t, w, [z0], rtol=1e-10).states[0] for z0 in (1e-3, -1e-3)]
     return (runs[0] - runs[1]) / 2e-3
 
 
@@ -48,9 +44,6 @@ def test_proof2_eq():
     flat = replace(P, Fs=P.Fc)
     exact = np.exp(-P.sigma0 / P.Fc * 0.003 * (1 - np.cos(30 * t)) / 30)
     assert natural_decay(flat, 0.003 * np.sin(30 * t), t) == pytest.approx(exact, rel=1e-6)
-    coarse = natural_decay(P, w[::40], t[::40])
-    fine = natural_decay(P, np.interp(t, t[::40], w[::40]), t)
-    assert coarse == pytest.approx(fine[::40], rel=1e-6)
 
 
 def test_lemma1():
@@ -105,32 +98,6 @@ def test_remark2():
     steps = propagator(matrices(P, a, -10.24, 22.0), np.diff(t, append=31.0))
     shrink = np.abs(errors_at(steps, [1.0, 0.0])[:, 1]).max(axis=1)
     assert np.log(shrink).sum() < -90 * 30  # the proposed observer forgets on the same motion
-
-
-def test_standstill_separates_the_observers():
-    """w = 0: e_z of the natural observer stays, that of the proposed one decays (after lemma4)."""
-    keys = values_of(P, "natural_observer")
-    natural = simulated(open_system("natural"), T4, 0 * T4, [0, 0, 0, -8e-4], params=keys)
-    assert natural["ez"] == pytest.approx(8e-4, rel=1e-9)
-    for design in (
-        design_gains(P, "time-varying"),
-        design_gains(P, "bounded", M=1.0),
-        design_gains(P, "constant"),
-    ):
-        K1, K2 = (_at(K, 0.0) for K in design.gains.values())
-        resting = matrices(P, 0.0, K1, K2)
-        left = propagator(resting, T4[-1]) @ [8e-4, -0.05]
-        assert np.all(np.abs(left) < [1e-6 * 8e-4, 1e-6])
-        slowest = np.linalg.eigvals(resting).real.max()
-        assert design.certificate.pole_at_rest == pytest.approx(slowest, rel=1e-6)
-    keys = values_of(P, "proposed_observer", K1=K1, K2=K2)
-    proposed = simulated(open_system(), T4, 0 * T4, START, params=keys)
-    assert np.abs(proposed["w"]).max() == 0.0
-    assert abs(proposed["ez"][-1]) < 1e-6 * 8e-4 and abs(proposed["ew"][-1]) < 1e-6
-
-
-def _at(K, w):
-    return K(w) if callable(K) else K
 
 
 def test_lemma3():
@@ -192,16 +159,6 @@ def test_lemma4():
     path = errors_at(propagator(matrices(P, a, design.K1(w), design.K2(w)), 2.5e-4), [1.0, 0.0])
     logs = np.cumsum(np.log(V(*path[:, 1].T) / V(*path[:, 0].T)))
     assert rate > 50 and np.all(logs <= 2 * rate * (found.T - t) + 1e-6)
-
-
-def test_lemma4_needs_bounded_w_under_lemma2():
-    """Ever higher pulses of one area keep beta; the decay of V that the proof uses dies out."""
-    limit, kept = 1.2 / P.J, []
-    for top in (1.0, 1e2, 1e4):
-        width = 0.1 / top
-        assert width * top == pytest.approx(0.1)  # beta over each T is the same
-        kept.append(width * min(P.sigma0 * top / P.Fs, limit))
-    assert kept[2] < 1e-3 * kept[0]
 
 
 def test_lemma5():

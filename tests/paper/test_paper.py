@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
-from dataclasses import replace
 
 import control as ct
 import numpy as np
@@ -14,10 +12,8 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.paper import page, reproduce, runs, studies
 from lugrectl.paper.runs import milli
-from lugrectl.paper.studies import Case, Reference
 
 from ..cases.html_page import Page
-from ..cases.wired import simulate
 
 P = lg.table1()
 SOME = ("velocity", "friction-level", "standstill")
@@ -43,22 +39,6 @@ def width(some, loop, label, kind="-3dB"):
     return next(w for w in some.widths if (w.loop, w.label, w.level) == (loop, label, kind))
 
 
-@pytest.mark.parametrize(
-    ("label", "kind", "Fv", "fall", "hertz"),
-    [
-        ("paper's PI", "-3dB", 0.0, 10 ** (-3 / 20), 115.5),
-        ("paper's PI", "half-power", 0.0, 0.5**0.5, 115.8),
-        ("paper's PI, Fv left in", "-3dB", P.Fv, 10 ** (-3 / 20), 114.2),
-    ],
-)
-def test_bandwidths_of_the_velocity_loop(some, label, kind, Fv, fall, hertz):
-    """(kp s + ki)/(J s^2 + kp s + ki), and the same with Fv left in the plant."""
-    found = width(some, "velocity", label, kind).hertz
-    T = ct.tf([1.6, 0.16], [P.J, 1.6 + Fv, 0.16])
-    assert abs(T(2j * np.pi * found)) == pytest.approx(fall, rel=1e-9)
-    assert found == pytest.approx(hertz, abs=0.05)
-
-
 def test_the_position_pi_is_called_unstable_with_its_poles(some):
     found = width(some, "position", "paper's PI")
     assert not found.stable and found.hertz == pytest.approx(20.4, abs=0.05)
@@ -78,11 +58,6 @@ def test_the_stable_controllers_have_the_same_crossing(some, label):
     assert w.hertz * 2 * np.pi == pytest.approx(crossing)
 
 
-def test_only_the_pd_meets_the_existing_observers_condition(some):
-    classes = {w.label: w.spr for w in some.widths if w.loop == "position"}
-    assert classes["PD"] == "SPR" and classes["PID"] == classes["paper's PI"] == "not PR"
-
-
 # --- simulations -------------------------------------------------------------------------
 
 
@@ -95,39 +70,12 @@ def test_exact_compensation_is_the_frictionless_loop(some):
     assert list(some.figure("velocity").errors.values())[2] == pytest.approx(error, rel=2e-3)
 
 
-@pytest.mark.parametrize("column", [1, 5])
-def test_a_run_by_python_control(bench, column):
-    """Fc and Fs 20 % low, with LSODA and the observer's own parameters in place of overrides."""
-    c = studies.OBSERVERS[column]
-    low = replace(P, Fc=0.8 * P.Fc, Fs=0.8 * P.Fs)
-    case = Case("", studies.SINE, (), scale={"Fc": 0.8, "Fs": 0.8}, duration=0.06, dt=2e-3)
-    t, ours = bench.respond("velocity", studies.VELOCITY, c, case)
-    loop = lg.velocity_loop(P, c.observer, observer_parameters=low, **c.gains)
-    theirs = simulate(loop, t, 0.1 * np.sin(2 * np.pi * t), rtol=1e-7, atol=1e-11)
-    for name in ("w", "F", "Fhat", "u", "e"):
-        values = theirs.outputs[loop.output_labels.index(name)]
-        assert ours[name] == pytest.approx(values, abs=1e-4 * max(abs(values)))
-
-
-@pytest.mark.parametrize("percent", [-30, -20, -10, 0, 10, 20, 40])
+@pytest.mark.parametrize("percent", [-30, 0, 40])
 def test_the_ranking_depends_on_the_gain(some, percent):
     """Velocity loop, no feed-forward, 0.1 rad/s at 1 Hz; k = 0.35, K1 = -10.24, K2 = 22."""
     e = level(some, percent)
     assert percent == 0 or e["proposed"] < e["k 0.35"] < e["natural"] < e["none"]
     assert e["k 20"] < e["k 5"] < e["proposed"]
-
-
-def test_a_strong_pi_without_observer_is_not_far_off(some):
-    assert level(some, -20)["Ki 160"] == pytest.approx(level(some, -20)["proposed"], rel=0.2)
-    assert level(some, -30)["Ki 160"] < level(some, -30)["proposed"]
-    assert level(some, -20)["Ki 5200"] < level(some, -20)["k 20"]
-
-
-def test_natural_and_proposed_agree_when_all_is_exact(some):
-    e = level(some, 0)
-    assert e["natural"] == pytest.approx(e["proposed"], rel=1e-4)
-    assert e["natural"] == pytest.approx(0.61e-3, abs=0.01e-3)
-    assert e["k 0.35"] == pytest.approx(0.25e-3, abs=0.01e-3)
 
 
 def test_held_at_rest_only_the_proposed_observer_corrects(some):
@@ -144,27 +92,6 @@ def test_the_position_pi_grows_as_its_poles_say(bench):
     assert found.simulated == pytest.approx(found.predicted, rel=1e-3)
 
 
-def test_the_stable_pid_settles_where_the_pi_grows(bench):
-    case, late = Case("", studies.STEP, (), duration=62.0, dt=4e-3), {}
-    for name, gains in (("pi", studies.POSITION), ("pid", runs.same_width(P))):
-        t, y = bench.respond("position", gains, studies.PROPOSED, case)
-        late[name] = runs.rms(t, y["e"], (60.0, 62.0))
-    assert late["pi"] > 0.2 and late["pid"] < 1e-5
-
-
-@pytest.mark.parametrize("kind, loop", [("sine", "velocity"), ("raised", "position")])
-def test_references_are_what_the_loops_prefilter_makes(kind, loop):
-    t, w = np.arange(0, 2.0005, 1e-3), 2 * np.pi
-    r, slope = Reference(kind, 0.1, 1.0, prefilter=True).inputs(t, loop, True)
-    command = ct.tf([2.0], [1, 2]) * (
-        ct.tf([0.1 * w], [1, 0, w**2]) if kind == "sine" else ct.tf([0.1 * w**2], [1, 0, w**2, 0])
-    )
-    assert r == pytest.approx(ct.impulse_response(command, t).outputs, abs=1e-6)
-    for _ in range(1 if loop == "velocity" else 2):
-        r = np.gradient(r, t)
-    assert slope[5:-5] == pytest.approx(r[5:-5], abs=1e-3)
-
-
 def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
     def fail(*_, **__):
         raise lg.Diverged("w grows")
@@ -172,14 +99,6 @@ def test_a_loop_that_runs_away_is_said_so(monkeypatch, bench):
     monkeypatch.setattr(lg, "simulate", fail)
     outcome = runs.run(bench, studies.INITIAL, lambda what: None)
     assert milli(outcome.rows[0].rms["none"]) == "diverges" and outcome.traces == ()
-
-
-def test_thinning_loses_no_peak():
-    t = np.arange(50_000) * 2e-3
-    y = np.sin(82.6 * t) * np.exp(t / 50)
-    x, shown = page.thinned(t, y)
-    assert len(x) <= 800 and np.all(np.diff(x) >= 0)
-    assert max(shown) == max(y) and min(shown) == min(y)
 
 
 # --- text, page, files -------------------------------------------------------------------
@@ -191,9 +110,7 @@ def test_the_text_says_it_plainly_and_names_gains(some):
     flat = " ".join(said.split())
     assert "+0.05167 +- 82.57j" in flat and "19.4 s" in flat
     assert max(map(len, said.splitlines())) <= 80
-    for part in re.findall(r"Best first[^\n]*(?:\n  [^\n]*)*", said):
-        flat = " ".join(part.split())
-        assert "K1 = -10.24, K2 = 22" in flat and "k = 0.35" in flat and "k = 20" in flat
+    assert "K1 = -10.24, K2 = 22" in flat and "k = 0.35" in flat and "k = 20" in flat
 
 
 def test_files_are_written_both_or_none(some, tmp_path):
@@ -208,17 +125,6 @@ def test_files_are_written_both_or_none(some, tmp_path):
     assert shown.tags.count("figure") == len(some.figures) + len(some.outcomes)
     ids = [value for key, value in shown.attributes if key == "id"]
     assert len(ids) == len(set(ids)) and "unstable" in "".join(shown.said)
-
-
-def test_every_column_of_the_document_has_its_gains(some):
-    document = some.to_dict()
-    assert document["schema"] == 1 and document["parameters"]["sigma0"] == 260.0
-    for study in document["studies"]:
-        names = [c["name"] for c in study["columns"]]
-        assert study["scenario"] and all(list(r["rms"]) == names for r in study["rows"])
-    columns = {c["name"]: c["gains"] for c in document["studies"][0]["columns"]}
-    assert columns["proposed"] == {"K1": -10.24, "K2": 22.0} and columns["k 20"] == {"k": 20.0}
-    assert {s["status"] for s in document["slips"]} - {"holds"}
 
 
 def test_unknown_studies_are_named():
