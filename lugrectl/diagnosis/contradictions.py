@@ -247,8 +247,8 @@ def unlike(
         votes = {run: sum(agree(x, y, 1) for y in each.values()) for run, x in each.items()}
         best = max(votes, key=votes.__getitem__)
         right, usual = each.pop(best), "the other runs" if votes[best] > 1 else names[best]
-        for run, own in each.items() if right is not None else ():
-            if agree(own, right, 1):
+        for run, own in each.items():
+            if right is None or agree(own, right, 1):
                 continue
             if own is not None and agree(own, right, 1, ABOUT):  # no unit is so small a factor
                 notes += another_friction(names[run], own[:, 1], right[:, 1], usual)

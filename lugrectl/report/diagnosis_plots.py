@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 _POINTS = 2500  # largest number of points drawn of a scatter or a line
 _DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
 STRETCH = 2.0  # s of measured and simulated motion that are shown
-_BINS = 200  # of the error over the record
 _LEAST = 60  # of the residual over a signal
 _FINE, _IN_BIN = 20, 20  # bins in a cycle of the effect, at so many samples in each
 _TURNS = 12  # harmonics up to this order are shown over one whole turn
@@ -36,11 +36,9 @@ CAPTIONS = {
     "motion": "Measured and simulated motion over the two held-out seconds where the refitted "
     "model has its largest error. The models are simulated from the recorded torque alone; where "
     "they jump, they are restarted from the measured motion.",
-    "error": "Error of the simulated motion on held-out samples, in short bins.",
     "budget": "Where the torque goes, RMS as a share of friction: blue what is missing from the "
     "model.",
     "map": "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
-    "missed": "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
     "torque": "Residual torque: single samples (dots) and their mean (lines).",
     "table": "The residual torque as a table, with its 95 % band. It describes the residual "
     "without a physical explanation.",
@@ -61,46 +59,13 @@ def motion(d: Any, ax: Axes) -> Axes:
     traces, models = d.traces, _models(d)
     cut = stretch(traces)
     cut = slice(cut.start, cut.stop, max((cut.stop - cut.start) // _POINTS, 1))
-    t, (name, unit) = traces.t[cut], _signal(d)
+    t, of = traces.t[cut], d.error or {}
+    name, unit = of.get("signal", "w"), of.get("unit") or unit_for("rad/s", motion_of(d))
     ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
     for model, values in models.items():
         ax.plot(t, values[cut], color=_CURVES[model], lw=1.3, label=f"simulated, {model}")
     ax.set(xlabel="t [s]", ylabel=f"{name} [{unit}]", xlim=(t[0], t[-1]))
     return headed(ax, "Measured and simulated, held-out samples")
-
-
-@drawn
-def error(d: Any, ax: Axes) -> Axes:
-    """RMS of measured minus simulated over the whole record, in short bins of held-out samples."""
-    traces, (name, unit) = d.traces, _signal(d)
-    curves = {n: rms_over_time(traces.t, traces.measured - x) for n, x in _models(d).items()}
-    factor, unit = readable([float(np.nanmax(rms)) for _, rms in curves.values()], unit)
-    for label, (edges, rms) in curves.items():
-        look = {"color": _CURVES[label], "lw": 1.4, "label": label}
-        ax.stairs(factor * rms, edges, baseline=None, **look)
-    floor = (d.error or {}).get("noise_floor")
-    if floor:
-        ax.axhline(factor * floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
-    ax.set(xlabel="t [s]", ylabel=f"RMS error of {name} [{unit}]")
-    ax.set_xlim(traces.t[0], traces.t[-1])
-    middles = [float(np.nanmedian(rms)) for _, rms in curves.values()]
-    if 0 < min(middles) < 0.1 * max(middles):  # else one curve would lie on the axis
-        ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=0)
-    return headed(ax, "Error over the record, held-out samples")
-
-
-def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges and RMS of an error in equal bins of the record; NaN for a bin without values."""
-    edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
-    return edges, np.sqrt(binned(t, np.square(error), edges, least=1)[1])
-
-
-def _signal(d: Any) -> tuple[str, str]:
-    """The signal that errors refer to, and its unit."""
-    error = d.error or {}
-    return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
 
 
 def _models(d: Any) -> dict[str, np.ndarray]:
@@ -156,7 +121,7 @@ def torque(d: Any, ax: Axes) -> Axes:
         ax.plot(x, mean, color="white", lw=3.6)
         ax.plot(x, mean, color=color, lw=2.0, label=f"{label}, mean")
         shown += list(mean[np.isfinite(mean)])
-    times = f" x sign({view.times})" if view.times else ""
+    times = " x sign(w)" * view.signed
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
     ax.set_ylim(min(shown) - margin, max(shown) + margin)
@@ -176,9 +141,9 @@ class Residual:
 
     x: np.ndarray
     label: str
-    before: np.ndarray  # of the refitted model, times the sign of the signal ``times``, if any
+    before: np.ndarray  # of the refitted model, times the sign of w where ``signed``
     after: np.ndarray | None  # of the augmented model, None if it is the same
-    times: str
+    signed: bool
     held_out: bool
     span: float = 0.0  # modulo which x is shown, 0 if as it is
     cycles: float = 1.0  # of the effect in that
@@ -192,74 +157,49 @@ class Residual:
 
 
 def residual(d: Any) -> Residual | None:
-    """The residual torque against the signal that explains it; None without traces."""
+    """The residual torque against the signal that explains it; None without traces. Of an effect
+    that changes a friction parameter the sign of w is taken out."""
     traces = getattr(d, "traces", None)
     if traces is None or not np.isfinite(traces.residual.get("refitted", np.nan)).any():
         return None
-    before: np.ndarray = traces.residual["refitted"]
-    block, values = None, {}  # of the best effect
-    if d.effects and d.verdict != "unexplained":
-        first = d.effects[0]
-        block = members("effect").get(first.name)
-        values = {k: e.value for k, e in first.parameters.items()}
-    times = _times(d, block)
-    x, label, span, cycles = _explaining(d, times, block, values)
-    after = traces.residual.get("augmented")
-    sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
+    before, after = traces.residual["refitted"], traces.residual.get("augmented")
+    first = d.effects[0] if d.effects and d.verdict != "unexplained" else None
+    block = members("effect").get(first.name) if first else None
+    values = {k: e.value for k, e in first.parameters.items()} if first else {}
+    signals = {"t": traces.t, **traces.signals}
+    own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
+    name = next((s for s in [*own, *d.depends_on, "w", "theta"] if s in signals), "t")
+    signed = bool(block and block.acts and block.acts not in (("torque",), ("input",)))
+    sign = np.sign(signals["w"]) if signed and "w" in signals else np.ones(len(traces.t))
+    x, motion = signals[name], motion_of(d)
     good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
-    if not good.any():
-        return None
     held_out = bool((good & traces.held_out).any())
     good = good & traces.held_out if held_out else good
+    if not good.any():
+        return None
     if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
         after = None
-    before, after = before * sign, None if after is None else (after * sign)[good]
-    return Residual(x[good], label, before[good], after, times, held_out, span, cycles)
+    unit, span, cycles = si_unit(name, motion), _period(name, block, values, motion), 1.0
+    if span and np.ptp(x[good]) > span:
+        turn = "one turn" if span == 2 * np.pi and motion == "rotary" else f"{span:.4g} {unit}"
+        cycles, x = max(values.get("harmonic", 1.0) * span / (2 * np.pi), 1.0), np.mod(x, span)
+        label = f"{name} modulo {turn} [{unit}]"
+    else:
+        span, label = 0.0, f"{name} [{unit}]" if unit else name
+    before, after = (before * sign)[good], None if after is None else (after * sign)[good]
+    return Residual(x[good], label, before, after, signed, held_out, span, cycles)
 
 
-def _times(d: Any, block: Block | None) -> str:
-    """The signal whose sign the residual is multiplied by, "" if none: w if an effect changes a
-    friction parameter; of an unexplained residual that depends on two signals a, else u, else w."""
-    signals = d.traces.signals
-    if block is None:
-        pair = d.depends_on if d.verdict == "unexplained" and len(d.depends_on) == 2 else ()
-        return next((s for s in "auw" if s in pair and s in signals), "")
-    plain = block.acts in (("torque",), ("input",)) or not block.acts
-    return "w" if "w" in signals and not plain else ""
-
-
-def _explaining(
-    d: Any, times: str, block: Block | None, values: dict[str, float]
-) -> tuple[np.ndarray, str, float, float]:
-    """The abscissa, its label, what it is folded over and how often the effect repeats in that."""
-    signals = {"t": d.traces.t, **d.traces.signals}
-    own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
-    wanted = [*own, *(s for s in d.depends_on if block or s != times)]
-    name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
-    motion = motion_of(d)
-    unit, x = si_unit(name, motion), signals[name]
-    if block and block.acts == ("input",) and block.states and name == "u":
-        return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]", 0.0, 1.0
-    period = _period(name, block, values, motion)
-    if period and np.ptp(x[np.isfinite(x)]) > period:
-        turn = "one turn" if period == 2 * np.pi and motion == "rotary" else f"{period:.4g} {unit}"
-        cycles = max(values.get("harmonic", 1.0) * period / (2 * np.pi), 1.0)
-        return np.mod(x, period), f"{name} modulo {turn} [{unit}]", period, cycles
-    return x, f"{name} [{unit}]" if unit else name, 0.0, 1.0
-
-
-def _period(name: str, block: Block | None, values: dict[str, float], motion: str) -> float | None:
-    """The period modulo which a signal is shown, None if it is shown as it is."""
-    if "frequency" in values and name == "t":
-        return 1.0 / values["frequency"]
-    if name not in ("theta", "theta_load"):
-        return None
+def _period(name: str, block: Block | None, values: Mapping[str, float], motion: str) -> float:
+    """The period modulo which a signal is shown, 0 if it is shown as it is."""
     order = values.get("harmonic", 1.0)
-    if motion == "linear":
-        return 2 * np.pi / order if "harmonic" in values else None
-    if block is not None and "phase" not in block.parameters:
-        return None
-    return 2 * np.pi if order <= _TURNS else 2 * np.pi / order
+    if name == "t" and "frequency" in values:
+        return 1.0 / values["frequency"]
+    if not name.startswith("theta") or (block is not None and "phase" not in block.parameters):
+        return 0.0
+    if motion == "linear" or order > _TURNS:
+        return 2 * np.pi / order if "harmonic" in values else 0.0
+    return 2 * np.pi
 
 
 # --- budget, friction map, prediction errors -----------------------------------------------
@@ -289,7 +229,9 @@ def bars(d: Any, ax: Axes) -> Axes:
 @drawn
 def friction_map(made: Any, ax: Axes) -> Axes:
     """Mean torque over speed, one point with its 95 % bar per run, and the models' curves."""
-    factor, name = _labelled(made, ax, "mean", made.u)
+    factor, unit = readable([float(np.max(np.abs(made.u)))], unit_for("N m", made.motion))
+    name = "torque" if made.motion == "rotary" else "force"
+    ax.set(xlabel=f"w [{unit_for('rad/s', made.motion)}]", ylabel=f"mean {name} [{unit}]")
     left = made.at < 0.0
     for model, curve in made.curves.items():
         for side, label in ((left, model), (~left, None)):
@@ -298,26 +240,6 @@ def friction_map(made: Any, ax: Axes) -> Axes:
         y, bars = (factor * values[which] for values in (made.u, Z95 * made.error))
         ax.errorbar(made.w[which], y, bars, color=MEASURED, mfc=face, label=label, **_RUN)
     return headed(ax, f"Mean {name} over speed, one point for each run")
-
-
-@drawn
-def missed(made: Any, ax: Axes) -> Axes:
-    """Mean torque of each run minus that of the models at its speed."""
-    rest = {k: made.u - np.interp(made.w, made.at, curve) for k, curve in made.curves.items()}
-    factor, name = _labelled(made, ax, "residual", rest["refitted"])
-    for model, left in rest.items():
-        y, bars = factor * left, factor * Z95 * made.error
-        ax.errorbar(made.w, y, bars, color=_CURVES[model], label=model, **_RUN)
-    ax.axhline(0.0, color=MEASURED, lw=1.0)
-    return headed(ax, f"Residual {name}, measured minus model")
-
-
-def _labelled(made: Any, ax: Axes, which: str, values: np.ndarray) -> tuple[float, str]:
-    """Label the axes; returns the factor that brings the torque into its unit, and its name."""
-    factor, unit = readable([float(np.max(np.abs(values)))], unit_for("N m", made.motion))
-    name = "torque" if made.motion == "rotary" else "force"
-    ax.set(xlabel=f"w [{unit_for('rad/s', made.motion)}]", ylabel=f"{which} {name} [{unit}]")
-    return factor, name
 
 
 @drawn
@@ -342,10 +264,8 @@ def figures(d: Any) -> list[Figure]:
     loop, simulates = getattr(d, "compensation", None), getattr(d, "traces", None)
     of = {
         "motion": (motion, d if simulated(simulates, "refitted") is not None else None),
-        "error": (error, d if simulated(simulates, "refitted") is not None else None),
         "budget": (bars, d if getattr(getattr(d, "comparison", None), "budget", ()) else None),
         "map": (friction_map, getattr(d, "map", None)),
-        "missed": (missed, getattr(d, "map", None)),
         "torque": (torque, d if residual(d) is not None else None),
         "table": (loop_plots.table, getattr(d, "table", None)),
         "tracking": (loop_plots.tracking, loop if loop is not None and loop.runs else None),

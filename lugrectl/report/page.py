@@ -47,13 +47,6 @@ _STYLE = """
   overflow-x: auto; }
 .lugrectl .prose td { white-space: normal; vertical-align: top; }
 .lugrectl.fleet { max-width: 76rem; }
-.fleet .table > table { width: 100%; }
-.lugrectl.fleet td.log { display: table-cell; white-space: normal; overflow-wrap: anywhere;
-  min-width: 8rem; }
-.fleet tr.more > * { border-bottom: none; }
-.fleet td.what { white-space: normal; padding: 0 0 .5rem 1.2rem; color: #4a5563; }
-.fleet .tag { border-left-width: .35rem; border-left-style: solid; padding-left: .5rem; }
-.fleet .failed { border-color: #b03a2e; }
 """
 _ALONE = """
 @media (max-width: 36rem) {
