@@ -14,7 +14,7 @@ ARM = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.1, "ph
 NOISE = 1e-3
 
 
-def log(model=TRUE, seconds=20.0, rate=500.0, seed=0, noise=NOISE, channels=("w",)):
+def log(model=TRUE, seconds=14.0, rate=500.0, seed=0, noise=NOISE, channels=("w",)):
     """A simulated log under a held torque of six sines, and more sensors than it records."""
     random = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate
@@ -34,7 +34,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def plain():
-    return lg.diagnose(log(rate=1000.0), TRUE)
+    return lg.diagnose(log(), TRUE)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_the_error_is_that_of_the_traces(plain):
 def test_held_out_blocks_are_long(plain):
     edges = np.flatnonzero(np.diff(np.r_[0, plain.traces.held_out.astype(int), 0]))
     lengths = np.diff(edges)[::2]
-    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 1000)
+    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 500)
 
 
 def test_the_last_half_is_held_out(record):
@@ -85,6 +85,8 @@ def test_the_last_half_is_held_out(record):
     assert found.free_error["augmented"] == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_record_is_held_out_whatever_its_rate_and_channels(record):
     other = log(rate=250.0, seed=2, channels=("w", "theta"))
     found = lg.diagnose(record, TRUE, holdout=other)
@@ -100,6 +102,8 @@ def test_no_fit_sees_a_record_that_is_held_out(record):
     assert after.model.values() == pytest.approx(before.model.values(), rel=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_position_in_coarse_counts():
     record = log(channels=("theta",), noise=0.0)
     count = 2.0 * np.pi / 4096

@@ -252,6 +252,8 @@ def test_processes_started_inside_have_one_thread(monkeypatch):
         assert "NUMBA_NUM_THREADS" not in os.environ
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_processes_give_what_one_gives_and_read_themselves(logs):
     """Logs too short to be diagnosed, so that it is quick."""
     for name in ("axis1", "axis2", "axis10"):

@@ -62,10 +62,3 @@ def test_a_note_on_moved_values_says_the_values_of_the_table():
     for key in ("J", "Fc"):
         shown, interval = with_interval(found.estimates[key])
         assert f"{key} is {shown} [{interval.replace(' to ', ', ')}]" in notes
-
-
-def test_a_torque_in_another_unit_is_no_load():
-    """All of u a thousand times too large: inertia and friction grow alike."""
-    found = lg.diagnose(LOG | {"u": 1e3 * LOG["u"]}, small_answers.DRIVE)
-    assert found.verdict == "adequate"
-    assert any("the scale of u is wrong" in note for note in found.messages)
