@@ -19,16 +19,6 @@ from ..torque_balance.verdict import PLANT, common_factor
 from .asked import Asked
 from .result import Diagnosis
 
-# how such a note begins, behind the name of its log where there are several, the gravest first
-GRAVE = (
-    r"The header says ",  # another unit was given than the log states
-    r"\w+ is stated in \S+ but in fact in ",  # the data contradict it
-    r"u and \w+ seem to be swapped",
-    r"The declared law '\S+' (has no \w+ friction|does not fit)",
-    r"The errors of a simulation are left out",
-    r"The values are those of the torque balance alone",
-    r"On held-out samples the simulation with the added effect misses",
-)
 # what the reader and the balance notice both: the words of the balance are kept
 SAME = (
     (r"w lags theta by ", r"w is \S+ ms behind dtheta/dt"),
@@ -49,11 +39,6 @@ SCALE = (
     "all by the factor {:.3g}: if the declared values are right, the scale of u is wrong (torque "
     "constant, gear ratio)"
 )
-DEAD_ZONE = (
-    "if the declared values are right, check the actuator, too: while u and w have the same sign, "
-    "its dead zone acts like Fc; record braking by the torque to distinguish them"
-)
-
 ADVICE = {  # if the residual depends on several of these signals, the first one counts
     "t": "repeat the same run, cold and warm, and log temperature and load as well. What returns "
     "at the same times depends on the motion",
@@ -92,25 +77,19 @@ def refusal(
 def noted(asked: Asked, notes: Sequence[str]) -> tuple[str, ...]:
     """What was noticed of the model and the records, and the notes of an answer, each once."""
     seen = [message for record in asked.seen for message in record.messages]
-    return said_once([*asked.model.remarks(), *seen], [*asked.noticed, *notes])
+    return said_once([*asked.model.remarks(), *seen], [*notes, *asked.noticed])
 
 
 def said_once(said: Sequence[str], notes: Sequence[str]) -> tuple[str, ...]:
-    """The sentences of the reader, then those of an answer, each thing said once, on one of several
-    logs with its name only; those first that say why values or names may be wrong."""
+    """The sentences of an answer, then those of the reader, each thing said once, on one of several
+    logs with its name only."""
     bare = {note.split(": ", 1)[1] for note in notes if ": " in note}
     kept = [s for s in said if s not in bare and not any(_same(s, n) for n in notes)]
-    return tuple(sorted(dict.fromkeys([*kept, *notes]), key=_rank))
+    return tuple(dict.fromkeys([*notes, *kept]))
 
 
 def _same(sentence: str, note: str) -> bool:
     return any(re.search(mine, sentence) and re.search(its, note) for mine, its in SAME)
-
-
-def _rank(note: str) -> int:
-    """The place of a note's kind; that of all which are not grave is the last."""
-    found = (i for i, start in enumerate(GRAVE) if re.match(rf"(\S.*?: )?{start}", note))
-    return next(found, len(GRAVE))
 
 
 # ---- values that moved
@@ -125,8 +104,6 @@ def moved(found: Mapping[str, Estimate], declared: Model) -> list[str]:
     large = {k: x for k, x in factors.items() if abs(x - 1.0) > FAR}
     if factor := common_factor(large):
         said.append(SCALE.format(factor))
-    elif large.get("Fc", 0.0) > 1.0:
-        said.append(DEAD_ZONE)
     notes = [LEFT.format("; ".join(said))] if said else []
     for key, one in declared.stated.items():
         for name, end in (("min", one.low), ("max", one.high)):
