@@ -94,7 +94,7 @@ def demo(a: Namespace) -> int:
 def _fitted(work: Any, a: Namespace) -> int:
     """Fit, print and write; a record that cannot answer gives the verdict "refused"."""
     from ..blocks.extending import files_loaded
-    from ..diagnosis.notes import refusal
+    from ..diagnosis.result import refusal
     from ..report import FILES, check_folder
 
     model = fixed(declared(a), a)

@@ -32,10 +32,8 @@ from ..torque_balance.verdict import Answer
 from .asked import Asked
 from .contradictions import contradicted, unfit_law
 from .mapped import judged_on
-from .notes import moved, noted
-from .simulation.judge import Judged, errors, residuals, torque_noise
-from .simulation.polishing import polish
-from .simulation.records import Prepared, prepared
+from .result import moved, noted
+from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
 
 NO_INERTIA = (
     "The log does not determine the inertia, and none is declared: what is named does not depend "

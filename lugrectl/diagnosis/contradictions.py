@@ -96,7 +96,7 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
         said = SIGN.format(option("scale", "u=-1"))
         return replace(other, unlike=found.unlike, against=(said,), hopeless=True)
     given = option("columns", f"u=NAME,{role}=NAME")
-    said = SWAPPED.format(role, 100.0 * other.left, given)
+    said = SWAPPED.format(role, 100.0 * (other.left or 0.0), given)
     return replace(found, refused=found.refused and said, against=(said,), hopeless=True)
 
 

@@ -25,8 +25,7 @@ from .asked import Asked, judged_by
 from .balanced import Begun, Ended
 from .compare_laws import under_law
 from .mapped import of_map, torque_errors
-from .notes import longer, next_experiment, refusal, short
-from .result import Diagnosis
+from .result import Diagnosis, longer, next_experiment, refusal, short
 
 NO_MOTION = "The errors of a simulation are left out: {} {}"
 WORSE = (

@@ -19,7 +19,7 @@ from .asked import Asked, judged_by
 from .balanced import Begun
 from .compare_laws import under_law
 from .mapped import of_map
-from .notes import INERTIA
+from .result import INERTIA
 
 NOTHING = "no value of the model is certain from this record alone, nor its inertia."
 ONLY_PLAIN = "The values are those of the torque balance alone, without errors of a simulation: {}"

@@ -22,7 +22,7 @@ from ..torque_balance.maps import MapView, Nodes, Run, is_map
 from ..torque_balance.verdict import Answer
 from .asked import Asked
 from .result import Diagnosis
-from .simulation.records import Span
+from .simulation import Span
 
 FINE = 400  # speeds at which the curves are drawn
 LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated

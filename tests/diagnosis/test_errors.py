@@ -14,7 +14,7 @@ ARM = lg.Model.of(lg.table1(), effects={"name": "gravity", "amplitude": 0.1, "ph
 NOISE = 1e-3
 
 
-def log(model=TRUE, seconds=14.0, rate=500.0, seed=0, noise=NOISE, channels=("w",)):
+def log(model=TRUE, seconds=20.0, rate=500.0, seed=0, noise=NOISE, channels=("w",)):
     """A simulated log under a held torque of six sines, and more sensors than it records."""
     random = np.random.default_rng(seed)
     t = np.arange(round(seconds * rate)) / rate

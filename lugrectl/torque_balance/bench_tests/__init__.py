@@ -20,16 +20,18 @@ from ...core.numeric import Z95, rms
 from ...estimates.bench_test import ALONE, ONE_WAY, BenchTable, BenchTest, in_words
 from ...estimates.findings import Estimate
 from ...record import Log
-from .motion import Motion, Piece, motions
-from .regression import (
+from .strokes import (
     IMPULSES,
     SCALE,
     Fitted,
+    Motion,
+    Piece,
     Stroke,
     Values,
     best,
     interval,
     likely,
+    motions,
     solved,
     stroked,
 )
