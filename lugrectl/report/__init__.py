@@ -58,8 +58,8 @@ def _parts(d: Any) -> Iterator[Section | Figure | str]:
 
     plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}
     budget, balance, said = plots.pop("budget", None), getattr(d, "plain", None), sections(d)
-    seen = balance is not None and balance.stretches
-    log = [beside(diagnosis_plots.log_figures(balance))] if seen else []
+    log = diagnosis_plots.log_figures(balance) if balance is not None else []
+    log = [beside(log)] if log else []
     if not said or said[0].title != BUDGET:
         yield from log
     for part in said:
