@@ -121,17 +121,11 @@ def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def folder_names(files: Iterable[str]) -> list[str]:
-    """A folder name for each log, its own in any case of letters; more of its path if needed."""
-    paths = [Path(file) for file in files]
-    stems = [path.stem.casefold() for path in paths]
+    """A folder name for each log, its own in any case of letters."""
     used, names = {name.casefold() for name in INDEX}, []
-    for path, shown in zip(paths, map(Path, _shown(list(map(str, paths)))), strict=True):
-        name = path.stem
-        if stems.count(name.casefold()) > 1:
-            above = [part for part in shown.parent.parts if part not in ("..", path.anchor)]
-            name = "-".join([*above, name])
-        wanted = name.strip(" .") or "log"
-        tries = itertools.chain([wanted], (f"{wanted}-{n}" for n in itertools.count(2)))
+    for file in files:
+        stem = Path(file).stem.strip(" .") or "log"
+        tries = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
         names.append(next(name for name in tries if name.casefold() not in used))
         used.add(names[-1].casefold())
     return names

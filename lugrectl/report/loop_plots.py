@@ -426,7 +426,9 @@ def bode(found: Any) -> Sequence[Axes]:
         floor = np.nanmin(size) - 20.0  # a band that reaches 0 ends there
         ax.fill_between(f, np.maximum(low, floor), high, color=LINE, alpha=0.25, lw=0)
         for mode in found.modes:
-            _mode(ax, mode.frequency / (2.0 * np.pi), mode.kind == "antiresonance")
+            hertz, dots = mode.frequency / (2.0 * np.pi), mode.kind == "antiresonance"
+            look = {"color": MARK, "lw": 0.9, "ls": ":" if dots else "--"}
+            ax.axvline(hertz, **look, label=f"{mode.kind} {hertz:.3g} Hz")
         ax.set(ylabel=f"|P| [dB of {found.unit}]")
         bad = f[found.governed]
         headed(ax, f"Friction governs {bad[0]:.3g} to {bad[-1]:.3g} Hz" if len(bad) else "")
@@ -446,21 +448,6 @@ def bode(found: Any) -> Sequence[Axes]:
         ax.set_xlim(f[0], f[-1])
         octaves(ax)
     return axes
-
-
-def _mode(ax: Axes, hertz: float, lower: bool) -> None:
-    """A line where the axis resonates; dotted, and named below, an antiresonance."""
-    ax.axvline(hertz, color=MARK, ls=":" if lower else "--", lw=0.9)
-    ax.annotate(
-        f"{hertz:.3g} Hz ",
-        (hertz, 0.02 if lower else 0.98),
-        xycoords=("data", "axes fraction"),
-        rotation=90,
-        fontsize="x-small",
-        color=MARK,
-        ha="right",
-        va="bottom" if lower else "top",
-    )
 
 
 def tuning(found: Any) -> Sequence[Axes]:

@@ -26,11 +26,7 @@ _STYLE = """
 .lugrectl .ambiguous, .lugrectl .unexplained { border-color: #c47f17; }
 .lugrectl .refused { border-color: #b03a2e; }
 .lugrectl .equation { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
-.lugrectl .table { overflow-x: auto; background:
-    linear-gradient(to right, #fff 40%, transparent) left / 3rem 100% no-repeat local,
-    linear-gradient(to left, #fff 40%, transparent) right / 3rem 100% no-repeat local,
-    linear-gradient(to right, #b8c1cc, transparent) left / .9rem 100% no-repeat scroll,
-    linear-gradient(to left, #b8c1cc, transparent) right / .9rem 100% no-repeat scroll; }
+.lugrectl .table { overflow-x: auto; }
 .lugrectl table { border-collapse: collapse; font-size: .92rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
 .lugrectl th, .lugrectl td { padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e6eaef;
@@ -49,24 +45,9 @@ _STYLE = """
 .lugrectl.fleet { max-width: 76rem; }
 """
 _ALONE = """
-@media (max-width: 36rem) {
-  .lugrectl { font-size: 15px; }
-  .lugrectl table { font-size: .8rem; }
-  .lugrectl th, .lugrectl td { padding-right: .55rem; }
-  .lugrectl td:first-child { white-space: normal; min-width: 5rem; }
-}
 :root { color-scheme: light; }
 body { margin: 0; padding: 1.5rem 1rem 3rem; background: #fff; }
 .lugrectl { margin: 0 auto; }
-@media print {
-  body { padding: 0; }
-  .lugrectl { max-width: none; font-size: 11pt; }
-  .lugrectl h2 { break-after: avoid; }
-  .lugrectl table, .lugrectl pre { break-inside: avoid; }
-  .lugrectl .table, .lugrectl pre { overflow: visible; }
-  .lugrectl .verdict { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
-}
-@page { margin: 18mm; }
 """
 
 

@@ -200,7 +200,7 @@ def test_each_log_has_a_folder_of_its_own(files):
 
 def test_folders_say_which_log():
     files = [f"logs/{name}" for name in ("left/run.csv", "right/run.csv", "axis.csv", "axis.mat")]
-    assert fleet_page.folder_names(files) == ["left-run", "right-run", "axis", "axis-2"]
+    assert fleet_page.folder_names(files) == ["run", "run-2", "axis", "axis-2"]
     assert fleet_page.folder_names(["/x/a.csv", "b.csv"]) == ["a", "b"]
 
 

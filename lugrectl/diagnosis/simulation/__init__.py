@@ -432,8 +432,7 @@ def fitted(ready: Prepared, model: Model) -> Fit:
     structure = _Structure(model.motion, tuple((p.key, id(p.block)) for p in parts), model)
     drive, key = _drive(structure), (structure.parts, *values.values())
     if key not in memory:
-        memory[key] = Fit(drive, values, tuned(ready, drive, values, memory.get("jump")))
-        memory["jump"] = memory[key].jump
+        memory[key] = Fit(drive, values, tuned(ready, drive, values))
     return memory[key]
 
 
@@ -451,30 +450,18 @@ def _drive(structure: _Structure) -> Drive:
     return Drive(structure.model)
 
 
-def tuned(ready: Prepared, drive: Drive, values: Values, begun: float | None = None) -> float:
-    """The noise of dw/dt, rad/s2, that makes training windows likeliest; climbs from ``begun``."""
+def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
+    """The noise of dw/dt, rad/s2, that makes training windows likeliest."""
     usual, few = max(run.usual for run in ready.runs), spread(ready.train, SAMPLES)
 
     def totals(logs: np.ndarray) -> np.ndarray:
         made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
         return np.maximum(np.nan_to_num(made.sum(axis=1), nan=-np.inf), -(WORST**3))
 
-    best = COARSE[np.argmax(totals(COARSE)) if begun is None else _climbed(totals, begun / usual)]
+    best = COARSE[np.argmax(totals(COARSE))]
     a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
     peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
     return usual * float(np.exp(best + peak))
-
-
-def _climbed(totals: Callable[[np.ndarray], np.ndarray], begun: float) -> int:
-    """The place of the likeliest of COARSE, from the one next to a factor on."""
-    best, at, known = int(np.argmin(np.abs(COARSE - np.log(begun)))), -1, dict[int, float]()
-    while best != at:
-        at = best
-        near = range(max(at - 1, 0), min(at + 2, len(COARSE)))
-        if new := [i for i in near if i not in known]:
-            known |= zip(new, totals(COARSE[new]).tolist(), strict=True)
-        best = max(near, key=lambda i: known[i])
-    return best
 
 
 def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
@@ -799,7 +786,7 @@ class _Climb:
             moved = moved or fit.values is not sets[0]
         if not moved:
             return self.begun
-        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values, fit.jump))
+        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values))
 
     def up(self, fit: Fit) -> Fit:
         """Gauss-Newton steps, shorter where the whole one loses, each with the best noise."""
