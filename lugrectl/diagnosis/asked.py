@@ -52,12 +52,10 @@ class Asked:
 
     @property
     def stretches(self) -> list[Stretch]:
-        """The logs as they were recorded, on even time."""
         return self._read[0]
 
     @property
     def noticed(self) -> tuple[str, ...]:
-        """What was noticed when the logs were read."""
         logs = self._as_recorded
         common = set(logs[0].messages).intersection(*(log.messages for log in logs))
         reading = [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
@@ -112,12 +110,10 @@ class Asked:
 
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
-    """The plain answer to logs that were read."""
     return Asked(tuple(logs), model).plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
-    """The time between restarts in s, and the seed."""
     return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
 
 

@@ -126,11 +126,9 @@ class Ended:
         return [*notes, *(self.judged.messages if self.judged else ())]
 
     def changes(self) -> list[str]:
-        """Sentences on the declared values that the fit has left."""
         return moved(self.values.estimates, self.asked.model)
 
     def fields(self, notes: Sequence[str]) -> dict[str, Any]:
-        """Those of a result."""
         judged, values, seen = self.judged, self.values, self.asked.seen
         return {
             "error": judged and judged.error,

@@ -157,7 +157,6 @@ def _far(value: float, e: Estimate) -> bool:
 
 
 def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
-    """ "J is held at 22 kg m2, but this log says 0.0022 kg m2 (0.0021 to 0.0023): ..." """
     stated = model.stated[key]
     how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
     unit = model.unit(key)
@@ -228,7 +227,6 @@ def fault(
 
 
 def of_motion(parts: Sequence[Stretch], model: Model) -> Mapping[str, float]:
-    """Units and scales of the channel that the motion is taken from."""
     linear, turns = model.motion == "linear", parts[0].theta is not None
     return (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
 

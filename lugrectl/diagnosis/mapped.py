@@ -113,7 +113,6 @@ def _said(
 
 
 def torque_errors(made: Answer) -> dict[str, Any]:
-    """RMS torque errors in the rows that are held out."""
     return {
         "unit": unit_for("N m", made.view.model.motion),
         "declared": made.declared_error,

@@ -200,7 +200,6 @@ def refusal(
 
 
 def noted(asked: Asked, notes: Sequence[str]) -> tuple[str, ...]:
-    """What was noticed of the model and the records, and the notes of an answer, each once."""
     seen = [message for record in asked.seen for message in record.messages]
     return said_once([*asked.model.remarks(), *seen], [*notes, *asked.noticed])
 
@@ -253,7 +252,6 @@ def _agrees(declared: float, found: Estimate) -> bool:
 
 
 def _changed(key: str, found: Estimate, declared: float, unit: str) -> str:
-    """ "J is 0.0022 [0.0021, 0.0023], declared 0.002 kg m2"."""
     value, interval = with_interval(found)
     said = MOVED.format(key, value, interval.replace(" to ", ", "), declared)
     return said if unit == "1" else f"{said} {unit}"

@@ -53,7 +53,6 @@ def _page(d: Any, more: list[str]) -> Page:
 
 
 def _parts(d: Any) -> Iterator[Section | Figure | str]:
-    """Sections, each with its figures; the log stands below the budget, or first."""
     from . import diagnosis_plots
 
     plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}

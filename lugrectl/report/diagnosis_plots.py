@@ -40,7 +40,6 @@ _COLUMNS = 78  # of a line of remarks
 
 
 def plot(balance: Balance) -> list[Axes]:
-    """All panels in one new figure of pyplot; returns their Axes."""
     panels = [figure.draw for figure in log_figures(balance)]
     return on_pyplot([*panels, *([partial(remarks, balance)] if balance.said else [])], columns=2)
 
@@ -52,7 +51,6 @@ def log_figures(balance: Balance) -> list[Figure]:
 
 
 def _panels(balance: Balance) -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Caption and plot."""
     some = balance.stretches[0]
     motion = [role for role in ("w", "theta") if getattr(some, role) is not None]
     shaded = "; shaded: left out" if any(not one.ok.all() for one in balance.stretches) else ""
@@ -97,7 +95,6 @@ def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
 
 @drawn
 def curve(balance: Balance, ax: Axes) -> Axes:
-    """Friction torque in bins of speed, both directions."""
     points, values = balance.curve, balance.values()
     w, torque = (np.array([getattr(p, k) for p in points]) for k in ("w", "torque"))
     factor, unit = readable([np.abs(torque).max(initial=0.0)], unit_for("N m", balance.motion))
@@ -165,7 +162,6 @@ def _between_runs(balance: Balance, ax: Axes) -> None:
 
 @drawn
 def remarks(balance: Balance, ax: Axes) -> Axes:
-    """What was noticed while the log was read, as text."""
     bullet: Any = {"initial_indent": "- ", "subsequent_indent": "  "}
     lines = [line for note in balance.said for line in textwrap.wrap(note, _COLUMNS, **bullet)]
     if len(lines) > _LINES:
@@ -177,7 +173,6 @@ def remarks(balance: Balance, ax: Axes) -> Axes:
 
 
 def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times, least and greatest values in so many bins; the samples themselves if there are few."""
     if len(x) <= 2 * _BINS:
         return t, x, x
     edges = np.linspace(0, len(x), _BINS + 1).astype(int)[:-1]
@@ -220,7 +215,6 @@ _LAGS = {
 
 @drawn
 def motion(d: Any, ax: Axes) -> Axes:
-    """Measured and simulated signal over the two held-out seconds with the largest error."""
     traces, models = d.traces, _models(d)
     cut = stretch(traces)
     cut = slice(cut.start, cut.stop, max((cut.stop - cut.start) // _POINTS, 1))
@@ -242,7 +236,6 @@ def _models(d: Any) -> dict[str, np.ndarray]:
 
 
 def simulated(traces: Traces | None, name: str) -> np.ndarray | None:
-    """A simulated trace, or None if it is missing or all NaN."""
     values = traces.simulated.get(name) if traces is not None else None
     return values if values is not None and np.isfinite(values).any() else None
 
@@ -372,7 +365,6 @@ def _period(name: str, block: Block | None, values: Mapping[str, float], motion:
 
 @drawn
 def bars(d: Any, ax: Axes) -> Axes:
-    """The torque budget as bars."""
     parts = d.comparison.budget[::-1]
     colours = [_TERMS[kind(s.term)] for s in parts]
     ax.barh(range(len(parts)), [100.0 * s.share for s in parts], color=colours, height=0.7)
@@ -409,7 +401,6 @@ def friction_map(made: Any, ax: Axes) -> Axes:
 
 @drawn
 def correlations(r: Any, ax: Axes) -> Axes:
-    """Autocorrelation and cross-correlation over the lag, with their 99 % bound."""
     ax.axhspan(-r.bound, r.bound, color="#e6eaef", label="99 % of chance")
     for i, (name, (colour, label)) in enumerate(_LAGS.items()):
         first = 1 if name == "autocorrelation" else 0

@@ -28,7 +28,6 @@ _NOTE = (
 
 
 def headline(fleet: Any) -> tuple[str, str]:
-    """The counts of the verdicts, and one sentence on what was diagnosed."""
     n, left = len(fleet.outcomes), len(fleet.unfinished)
     counts = ", ".join(f"{many} {verdict}" for verdict, many in fleet.counts.items() if many)
     title = f"{n} log{'s' * (n != 1)}: {counts}" if n else "no log finished"
@@ -40,7 +39,6 @@ def headline(fleet: Any) -> tuple[str, str]:
 
 
 def text(fleet: Any) -> str:
-    """The table; each log is followed by what was found or why there is no answer."""
     title, meaning = headline(fleet)
     lines = [title, wrapped(meaning, "  ")]
     if fleet.rows:
@@ -88,7 +86,6 @@ def _shown(files: Sequence[str]) -> list[str]:
 
 
 def page(fleet: Any, links: Mapping[str, str] | None = None) -> Page:
-    """The table as a page that links to the reports."""
     shown = _shown([row["file"] for row in fleet.rows])
     cells = (
         (*_cells(row, name), "; ".join(details(row)))
@@ -142,6 +139,5 @@ def write_all(fleet: Any, folder: str | Path) -> list[Path]:
 
 
 def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:
-    """Write index.html and summary.csv; returns their paths."""
     made = (page(fleet, links).html(), table_csv(fleet, links))
     return written(dict(zip(INDEX, made, strict=True)), Path(folder), "table")

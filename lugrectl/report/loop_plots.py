@@ -51,7 +51,6 @@ MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
 @drawn
 def table(made: Any, ax: Axes) -> Axes:
-    """The table with its 95 % band; two lines if each direction has its own."""
     rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
     ways = _WAYS if len(rows) == 2 else (("table", AFTER),)
     x = made.points
@@ -189,7 +188,6 @@ def regions(found: Any, ax: Axes) -> Axes:
 
 @drawn
 def sweep(found: Any, ax: Axes, output: str | None = None) -> Axes:
-    """Median and 5 to 95 % range of one signal of a sweep."""
     if output is None and (found.y is None or not found.outputs):
         raise InputError("this sweep holds no outputs to plot (with reduce none are kept).")
     name = found.outputs[0] if output is None else output
@@ -215,7 +213,6 @@ TURNED = -450.0  # deg: a dead time turns on and on, far below every margin
 
 
 def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
-    """Re T(jw) with the band edge and the margin, and the Nyquist curve."""
     edge = verdict.band_edge
     w, T = _curve(verdict, edge)
     of = name_of(verdict._source)
@@ -243,7 +240,6 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
 
 
 def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
-    """|T(jw)| with its largest value."""
     at = verdict.frequency
     w, T = _curve(verdict, at)
 
@@ -263,7 +259,6 @@ def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
 
 
 def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
-    """Magnitude and phase with the bandwidth."""
     width = verdict.bandwidth
     w, T = _curve(verdict, width)
     decibel = _decibel(T)
@@ -362,7 +357,6 @@ def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
 
 
 def _curve(verdict: Any, at: float) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies, ``at`` among them where it is one, and the response there."""
     return curve(verdict._source, *([at] if math.isfinite(at) else []))
 
 
@@ -451,7 +445,6 @@ def bode(found: Any) -> Sequence[Axes]:
 
 
 def tuning(found: Any) -> Sequence[Axes]:
-    """L(jw) about -1, and the answer to a step of the reference."""
     return on_pyplot(_of_gains(found), columns=2)
 
 

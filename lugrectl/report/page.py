@@ -71,7 +71,6 @@ class Section:
     prose: tuple[int, ...] = ()  # columns of sentences, which a text reads in this order
 
     def text(self) -> str:
-        """Return the section in 80 columns."""
         rows = self.grid.rows if self.grid and self.prose else ()
         cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
         lines = (*self.lines, *("- {} ({}): {}.".format(*row) for row in cells))
@@ -81,7 +80,6 @@ class Section:
         return "\n".join([self.title, *parts])
 
     def html(self) -> str:
-        """Return the section as HTML, all names in it escaped."""
         style = ' class="equation"' if self.formula else ""
         parts = [f"<h2>{escape(self.title)}</h2>"]
         parts += [f"<p{style}>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
@@ -101,7 +99,6 @@ class Figure:
     size: tuple[float, float] = SIZE
 
     def html(self) -> str:
-        """Return the figure with its plot as SVG; pyplot is not used."""
         svg = inline_svg(self.draw, self.name, self.size)
         return f"<figure>\n{svg}\n<figcaption>{escape(self.caption)}</figcaption>\n</figure>"
 
@@ -124,16 +121,13 @@ class Page:
     style: str = ""  # a class of the page
 
     def text(self) -> str:
-        """Return title, meaning and sections in 80 columns."""
         sections = [part.text() for part in self.parts if isinstance(part, Section)]
         return "\n\n".join([f"{self.title}\n{wrapped(self.meaning, '  ')}", *sections]) + "\n"
 
     def fragment(self) -> str:
-        """Return HTML with its own style and inline plots, for Jupyter."""
         return f"<style>{_STYLE}</style>\n{self._body()}"
 
     def html(self) -> str:
-        """Return one self-contained page: inline style and plots, nothing to fetch."""
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -60,7 +60,6 @@ def _known(e: Any, p: Any) -> str:
 
 
 def equation(name: str) -> str:
-    """The equation of a registered block, without its full stop; empty when unknown."""
     known = members("effect").get(name)
     return known.equation.rstrip(".") if known else ""
 
@@ -156,7 +155,6 @@ def _effect(d: Any, finding: Any) -> Section:
 
 
 def _table(d: Any) -> Section | None:
-    """The table of the unexplained torque, and how well it predicts."""
     table = _get(d, "table")
     if table is None:
         return None
@@ -219,7 +217,6 @@ ON_SAMPLES = (
 
 
 def errors(d: Any) -> Section | None:
-    """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
     means = bool(error) and error["signal"] == "u"  # of mean torques: nothing is simulated
     parts = [("torque" if means else f"{error['signal']}, restarted", error)] if error else []
@@ -300,7 +297,6 @@ def plain(d: Any) -> Section | None:
 
 
 def bench_tables(d: Any) -> Iterator[Section]:
-    """The tables of the bench tests: friction over angle or speed, one row for each breakaway."""
     for test in getattr(_get(d, "plain"), "bench_tests", ()):
         if test.table is not None:
             head, rows = test.table.columns, test.table.rows
@@ -377,7 +373,6 @@ def budget(d: Any) -> Section | None:
 
 
 def compared(d: Any) -> Section | None:
-    """The models that were compared, the best first."""
     found = _get(d, "comparison")
     if found is None or not found.rows:
         return None
@@ -397,7 +392,6 @@ def compared(d: Any) -> Section | None:
 
 
 def laws(d: Any) -> Section | None:
-    """The friction laws that were compared, the best first."""
     found = _get(d, "laws")
     if found is None:
         return None
@@ -443,7 +437,6 @@ def _finest(d: Any) -> str:
 
 
 def motion_of(d: Any) -> str:
-    """ "rotary" or "linear"."""
     known = (getattr(d, name, None) for name in ("model", "declared", "record"))
     return next((x.motion for x in known if x is not None), "rotary")
 

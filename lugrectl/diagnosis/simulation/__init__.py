@@ -64,11 +64,9 @@ class Windows:
 
     @property
     def counted(self) -> np.ndarray:
-        """Their samples, (n, length)."""
         return self.start[:, None] + np.arange(self.length)
 
     def at(self, which: np.ndarray) -> Windows:
-        """Some of them."""
         return Windows(self.start[which], self.length, self.lead[which])
 
 
@@ -100,7 +98,6 @@ class Run:
 
     @cached_property
     def inputs(self) -> np.ndarray:
-        """Torque and load torque, (N, 2)."""
         return np.column_stack([self.u, self.d])
 
     @cached_property
@@ -110,7 +107,6 @@ class Run:
         return max(float(np.std(self.speed[n:] - self.speed[:-n])) / (n * self.dt), 1e-12)
 
     def count(self, seconds: float, least: int = 1) -> int:
-        """A time in samples."""
         return max(least, round(seconds / self.dt))
 
     @property
@@ -451,7 +447,6 @@ def _drive(structure: _Structure) -> Drive:
 
 
 def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
-    """The noise of dw/dt, rad/s2, that makes training windows likeliest."""
     usual, few = max(run.usual for run in ready.runs), spread(ready.train, SAMPLES)
 
     def totals(logs: np.ndarray) -> np.ndarray:
@@ -465,7 +460,6 @@ def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
 
 
 def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
-    """Gaussian log-likelihood of each window of all runs, for each set, (sets, windows)."""
     both = zip(ready.runs, of, strict=True)
     made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.size]
     return np.concatenate(made, axis=1)
@@ -604,7 +598,6 @@ def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
 
 
 def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:
-    """RMS error of the simulation without restarts."""
     missed = [np.zeros((0, 2))]
     for run, ranges in zip(ready.runs, ready.free, strict=True):
         for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
@@ -624,7 +617,6 @@ def residuals(ready: Prepared, model: Model) -> Residuals:
 
 
 def torque_noise(ready: Prepared, model: Model) -> float:
-    """Standard deviation of the torque that the model does not predict, per sample, N m."""
     fit = fitted(ready, model)
     return fit.jump * fit.values["J"]
 

@@ -52,18 +52,15 @@ class Bench:
 
     @cached_property
     def moving(self) -> int:
-        """How many rows move."""
         return sum(int(np.count_nonzero(one.side)) for one in self.motions)
 
     def free(self, one: Motion) -> list[slice]:
-        """The rows without torque."""
         least = ZERO * max(float(np.abs(one.u).max()) for one in self.motions)
         return [p.at for p in one.pieces if p.held and abs(p.level) <= least]
 
     def value(
         self, fit: Fitted, what: Callable[[Values], float], unit: str, known: float = 0.0
     ) -> Estimate:
-        """A function of coefficients as an estimate."""
         return interval(*fit.of(what), fit.freedom, unit_for(unit, self.motion), known)
 
 
@@ -382,7 +379,6 @@ def _harmonics(x: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _over_turn(x: np.ndarray, u: np.ndarray, side: np.ndarray) -> BenchTable:
-    """Cogging and friction over the turn."""
     cell = (np.mod(x, 2 * np.pi) / (2 * np.pi) * BINS).astype(int) % BINS
     forward, backward = (np.bincount(cell[at], u[at], BINS) / np.bincount(cell[at], minlength=BINS)
                          for at in (side > 0, side < 0))  # fmt: skip

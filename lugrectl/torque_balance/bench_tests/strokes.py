@@ -88,7 +88,6 @@ class Motion:
 
     @property
     def window(self) -> int:
-        """The rows over which the speed is smeared."""
         return self.speeds[2]
 
     @cached_property
@@ -103,7 +102,6 @@ class Motion:
 
     @cached_property
     def strokes(self) -> list[slice]:
-        """The motions in one direction."""
         edges = np.flatnonzero(np.diff(self.side, prepend=0.0, append=0.0)).tolist()
         return [slice(a, b) for a, b in pairwise(edges) if self.side[a]]
 
@@ -145,7 +143,6 @@ def _top(v: np.ndarray) -> float:
 
 
 def motions(log: Log) -> list[Motion]:
-    """The parts of a log, each on its own rows."""
     rows = usable(log)
     role = "theta" if "theta" in rows.channels else "w"
     if not {"u", role} <= set(rows.channels):
@@ -209,7 +206,6 @@ class Fitted:
         return float(value), float(np.sqrt(np.maximum(slopes @ self.V @ slopes, 0.0) + apart))
 
     def clear(self, name: str) -> float:
-        """A coefficient in standard errors."""
         value, error = self.of(lambda p: p[name])
         return abs(value) / max(error, TINY)
 
@@ -294,11 +290,9 @@ class Stroke:
     swing: int = 0
 
     def __getattr__(self, name: str) -> np.ndarray:
-        """A signal of the motion along the stroke."""
         return getattr(self.motion, name)[self.at]
 
     def integral(self, rate: np.ndarray) -> np.ndarray:
-        """By the trapezoidal rule, from 0."""
         return np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(self.t)))
 
 
