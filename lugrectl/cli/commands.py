@@ -75,7 +75,7 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
 
 
 def identify(a: Namespace) -> int:
-    from ..diagnosis.identify import identify as work
+    from ..diagnosis.diagnose import identify as work
 
     return _fitted(work, a)
 

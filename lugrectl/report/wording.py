@@ -74,7 +74,7 @@ def headline(d: Any) -> tuple[str, str]:
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     but = [m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)][:1]
     if verdict == "adequate":
-        said = f"No missing effect was detected.{limits_in_words(d)}"
+        said = f"No missing effect was detected. {limits_in_words(d)}".rstrip()
         return "adequate", " But: ".join([said, *but])
     if verdict == "found":
         return f"found: {names}", _found(d)
@@ -406,34 +406,25 @@ def limits(d: Any) -> Section | None:
     if found is None or not found.detectable:
         return None
     shown = [limit for limit in found.detectable if limit.share > found.least]
-    line = (
-        f"{len(found.detectable) - len(shown) or 'No'} effects would have been seen from "
-        f"{percent(found.least)} of friction on, with a probability of 80 %; smaller ones are not "
-        "named."
-    )
-    line = f"{line} {_finest(d)}".rstrip()
     rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
     grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
-    return Section("What this record would show", (line,), grid)
+    return Section("What this record would show", tuple(filter(None, [limits_in_words(d)])), grid)
 
 
 def limits_in_words(d: Any) -> str:
-    """The limit below which most effects show, for the headline; "" if there is none."""
-    shares = sorted(limit.share for limit in getattr(_get(d, "comparison"), "detectable", ()))
-    most = shares[len(shares) // 2] if shares else 1.0
-    said = f" Most effects would have shown from {percent(most)} of friction on."
-    return f"{said} {_finest(d)}".rstrip() if most < 1.0 else ""
-
-
-def _finest(d: Any) -> str:
-    """Which waves over theta windows hide; "" if there is no such limit."""
-    seen = [x.finest for x in getattr(_get(d, "comparison"), "detectable", ()) if x.finest]
-    if not seen:
-        return ""
-    if motion_of(d) == "linear":
-        shortest = number(2e3 * math.pi / min(seen), 2)
-        return f"Waves over x that are shorter than {shortest} mm may stay hidden."
-    return f"Waves over theta with more than {min(seen):.0f} periods per turn may stay hidden."
+    """The limits below which most effects and waves over theta stay hidden; "" if none is known."""
+    found = getattr(_get(d, "comparison"), "detectable", ())
+    shares, finest = sorted(x.share for x in found), [x.finest for x in found if x.finest]
+    most, said = shares[len(shares) // 2] if shares else 1.0, []
+    if most < 1.0:
+        said.append(f"Most effects would have shown from {percent(most)} of friction on.")
+    if finest and motion_of(d) == "linear":
+        short = number(2e3 * math.pi / min(finest), 2)
+        said.append(f"Waves over x that are shorter than {short} mm may stay hidden.")
+    elif finest:
+        many = f"{min(finest):.0f} periods per turn"
+        said.append(f"Waves over theta with more than {many} may stay hidden.")
+    return " ".join(said)
 
 
 def motion_of(d: Any) -> str:

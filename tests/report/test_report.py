@@ -16,7 +16,7 @@ from lugrectl.blocks.model import Model, read_model, table1
 from lugrectl.core import writing
 from lugrectl.core.display import with_interval
 from lugrectl.core.errors import InputError
-from lugrectl.diagnosis.identify import Identification
+from lugrectl.diagnosis.diagnose import Identification
 from lugrectl.diagnosis.result import VERDICTS
 from lugrectl.estimates.balance import Balance
 from lugrectl.estimates.findings import Estimate
