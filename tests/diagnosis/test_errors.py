@@ -34,7 +34,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def plain():
-    return lg.diagnose(log(), TRUE)
+    return lg.diagnose(log(rate=1000.0), TRUE)
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_the_error_is_that_of_the_traces(plain):
 def test_held_out_blocks_are_long(plain):
     edges = np.flatnonzero(np.diff(np.r_[0, plain.traces.held_out.astype(int), 0]))
     lengths = np.diff(edges)[::2]
-    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 500)
+    assert len(lengths) > 1 and np.all(lengths >= 2.0 * 1000)
 
 
 def test_the_last_half_is_held_out(record):
