@@ -35,12 +35,11 @@ _HOMES = {
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
     "diagnosis.balance": "balance",
-    "diagnosis.diagnose": "diagnose",
+    "diagnosis.diagnose": "diagnose identify",
     "simulation.sweep": "sweep sweep_chunks",
     "simulation.sweep_result": "Sweep",
     "core.errors": "Diverged InputError Refused",
     "diagnosis.fleet": "Fleet diagnose_each",
-    "diagnosis.identify": "identify",
     "diagnosis.compare_laws": "LawComparison compare_laws",
     "linear": "DelayedTransfer bandwidth bandwidth_check check_designs delayed l2_check linearize "
     "passivity_check position_L position_T position_loop_tf spr_check spr_repair stability_check "
@@ -127,9 +126,8 @@ if TYPE_CHECKING:
     )
     from .diagnosis.balance import balance
     from .diagnosis.compare_laws import LawComparison, compare_laws
-    from .diagnosis.diagnose import diagnose
+    from .diagnosis.diagnose import diagnose, identify
     from .diagnosis.fleet import Fleet, diagnose_each
-    from .diagnosis.identify import identify
     from .diagnosis.result import Diagnosis
     from .estimates.findings import Table
     from .hunting import (

@@ -13,8 +13,8 @@ from .bench import Candidate as RankedObserver
 from .commissioning import FrequencyResponse, ResponsePlan, Tuning
 from .design import Certificate, Design, Excitation, ObserverDesign
 from .diagnosis.compare_laws import ComparedLaw, LawComparison
+from .diagnosis.diagnose import Identification
 from .diagnosis.fleet import Fleet, Outcome
-from .diagnosis.identify import Identification
 from .diagnosis.result import Diagnosis
 from .estimates.balance import Balance
 from .estimates.comparison import Comparison

@@ -26,8 +26,8 @@ WAY = (  # in the order in which `diagnose` comes to them
     "torque_balance.decision.Decision",
     "torque_balance.last_fit.LastFit",
     "torque_balance.verdict.answer",
-    "diagnosis.simulation.polishing.polish",
-    "diagnosis.simulation.judge.errors",
+    "diagnosis.simulation.polish",
+    "diagnosis.simulation.errors",
     "report.text",
 )
 ADD = (  # what, in which room, how

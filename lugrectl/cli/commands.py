@@ -75,7 +75,7 @@ def _closing(work: Any, loop: str, record: Any, model: Model, **options: Any) ->
 
 
 def identify(a: Namespace) -> int:
-    from ..diagnosis.identify import identify as work
+    from ..diagnosis.diagnose import identify as work
 
     return _fitted(work, a)
 
@@ -94,7 +94,7 @@ def demo(a: Namespace) -> int:
 def _fitted(work: Any, a: Namespace) -> int:
     """Fit, print and write; a record that cannot answer gives the verdict "refused"."""
     from ..blocks.declaration import files_of_blocks
-    from ..diagnosis.notes import refusal
+    from ..diagnosis.result import refusal
     from ..report import FILES, check_folder
 
     model = fixed(declared(a), a)

@@ -165,7 +165,7 @@ class FrequencyResponse(Result, ct.FrequencyResponseData):
     def plot(self) -> Sequence[Any]:
         """Draw magnitude, phase and coherence, with the band; uncertain points are faint. With
         ``gains`` also Nyquist's curve and a step. Returns the Axes."""
-        return view("check_plots.bode")(self)
+        return view("loop_plots.bode")(self)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as in the JSON document."""

@@ -133,7 +133,7 @@ class Tuning(Result):
 
     def plot(self) -> Sequence[Any]:
         """Draw the Nyquist curve with the circle of Ms, and a step; returns the Axes."""
-        return view("check_plots.tuning")(self)
+        return view("loop_plots.tuning")(self)
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under ``gains`` of ``lugrectl bode --json``."""

@@ -9,15 +9,13 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
-from ..blocks.model import Model, Parameters, as_model
+from ..blocks.model import Model, as_model
 from ..core.errors import InputError, Refused
-from ..core.validation import holds_samples, is_file, positive, whole
+from ..core.validation import is_file, positive, whole
 from ..estimates.balance import Balance
 from ..estimates.bench_test import BenchTest
 from ..record import Log, Record, Stretch, record_of, refuse_open_time, stretches
-from ..record.as_record import as_holdout, as_logs, is_record
+from ..record.as_record import as_holdout, as_logs
 from ..record.files.readers import MODEL, SUFFIXES
 from ..torque_balance.bench_tests import bench_tests
 from ..torque_balance.maps import is_map
@@ -54,12 +52,10 @@ class Asked:
 
     @property
     def stretches(self) -> list[Stretch]:
-        """The logs as they were recorded, on even time."""
         return self._read[0]
 
     @property
     def noticed(self) -> tuple[str, ...]:
-        """What was noticed when the logs were read."""
         logs = self._as_recorded
         common = set(logs[0].messages).intersection(*(log.messages for log in logs))
         reading = [m if m in common else f"{log.source}: {m}" for log in logs for m in log.messages]
@@ -114,41 +110,16 @@ class Asked:
 
 
 def plain_answer(logs: Sequence[Log], model: Model) -> Balance:
-    """The plain answer to logs that were read."""
     return Asked(tuple(logs), model).plain
 
 
 def judged_by(horizon: Any, seed: Any) -> tuple[float, int]:
-    """The time between restarts in s, and the seed."""
     return positive(horizon, "horizon", "seconds"), whole(seed, "seed")
 
 
 def refuse_swapped(logs: Iterable[Any], model: Any) -> None:
-    """InputError where the model is a log, and one of the logs a model."""
-    if not _is_log(model):
-        return
-    for log in logs:
-        if _is_model(log):
-            first, second = _named(log, "record"), _named(model, "model")
-            raise InputError(f"{first} is a model and {second} is a log: swap them.")
-
-
-def _is_log(given: Any) -> bool:
-    """A file by its name, samples by what holds them."""
-    if is_file(given):
-        return Path(given).suffix.lower() in SUFFIXES
-    if isinstance(given, (list, tuple)):
-        return bool(given) and all(map(_is_log, given))
-    if isinstance(given, Mapping):
-        return holds_samples(given)
-    return isinstance(given, np.ndarray) or is_record(given)
-
-
-def _is_model(given: Any) -> bool:
-    if is_file(given):
-        return Path(given).suffix.lower() == MODEL
-    return isinstance(given, (Model, Parameters, Mapping)) and not _is_log(given)
-
-
-def _named(given: Any, argument: str) -> str:
-    return str(given) if is_file(given) else argument
+    """InputError where the model is the file of a log, and one of the logs that of a model."""
+    if is_file(model) and Path(model).suffix.lower() in SUFFIXES:
+        for log in logs:
+            if is_file(log) and Path(log).suffix.lower() == MODEL:
+                raise InputError(f"{log} is a model and {model} is a log: swap them.")

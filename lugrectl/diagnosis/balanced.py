@@ -32,10 +32,8 @@ from ..torque_balance.verdict import Answer
 from .asked import Asked
 from .contradictions import contradicted, unfit_law
 from .mapped import judged_on
-from .notes import moved, noted
-from .simulation.judge import Judged, errors, residuals, torque_noise
-from .simulation.polishing import polish
-from .simulation.records import Prepared, prepared
+from .result import moved, noted
+from .simulation import Judged, Prepared, errors, polish, prepared, residuals, torque_noise
 
 NO_INERTIA = (
     "The log does not determine the inertia, and none is declared: what is named does not depend "
@@ -128,11 +126,9 @@ class Ended:
         return [*notes, *(self.judged.messages if self.judged else ())]
 
     def changes(self) -> list[str]:
-        """Sentences on the declared values that the fit has left."""
         return moved(self.values.estimates, self.asked.model)
 
     def fields(self, notes: Sequence[str]) -> dict[str, Any]:
-        """Those of a result."""
         judged, values, seen = self.judged, self.values, self.asked.seen
         return {
             "error": judged and judged.error,
@@ -155,7 +151,7 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
     half of a periodic motion, blocks are longer."""
     if is_map(asked.stretches):  # nothing moves that could be simulated
         return None, None
-    records, holdout, other = asked.records(), asked.holdout(), None
+    records, holdout = asked.records(), asked.holdout()
     for length in LENGTHS:
         try:
             ready = prepared(records, asked.model, holdout, horizon, length)
@@ -163,48 +159,22 @@ def ready_of(asked: Asked, horizon: float) -> tuple[Prepared | None, Refused | N
             if not length:
                 return None, no
             continue
-        alike = holdout is not None or _same_motion(ready)
-        if holdout is not None or (alike and _both_ways(ready)):
+        if holdout is not None or _same_motion(ready):
             return ready, None
-        other = other or (ready if alike else None)
-    return other, None if other else Refused(OTHER_PLACES)
-
-
-def _both_ways(ready: Prepared) -> bool:
-    """Whether the rarer direction is no rarer in training samples than by half."""
-    way = np.concatenate([_way(run) for run in ready.runs])
-    training = ~np.concatenate([_held_out(ready, i) for i in range(len(ready.runs))])
-
-    def rarer(x: np.ndarray) -> float:
-        return min(np.mean(x[x != 0] == side) for side in (-1, 1)) if x.any() else 0.0
-
-    return rarer(way[training]) >= 0.5 * rarer(way)
-
-
-def _way(run: Any) -> np.ndarray:
-    """The direction (n,) of a run, 0 where it hardly moves."""
-    return np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
-
-
-def _held_out(ready: Prepared, i: int) -> np.ndarray:
-    """The samples (n,) of a run that are set apart."""
-    t = ready.runs[i].t
-    out = np.zeros(len(t), bool)
-    for own, start, end in ready.held_out:
-        out |= (own == i) & (t >= start) & (t <= end)
-    return out
+    return None, Refused(OTHER_PLACES)
 
 
 def _same_motion(ready: Prepared) -> bool:
     """Whether most held-out samples lie at angles that training samples pass the same way."""
     seen, held_out = set[float](), set[float]()
     for i, run in enumerate(ready.runs):
-        travel = max(float(np.ptp(run.theta)), 1e-300)
-        turn = 2 * np.pi if ready.model.motion == "rotary" else travel
-        place = np.floor(run.theta / turn * PLACES) % PLACES
-        way, out = _way(run), _held_out(ready, i)
-        seen |= {*np.unique((3 * place + way)[~out]).tolist()}
-        held_out |= {*np.unique((3 * place + way)[out]).tolist()}
+        turn = 2 * np.pi if ready.model.motion == "rotary" else float(np.ptp(run.theta)) or 1.0
+        way = np.sign(run.speed) * (np.abs(run.speed) > SLOW * np.abs(run.speed).max())
+        place, out = 3 * (np.floor(run.theta / turn * PLACES) % PLACES) + way, 0 * run.t > 0
+        for own, start, end in ready.held_out:
+            out |= (own == i) & (run.t >= start) & (run.t <= end)
+        seen |= {*np.unique(place[~out]).tolist()}
+        held_out |= {*np.unique(place[out]).tolist()}
     return len(seen & held_out) > 0.5 * len(held_out)
 
 

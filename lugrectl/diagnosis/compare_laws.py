@@ -26,9 +26,7 @@ from ..torque_balance.constants import ALPHA, SCALE
 from ..torque_balance.plain import alone
 from .asked import Asked, judged_by
 from .balanced import as_it_acts, polished_values, ready_of
-from .simulation.drive import fitted, loglik
-from .simulation.judge import errors
-from .simulation.records import Prepared
+from .simulation import Prepared, errors, fitted, loglik
 
 OF_MAP = (
     "Runs at a steady speed each show no bristle: friction laws cannot be compared on them.",

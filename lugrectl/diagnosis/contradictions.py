@@ -6,7 +6,7 @@ Each is seen by base rows alone: the log as it is, and as it would be without th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ EXPLAINED = 0.1  # of the torque: with less left nothing is wrong
 SIGN = "u has the wrong sign: give {}. The plain answer is that of the other sign."
 SWAPPED = (
     "u and {0} seem to be swapped: the other way round the balance leaves {1:.2g} % of the RMS "
-    "torque with a possible inertia, as they are it {2}. Give {3}."
+    "torque with a possible inertia. Give {2}."
 )
 HELD = (
     "{0} is {1} {2:.6g}{3}, but this log says {4}{3} ({5}): correct the value or its unit, or let "
@@ -44,8 +44,8 @@ SHARE, HALF = 0.05, 0.5  # of the torque that a held value leaves more; and of a
 
 MOST_RUNS = 20  # that are compared with one another
 ALIKE, QUARTER, LITTLE = 0.03, 0.25, 0.1  # relative: runs agree; a level is known; friction differs
+ABOUT, FARTHER = 2.0, 3.0  # times a declared value: as it may be; a J so far off is looked at
 DEG, RPM = 180 / np.pi, 30 / np.pi
-POWERS = {"u": (1, 1, 1), "theta": (-1, 0, -1), "w": (-1, 0, -1)}  # of J, Fc and Fv
 # units and scales that undo it where a channel is so many times what it should be
 TORQUES = {"u=-1": -1.0, "u=mN m": 1e3, "u=1000": 1e-3, "u=0.01": 1e2, "u=100": 1e-2}
 TIMES = {"t=ms": 1e3, "t=us": 1e6, "t=1000": 1e-3}
@@ -53,11 +53,10 @@ ANGLES = {"theta=deg": DEG, "theta=57.29578": 1 / DEG, "theta=turn": 0.5 / np.pi
           "theta=0.1591549": 2 * np.pi}  # fmt: skip
 SPEEDS = {"w=deg/s": DEG, "w=rpm": RPM, "w=9.549297": 1 / RPM, "w=57.29578": 1 / DEG}
 LENGTHS = {"theta=mm": 1e3, "theta=1000": 1e-3}
-OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
-ABOUT, FARTHER = 2.0, 3.0  # times a declared value: as it may be; a J so far off is looked at
 UNIT = (
     "{} is {:.4g} times what it is with the declared J and friction: give {}, or correct the model."
 )
+OPPOSITE = "{}: u has the opposite sign of {}: give {} for it, or leave it out."
 TIMES_OTHERS = "{}: {} is {:.4g} times that of {}: give {} for it, or leave it out."
 FRICTION = "{}: {:.0f} % {} friction than {}."
 OTHERS = "The plain answer is that of the other runs."
@@ -84,13 +83,21 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
         return replace(found, against=(said,), hopeless=True)
     if not doubtful(found):
         return against_stated(parts, model, found)
-    turned = _turned(parts, model)
-    if said := swapped(parts, model, found, turned):
-        return replace(found, refused=found.refused and said, against=(said,), hopeless=True)
-    if _makes_a_drive(turned, found):
+    others = {SIGN: [replace(part, u=-part.u) for part in parts]}
+    role = "w" if parts[0].theta is None else "theta"  # a w beside theta may be left out: no sign
+    if all(getattr(p, role) is not None for p in parts) and any(np.ptp(p.u) for p in parts):
+        others[SWAPPED] = [replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts]
+    made = {said: plain_row(other, model) for said, other in others.items()}
+    made = {said: other for said, other in made.items() if _makes_a_drive(other, found)}
+    if not made:
+        return against_stated(parts, model, found)
+    said, other = min(made.items(), key=lambda one: one[1].left or 0.0)
+    if said == SIGN:
         said = SIGN.format(option("scale", "u=-1"))
-        return replace(turned, unlike=found.unlike, against=(said,), hopeless=True)
-    return against_stated(parts, model, found)
+        return replace(other, unlike=found.unlike, against=(said,), hopeless=True)
+    given = option("columns", f"u=NAME,{role}=NAME")
+    said = SWAPPED.format(role, 100.0 * (other.left or 0.0), given)
+    return replace(found, refused=found.refused and said, against=(said,), hopeless=True)
 
 
 def doubtful(found: Balance) -> bool:
@@ -102,34 +109,11 @@ def doubtful(found: Balance) -> bool:
     return drives or "J" not in found.parameters and found.left > EXPLAINED
 
 
-def _turned(parts: Sequence[Stretch], model: Model) -> Balance:
-    """The base row with the other sign of u."""
-    return plain_row([replace(part, u=-part.u) for part in parts], model)
-
-
 def _makes_a_drive(other: Balance, found: Balance) -> bool:
     """Whether a log without its supposed fault is a drive, and explains more."""
     if other.refused or other.left is None or doubtful(other) and "J" not in other.parameters:
         return False
     return found.left is None or other.left < BETTER * found.left
-
-
-def swapped(parts: Sequence[Stretch], model: Model, found: Balance, turned: Balance) -> str:
-    """A sentence where only the exchange of u with theta or w makes a drive of the log, else ""."""
-    if all(np.ptp(p.u) == 0 for p in parts):
-        return ""
-    role = "w" if parts[0].theta is None else "theta"  # a w beside theta may be left out: no sign
-    if any(getattr(p, role) is None for p in parts):
-        return ""
-    other = plain_row([replace(p, **{"u": getattr(p, role), role: p.u}) for p in parts], model)
-    if other.refused or other.left is None or "J" not in other.parameters:
-        return ""
-    known = [b.left for b in (found, turned) if b.left is not None]
-    if other.left >= min([HALF, *known]):
-        return ""
-    how = "finds none" if found.left is None or found.refused else "leaves more"
-    given = option("columns", f"u=NAME,{role}=NAME")
-    return SWAPPED.format(role, 100.0 * other.left, how, given)
 
 
 # ---- values that are held or bounded
@@ -173,7 +157,6 @@ def _far(value: float, e: Estimate) -> bool:
 
 
 def _sentence(key: str, value: float, e: Estimate, model: Model) -> str:
-    """ "J is held at 22 kg m2, but this log says 0.0022 kg m2 (0.0021 to 0.0023): ..." """
     stated = model.stated[key]
     how = "held at" if stated.fixed else "at least" if value > e.value else "at most"
     unit = model.unit(key)
@@ -198,27 +181,54 @@ def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
     return UNFIT.format(law.name) + COMPARE.format(option("law", "auto"))
 
 
-# ---- runs in another unit or sign
+# ---- a channel in another unit or sign: the log is fitted again without each such fault
 
 
-@dataclass(frozen=True)
-class Levels:
-    """J, Fc and Fv of one run (3,), twice their relative errors, and which of them are known."""
+Levels = (
+    np.ndarray
+)  # J, Fc and Fv, and their relative errors; those that are unknown are nan, (2, 3)
 
-    name: str
-    parts: Sequence[Stretch]
-    value: np.ndarray
-    error: np.ndarray
 
-    @property
-    def known(self) -> np.ndarray:
-        return self.error < QUARTER
+def levels(found: Balance) -> Levels | None:
+    """What of the levels a balance knows; None where it is none of a drive."""
+    both: Mapping[str, Estimate] = {**found.uncertain, **found.parameters}
+    if doubtful(found) or not {*LEVELS} <= both.keys():
+        return None
+    value = np.array([both[k].value for k in LEVELS])
+    ends = np.array([both[k].ci95 or (-np.inf, np.inf) for k in LEVELS])
+    error = np.diff(ends)[:, 0] / 2 / np.abs(value)
+    return np.where(error < QUARTER, [value, error], np.nan)
 
-    def agrees(self, other: Levels, ratios: np.ndarray | float = 1.0) -> bool:
-        """Whether ratios explain how all that is known of both runs differs."""
-        both = self.known & other.known
-        gap = np.abs(self.value / (other.value * ratios) - 1)
-        return bool(both.any() and np.all((gap < ALIKE + np.hypot(self.error, other.error))[both]))
+
+def agree(one: Levels | None, other: Levels | None, least: int, times: float = 1.0 + ALIKE) -> bool:
+    """Whether at least so many levels are known of both, and none differs by more than chance and
+    this factor allow."""
+    if one is None or other is None:
+        return False
+    ratio, error = one[0] / other[0], np.hypot(one[1], other[1])
+    known = np.isfinite(ratio)
+    off = np.abs(np.log(np.maximum(ratio[known], 1e-300)))
+    return known.sum() >= least and bool(np.all(off < np.log(times) + error[known]))
+
+
+def fault(
+    parts: Sequence[Stretch], model: Model, right: Levels, of: Mapping[str, float], times: float
+) -> tuple[str, str, float]:
+    """Which channel is how many times what makes the levels right, and what undoes it; or ""."""
+    for undone, size in of.items():
+        channel = undone.split("=")[0]
+        if channel == "t":
+            tried = [replace(p, dt=p.dt / size, t=p.t / size) for p in parts]
+        else:
+            tried = [replace(p, **{channel: getattr(p, channel) / size}) for p in parts]
+        if agree(levels(plain_row(tried, model)), right, 2, times):
+            return channel, option("scale" if undone[-1].isdigit() else "units", undone), size
+    return "", "", 1.0
+
+
+def of_motion(parts: Sequence[Stretch], model: Model) -> Mapping[str, float]:
+    linear, turns = model.motion == "linear", parts[0].theta is not None
+    return (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
 
 
 def unlike(
@@ -226,48 +236,37 @@ def unlike(
 ) -> tuple[dict[int, str], list[str]]:
     """Runs that another unit or sign separates from the others, each with its sentence, and notes
     on the others; ``names`` are those of the runs."""
-    runs = sorted({s.run for s in parts})
+    runs = {run: [s for s in parts if s.run == run] for run in sorted({s.run for s in parts})}
     if not 2 <= len(runs) <= MOST_RUNS:
         return {}, []
-    model = replace(model, J=None, stated={})
+    model, left_out, notes = replace(model, J=None, stated={}), dict[int, str](), []
     with np.errstate(all="ignore"):
-        each = [_levels(names[run], [s for s in parts if s.run == run], model) for run in runs]
-        found = [levels for levels in each if levels is not None]
-        return _compared(found, model) if len(found) > 1 else ({}, [])
-
-
-def _levels(name: str, parts: Sequence[Stretch], model: Model) -> Levels | None:
-    """The levels of one run, of either sign; None where it has no answer of its own."""
-    found, sign = plain_row(parts, model), 1.0
-    if doubtful(found):
-        turned = _turned(parts, model)
-        if _makes_a_drive(turned, found):
-            found, sign = turned, -1.0
-    both: Mapping[str, Estimate] = {**found.uncertain, **found.parameters}
-    if found.refused or not {*LEVELS} <= both.keys():
-        return None
-    value = np.array([both[k].value for k in LEVELS])
-    ends = np.array([both[k].ci95 or (-np.inf, np.inf) for k in LEVELS])
-    levels = Levels(name, parts, sign * value, np.diff(ends)[:, 0] / 2 / np.abs(value))
-    return levels if levels.known[:2].any() else None
-
-
-def _compared(found: Sequence[Levels], model: Model) -> tuple[dict[int, str], list[str]]:
-    """Every other run against the one with which most agree; of two, the one that is possible."""
-    votes = [sum(one.agrees(other) for other in found) for one in found]
-    possible = [not np.any(one.known & (one.value < 0)) for one in found]
-    best = max(range(len(found)), key=lambda i: (votes[i], possible[i]))  # the first of equal ones
-    reference = found[best]
-    usual = "the other runs" if votes[best] > 1 else reference.name
-    left_out, notes = dict[int, str](), []
-    for one in found:
-        if one is reference or one.agrees(reference):
-            continue
-        if said := _another_unit(one, reference, model, usual):
-            left_out[one.parts[0].run] = said
-        else:
-            notes += _another_friction(one, reference, usual)
+        each = {run: levels(plain_row(own, model)) for run, own in runs.items()}
+        votes = {run: sum(agree(x, y, 1) for y in each.values()) for run, x in each.items()}
+        best = max(votes, key=votes.__getitem__)
+        right, usual = each.pop(best), "the other runs" if votes[best] > 1 else names[best]
+        for run, own in each.items():
+            if right is None or agree(own, right, 1):
+                continue
+            if own is not None and agree(own, right, 1, ABOUT):  # no unit is so small a factor
+                notes += another_friction(names[run], own[:, 1], right[:, 1], usual)
+                continue
+            of = {**TORQUES, **TIMES, **of_motion(runs[run], model)}
+            channel, undo, size = fault(runs[run], model, right, of, 1.0 + ALIKE)
+            if channel:
+                other = OPPOSITE.format(names[run], usual, undo)
+                times = TIMES_OTHERS.format(names[run], channel, size, usual, undo)
+                left_out[run] = other if size == -1.0 else times
     return left_out, notes + [OTHERS] * bool(left_out)
+
+
+def another_friction(name: str, one: np.ndarray, right: np.ndarray, usual: str) -> list[str]:
+    """A sentence on Fc, with its error, that differs by more than chance."""
+    change = one[0] / right[0] - 1
+    if not abs(change) >= LITTLE + np.hypot(one[1], right[1]) * (1 + abs(change)):
+        return []
+    more = "more" if change > 0 else "less"
+    return [FRICTION.format(name, 100 * abs(change), more, usual)]
 
 
 def far_off(found: Balance, model: Model) -> bool:
@@ -284,57 +283,6 @@ def in_another_unit(parts: Sequence[Stretch], model: Model, found: Balance) -> s
     declared = np.array([model.known().get(k) or np.nan for k in LEVELS])
     if not far_off(found, model) or np.isnan(declared).any():
         return ""
-    one = _levels("the log", parts, replace(model, J=None, stated={}))
-    if one is None:
-        return ""
-    for undone, size in _of_motion(one, model).items():
-        channel = undone.split("=")[0]
-        ratio = one.value / (declared * size ** np.array(POWERS[channel]))
-        if np.all((ratio > 1 / ABOUT) & (ratio < ABOUT)):
-            return UNIT.format(channel, size, _undo(undone))
-    return ""
-
-
-def _of_motion(one: Levels, model: Model) -> dict[str, float]:
-    """Units and scales of the channel that the motion of a run is taken from."""
-    linear, turns = model.motion == "linear", one.parts[0].theta is not None
-    return (LENGTHS if linear else ANGLES) if turns else {} if linear else SPEEDS
-
-
-def _undo(undone: str) -> str:
-    return option("scale" if undone[-1].isdigit() else "units", undone)
-
-
-def _another_unit(one: Levels, reference: Levels, model: Model, usual: str) -> str:
-    """The one factor that explains the difference, in a sentence; "" if none does."""
-    for undone, size in (TORQUES | TIMES | _of_motion(one, model)).items():
-        channel = undone.split("=")[0]
-        if _explains(size, channel, one, reference, model):
-            if size == -1.0:
-                return OPPOSITE.format(one.name, usual, _undo(undone))
-            return TIMES_OTHERS.format(one.name, channel, size, usual, _undo(undone))
-    return ""
-
-
-def _explains(size: float, channel: str, one: Levels, reference: Levels, model: Model) -> bool:
-    """Whether a channel of the run is that many times that of the reference."""
-    if channel != "t":
-        known = (one.known & reference.known)[:2].all()
-        return bool(known) and one.agrees(reference, size ** np.array(POWERS[channel], float))
-    longer = np.log(one.parts[0].dt / reference.parts[0].dt)
-    if abs(longer - np.log(size)) >= abs(longer):
-        return False
-    # windows have a length in s: fitted again at the other rate
-    again = _levels(one.name, [replace(s, dt=s.dt / size, t=s.t / size) for s in one.parts], model)
-    return again is not None and again.agrees(reference)
-
-
-def _another_friction(one: Levels, reference: Levels, usual: str) -> list[str]:
-    """A sentence on friction that differs by more than chance."""
-    change = one.value[1] / reference.value[1] - 1
-    chance = np.hypot(one.error[1], reference.error[1]) * (1 + abs(change))
-    known = (one.known & reference.known)[1] and change >= -1
-    if not known or abs(change) < LITTLE + chance:
-        return []
-    more = "more" if change > 0 else "less"
-    return [FRICTION.format(one.name, 100 * abs(change), more, usual)]
+    right, free = np.array([declared, 0 * declared]), replace(model, J=None, stated={})
+    channel, undo, size = fault(parts, free, right, of_motion(parts, model), ABOUT)
+    return UNIT.format(channel, size, undo) if channel else ""

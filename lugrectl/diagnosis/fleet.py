@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any, cast
@@ -336,16 +336,20 @@ def run_each(
         at = len(made)
         report((at + fraction) / len(logs), f"{at + 1} of {len(logs)}: {what}")
 
-    carried = model if here else Sent.of(model)
-    task = Task(carried, reading, options, keep, render, within if here else None, command)
+    task = partial(
+        _diagnosed, model=model if here else Sent.of(model), reading=reading, options=options,
+        keep=keep, render=render, progress=within if here else None, command=command,
+    )  # fmt: skip
     report(0.0, f"0 of {len(logs)}")
     try:
         with one_thread_each(not here and executor is None):
             found = run_jobs(task, logs, executor=executor, jobs=jobs)
             with closing(cast("Generator[tuple[int, Any]]", found)):
                 for index, answer in found:
-                    outcome, extra = _outcome(names[index], answer)
-                    made[index] = done(outcome, extra) if done else outcome
+                    if isinstance(answer, JobError):
+                        answer = Outcome("", answer.exit_code, reason=answer.sentence), None
+                    outcome = replace(answer[0], file=names[index])
+                    made[index] = done(outcome, answer[1]) if done else outcome
                     report(len(made) / len(logs), f"{len(made)} of {len(logs)}")
     except KeyboardInterrupt:
         pass
@@ -355,46 +359,29 @@ def run_each(
     return Fleet(outcomes, left, model, provenance(command, [model, *files]))
 
 
-@dataclass(frozen=True)
-class Task:
-    """The work on one log, in any process; returns the outcome and what was rendered."""
-
-    model: Model | Sent
-    reading: Mapping[str, Any]
-    options: Mapping[str, Any]
-    keep: bool
-    render: Callable[[Diagnosis], Any] | None
-    progress: Progress | None
-    command: str = "lugrectl.diagnose_each"
-
-    def __call__(self, log: Any) -> tuple[Outcome, Any]:
-        began = time.perf_counter()
-        with warnings.catch_warnings():
-            if parent_process() is not None:  # a worker's stderr is the user's terminal
-                warnings.simplefilter("ignore")
-            model = self.model.open() if isinstance(self.model, Sent) else self.model
-            reading = {"motion": model.motion, **self.reading}
-            record = log if isinstance(log, Record) else read_log(log, **reading)
-            d = diagnose(record, model, progress=self.progress or False, **self.options)
-            d = stamp(d, self.command, [log, model])
-            extra = self.render(d) if self.render else None
-        refused = d.verdict == "refused"
-        outcome = Outcome(
-            file="",
-            exit_code=Refused.exit_code if refused else 0,
-            seconds=round(time.perf_counter() - began, 2),
-            document=d.summary(),
-            reason=d.reason if refused else None,
-            diagnosis=d if self.keep else None,
-        )
-        return outcome, extra
-
-
-def _outcome(name: str, answer: Any) -> tuple[Outcome, Any]:
-    if isinstance(answer, JobError):
-        return Outcome(name, answer.exit_code, reason=answer.sentence), None
-    outcome, extra = answer
-    return replace(outcome, file=name), extra
+def _diagnosed(
+    log: Any,
+    model: Model | Sent,
+    reading: Mapping[str, Any],
+    options: Mapping[str, Any],
+    keep: bool,
+    render: Callable[[Diagnosis], Any] | None,
+    progress: Progress | None,
+    command: str,
+) -> tuple[Outcome, Any]:
+    """The outcome of one log, in any process, and what was rendered."""
+    began = time.perf_counter()
+    with warnings.catch_warnings():
+        if parent_process() is not None:  # a worker's stderr is the user's terminal
+            warnings.simplefilter("ignore")
+        model = model.open() if isinstance(model, Sent) else model
+        known = isinstance(log, Record)
+        record = log if known else read_log(log, **{"motion": model.motion, **reading})
+        d = diagnose(record, model, progress=progress or False, **options)
+        d = stamp(d, command, [log, model])
+        extra = render(d) if render else None
+    code, took = 0 if d.reason is None else Refused.exit_code, time.perf_counter() - began
+    return Outcome("", code, round(took, 2), d.summary(), d.reason, d if keep else None), extra
 
 
 def _several(records: Logs) -> list[Any]:

@@ -22,7 +22,7 @@ from ..torque_balance.maps import MapView, Nodes, Run, is_map
 from ..torque_balance.verdict import Answer
 from .asked import Asked
 from .result import Diagnosis
-from .simulation.records import Span
+from .simulation import Span
 
 FINE = 400  # speeds at which the curves are drawn
 LEAST_TURNS = 2.0  # of a run, so that orders half an order apart are separated
@@ -113,7 +113,6 @@ def _said(
 
 
 def torque_errors(made: Answer) -> dict[str, Any]:
-    """RMS torque errors in the rows that are held out."""
     return {
         "unit": unit_for("N m", made.view.model.motion),
         "declared": made.declared_error,

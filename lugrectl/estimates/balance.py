@@ -153,7 +153,7 @@ class Balance(Result):
 
     def plot(self) -> Any:
         """Draw the log as it was read, the friction curve and the fit; returns the Axes."""
-        return view("log_plot.plot")(self)
+        return view("diagnosis_plots.plot")(self)
 
     def _title(self) -> str:
         return "Plain torque balance"

@@ -64,7 +64,7 @@ class BandwidthVerdict(Verdict):
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """
-        return view("check_plots.band")(self, ax)
+        return view("loop_plots.band")(self, ax)
 
 
 def bandwidth_check(T: Any, level: str | float = "-3dB") -> BandwidthVerdict:

@@ -43,7 +43,7 @@ class L2Verdict(Verdict):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw |G(jw)| with its largest value, into ``ax`` or a new figure; returns the Axes."""
-        return view("check_plots.gain")(self, ax)
+        return view("loop_plots.gain")(self, ax)
 
 
 def l2_check(p: Any, K2: float | None = None) -> L2Verdict:

@@ -46,7 +46,7 @@ class PassivityVerdict(Verdict):
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the least lost power over w^2 and the speed where it is 0; returns the Axes."""
-        return view("check_plots.passivity")(self, ax)
+        return view("loop_plots.passivity")(self, ax)
 
 
 def passivity_check(p: Any) -> PassivityVerdict:

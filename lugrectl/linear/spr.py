@@ -158,7 +158,7 @@ class SprVerdict(Verdict):
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """
-        return view("check_plots.realness")(self, ax)
+        return view("loop_plots.realness")(self, ax)
 
 
 def spr_check(T: Any) -> SprVerdict:

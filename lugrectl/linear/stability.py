@@ -91,7 +91,7 @@ class StabilityVerdict(Verdict):
 
         ``ax``: an Axes for the first, or up to three; else a new figure.
         """
-        return view("check_plots.loop")(self, ax)
+        return view("loop_plots.loop")(self, ax)
 
 
 def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:

@@ -53,13 +53,12 @@ def _page(d: Any, more: list[str]) -> Page:
 
 
 def _parts(d: Any) -> Iterator[Section | Figure | str]:
-    """Sections, each with its figures; the log stands below the budget, or first."""
-    from . import diagnosis_plots, log_plot
+    from . import diagnosis_plots
 
     plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}
-    budget, balance = plots.pop("budget", None), getattr(d, "plain", None)
-    log = [beside(log_plot.figures(balance))] if balance is not None and balance.stretches else []
-    said = sections(d)
+    budget, balance, said = plots.pop("budget", None), getattr(d, "plain", None), sections(d)
+    log = diagnosis_plots.log_figures(balance) if balance is not None else []
+    log = [beside(log)] if log else []
     if not said or said[0].title != BUDGET:
         yield from log
     for part in said:

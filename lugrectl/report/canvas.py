@@ -93,7 +93,6 @@ def style() -> Any:
 
 
 def empty(ax: Axes, said: str) -> None:
-    """Say why there is nothing to draw."""
     ax.text(0.5, 0.6, said, ha="center", transform=ax.transAxes, color="0.4")
 
 
@@ -117,7 +116,6 @@ def headed(ax: Axes, title: str, marks: Sequence[Any] = (), columns: int = 3) ->
 
 
 def octaves(ax: Axes) -> None:
-    """Write 1, 2, 5 and their multiples along a logarithmic axis."""
     from matplotlib.ticker import LogLocator, NullFormatter
 
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -1,7 +1,10 @@
-"""Plots of a diagnosis or an identification. Each takes ``ax=None`` and returns the Axes."""
+"""Plots of a log as it was read, and of a diagnosis or an identification. Each takes ``ax=None``
+and returns the Axes."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -9,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..blocks.block import Block, members, unit_for
+from ..core.display import number
 from ..core.errors import InputError
-from ..core.numeric import Z95
+from ..core.numeric import Z95, top_speed
 from ..core.unit_names import si_unit
+from ..estimates.balance import Balance, at_samples, friction
 from . import loop_plots
-from .canvas import AFTER, BEFORE, MEASURED, QUIET, binned, drawn, headed, on_pyplot
+from .canvas import AFTER, BEFORE, HALF, MEASURED, QUIET, binned, drawn, headed, on_pyplot
 from .page import Figure
 from .wording import BUDGET, kind, motion_of, percent, readable, terms
 
@@ -22,10 +27,165 @@ if TYPE_CHECKING:
 
     from ..estimates.findings import Traces
 
+# ---- the log: torque and motion over time, the friction curve, the plain fit
+
+
+LEFT_OUT = "#e9b44c"
+TITLES = {"u": "Torque", "w": "Speed", "theta": "Angle"}
+_BINS = 1500  # of time over which a long signal is drawn as a band from least to greatest value
+_MEANS, _SOME = 160, 4000  # bins in which a residual is averaged, and points of it
+_REST = 0.02  # of the top speed, below which a sample is at rest
+_LINES = 14  # of remarks beside the plots
+_COLUMNS = 78  # of a line of remarks
+
+
+def plot(balance: Balance) -> list[Axes]:
+    panels = [figure.draw for figure in log_figures(balance)]
+    return on_pyplot([*panels, *([partial(remarks, balance)] if balance.said else [])], columns=2)
+
+
+def log_figures(balance: Balance) -> list[Figure]:
+    """Every plot that there is something for; the remarks are text in a report."""
+    panels = _panels(balance) if balance.stretches else ()
+    return [Figure(f"log-{i}", caption, draw, HALF) for i, (caption, draw) in enumerate(panels)]
+
+
+def _panels(balance: Balance) -> Iterator[tuple[str, Callable[..., Any]]]:
+    some = balance.stretches[0]
+    motion = [role for role in ("w", "theta") if getattr(some, role) is not None]
+    shaded = "; shaded: left out" if any(not one.ok.all() for one in balance.stretches) else ""
+    yield f"Torque as it was recorded{shaded}.", partial(signal, balance, role="u")
+    for role in motion:
+        yield f"{role} as it was recorded.", partial(signal, balance, role=role)
+    if balance.curve:
+        yield "Friction over speed, with 95 % bars, and the plain fit.", partial(curve, balance)
+    if balance.residual is not None:
+        yield "What the plain torque balance leaves.", partial(fit, balance)
+        for role in dict.fromkeys(("w", *motion)):
+            caption = f"The same over {role}, with its mean; without samples at rest."
+            yield caption, partial(rest, balance, role=role)
+
+
+def starts(balance: Balance) -> list[float]:
+    """What is added to the time of each stretch, so that runs follow one another."""
+    made, shift, last, run = [], 0.0, 0.0, None
+    for one in balance.stretches:
+        if run is not None and one.run != run:
+            shift = last - float(one.t[0])
+        made.append(shift)
+        run, last = one.run, shift + float(one.t[-1])
+    return made
+
+
+@drawn
+def signal(balance: Balance, ax: Axes, role: str = "u") -> Axes:
+    """A channel over time; a long one as the band between its least and greatest values."""
+    for one, shift in zip(balance.stretches, starts(balance), strict=True):
+        t, low, high = envelope(one.t + shift, getattr(one, role))
+        ax.fill_between(t, low, high, color=MEASURED, lw=0.6, rasterized=True)
+        edges = np.flatnonzero(np.diff(np.r_[False, ~one.ok, False]))
+        for a, b in edges.reshape(-1, 2):  # samples that are not used
+            start, end = float(one.t[a]) + shift, float(one.t[b - 1]) + shift
+            ax.axvspan(start, end, color=LEFT_OUT, alpha=0.5, lw=0)
+    _between_runs(balance, ax)
+    ax.set(xlabel="t [s]", ylabel=f"{role} [{si_unit(role, balance.motion)}]")
+    ax.margins(x=0.01)
+    return headed(ax, f"{TITLES[role]} as recorded")
+
+
+@drawn
+def curve(balance: Balance, ax: Axes) -> Axes:
+    points, values = balance.curve, balance.values()
+    w, torque = (np.array([getattr(p, k) for p in points]) for k in ("w", "torque"))
+    factor, unit = readable([np.abs(torque).max(initial=0.0)], unit_for("N m", balance.motion))
+    bars = np.array([p.ci95 or (p.torque, p.torque) for p in points])
+    sides = np.abs(bars - torque[:, None]).T
+    ax.errorbar(w, factor * torque, factor * sides, fmt="o", ms=4, lw=1.0, color=AFTER)
+    for side in (-1, 1) if "Fc" in values and balance.half_width is not None else ():
+        x = np.linspace(0.0, side * (side * w).max(initial=0.0), 2)
+        law = friction(balance, x, side) + values.get("constant_torque", 0.0)
+        ax.plot(x, factor * law, color=MEASURED, lw=1.2, label="plain fit" if side > 0 else None)
+    ax.set(xlabel=f"w [{unit_for('rad/s', balance.motion)}]", ylabel=f"friction [{unit}]")
+    ax.margins(x=0.01)
+    return headed(ax, "Friction over speed")
+
+
+@drawn
+def fit(balance: Balance, ax: Axes) -> Axes:
+    """What the plain balance leaves of the torque, in windows over time."""
+    windows = balance.residual
+    assert windows is not None
+    pairs = zip(balance.stretches, starts(balance), strict=True)
+    shifts = {one.run: shift for one, shift in pairs}
+    t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
+    factor, unit = readable([np.abs(windows.value).max()], unit_for("N m", balance.motion))
+    _between_runs(balance, ax)
+    ax.plot(t, factor * windows.value, ".", ms=2.0, color=AFTER, rasterized=True)
+    ax.set(xlabel="t [s]", ylabel=f"residual torque [{unit}]")
+    ax.margins(x=0.01)
+    left = number(100.0 * (balance.left or 0.0), 2)
+    return headed(ax, f"Plain fit: leaves {left} % of the RMS torque")
+
+
+@drawn
+def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
+    """The same over speed or angle, and its mean; samples at rest would cover all others."""
+    parts = [at_samples(balance, one) for one in balance.stretches]
+    w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
+    good = np.isfinite(y)
+    moving = good & (np.abs(w) > _REST * top_speed(w[good]))
+    good = moving if moving.any() else good
+    x, y = x[good], y[good]
+    span = 2.0 * np.pi if role == "theta" and balance.motion == "rotary" else 0.0
+    turns = span > 0.0 and bool(np.ptp(x) > span)
+    x = np.mod(x, span) if turns else x
+    edges = np.linspace(x.min(), x.max(), max(4, min(_MEANS, len(x) // 20)) + 1)
+    factor, unit = readable([np.quantile(np.abs(y), 0.99)], unit_for("N m", balance.motion))
+    some = slice(None, None, max(1, len(x) // _SOME))
+    ax.plot(x[some], factor * y[some], ".", ms=1.5, color=MEASURED, alpha=0.25, rasterized=True)
+    ax.plot(*binned(x, factor * y, edges), color=AFTER, lw=1.8)
+    low, high = np.quantile(factor * y, [0.005, 0.995])
+    ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
+    over = f"{role}{' modulo one turn' * turns} [{si_unit(role, balance.motion)}]"
+    ax.set(xlabel=over, ylabel=f"residual torque [{unit}]")
+    ax.margins(x=0.01)
+    return headed(ax, f"Plain fit: what it leaves over {role}, and its mean")
+
+
+def _between_runs(balance: Balance, ax: Axes) -> None:
+    """A line where a run ends and the next one begins."""
+    parts, shifts = balance.stretches, starts(balance)
+    for before, one, shift in zip(parts, parts[1:], shifts[1:], strict=False):
+        if one.run != before.run:
+            ax.axvline(float(one.t[0]) + shift, color="#9aa4b0", lw=0.9, ls="--")
+
+
+@drawn
+def remarks(balance: Balance, ax: Axes) -> Axes:
+    bullet: Any = {"initial_indent": "- ", "subsequent_indent": "  "}
+    lines = [line for note in balance.said for line in textwrap.wrap(note, _COLUMNS, **bullet)]
+    if len(lines) > _LINES:
+        lines = [*lines[: _LINES - 1], "  ..."]
+    ax.axis("off")
+    text = "\n".join(lines)
+    ax.text(0.0, 1.0, text, va="top", family="monospace", fontsize=7.5, transform=ax.transAxes)
+    return headed(ax, "What was noticed")
+
+
+def envelope(t: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if len(x) <= 2 * _BINS:
+        return t, x, x
+    edges = np.linspace(0, len(x), _BINS + 1).astype(int)[:-1]
+    with np.errstate(invalid="ignore"):
+        return t[edges], np.fmin.reduceat(x, edges), np.fmax.reduceat(x, edges)
+
+
+# ---- the diagnosis
+
+
 _POINTS = 2500  # largest number of points drawn of a scatter or a line
 _DOTS: dict[str, Any] = {"ms": 2.5, "alpha": 0.25, "mew": 0, "rasterized": True}
 STRETCH = 2.0  # s of measured and simulated motion that are shown
-_BINS = 200  # of the error over the record
 _LEAST = 60  # of the residual over a signal
 _FINE, _IN_BIN = 20, 20  # bins in a cycle of the effect, at so many samples in each
 _TURNS = 12  # harmonics up to this order are shown over one whole turn
@@ -36,11 +196,9 @@ CAPTIONS = {
     "motion": "Measured and simulated motion over the two held-out seconds where the refitted "
     "model has its largest error. The models are simulated from the recorded torque alone; where "
     "they jump, they are restarted from the measured motion.",
-    "error": "Error of the simulated motion on held-out samples, in short bins.",
     "budget": "Where the torque goes, RMS as a share of friction: blue what is missing from the "
     "model.",
     "map": "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
-    "missed": "Mean torque minus the fitted curves. The bars are the 95 % intervals of the means.",
     "torque": "Residual torque: single samples (dots) and their mean (lines).",
     "table": "The residual torque as a table, with its 95 % band. It describes the residual "
     "without a physical explanation.",
@@ -57,50 +215,16 @@ _LAGS = {
 
 @drawn
 def motion(d: Any, ax: Axes) -> Axes:
-    """Measured and simulated signal over the two held-out seconds with the largest error."""
     traces, models = d.traces, _models(d)
     cut = stretch(traces)
     cut = slice(cut.start, cut.stop, max((cut.stop - cut.start) // _POINTS, 1))
-    t, (name, unit) = traces.t[cut], _signal(d)
+    t, of = traces.t[cut], d.error or {}
+    name, unit = of.get("signal", "w"), of.get("unit") or unit_for("rad/s", motion_of(d))
     ax.plot(t, traces.measured[cut], color=QUIET, lw=3.5, label="measured")
     for model, values in models.items():
         ax.plot(t, values[cut], color=_CURVES[model], lw=1.3, label=f"simulated, {model}")
     ax.set(xlabel="t [s]", ylabel=f"{name} [{unit}]", xlim=(t[0], t[-1]))
     return headed(ax, "Measured and simulated, held-out samples")
-
-
-@drawn
-def error(d: Any, ax: Axes) -> Axes:
-    """RMS of measured minus simulated over the whole record, in short bins of held-out samples."""
-    traces, (name, unit) = d.traces, _signal(d)
-    curves = {n: rms_over_time(traces.t, traces.measured - x) for n, x in _models(d).items()}
-    factor, unit = readable([float(np.nanmax(rms)) for _, rms in curves.values()], unit)
-    for label, (edges, rms) in curves.items():
-        look = {"color": _CURVES[label], "lw": 1.4, "label": label}
-        ax.stairs(factor * rms, edges, baseline=None, **look)
-    floor = (d.error or {}).get("noise_floor")
-    if floor:
-        ax.axhline(factor * floor, color=MEASURED, lw=1.0, ls=":", label="sensor noise")
-    ax.set(xlabel="t [s]", ylabel=f"RMS error of {name} [{unit}]")
-    ax.set_xlim(traces.t[0], traces.t[-1])
-    middles = [float(np.nanmedian(rms)) for _, rms in curves.values()]
-    if 0 < min(middles) < 0.1 * max(middles):  # else one curve would lie on the axis
-        ax.set_yscale("log")
-    else:
-        ax.set_ylim(bottom=0)
-    return headed(ax, "Error over the record, held-out samples")
-
-
-def rms_over_time(t: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges and RMS of an error in equal bins of the record; NaN for a bin without values."""
-    edges = np.linspace(t[0], t[-1], min(_BINS, max(len(t) // 20, 1)) + 1)
-    return edges, np.sqrt(binned(t, np.square(error), edges, least=1)[1])
-
-
-def _signal(d: Any) -> tuple[str, str]:
-    """The signal that errors refer to, and its unit."""
-    error = d.error or {}
-    return error.get("signal", "w"), error.get("unit") or unit_for("rad/s", motion_of(d))
 
 
 def _models(d: Any) -> dict[str, np.ndarray]:
@@ -112,7 +236,6 @@ def _models(d: Any) -> dict[str, np.ndarray]:
 
 
 def simulated(traces: Traces | None, name: str) -> np.ndarray | None:
-    """A simulated trace, or None if it is missing or all NaN."""
     values = traces.simulated.get(name) if traces is not None else None
     return values if values is not None and np.isfinite(values).any() else None
 
@@ -156,7 +279,7 @@ def torque(d: Any, ax: Axes) -> Axes:
         ax.plot(x, mean, color="white", lw=3.6)
         ax.plot(x, mean, color=color, lw=2.0, label=f"{label}, mean")
         shown += list(mean[np.isfinite(mean)])
-    times = f" x sign({view.times})" if view.times else ""
+    times = " x sign(w)" * view.signed
     ax.set(xlabel=view.label, ylabel=f"{name}{times} [{unit}]", xlim=(edges[0], edges[-1]))
     margin = 0.15 * (max(shown) - min(shown))
     ax.set_ylim(min(shown) - margin, max(shown) + margin)
@@ -176,9 +299,9 @@ class Residual:
 
     x: np.ndarray
     label: str
-    before: np.ndarray  # of the refitted model, times the sign of the signal ``times``, if any
+    before: np.ndarray  # of the refitted model, times the sign of w where ``signed``
     after: np.ndarray | None  # of the augmented model, None if it is the same
-    times: str
+    signed: bool
     held_out: bool
     span: float = 0.0  # modulo which x is shown, 0 if as it is
     cycles: float = 1.0  # of the effect in that
@@ -192,74 +315,49 @@ class Residual:
 
 
 def residual(d: Any) -> Residual | None:
-    """The residual torque against the signal that explains it; None without traces."""
+    """The residual torque against the signal that explains it; None without traces. Of an effect
+    that changes a friction parameter the sign of w is taken out."""
     traces = getattr(d, "traces", None)
     if traces is None or not np.isfinite(traces.residual.get("refitted", np.nan)).any():
         return None
-    before: np.ndarray = traces.residual["refitted"]
-    block, values = None, {}  # of the best effect
-    if d.effects and d.verdict != "unexplained":
-        first = d.effects[0]
-        block = members("effect").get(first.name)
-        values = {k: e.value for k, e in first.parameters.items()}
-    times = _times(d, block)
-    x, label, span, cycles = _explaining(d, times, block, values)
-    after = traces.residual.get("augmented")
-    sign = np.sign(traces.signals[times]) if times else np.ones_like(x)
+    before, after = traces.residual["refitted"], traces.residual.get("augmented")
+    first = d.effects[0] if d.effects and d.verdict != "unexplained" else None
+    block = members("effect").get(first.name) if first else None
+    values = {k: e.value for k, e in first.parameters.items()} if first else {}
+    signals = {"t": traces.t, **traces.signals}
+    own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
+    name = next((s for s in [*own, *d.depends_on, "w", "theta"] if s in signals), "t")
+    signed = bool(block and block.acts and block.acts not in (("torque",), ("input",)))
+    sign = np.sign(signals["w"]) if signed and "w" in signals else np.ones(len(traces.t))
+    x, motion = signals[name], motion_of(d)
     good = np.isfinite(x) & np.isfinite(before) & np.isfinite(sign)
-    if not good.any():
-        return None
     held_out = bool((good & traces.held_out).any())
     good = good & traces.held_out if held_out else good
+    if not good.any():
+        return None
     if not d.effects or (after is not None and np.array_equal(after, before, equal_nan=True)):
         after = None
-    before, after = before * sign, None if after is None else (after * sign)[good]
-    return Residual(x[good], label, before[good], after, times, held_out, span, cycles)
+    unit, span, cycles = si_unit(name, motion), _period(name, block, values, motion), 1.0
+    if span and np.ptp(x[good]) > span:
+        turn = "one turn" if span == 2 * np.pi and motion == "rotary" else f"{span:.4g} {unit}"
+        cycles, x = max(values.get("harmonic", 1.0) * span / (2 * np.pi), 1.0), np.mod(x, span)
+        label = f"{name} modulo {turn} [{unit}]"
+    else:
+        span, label = 0.0, f"{name} [{unit}]" if unit else name
+    before, after = (before * sign)[good], None if after is None else (after * sign)[good]
+    return Residual(x[good], label, before, after, signed, held_out, span, cycles)
 
 
-def _times(d: Any, block: Block | None) -> str:
-    """The signal whose sign the residual is multiplied by, "" if none: w if an effect changes a
-    friction parameter; of an unexplained residual that depends on two signals a, else u, else w."""
-    signals = d.traces.signals
-    if block is None:
-        pair = d.depends_on if d.verdict == "unexplained" and len(d.depends_on) == 2 else ()
-        return next((s for s in "auw" if s in pair and s in signals), "")
-    plain = block.acts in (("torque",), ("input",)) or not block.acts
-    return "w" if "w" in signals and not plain else ""
-
-
-def _explaining(
-    d: Any, times: str, block: Block | None, values: dict[str, float]
-) -> tuple[np.ndarray, str, float, float]:
-    """The abscissa, its label, what it is folded over and how often the effect repeats in that."""
-    signals = {"t": d.traces.t, **d.traces.signals}
-    own = [*block.inputs, *(["t"] if block.timed else [])] if block else []
-    wanted = [*own, *(s for s in d.depends_on if block or s != times)]
-    name = next((s for s in [*wanted, "w", "theta"] if s in signals), "t")
-    motion = motion_of(d)
-    unit, x = si_unit(name, motion), signals[name]
-    if block and block.acts == ("input",) and block.states and name == "u":
-        return np.gradient(x, d.traces.t), f"du/dt [{unit}/s]", 0.0, 1.0
-    period = _period(name, block, values, motion)
-    if period and np.ptp(x[np.isfinite(x)]) > period:
-        turn = "one turn" if period == 2 * np.pi and motion == "rotary" else f"{period:.4g} {unit}"
-        cycles = max(values.get("harmonic", 1.0) * period / (2 * np.pi), 1.0)
-        return np.mod(x, period), f"{name} modulo {turn} [{unit}]", period, cycles
-    return x, f"{name} [{unit}]" if unit else name, 0.0, 1.0
-
-
-def _period(name: str, block: Block | None, values: dict[str, float], motion: str) -> float | None:
-    """The period modulo which a signal is shown, None if it is shown as it is."""
-    if "frequency" in values and name == "t":
-        return 1.0 / values["frequency"]
-    if name not in ("theta", "theta_load"):
-        return None
+def _period(name: str, block: Block | None, values: Mapping[str, float], motion: str) -> float:
+    """The period modulo which a signal is shown, 0 if it is shown as it is."""
     order = values.get("harmonic", 1.0)
-    if motion == "linear":
-        return 2 * np.pi / order if "harmonic" in values else None
-    if block is not None and "phase" not in block.parameters:
-        return None
-    return 2 * np.pi if order <= _TURNS else 2 * np.pi / order
+    if name == "t" and "frequency" in values:
+        return 1.0 / values["frequency"]
+    if not name.startswith("theta") or (block is not None and "phase" not in block.parameters):
+        return 0.0
+    if motion == "linear" or order > _TURNS:
+        return 2 * np.pi / order if "harmonic" in values else 0.0
+    return 2 * np.pi
 
 
 # --- budget, friction map, prediction errors -----------------------------------------------
@@ -267,7 +365,6 @@ def _period(name: str, block: Block | None, values: dict[str, float], motion: st
 
 @drawn
 def bars(d: Any, ax: Axes) -> Axes:
-    """The torque budget as bars."""
     parts = d.comparison.budget[::-1]
     colours = [_TERMS[kind(s.term)] for s in parts]
     ax.barh(range(len(parts)), [100.0 * s.share for s in parts], color=colours, height=0.7)
@@ -289,7 +386,9 @@ def bars(d: Any, ax: Axes) -> Axes:
 @drawn
 def friction_map(made: Any, ax: Axes) -> Axes:
     """Mean torque over speed, one point with its 95 % bar per run, and the models' curves."""
-    factor, name = _labelled(made, ax, "mean", made.u)
+    factor, unit = readable([float(np.max(np.abs(made.u)))], unit_for("N m", made.motion))
+    name = "torque" if made.motion == "rotary" else "force"
+    ax.set(xlabel=f"w [{unit_for('rad/s', made.motion)}]", ylabel=f"mean {name} [{unit}]")
     left = made.at < 0.0
     for model, curve in made.curves.items():
         for side, label in ((left, model), (~left, None)):
@@ -301,28 +400,7 @@ def friction_map(made: Any, ax: Axes) -> Axes:
 
 
 @drawn
-def missed(made: Any, ax: Axes) -> Axes:
-    """Mean torque of each run minus that of the models at its speed."""
-    rest = {k: made.u - np.interp(made.w, made.at, curve) for k, curve in made.curves.items()}
-    factor, name = _labelled(made, ax, "residual", rest["refitted"])
-    for model, left in rest.items():
-        y, bars = factor * left, factor * Z95 * made.error
-        ax.errorbar(made.w, y, bars, color=_CURVES[model], label=model, **_RUN)
-    ax.axhline(0.0, color=MEASURED, lw=1.0)
-    return headed(ax, f"Residual {name}, measured minus model")
-
-
-def _labelled(made: Any, ax: Axes, which: str, values: np.ndarray) -> tuple[float, str]:
-    """Label the axes; returns the factor that brings the torque into its unit, and its name."""
-    factor, unit = readable([float(np.max(np.abs(values)))], unit_for("N m", made.motion))
-    name = "torque" if made.motion == "rotary" else "force"
-    ax.set(xlabel=f"w [{unit_for('rad/s', made.motion)}]", ylabel=f"{which} {name} [{unit}]")
-    return factor, name
-
-
-@drawn
 def correlations(r: Any, ax: Axes) -> Axes:
-    """Autocorrelation and cross-correlation over the lag, with their 99 % bound."""
     ax.axhspan(-r.bound, r.bound, color="#e6eaef", label="99 % of chance")
     for i, (name, (colour, label)) in enumerate(_LAGS.items()):
         first = 1 if name == "autocorrelation" else 0
@@ -342,10 +420,8 @@ def figures(d: Any) -> list[Figure]:
     loop, simulates = getattr(d, "compensation", None), getattr(d, "traces", None)
     of = {
         "motion": (motion, d if simulated(simulates, "refitted") is not None else None),
-        "error": (error, d if simulated(simulates, "refitted") is not None else None),
         "budget": (bars, d if getattr(getattr(d, "comparison", None), "budget", ()) else None),
         "map": (friction_map, getattr(d, "map", None)),
-        "missed": (missed, getattr(d, "map", None)),
         "torque": (torque, d if residual(d) is not None else None),
         "table": (loop_plots.table, getattr(d, "table", None)),
         "tracking": (loop_plots.tracking, loop if loop is not None and loop.runs else None),

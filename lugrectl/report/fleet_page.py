@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from ..core.display import NONE, Grid, grid_text, number
+from ..core.display import NONE, Grid, grid_html, grid_text, number
 from . import FILES, check_folder, write, written
 from .page import Page, wrapped
 from .wording import readable
@@ -28,7 +28,6 @@ _NOTE = (
 
 
 def headline(fleet: Any) -> tuple[str, str]:
-    """The counts of the verdicts, and one sentence on what was diagnosed."""
     n, left = len(fleet.outcomes), len(fleet.unfinished)
     counts = ", ".join(f"{many} {verdict}" for verdict, many in fleet.counts.items() if many)
     title = f"{n} log{'s' * (n != 1)}: {counts}" if n else "no log finished"
@@ -40,7 +39,6 @@ def headline(fleet: Any) -> tuple[str, str]:
 
 
 def text(fleet: Any) -> str:
-    """The table; each log is followed by what was found or why there is no answer."""
     title, meaning = headline(fleet)
     lines = [title, wrapped(meaning, "  ")]
     if fleet.rows:
@@ -88,30 +86,20 @@ def _shown(files: Sequence[str]) -> list[str]:
 
 
 def page(fleet: Any, links: Mapping[str, str] | None = None) -> Page:
-    """The table as a page that links to the reports."""
-    parts = [_table(fleet.rows, links or {}), f'<p class="small">{_NOTE}</p>']
+    shown = _shown([row["file"] for row in fleet.rows])
+    cells = (
+        (*_cells(row, name), "; ".join(details(row)))
+        for row, name in zip(fleet.rows, shown, strict=True)
+    )
+    table = grid_html(Grid((*_HEAD, "found"), f"{_ALIGN}l", tuple(cells)))
+    for row, name in zip(fleet.rows, shown, strict=True):
+        if link := (links or {}).get(row["file"]):
+            linked = f'><a href="{quote(link)}">{escape(name)}</a></td>'
+            table = table.replace(f">{escape(name)}</td>", linked, 1)
+    parts = [f'<div class="prose">{table}</div>', f'<p class="small">{_NOTE}</p>']
     left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
     parts += [f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>"] if left else []
     return Page(*headline(fleet), parts, style="fleet")
-
-
-def _table(rows: Sequence[Mapping[str, Any]], links: Mapping[str, str]) -> str:
-    """The table, each log followed by a row with what was found in it."""
-    ths = "".join(f'<th class="{a}">{h}</th>' for h, a in zip(_HEAD, _ALIGN, strict=True))
-    made = []
-    for row, name in zip(rows, _shown([row["file"] for row in rows]), strict=True):
-        log, link = escape(name), links.get(row["file"])
-        if link is not None:
-            log = f'<a href="{quote(link)}">{log}</a>'
-        verdict = f'<span class="tag {row["verdict"]}">{row["verdict"]}</span>'
-        rest = zip(_cells(row, name)[2:], _ALIGN[2:], strict=True)
-        cells = "".join(f'<td class="{a}">{escape(cell)}</td>' for cell, a in rest)
-        what = "<br>".join(escape(said) for said in details(row))
-        kind = ' class="more"' if what else ""
-        made.append(f'<tr{kind}><td class="log">{log}</td><td>{verdict}</td>{cells}</tr>')
-        made += [f'<tr><td class="what" colspan="{len(_HEAD)}">{what}</td></tr>'] if what else []
-    head, body = f"<thead><tr>{ths}</tr></thead>", "\n".join(made)
-    return f'<div class="table"><table>\n{head}\n<tbody>\n{body}\n</tbody>\n</table></div>'
 
 
 def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
@@ -130,17 +118,11 @@ def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:
 
 
 def folder_names(files: Iterable[str]) -> list[str]:
-    """A folder name for each log, its own in any case of letters; more of its path if needed."""
-    paths = [Path(file) for file in files]
-    stems = [path.stem.casefold() for path in paths]
+    """A folder name for each log, its own in any case of letters."""
     used, names = {name.casefold() for name in INDEX}, []
-    for path, shown in zip(paths, map(Path, _shown(list(map(str, paths)))), strict=True):
-        name = path.stem
-        if stems.count(name.casefold()) > 1:
-            above = [part for part in shown.parent.parts if part not in ("..", path.anchor)]
-            name = "-".join([*above, name])
-        wanted = name.strip(" .") or "log"
-        tries = itertools.chain([wanted], (f"{wanted}-{n}" for n in itertools.count(2)))
+    for file in files:
+        stem = Path(file).stem.strip(" .") or "log"
+        tries = itertools.chain([stem], (f"{stem}-{n}" for n in itertools.count(2)))
         names.append(next(name for name in tries if name.casefold() not in used))
         used.add(names[-1].casefold())
     return names
@@ -157,6 +139,5 @@ def write_all(fleet: Any, folder: str | Path) -> list[Path]:
 
 
 def write_index(fleet: Any, folder: str | Path, links: Mapping[str, str]) -> list[Path]:
-    """Write index.html and summary.csv; returns their paths."""
     made = (page(fleet, links).html(), table_csv(fleet, links))
     return written(dict(zip(INDEX, made, strict=True)), Path(folder), "table")

@@ -1,7 +1,10 @@
-"""Plots of loops: tracking, observers, what to compensate, limit cycles, sweeps, tables."""
+"""Plots of loops: tracking, observers, what to compensate, limit cycles, sweeps, tables; and over
+frequency: the linear checks (rad/s), a measured response and a tuned loop (Hz)."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +13,23 @@ from ..blocks.block import unit_for
 from ..core.errors import InputError
 from ..core.numeric import Z95
 from ..core.unit_names import si_unit
-from .canvas import AFTER, BEFORE, LINE, MARK, QUIET, drawn, empty, headed, octaves
+from ..linear.curve import curve
+from ..linear.curve import name as name_of
+from ..linear.curve import size as size_of
+from ..linear.passivity import least_power
+from .canvas import (
+    AFTER,
+    BEFORE,
+    LINE,
+    MARK,
+    QUIET,
+    drawn,
+    empty,
+    headed,
+    octaves,
+    on_pyplot,
+    style,
+)
 from .wording import readable
 
 if TYPE_CHECKING:
@@ -32,7 +51,6 @@ MOST = 10.0  # |D| that is drawn: beyond it are rest and growth without a stick
 
 @drawn
 def table(made: Any, ax: Axes) -> Axes:
-    """The table with its 95 % band; two lines if each direction has its own."""
     rows, errors = np.atleast_2d(made.values), np.atleast_2d(made.error)
     ways = _WAYS if len(rows) == 2 else (("table", AFTER),)
     x = made.points
@@ -170,7 +188,6 @@ def regions(found: Any, ax: Axes) -> Axes:
 
 @drawn
 def sweep(found: Any, ax: Axes, output: str | None = None) -> Axes:
-    """Median and 5 to 95 % range of one signal of a sweep."""
     if output is None and (found.y is None or not found.outputs):
         raise InputError("this sweep holds no outputs to plot (with reduce none are kept).")
     name = found.outputs[0] if output is None else output
@@ -183,3 +200,275 @@ def sweep(found: Any, ax: Axes, output: str | None = None) -> Axes:
     ax.plot(t, middle, color=AFTER, lw=1.3, label="median")
     ax.set(xlabel="t [s]", ylabel=name)
     return headed(ax, f"{found.name}, {len(values)} members")
+
+
+# ---- over frequency
+
+
+NEAR_MINUS_1 = 3.0  # up to which |L| the Nyquist curve is drawn
+CERTAIN = 0.95  # the least coherence that is drawn as certain
+_DASHED: dict[str, Any] = {"color": MARK, "ls": "--"}
+TURN = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 361))
+TURNED = -450.0  # deg: a dead time turns on and on, far below every margin
+
+
+def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    edge = verdict.band_edge
+    w, T = _curve(verdict, edge)
+    of = name_of(verdict._source)
+    good = np.isfinite(T)
+    w, re, im = w[good], np.real(T[good]), np.imag(T[good])
+
+    def real(own: Axes) -> None:
+        size = np.max(np.abs(re), initial=0.0)
+        _line(own, w, re)
+        own.set_yscale("asinh", linear_width=max(1e-3 * size, 1e-300))  # signed, without a kink
+        if 0 < edge < w[-1]:
+            own.axvline(edge, **_DASHED, label=f"band edge {edge:.4g} rad/s")
+        shown = verdict and math.isfinite(verdict.margin)
+        margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
+        own.set(xlabel="w [rad/s]", ylabel=f"Re {of}")
+        headed(own, f"{verdict.classification}{margin}")
+
+    def nyquist(own: Axes) -> None:
+        own.plot(re, im, color=LINE)
+        own.axvline(0.0, **_DASHED, label="Re T = 0")
+        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}")
+        headed(own, "Nyquist, w > 0")
+
+    return _panels([real, nyquist], ax)
+
+
+def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    at = verdict.frequency
+    w, T = _curve(verdict, at)
+
+    def size(own: Axes) -> None:
+        own.semilogx(w, _decibel(T), color=LINE)
+        if math.isfinite(verdict.gain):
+            place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
+            most = float(_decibel(verdict.gain))
+            label = f"largest: {verdict.gain:.4g} ({most:.4g} dB) {place}"
+            own.axhline(most, **_DASHED, label=label)
+            if w[0] <= at <= w[-1]:
+                own.plot([at], [most], "o", color=MARK)
+        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]")
+        headed(own, "L2 gain")
+
+    return _panels([size], ax)
+
+
+def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    width = verdict.bandwidth
+    w, T = _curve(verdict, width)
+    decibel = _decibel(T)
+
+    def magnitude(own: Axes) -> None:
+        own.semilogx(w, decibel, color=LINE)
+        if math.isfinite(width):
+            label = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
+            own.axvline(width, **_DASHED, label=label)
+            own.plot([width], [np.interp(np.log(width), np.log(w), decibel)], "o", color=MARK)
+        own.set(xlabel="w [rad/s]", ylabel=f"{size_of(verdict._source)} [dB]")
+        headed(own, "Bandwidth")
+
+    def phase(own: Axes) -> None:
+        own.semilogx(w, np.degrees(np.unwrap(np.angle(T))), color=LINE)
+        if math.isfinite(width):
+            own.axvline(width, **_DASHED)
+        own.set(xlabel="w [rad/s]", ylabel="phase [deg]")
+
+    return _panels([magnitude, phase], ax)
+
+
+def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """Magnitude and phase of the open loop with its margins, and the Nyquist curve."""
+    at = np.array([w for w in verdict.crossovers if w > 0])
+    ends = {of: _place(verdict, of) for of in ("gain", "phase", "modulus")}
+    w, L = curve(verdict._source, *at, *(ends[k] for k in ("gain", "modulus") if ends[k]))
+    crossing = np.interp(ends["gain"], w, np.real(L)) + 1j * np.interp(ends["gain"], w, np.imag(L))
+    of = name_of(verdict._source, "L")
+    turned = _turned(L, w, ends["phase"], verdict.phase_margin)
+
+    def size(own: Axes) -> None:
+        _line(own, w, _decibel(L))
+        own.plot(at, np.zeros(len(at)), "o", color=MARK, label="crossover")
+        if ends["gain"]:
+            level = float(_decibel(crossing))
+            label = f"gain margin {-level:.4g} dB at {ends['gain']:.4g} rad/s"
+            own.plot([ends["gain"]] * 2, [level, 0.0], color=MARK, lw=2, label=label)
+        said = "stable" if verdict else "not stable"
+        if math.isfinite(verdict.delay_margin):
+            said += f", delay margin {verdict.delay_margin:.4g} s"
+        own.set(xlabel="w [rad/s]", ylabel=f"|{of}| [dB]")
+        headed(own, f"Closed loop {said}")
+
+    def phase(own: Axes) -> None:
+        _line(own, w, turned, -180.0)
+        own.plot(at, np.interp(at, w, turned), "o", color=MARK)
+        if ends["phase"]:
+            span = [-180.0, verdict.phase_margin - 180.0]
+            own.plot([ends["phase"]] * 2, span, color=MARK, lw=2, label=_said(verdict, "phase"))
+        low = min([TURNED, *np.interp(at, w, turned) - 90.0])
+        own.set(xlabel="w [rad/s]", ylabel="phase [deg]", ylim=(max(own.get_ylim()[0], low), None))
+        headed(own, "")
+
+    def nyquist(own: Axes) -> None:
+        _about_minus_1(own, L, verdict, crossing.real if ends["gain"] else -math.inf)
+        own.set(xlabel=f"Re {of}", ylabel=f"Im {of}")
+        headed(own, "Nyquist, w > 0", columns=2)
+
+    return _panels([size, phase, nyquist], ax)
+
+
+def _about_minus_1(own: Axes, L: np.ndarray, verdict: Any, crossing: float) -> None:
+    """L(jw) near -1 with its margins; ``crossing``: where it meets the axis, -inf if nowhere."""
+    shown = np.where(np.abs(L) < NEAR_MINUS_1, L, np.nan)
+    own.plot(np.real(shown), np.imag(shown), color=LINE)
+    own.plot(np.real(TURN), np.imag(TURN), ":", color="0.4", lw=0.8)
+    own.plot([-1.0], [0.0], "+", color=MARK, ms=10, label="-1")
+    if crossing > -NEAR_MINUS_1:
+        label = _said(verdict, "gain")
+        own.plot([-1.0, crossing], [0.0, 0.0], color="#e08214", label=label)
+    if _place(verdict, "phase"):
+        arc = -np.exp(1j * np.radians(np.linspace(0.0, verdict.phase_margin, 181)))
+        own.plot(np.real(arc), np.imag(arc), color="#1b7837", label=_said(verdict, "phase"))
+    if 0 < verdict.modulus_margin < math.inf:
+        ring = verdict.modulus_margin * TURN - 1
+        label = f"{_said(verdict, 'modulus')}, Ms {verdict.Ms:.4g}"
+        own.plot(np.real(ring), np.imag(ring), "--", color=MARK, lw=1, label=label)
+    own.set_aspect("equal", adjustable="datalim")
+
+
+def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """The least power that the friction takes, over w^2, and the speed at which it is 0."""
+    speed = verdict.speed
+    w = np.geomspace(1e-3, 1e2, 800) * (speed if math.isfinite(speed) else verdict._source[-1])
+
+    def least(own: Axes) -> None:
+        _line(own, w, least_power(w, *verdict._source))
+        if math.isfinite(speed):
+            label = f"may give energy back above {speed:.4g} rad/s"
+            own.axvline(speed, **_DASHED, label=label)
+        own.set(xlabel="|w| [rad/s]", ylabel="least (w F - dV/dt)/w^2 [N m s/rad]")
+        headed(own, f"The friction is {'passive' if verdict else 'not passive'}")
+
+    return _panels([least], ax)
+
+
+def _curve(verdict: Any, at: float) -> tuple[np.ndarray, np.ndarray]:
+    return curve(verdict._source, *([at] if math.isfinite(at) else []))
+
+
+def _line(own: Axes, w: np.ndarray, y: np.ndarray, level: float = 0.0) -> None:
+    own.semilogx(w, y, color=LINE)
+    own.axhline(level, color="0.4", lw=0.8)
+
+
+def _place(verdict: Any, of: str) -> float:
+    """The frequency of a margin; 0 where it is not a point of the picture."""
+    at = getattr(verdict, f"{of}_margin_frequency")
+    return at if math.isfinite(at) else 0.0
+
+
+def _said(verdict: Any, of: str) -> str:
+    value, at = (getattr(verdict, f"{of}_margin{k}") for k in ("", "_frequency"))
+    unit = " deg" if of == "phase" else ""
+    return f"{of} margin {value:.4g}{unit} at {at:.4g} rad/s"
+
+
+def _turned(L: np.ndarray, w: np.ndarray, at: float, margin: float) -> np.ndarray:
+    """The phase in deg without jumps, which at the crossover is that of its margin."""
+    turned = np.degrees(np.unwrap(np.angle(L)))
+    if not at:  # an open loop begins with the lag of its integrators
+        return turned - 360.0 * (turned[0] > 90.0)
+    return turned - 360.0 * round((np.interp(at, w, turned) + 180.0 - margin) / 360.0)
+
+
+def _decibel(T: Any) -> np.ndarray:
+    with np.errstate(divide="ignore"):
+        return 20 * np.log10(np.abs(T))
+
+
+def _panels(panels: list[Any], ax: Any) -> Sequence[Axes]:
+    """Draw into a new figure, or into as many Axes as are given (the first panels)."""
+    if ax is None:
+        return on_pyplot(panels)
+    given = list(np.ravel(np.asarray(ax, dtype=object)))
+    if len(given) > len(panels) or not all(hasattr(one, "plot") for one in given):
+        raise InputError(f"ax must be an Axes, or a list of up to {len(panels)} of them.")
+    with style():
+        for panel, own in zip(panels, given, strict=False):
+            panel(own)
+    return given
+
+
+def bode(found: Any) -> Sequence[Axes]:
+    """Magnitude, phase and coherence over Hz, certain points in full; gains with their loop."""
+    f = found.frequency / (2.0 * np.pi)
+    sure = np.where(found.certain, 1.0, np.nan)
+
+    def curves(ax: Axes, raw: np.ndarray, clean: np.ndarray) -> None:
+        ax.semilogx(f, raw, color=BEFORE, lw=0.9, label="as recorded")
+        ax.plot(f, clean, color=QUIET, lw=1.0)
+        ax.plot(f, clean * sure, ".-", color=LINE, lw=1.5, ms=2.5, label="friction taken out")
+
+    def magnitude(ax: Axes) -> None:
+        sizes = (found.low, found.magnitude, found.high, np.asarray(found.raw.frdata)[0, 0])
+        low, size, high, raw = map(_decibel, sizes)
+        curves(ax, raw, size)
+        floor = np.nanmin(size) - 20.0  # a band that reaches 0 ends there
+        ax.fill_between(f, np.maximum(low, floor), high, color=LINE, alpha=0.25, lw=0)
+        for mode in found.modes:
+            hertz, dots = mode.frequency / (2.0 * np.pi), mode.kind == "antiresonance"
+            look = {"color": MARK, "lw": 0.9, "ls": ":" if dots else "--"}
+            ax.axvline(hertz, **look, label=f"{mode.kind} {hertz:.3g} Hz")
+        ax.set(ylabel=f"|P| [dB of {found.unit}]")
+        bad = f[found.governed]
+        headed(ax, f"Friction governs {bad[0]:.3g} to {bad[-1]:.3g} Hz" if len(bad) else "")
+
+    def phase(ax: Axes) -> None:
+        curves(ax, np.degrees(found.raw_phase), np.degrees(found.phase))
+        ax.set(ylabel="phase [deg]")
+
+    def coherence(ax: Axes) -> None:
+        ax.semilogx(f, found.coherence, color=LINE, lw=1.2)
+        ax.axhline(CERTAIN, color=MARK, ls="--", lw=0.9)
+        ax.set(xlabel="f [Hz]", ylabel="coherence", ylim=(0.0, 1.02))
+
+    own, more = [magnitude, phase, coherence], _of_gains(found.gains) if found.gains else []
+    axes = on_pyplot([*own, *more], columns=2 if more else 1)
+    for ax in axes[: len(own)]:
+        ax.set_xlim(f[0], f[-1])
+        octaves(ax)
+    return axes
+
+
+def tuning(found: Any) -> Sequence[Axes]:
+    return on_pyplot(_of_gains(found), columns=2)
+
+
+def _of_gains(found: Any) -> list[Callable[[Axes], None]]:
+    def nyquist(ax: Axes) -> None:
+        L = np.asarray(found.loop.frdata)[0, 0]
+        Ms, wide = found.margins.Ms, NEAR_MINUS_1
+        circle = -1.0 + TURN / Ms
+        ax.plot(np.real(L), np.imag(L), color=LINE, lw=1.3, label="L")
+        ax.plot(np.real(circle), np.imag(circle), color=MARK, lw=0.9, label=f"Ms {Ms:.2f}")
+        ax.plot(np.real(TURN), np.imag(TURN), color="0.7", lw=0.7, ls=":")
+        ax.plot([-1.0], [0.0], "+", color=MARK)
+        ax.set(xlim=(-wide, wide / 3), ylim=(-wide / 1.5, wide / 1.5))
+        ax.set(xlabel="Re L", ylabel="Im L", aspect="equal")
+        gains = found.cascade or {k: getattr(found, k) for k in ("kp", "ki", "kd")}
+        said = ", ".join(f"{k} {v:.4g}" for k, v in gains.items() if v)
+        headed(ax, f"{found._title()}\n{said}")
+
+    def step(ax: Axes) -> None:
+        t, y = found.step()
+        what = "speed" if found.structure == "PI" else "position"
+        ax.plot(t, y, color=LINE, lw=1.3)
+        ax.axhline(1.0, color="0.7", lw=0.7)
+        ax.set(xlabel="t [s]", ylabel=f"{what} / reference", xlim=(0.0, t[-1] / 2))
+        ax.set_title(f"A step of the {what}, without friction")
+
+    return [nyquist, step]

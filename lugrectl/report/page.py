@@ -26,11 +26,7 @@ _STYLE = """
 .lugrectl .ambiguous, .lugrectl .unexplained { border-color: #c47f17; }
 .lugrectl .refused { border-color: #b03a2e; }
 .lugrectl .equation { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
-.lugrectl .table { overflow-x: auto; background:
-    linear-gradient(to right, #fff 40%, transparent) left / 3rem 100% no-repeat local,
-    linear-gradient(to left, #fff 40%, transparent) right / 3rem 100% no-repeat local,
-    linear-gradient(to right, #b8c1cc, transparent) left / .9rem 100% no-repeat scroll,
-    linear-gradient(to left, #b8c1cc, transparent) right / .9rem 100% no-repeat scroll; }
+.lugrectl .table { overflow-x: auto; }
 .lugrectl table { border-collapse: collapse; font-size: .92rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
 .lugrectl th, .lugrectl td { padding: .25rem .9rem .25rem 0; border-bottom: 1px solid #e6eaef;
@@ -47,33 +43,11 @@ _STYLE = """
   overflow-x: auto; }
 .lugrectl .prose td { white-space: normal; vertical-align: top; }
 .lugrectl.fleet { max-width: 76rem; }
-.fleet .table > table { width: 100%; }
-.lugrectl.fleet td.log { display: table-cell; white-space: normal; overflow-wrap: anywhere;
-  min-width: 8rem; }
-.fleet tr.more > * { border-bottom: none; }
-.fleet td.what { white-space: normal; padding: 0 0 .5rem 1.2rem; color: #4a5563; }
-.fleet .tag { border-left-width: .35rem; border-left-style: solid; padding-left: .5rem; }
-.fleet .failed { border-color: #b03a2e; }
 """
 _ALONE = """
-@media (max-width: 36rem) {
-  .lugrectl { font-size: 15px; }
-  .lugrectl table { font-size: .8rem; }
-  .lugrectl th, .lugrectl td { padding-right: .55rem; }
-  .lugrectl td:first-child { white-space: normal; min-width: 5rem; }
-}
 :root { color-scheme: light; }
 body { margin: 0; padding: 1.5rem 1rem 3rem; background: #fff; }
 .lugrectl { margin: 0 auto; }
-@media print {
-  body { padding: 0; }
-  .lugrectl { max-width: none; font-size: 11pt; }
-  .lugrectl h2 { break-after: avoid; }
-  .lugrectl table, .lugrectl pre { break-inside: avoid; }
-  .lugrectl .table, .lugrectl pre { overflow: visible; }
-  .lugrectl .verdict { -webkit-print-color-adjust: exact; print-color-adjust: exact; }
-}
-@page { margin: 18mm; }
 """
 
 
@@ -97,7 +71,6 @@ class Section:
     prose: tuple[int, ...] = ()  # columns of sentences, which a text reads in this order
 
     def text(self) -> str:
-        """Return the section in 80 columns."""
         rows = self.grid.rows if self.grid and self.prose else ()
         cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
         lines = (*self.lines, *("- {} ({}): {}.".format(*row) for row in cells))
@@ -107,7 +80,6 @@ class Section:
         return "\n".join([self.title, *parts])
 
     def html(self) -> str:
-        """Return the section as HTML, all names in it escaped."""
         style = ' class="equation"' if self.formula else ""
         parts = [f"<h2>{escape(self.title)}</h2>"]
         parts += [f"<p{style}>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
@@ -127,7 +99,6 @@ class Figure:
     size: tuple[float, float] = SIZE
 
     def html(self) -> str:
-        """Return the figure with its plot as SVG; pyplot is not used."""
         svg = inline_svg(self.draw, self.name, self.size)
         return f"<figure>\n{svg}\n<figcaption>{escape(self.caption)}</figcaption>\n</figure>"
 
@@ -150,16 +121,13 @@ class Page:
     style: str = ""  # a class of the page
 
     def text(self) -> str:
-        """Return title, meaning and sections in 80 columns."""
         sections = [part.text() for part in self.parts if isinstance(part, Section)]
         return "\n\n".join([f"{self.title}\n{wrapped(self.meaning, '  ')}", *sections]) + "\n"
 
     def fragment(self) -> str:
-        """Return HTML with its own style and inline plots, for Jupyter."""
         return f"<style>{_STYLE}</style>\n{self._body()}"
 
     def html(self) -> str:
-        """Return one self-contained page: inline style and plots, nothing to fetch."""
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -25,7 +25,21 @@ BIASED = (
     "the other terms."
 )
 FEW = "There are no intervals: the record has {} independent stretch{} only."
+AMBIGUOUS = (
+    "Something is missing from the model, but this record cannot decide what: {} or {} explain "
+    "it equally well."
+)
+UNEXPLAINED = "{} is missing{}, and no effect in the catalogue explains it."
 UNKNOWN = "unknown torque"
+COMPENSATED = (
+    "Simulated with the augmented model as the drive. The compensation uses {} and the declared "
+    "model (before) or the augmented model (after)."
+)
+DRIVES = (
+    "On drives like the recorded one (SI units): control sampled at {} Hz, encoder steps of {}, "
+    "noise of {}; {}."
+)
+DRAWN = "parameters drawn from their joint covariance, while the compensation believes the estimate"
 UNNAMED = ("left", "noise")
 _SMALL = {"rad", "m", "rad/s", "m/s", "N m", "N"}  # units that take a prefix
 
@@ -46,7 +60,6 @@ def _known(e: Any, p: Any) -> str:
 
 
 def equation(name: str) -> str:
-    """The equation of a registered block, without its full stop; empty when unknown."""
     known = members("effect").get(name)
     return known.equation.rstrip(".") if known else ""
 
@@ -60,36 +73,20 @@ def headline(d: Any) -> tuple[str, str]:
     """The verdict with what it names, and one sentence that says what it means."""
     verdict, names = _get(d, "verdict"), listed([f.name for f in _get(d, "effects", ())])
     but = [m for m in _get(d, "messages", ()) if m.startswith(AGAINST_HELD)][:1]
-    explain = "explain" if " and " in names else "explains"
     if verdict == "adequate":
-        said = f"No missing effect was detected.{limits_in_words(d)}"
+        said = f"No missing effect was detected. {limits_in_words(d)}".rstrip()
         return "adequate", " But: ".join([said, *but])
     if verdict == "found":
         return f"found: {names}", _found(d)
     if verdict == "ambiguous":
-        said = "Something is missing from the model, but this record cannot decide what"
-        ties = [(f.name, [c.name for c in f.alternatives]) for f in _get(d, "effects", ())]
-        ties = [(name, others) for name, others in ties if others]
-        if len(_get(d, "effects", ())) == len(ties) == 1:
-            alike = listed([ties[0][0], *ties[0][1]])
-            return f"ambiguous: {names}?", f"{said}: {alike} explain it equally well."
-        same = [
-            f"{listed(others)} {'explain' if len(others) > 1 else 'explains'} the same as {name}"
-            for name, others in ties
-        ]
-        said = f"{said}: {names} {explain} it best, but "
-        return (
-            f"ambiguous: {names}?",
-            f"{said}{listed(same or ['others explain it equally well'])}.",
-        )
+        others = [c.name for f in _get(d, "effects", ()) for c in f.alternatives]
+        alike = listed(list(dict.fromkeys(others))) or "others"
+        return f"ambiguous: {names}?", AMBIGUOUS.format(names, alike)
     if verdict == "unexplained":
-        some = f"{names} {explain} a part, but something more is missing"
+        some = f"{names} explain a part, but something more" if names else "Something"
         on = listed(_get(d, "depends_on", ()))
         which = f": the residual torque depends on {on}" if on else ""
-        said = (
-            f"{some if names else 'Something is missing'}{which}, and no effect in the catalogue "
-        )
-        return "unexplained", " But: ".join([f"{said}explains it.", *but])
+        return "unexplained", " But: ".join([UNEXPLAINED.format(some, which), *but])
     if verdict == "refused":
         return "refused", _get(d, "reason") or "This record cannot answer the question."
     return "identified", "The declared model was fitted to the record; nothing was added."
@@ -158,7 +155,6 @@ def _effect(d: Any, finding: Any) -> Section:
 
 
 def _table(d: Any) -> Section | None:
-    """The table of the unexplained torque, and how well it predicts."""
     table = _get(d, "table")
     if table is None:
         return None
@@ -176,55 +172,28 @@ def _table(d: Any) -> Section | None:
 
 def _compensation(d: Any) -> Section | None:
     """Tracking error in simulation without compensation, before and after."""
-    c = _get(d, "compensation")
+    c, keys = _get(d, "compensation"), ("none", "before", "after")
     if c is None:
         return None
-    errors = (c.none, c.before, c.after)
-    factor, unit = readable(errors, c.unit)
-    rows = [(f"{c.kind} loop", unit, *(number(e * factor, 3) for e in errors))]
-    watcher = f"the {c.observer} observer" if c.observer else "no observer"
-    lines = [
-        "Simulated with the augmented model as the drive. The compensation uses "
-        f"{watcher} and the declared model (before) or the augmented model (after).",
-    ]
+    factor, unit = readable([getattr(c, k) for k in keys], c.unit)
+    rows = [(f"{c.kind} loop", unit, *(number(getattr(c, k) * factor, 3) for k in keys))]
+    lines = [COMPENSATED.format(f"the {c.observer} observer" if c.observer else "no observer")]
     if c.drive:
-        drives = [c.drive.of(key) for key in ("none", "before", "after")]
-        middles, lows, highs = zip(
-            *([number(e * factor, 3) for e in x] for x in drives), strict=True
-        )
-        several = len(c.drive.errors["none"]) > 1
-        rows.append(("on drives, median" if several else "on a drive", unit, *middles))
-        if several:
-            ends = (f"{low}..{high}" for low, high in zip(lows, highs, strict=True))
-            rows.append(("10 to 90 %", "", *ends))
-        lines.append(_drives(c.drive))
-    grid = Grid(("RMS tracking error", "unit", "none", "before", "after"), "llrrr", tuple(rows))
-    if c.compensated:
-        lines.append(f"Fed forward as a torque: {', '.join(c.compensated)}.")
+        cells = [[number(x * factor, 3) for x in c.drive.of(k)] for k in keys]
+        many = len(c.drive.errors["none"])
+        rows.append((f"on {many} drives, median", unit, *(x[0] for x in cells)))
+        rows.append(("10 to 90 %", "", *(f"{low}..{high}" for _, low, high in cells)))
+        noise = ", ".join(f"{number(x, 2)} in {k}" for k, x in c.drive.noise.items() if x > 0)
+        rate, counts = number(c.drive.rate, 4), number(c.drive.resolution, 3)
+        drawn = DRAWN if c.drive.drawn else "parameters as estimated"
+        lines.append(DRIVES.format(rate, counts, noise or "none", drawn))
+    grid = Grid(("RMS tracking error", "unit", *keys), "llrrr", tuple(rows))
+    lines += [f"Fed forward as a torque: {', '.join(c.compensated)}."] if c.compensated else []
     lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
     lines += [_sentence(m) for m in c.messages]
-    footnote = ""
-    if c.certificate is not None and c.certificate.rate:
-        rate = number(c.certificate.rate, 3)
-        footnote = f"Observer errors decay at a rate of at least {rate} 1/s."
-    return Section("Compensation in simulation", tuple(lines), grid, footnote)
-
-
-def _drives(drive: Any) -> str:
-    """What the drives of the spread are, in a sentence."""
-    parts = [f"control sampled at {number(drive.rate, 4)} Hz"]
-    parts += [f"encoder steps of {number(drive.resolution, 3)}"] if drive.resolution else []
-    parts += [
-        f"noise of {number(drive.noise[key], 2)} in {name}"
-        for key, name in (("theta", "position"), ("w", "speed"), ("u", "torque"))
-        if drive.noise[key] > 0
-    ]
-    drawn = "parameters as estimated"
-    if drive.drawn:
-        many = len(drive.errors["none"])
-        drawn = f"parameters drawn {many} times from their joint covariance, while the "
-        drawn += "compensation believes the estimate"
-    return f"On drives like the recorded one (SI units): {', '.join(parts)}; {drawn}."
+    rate = c.certificate.rate if c.certificate is not None else None
+    decay = f"Observer errors decay at a rate of at least {number(rate, 3)} 1/s." if rate else ""
+    return Section("Compensation in simulation", tuple(lines), grid, decay)
 
 
 def _sentence(text: str) -> str:
@@ -235,57 +204,40 @@ SINGLE = (
     "The torque is that of single samples, and so is its noise. The budget has means over short "
     "windows, in which that noise is small."
 )
+FREE_RUN = (
+    "Free run: simulated without restarts over the held-out part.",
+    "* Simulated without restarts over the whole record. A part of it was fitted.",
+)
+ERROR_HEAD = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
+ON_MEANS = "Mean torque of the held-out runs minus the model's torque at their speed."
+ON_SAMPLES = (
+    "Measured minus simulated over {} held-out samples; the simulation is restarted every {:g} s. "
+    "Improvement is relative to the refitted model."
+)
 
 
 def errors(d: Any) -> Section | None:
-    """The before/after table: declared, refitted, augmented, noise floor."""
     error, free, torque = (_get(d, k) for k in ("error", "free_error", "torque_error"))
-    rows, footnote = [], ""
-    if error and error["signal"] == "u":  # an error of mean torques: nothing is simulated
-        rows.append(_error_row(d, "torque", error))
-        free = torque = None
-    elif error:
-        rows.append(_error_row(d, f"{error['signal']}, restarted", error))
-    if free:
-        whole = bool(free.get("in_sample"))
-        rows.append(_error_row(d, f"{free['signal']}, free run{'*' * whole}", free))
-        footnote = (
-            "* Simulated without restarts over the whole record. A part of it was fitted."
-            if whole
-            else "Free run: simulated without restarts over the held-out part."
-        )
-    if torque:
-        rows.append(_error_row(d, "torque", torque))
-        footnote = f"{footnote} {SINGLE}".strip()
-    if not rows:
+    means = bool(error) and error["signal"] == "u"  # of mean torques: nothing is simulated
+    parts = [("torque" if means else f"{error['signal']}, restarted", error)] if error else []
+    seen = bool(free) and bool(free.get("in_sample"))
+    parts += [(f"{free['signal']}, free run{'*' * seen}", free)] if free and not means else []
+    parts += [("torque", torque)] if torque and not means else []
+    if not parts:
         return None
-    head = ("RMS", "unit", "declared", "refitted", "augmented", "noise", "improved")
-    lines, keep = _scope(d, error), range(len(head))
-    if all(row[4] == NONE for row in rows):  # an identification: to it nothing was added
-        keep = (0, 1, 2, 3, 5)
-    elif lines:
-        lines = (f"{lines[0]} Improvement is relative to the refitted model.", *lines[1:])
-    head, *rows = (tuple(row[i] for i in keep) for row in (head, *rows))
-    grid = Grid(head, "llrrrrr"[: len(head)], tuple(rows))
-    return Section(ERRORS, lines, grid, footnote)
-
-
-def _scope(d: Any, error: Mapping[str, Any] | None) -> tuple[str, ...]:
-    """Of what the errors are, and the fit of the motion where it is known."""
-    if not error:
-        return ()
-    what = "Mean torque of the held-out runs minus the model's torque at their speed."
-    if error["signal"] != "u":
-        what = (
-            f"Measured minus simulated over {error['samples']} held-out samples; the simulation "
-            f"is restarted every {error['horizon']:g} s."
-        )
-    shown = ("declared", "refitted", *(["augmented"] if _get(d, "effects", ()) else []))
-    fit = {k: v for k, v in (error.get("fit") or {}).items() if k in shown and v is not None}
-    # a share near 100 with the digits that tell it from 100
-    digits = {k: 1 - math.floor(math.log10(max(100.0 - v, 1e-9))) for k, v in fit.items()}
-    said = ", ".join(f"{k} {v:.{min(max(digits[k], 0), 4)}f} %" for k, v in fit.items())
-    return (what, *([f"NRMSE fit of this motion: {said}."] if said else []))
+    grid = Grid(ERROR_HEAD, "llrrrrr", tuple(_error_row(d, *part) for part in parts))
+    lines, notes = (ON_MEANS,) if means else (), []
+    if error and not means:
+        lines = (ON_SAMPLES.format(error["samples"], error["horizon"]),)
+        shown = ("declared", "refitted", *(["augmented"] if _get(d, "effects", ()) else []))
+        fit = {k: v for k, v in (error.get("fit") or {}).items() if k in shown and v is not None}
+        # a share near 100 with the digits that tell it from 100
+        digits = {k: 1 - math.floor(math.log10(max(100.0 - v, 1e-9))) for k, v in fit.items()}
+        said = ", ".join(f"{k} {v:.{min(max(digits[k], 0), 4)}f} %" for k, v in fit.items())
+        lines += (f"NRMSE fit of this motion: {said}.",) if said else ()
+    notes += [FREE_RUN[seen]] if free and not means else []
+    notes += [SINGLE] if torque and not means else []
+    return Section(ERRORS, lines, grid, " ".join(notes))
 
 
 def _error_row(d: Any, label: str, error: Mapping[str, Any]) -> tuple[str, ...]:
@@ -345,7 +297,6 @@ def plain(d: Any) -> Section | None:
 
 
 def bench_tables(d: Any) -> Iterator[Section]:
-    """The tables of the bench tests: friction over angle or speed, one row for each breakaway."""
     for test in getattr(_get(d, "plain"), "bench_tests", ()):
         if test.table is not None:
             head, rows = test.table.columns, test.table.rows
@@ -422,22 +373,14 @@ def budget(d: Any) -> Section | None:
 
 
 def compared(d: Any) -> Section | None:
-    """The models that were compared, the best first."""
     found = _get(d, "comparison")
     if found is None or not found.rows:
         return None
-    rows = [
-        ("declared", "0", "", "", str(row.parameters))
-        if row.model == "declared"
-        else (
-            row.model,
-            f"{row.elpd:,.0f}",
-            f"{row.se:,.0f}",
-            percent(row.torque),
-            str(row.parameters),
-        )
-        for row in found.rows[: ROWS + 1]
-    ]
+    rows = []
+    for row in found.rows[: ROWS + 1]:
+        gain = (f"{row.elpd:,.0f}", f"{row.se:,.0f}", percent(row.torque))
+        gain = ("0", "", "") if row.model == "declared" else gain
+        rows.append((row.model, *gain, str(row.parameters)))
     head = ("model", "predicts better by", "+-", "torque", "parameters")
     lines = (
         "Each model predicts parts of the record that its fit has not seen. The gain is the "
@@ -449,7 +392,6 @@ def compared(d: Any) -> Section | None:
 
 
 def laws(d: Any) -> Section | None:
-    """The friction laws that were compared, the best first."""
     found = _get(d, "laws")
     if found is None:
         return None
@@ -464,38 +406,28 @@ def limits(d: Any) -> Section | None:
     if found is None or not found.detectable:
         return None
     shown = [limit for limit in found.detectable if limit.share > found.least]
-    line = (
-        f"{len(found.detectable) - len(shown) or 'No'} effects would have been seen from "
-        f"{percent(found.least)} of friction on, with a probability of 80 %; smaller ones are not "
-        "named."
-    )
-    line = f"{line} {_finest(d)}".rstrip()
     rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
     grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
-    return Section("What this record would show", (line,), grid)
+    return Section("What this record would show", tuple(filter(None, [limits_in_words(d)])), grid)
 
 
 def limits_in_words(d: Any) -> str:
-    """The limit below which most effects show, for the headline; "" if there is none."""
-    shares = sorted(limit.share for limit in getattr(_get(d, "comparison"), "detectable", ()))
-    most = shares[len(shares) // 2] if shares else 1.0
-    said = f" Most effects would have shown from {percent(most)} of friction on."
-    return f"{said} {_finest(d)}".rstrip() if most < 1.0 else ""
-
-
-def _finest(d: Any) -> str:
-    """Which waves over theta windows hide; "" if there is no such limit."""
-    seen = [x.finest for x in getattr(_get(d, "comparison"), "detectable", ()) if x.finest]
-    if not seen:
-        return ""
-    if motion_of(d) == "linear":
-        shortest = number(2e3 * math.pi / min(seen), 2)
-        return f"Waves over x that are shorter than {shortest} mm may stay hidden."
-    return f"Waves over theta with more than {min(seen):.0f} periods per turn may stay hidden."
+    """The limits below which most effects and waves over theta stay hidden; "" if none is known."""
+    found = getattr(_get(d, "comparison"), "detectable", ())
+    shares, finest = sorted(x.share for x in found), [x.finest for x in found if x.finest]
+    most, said = shares[len(shares) // 2] if shares else 1.0, []
+    if most < 1.0:
+        said.append(f"Most effects would have shown from {percent(most)} of friction on.")
+    if finest and motion_of(d) == "linear":
+        short = number(2e3 * math.pi / min(finest), 2)
+        said.append(f"Waves over x that are shorter than {short} mm may stay hidden.")
+    elif finest:
+        many = f"{min(finest):.0f} periods per turn"
+        said.append(f"Waves over theta with more than {many} may stay hidden.")
+    return " ".join(said)
 
 
 def motion_of(d: Any) -> str:
-    """ "rotary" or "linear"."""
     known = (getattr(d, name, None) for name in ("model", "declared", "record"))
     return next((x.motion for x in known if x is not None), "rotary")
 

@@ -9,7 +9,6 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.report import plain_text
-from lugrectl.torque_balance.bench_tests.motion import angle_of
 
 from ..drives.bench import Drive, held, kept, ramps, speed_loop, stale
 
@@ -182,20 +181,6 @@ def test_static_friction_both_ways(counts):
     check(test, {"Fs_forward": drive.Fs, "Fs_backward": drive.Fs})
     assert {row[1] for row in test.table.rows} == {"forward", "backward"}
     assert np.all(np.abs([row[0] for row in test.table.rows]) < 0.2)
-
-
-# ---- the angle behind a speed by the time between edges -----------------------------
-
-
-def test_the_angle_to_a_count():
-    log = Drive(counts=2000).run(held([0.4, 0.0, -0.5, 0.0, 0.22, 0.0], 200), 2400)
-    x, count = angle_of(log["t"], stale(log))
-    assert abs(count / (2 * np.pi / 2000) - 1) < 1e-6
-    assert np.abs(x - (log["theta"] - log["theta"][0])).max() < 1.5 * count
-    t = 2e-3 * np.arange(3000)
-    w = np.sin(3 * t)  # a speed of another kind has no edges
-    for other in (w, np.round(w, 2), np.where(np.abs(w) < 0.5, 0.5, w)):
-        assert angle_of(t, other) is None
 
 
 # ---- what is no bench test, and what is said of one ---------------------------------

@@ -7,8 +7,7 @@ import numpy as np
 
 from lugrectl.blocks.model import Model, table1
 from lugrectl.core.errors import Refused
-from lugrectl.diagnosis.notes import refusal
-from lugrectl.diagnosis.result import Diagnosis
+from lugrectl.diagnosis.result import Diagnosis, refusal
 from lugrectl.estimates.comparison import Compared, Comparison, Share
 from lugrectl.estimates.findings import Candidate, Estimate, Finding, Traces
 from lugrectl.record import Record, record_of

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lugrectl.diagnosis.identify import Identification
+from lugrectl.diagnosis.diagnose import Identification
 from lugrectl.estimates.findings import Estimate, FrictionMap, Table
 
 from .made_up import diagnosis

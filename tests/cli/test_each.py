@@ -70,10 +70,10 @@ def test_one_table_of_all_logs(files, job, capsys):
 def test_out_holds_a_folder_per_log_and_an_index(files, job, capsys):
     code, out, err = run(capsys, "left right --each --out made --json")
     assert code == 0 and json.loads(out)["counts"]["found"] == 3 and "made/index.html" in err
-    reports = [f"{log}/{name}" for log in ("axis", "left-run", "right-run") for name in FILES]
+    reports = [f"{log}/{name}" for log in ("axis", "run", "run-2") for name in FILES]
     assert listed(files / "made") == sorted([*reports, *fleet_page.INDEX])
     page = (files / "made" / "index.html").read_text()
-    assert all(f'href="{log}/report.html"' in page for log in ("axis", "left-run", "right-run"))
+    assert all(f'href="{log}/report.html"' in page for log in ("axis", "run", "run-2"))
 
 
 def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
@@ -86,7 +86,7 @@ def test_the_exit_code_is_the_highest_after_all_were_done(files, job, capsys):
     code, out, err = run(capsys, "right left --each --out made")
     assert code == 3 and err == "" and "u is constant." in out
     assert listed(files / "made" / "axis") == ["report.html", "report.json"]
-    assert listed(files / "made" / "left-run") == sorted(FILES)
+    assert listed(files / "made" / "run") == sorted(FILES)
     assert 'href="axis/report.html"' in (files / "made" / "index.html").read_text()
     job.answers["axis.csv"] = ZeroDivisionError("x")
     code, out, err = run(capsys, "right left --each")

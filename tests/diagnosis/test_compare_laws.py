@@ -10,7 +10,7 @@ from lugrectl.cli import main
 
 from ..cases import small_answers
 
-LAWS = ["viscous", "coulomb", "stribeck", "lugre"]
+LAWS = ["viscous", "coulomb", "stribeck"]
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +30,8 @@ def test_the_simplest_law_that_predicts_as_well_is_chosen(compared):
     assert compared.model.friction.block.name == "coulomb"
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_dip_that_the_record_shows_is_kept():
     dip = small_answers.log(
         16.0, 2e-3, load=lambda theta, w: 0.1 * np.sign(w) * np.exp(-((w / 0.8) ** 2))

@@ -85,6 +85,8 @@ def test_the_last_half_is_held_out(record):
     assert found.free_error["augmented"] == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_record_is_held_out_whatever_its_rate_and_channels(record):
     other = log(rate=250.0, seed=2, channels=("w", "theta"))
     found = lg.diagnose(record, TRUE, holdout=other)
@@ -100,6 +102,8 @@ def test_no_fit_sees_a_record_that_is_held_out(record):
     assert after.model.values() == pytest.approx(before.model.values(), rel=1e-9)
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 def test_a_position_in_coarse_counts():
     record = log(channels=("theta",), noise=0.0)
     count = 2.0 * np.pi / 4096

@@ -43,16 +43,6 @@ def test_a_speed_alone_that_is_off_at_rest():
     assert found.error["refitted"] < 0.1  # the simulation is compared without the offset
 
 
-def test_an_encoder_takes_no_inertia_in_narrow_windows():
-    """Of 4096 counts, with a torque that jumps: windows are as wide as it asks."""
-    _, u, _, _ = recorded(14.0)
-    fast = u + 0.5 * np.sign(np.sin(40 * np.arange(len(u)) * 2e-3))
-    theta, _ = simulate(fast, 2e-3)
-    step = 2 * np.pi / 4096
-    log = {"t": 2e-3 * np.arange(len(u)), "u": fast, "theta": np.floor(theta / step) * step}
-    assert lg.balance(log).parameters["J"].value == pytest.approx(J, rel=0.04)
-
-
 # ---- what is certain all the same
 
 
@@ -107,12 +97,3 @@ def test_the_memory_of_an_own_effect_may_be_short():
     fit = lg.identify(log, model)
     assert fit.parameters["creeping_hose.tau"].value == pytest.approx(0.4, rel=0.05)
     assert fit.parameters["creeping_hose.k"].value == pytest.approx(0.06, rel=0.1)
-
-
-def test_a_short_fast_run_among_slow_ones():
-    """Runs of one rate stand one after the other: the last row is not the latest."""
-    log = columns(seconds=16.0)
-    parts = [(0, 1000, 2), (1000, 2000, 1), (2000, 16000, 2)]
-    found = lg.diagnose([{k: x[a:b:n] for k, x in log.items()} for a, b, n in parts], MODEL)
-    assert found.verdict == "adequate"
-    holds(found.plain.parameters)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 import lugrectl as lg
 
 from ..cases import small_answers
-from ..cases.oil import log, read
 from ..cases.small_answers import ripple
 
 J, Fc, Fv = 0.002, 0.12, 0.02
@@ -20,6 +18,7 @@ CHANGED = {  # factors of torque and of length, and whether an effect is hidden
 }
 
 
+@pytest.mark.cases
 @pytest.mark.parametrize("what", CHANGED)
 def test_direction_origin_and_size_change_nothing(what):
     """Later, at another zero of theta, and in other units: the same equations."""
@@ -36,30 +35,3 @@ def test_direction_origin_and_size_change_nothing(what):
         own = found.effects[0].parameters
         assert own["amplitude"].value == pytest.approx(0.08 * scale, rel=0.02)
         assert own["harmonic"].value == pytest.approx(7.0 / abs(length), rel=0.02)
-
-
-DEGREES = {"t": "t [ms]", "u": "u [mN m]", "w": "w [deg/s]", "theta": "theta [deg]"}
-FACTOR = {"t": 1e3, "u": 1e3, "w": 180.0 / np.pi, "theta": 180.0 / np.pi}
-CHANGES = {
-    "units": lambda log: {DEGREES[k]: x * FACTOR[k] for k, x in log.items()},
-    "order": lambda log: {k: log[k] for k in ("theta", "w", "u", "t")},
-    "origin": lambda log: log | {"t": log["t"] + 1e6},
-    "signs": lambda log: log | {k: -log[k] for k in ("u", "w", "theta")},
-    "tenth digit": lambda log: {k: x if k == "t" else x * (1.0 + 1e-10) for k, x in log.items()},
-}
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("what", CHANGES)
-def test_the_way_a_log_is_written_changes_nothing(tmp_path, what):
-    model = lg.Model.of(friction="viscous", J=2.1e-3)
-    usual, other = (
-        lg.identify(read(tmp_path, columns), model) for columns in (log(), CHANGES[what](log()))
-    )
-    for key in ("J", "Fv"):
-        width = np.ptp(usual.estimates[key].ci95)
-        assert other.estimates[key].value == pytest.approx(
-            usual.estimates[key].value, abs=0.02 * width
-        )
-        assert np.ptp(other.estimates[key].ci95) == pytest.approx(width, rel=0.02)
-    assert other.error["refitted"] == pytest.approx(usual.error["refitted"], rel=1e-3)

@@ -28,6 +28,8 @@ def causes(found):
     return {*names(found), *(a.name for e in found.effects for a in e.alternatives)}
 
 
+@pytest.mark.slow
+@pytest.mark.sample
 @pytest.mark.cases
 @pytest.mark.parametrize("half", [0.026, 0.0])
 def test_a_dead_zone_which_looks_like_more_inertia_and_a_late_torque(half):
@@ -46,40 +48,6 @@ def test_a_dead_zone_which_looks_like_more_inertia_and_a_late_torque(half):
     assert own.may_be(half) and np.diff(own.ci95) < 0.15 * half
     assert values["J"] == pytest.approx(J, rel=0.01) and values["Fc"] == pytest.approx(Fc, rel=0.01)
     assert not any("column lags" in message for message in found.messages)
-
-
-def test_an_inertia_once_per_turn_is_found_over_a_third_of_a_turn():
-    """An arm that swings by 1.1 rad to either side; order 2 explains most of it, too."""
-    J, ratio, rng, t = 1.7, 0.25, np.random.default_rng(0), np.arange(0.0, 15.0, 2e-3)
-    theta, w, a = sines(t, ((0.5, 0.9, 0.0), (0.35, 0.53, 1.0), (0.3, 0.31, 2.0)))
-    inertia, slope = J * (1.0 + ratio * np.sin(theta + 0.6)), J * ratio * np.cos(theta + 0.6)
-    u = inertia * a + 0.5 * slope * w**2 + 10.0 * np.sign(w) + 4.2 * w
-    noisy = {"u": u + 0.02 * rng.standard_normal(len(t))}
-    noisy |= {"theta": theta + 2e-5 * rng.standard_normal(len(t))}
-    found = lg.diagnose({"t": t, **noisy}, COULOMB)
-    assert names(found) == ["pose_dependent_inertia"]
-    values = {k: e.value for k, e in found.effects[0].parameters.items()}
-    assert values["harmonic"] == 1.0 and values["ratio"] == pytest.approx(ratio, rel=0.03)
-    assert found.model.values()["J"] == pytest.approx(J, rel=0.02)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize(
-    "law, verdict, named",
-    [
-        ({"model": "coulomb"}, "found", ["stribeck"]),
-        ({"model": "stribeck", "Fs": 0.4, "vs": 0.5}, "adequate", []),
-    ],
-)
-def test_a_stribeck_curve_is_named_where_the_declared_law_has_none(law, verdict, named):
-    rng, t = np.random.default_rng(3), np.arange(0.0, 8.0, 2e-3)
-    w = 3 * np.sin(2 * np.pi * 0.7 * t) + 2 * np.sin(2 * np.pi * 1.9 * t + 1)
-    friction = (0.3 + 0.15 * np.exp(-((w / 0.6) ** 2))) * np.tanh(w / 1e-3) + 0.02 * w
-    log = {"t": t, "u": 0.01 * np.gradient(w, t) + friction}
-    log |= {"theta": np.round(np.cumsum(w) * 2e-3 / 1e-5) * 1e-5}
-    log |= {"w": w + 1e-3 * rng.standard_normal(len(t))}
-    found = lg.diagnose(log, lg.Model.of(J=0.01, friction=law | {"Fc": 0.3, "Fv": 0.02}))
-    assert (found.verdict, names(found)) == (verdict, named)
 
 
 def test_torque_that_is_there_seldom_is_no_outlier():
@@ -184,11 +152,3 @@ def test_an_inertia_far_above_the_declared_one_is_said(counts):
 
 def test_a_torque_at_one_instant_decides_nothing():
     assert judged(1.5 * FC * np.exp(-(((T - 7.3) / 0.05) ** 2))).verdict == "adequate"
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_a_load_that_is_measured_is_not_missing():
-    load = 0.5 * FC * np.sin(2 * np.pi * 0.11 * T)
-    assert judged(load, d=load).verdict == "adequate"
-    assert judged(load).verdict != "adequate"

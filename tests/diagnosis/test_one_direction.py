@@ -5,11 +5,8 @@ import pytest
 
 from lugrectl import Model, balance, diagnose, identify
 from lugrectl.report import text
-from lugrectl.report.wording import toml_of
 
 from ..cases.balance_drive import FC, simulate
-from ..drives import sample
-from ..scores.rig import STRENGTHS, write
 
 DT, LOAD = 2e-3, 0.05
 SUM = "Fc + constant_torque"
@@ -67,44 +64,6 @@ def test_runs_that_turn_back_are_not_sums():
     assert "Fc" in found.parameters and not found.combinations
 
 
-@pytest.fixture(scope="module")
-def spindle():
-    """A drive with a drag that the declared model has not, faster and slower, never back."""
-    J, Fc, Fv, drag, t = 0.012, 0.25, 0.03, 0.0012, np.arange(0.0, 12.0, DT)
-    want = 13.5 + 10.0 * np.sin(0.7 * t + 1.0) * np.cos(0.23 * t) + np.sin(11.0 * t)
-    rate = np.gradient(want, DT)
-    u = J * rate + Fc + Fv * want + drag * want**2
-    w, theta, seen = want[0], 0.0, []
-    for torque in u:
-        seen.append(theta)
-        for _ in range(8):
-            w += DT / 8 * (torque - Fc - Fv * w - drag * w * w) / J
-            theta += DT / 8 * w
-    step = 2 * np.pi / 65536
-    log = {"t": t, "u": u, "theta": np.round(np.array(seen) / step) * step}
-    return diagnose(log, Model.of(J=J)), (Fc, Fv, drag)
-
-
-def test_a_sum_holds_in_the_model_that_is_shown(spindle):
-    """The plain balance has no drag: its sum of Fc and Fv is that of another model."""
-    found, (Fc, Fv, drag) = spindle
-    assert [e.name for e in found.effects] == ["quadratic_drag"]
-    assert found.model.known()["quadratic_drag.coefficient"] == pytest.approx(drag, rel=0.02)
-    known = found.estimates
-    assert known["Fc"].together == SUM and known["Fc"].value == pytest.approx(Fc, rel=0.03)
-    assert known["Fv"].ci95 is not None and known["Fv"].value == pytest.approx(Fv, rel=0.03)
-    assert "Record the other direction, too" in found.experiment
-    assert "Only together" not in text(found)
-
-
-def test_what_never_shows_is_marked_in_the_model_file(spindle):
-    """A drive that never rests shows Fs by the fall of friction with speed alone."""
-    found, _ = spindle
-    lines = {line.split(" =")[0]: line for line in toml_of(found, None).splitlines()}
-    assert lines["Fc"].endswith(f"only {SUM}") and "std" in lines["Fv"]
-    assert lines["Fs"].endswith("not determined") and lines["vs"].endswith("not determined")
-
-
 def test_runs_in_one_direction_each_show_both_together():
     forward = log(4.0)
     u = -forward["u"]
@@ -114,14 +73,3 @@ def test_runs_in_one_direction_each_show_both_together():
     assert plain.parameters["Fc"].value == pytest.approx(FC, rel=0.02)
     fitted = identify([forward, backward], declared()).estimates
     assert fitted["Fc"].may_be(FC)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("effect", ["viscous_asymmetry", "none"])
-def test_halves_of_a_short_record_show_both_directions(effect, tmp_path):
-    """These moves of 10 s have blocks of 2 s of which every other one goes one way."""
-    seed, hard = (233000, False) if effect == "viscous_asymmetry" else (233008, True)
-    (path,), model = write(sample(effect, seed, hard=hard, strength=STRENGTHS["weak"]), tmp_path)
-    found = diagnose(path, model)
-    assert [one.name for one in found.effects] == [effect] * (effect != "none")
-    assert found.verdict == ("adequate" if effect == "none" else "found")

@@ -49,16 +49,12 @@ def log(model):
     return log_of(u, DT, theta, w + 1e-3 * rng.standard_normal(len(at)))
 
 
-ALIKE = {  # identified on the way of another that always runs
-    *("constant_torque", "torque_ripple", "coulomb_asymmetry", "quadratic_drag", "actuator_lag"),
-    *("torque_constant_ripple", "encoder_eccentricity", "friction_step", "actuator_dead_zone"),
-    *("position_dependent_friction", "return_spring"),
-}
+ALWAYS = ("load_dependent_friction", "hard_stop", "thermal_drift", "input_delay")
 SAMPLED = (pytest.mark.slow, pytest.mark.sample)
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=SAMPLED if name in ALIKE else ()) for name in TRUE]
+    "name", [pytest.param(name, marks=() if name in ALWAYS else SAMPLED) for name in TRUE]
 )
 def test_its_values_are_found(name):
     names = ["gravity", name] if name == "load_dependent_friction" else [name]
@@ -88,7 +84,7 @@ VAIN = (pytest.mark.slow, pytest.mark.scenario)
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=VAIN if name in TRUE else ()) for name in EFFECTS]
+    "name", [pytest.param(name, marks=VAIN if name != "backlash" else ()) for name in EFFECTS]
 )
 def test_nothing_is_hidden(name):
     """What is declared in vain hardly moves the rest, and is within its bounds."""

@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases.balance_drive import FC, FV, J, log_of, recorded, torque
+from ..cases.balance_drive import FC, FV, J, recorded, torque
 
 MODEL = lg.Model.of(J=1.03 * J, friction="coulomb", Fc=0.9 * FC, Fv=1.1 * FV)
 GAIN = lg.P(0.0, "N m", 0.0, neutral=0.0)
@@ -41,25 +41,6 @@ def test_an_own_effect_is_found_whether_or_not_its_span_is_true(more):
     values = {k: e.value for k, e in found.effects[0].parameters.items()}
     assert values["amplitude"] == pytest.approx(0.03, rel=0.1)
     assert values["phase"] == pytest.approx(0.8, abs=0.1)
-
-
-def test_a_torque_that_hides_the_inertia_is_found_with_it():
-    """The plain balance does not know of the torque; with it, the inertia is certain."""
-    detent_of()
-    slow, size = 0.25, 0.03
-    dt, chance = 2e-3, np.random.default_rng(1)
-    steps = np.repeat(chance.uniform(-6.0, 6.0, 20), 250)
-    w = slow * np.convolve(steps, np.hanning(200) / np.hanning(200).sum(), "same")
-    theta = np.cumsum(w) * dt
-    friction = FC * np.tanh(w / 1e-3) + FV * w
-    u = J * np.gradient(w, dt) + friction + size * np.tanh(4 * np.sin(5 * theta + 0.8))
-    count = 2 * PI / 65536
-    seen = [log_of(u, dt, np.floor(theta / count) * count)]
-    model = lg.Model.of(friction="coulomb")
-    found = lg.diagnose(seen, model)
-    assert (found.verdict, [e.name for e in found.effects]) == ("found", ["detent"])
-    assert found.effects[0].parameters["amplitude"].value == pytest.approx(size, rel=0.02)
-    assert found.model.J == pytest.approx(J, rel=0.02)
 
 
 def test_effects_that_the_comparison_cannot_search_do_no_harm():
@@ -128,25 +109,6 @@ def test_a_state_of_an_own_law_is_no_bristle_for_its_name():
     theta = theta + np.random.default_rng(1).normal(0, 1e-4, len(t))
     found = lg.identify({"t": t, "u": u, "theta": theta}, lg.Model.of(friction="late_coulomb"))
     assert found.model.values() == pytest.approx(true, rel=0.05)
-
-
-def test_an_own_effect_with_two_parameters_without_a_grid_is_searched():
-    @lg.block("effect", out="d", acts="torque")
-    def magnet(
-        theta,
-        pull=GAIN,
-        position=lg.P(0.0, "rad"),
-        width=lg.P(0.3, "rad", 1e-3, 3.0),
-    ):
-        """r_e = A exp(-((theta - p)/b)^2)."""
-        return pull * np.exp(-(((theta - position) / width) ** 2))
-
-    seen = [recorded(24.0, load=lambda th, w: 0.08 * math.exp(-(((th - 1.2) / 0.4) ** 2)))]
-    found = lg.diagnose(seen, MODEL)
-    assert (found.verdict, [e.name for e in found.effects]) == ("found", ["magnet"])
-    values = {k: e.value for k, e in found.effects[0].parameters.items()}
-    wanted = {"pull": 0.08, "position": 1.2, "width": 0.4}
-    assert values == pytest.approx(wanted, rel=0.15)
 
 
 def test_an_own_effect_that_cannot_be_compared_is_said():

@@ -9,7 +9,7 @@ import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.core.errors import Refused
 
-from ..cases.small_answers import FC, J
+from ..cases.small_answers import FC
 from ..cases.small_answers import log as moved
 
 DT = 2e-3
@@ -51,13 +51,6 @@ def test_python_asks_for_the_unit_of_t(work):
     assert work is lg.compare_laws or no.value.plain.parameters["J"].value > 100.0
 
 
-def test_the_unit_of_t_may_be_said():
-    log = moved(6.0, DT)
-    log["t"] = 1e3 * log["t"]
-    assert lg.balance(log, units="t=ms").parameters["J"].value == pytest.approx(J, rel=0.05)
-    assert lg.balance(log, units="t=s").parameters["J"].value > 100.0
-
-
 def test_the_fit_stops_itself_and_what_was_compared_stands():
     log = moved(8.0, DT)
     d = lg.diagnose(log, lg.Model.of(friction="coulomb"), time_limit=1e-3)
@@ -81,17 +74,6 @@ def test_a_picture_that_cannot_be_written_is_one_sentence(one_way, capsys, out, 
     assert main(["plot", "run.csv", "--out", out]) == 2
     said = capsys.readouterr()
     assert said.out == "" and word in said.err and len(said.err.splitlines()) == 1
-
-
-def test_what_is_certain_stands_beside_a_refusal(one_way):
-    """An inertia in kg cm2 is no drive that this log can be of."""
-    model = lg.Model.of(J={"value": 1e4 * J, "fixed": True}, friction="coulomb")
-    d = lg.diagnose("run.csv", model)
-    assert d.verdict == "refused" and "J is held at" in d.reason
-    low, high = d.plain.parameters["J"].ci95
-    assert low <= J <= high
-    document = json.loads(d.to_json())
-    assert [document[k] for k in ("budget", "comparison", "detectable")] == [None] * 3
 
 
 def ramps(dt=4e-3, fine=20):

@@ -7,8 +7,6 @@ import pytest
 
 import lugrectl as lg
 
-from ..cases import small_answers
-
 J, FV, VS = 0.012, 0.03, 0.05  # kg m2, N m s/rad, rad/s
 
 
@@ -47,17 +45,6 @@ def model():
     return lg.Model.of(**MODEL)
 
 
-@pytest.mark.slow
-@pytest.mark.sample
-def test_gravity_that_the_values_do_not_hold_is_not_named():
-    """Over a small travel gravity and a spring are alike: beside the spring nothing is left."""
-    runs = [drive(0.25, 0.25, spring=0.12, rest=0.2, seed=seed) for seed in (0, 1)]
-    found = lg.diagnose(runs, model())
-    assert found.verdict == "found" and [e.name for e in found.effects] == ["return_spring"]
-    own = found.effects[0].parameters
-    assert own["stiffness"].value == pytest.approx(0.12, rel=0.01)
-
-
 @pytest.fixture(scope="module")
 def noisy():
     """Torque of another source in every sample, 4 % of friction: no simulation is valid."""
@@ -81,12 +68,3 @@ def test_the_joint_distribution_is_that_of_the_intervals(noisy):
     assert 2 * 1.96 * np.sqrt(noisy.joint.matrix[i, i]) == pytest.approx(high - low)
     drawn = noisy.sample(2000, seed=0)["J"]
     assert np.std(drawn) == pytest.approx((high - low) / 3.92, rel=0.1)
-
-
-def test_a_spring_is_found_beside_a_declared_constant_torque():
-    """Where the spring rests the log cannot tell: a constant torque does the same."""
-    log = small_answers.log(load=lambda theta, w: 0.05 + 0.02 * (theta - 0.4))
-    drive = small_answers.DRIVE.with_effect("constant_torque", {"torque": 0.055})
-    (effect,) = lg.diagnose(log, drive).effects
-    assert effect.name == "return_spring"
-    assert effect.parameters["stiffness"].value == pytest.approx(0.02, rel=0.02)

@@ -147,16 +147,6 @@ def test_the_plots_show_the_exact_response_of_a_dead_time(check):
     assert values == pytest.approx(wanted, rel=1e-9, abs=1e-9)
 
 
-def test_re_t_is_drawn_without_a_kink():
-    """Its scale is a smooth function of Re T, from the negative values to the positive."""
-    real, _ = lg.spr_check(FALLS).plot()
-    scale = real.yaxis.get_transform()
-    top = np.max(np.abs(real.lines[0].get_ydata()))
-    x = np.linspace(-0.01, 0.01, 20001) * top
-    bend = np.diff(scale.transform(x), 2)
-    assert np.max(np.abs(np.diff(bend))) < 0.02 * np.max(np.abs(bend))
-
-
 def test_the_nyquist_picture_shows_the_margins():
     resonant = lg.delayed(ct.tf([2, 20], [1, 1, 50, 0]), 0.05)
     found = lg.stability_check(resonant)
@@ -190,8 +180,3 @@ def test_passivity_shows_the_speed_from_which_friction_may_give_energy():
     w, power = ax.lines[0].get_data()
     assert (power[w < 0.99 * found.speed] > 0).all() and (power[w > 1.01 * found.speed] < 0).all()
     assert f"above {found.speed:.4g} rad/s" in words(ax) and "not passive" in words(ax)
-
-
-def test_a_loop_without_dead_times_is_drawn():
-    """velocity_L has room for dead times; here it has none."""
-    assert len(lg.stability_check(lg.velocity_L(lg.table1(), kp=1.6, ki=0.16)).plot()) == 3

@@ -1,7 +1,5 @@
 """Names of files, columns, effects and models do nothing in a report, whatever they hold."""
 
-import shutil
-import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -27,7 +25,6 @@ NAMES = {
     "math": r"$\frac{1}{$ a_{b}$ \notthere $",
     "control": "a\x00b\x0b\x1b[31m\u202e\ud7ff",
 }
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
 def named(name):
@@ -82,27 +79,3 @@ def test_a_column_or_file_of_any_name_is_read_and_shown(name, tmp_path):
         assert "\n" not in str(error)
         return
     safe(replace(record, source=name)._repr_html_())
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-@pytest.mark.skipif(BROWSER is None, reason="chromium is not installed")
-@pytest.mark.parametrize("name", list(NAMES.values())[:5], ids=list(NAMES)[:5])
-def test_a_browser_runs_nothing_of_a_report(name, tmp_path):
-    page = tmp_path / "report.html"
-    page.write_text(report.html(named(name)), errors="replace")
-    run = [
-        str(BROWSER),
-        "--headless",
-        "--no-sandbox",
-        "--disable-gpu",
-        "--virtual-time-budget=2000",
-    ]
-    done = subprocess.run(
-        [*run, f"--user-data-dir={tmp_path / 'profile'}", "--dump-dom", page.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert "</html>" in done.stdout, done.stderr[-500:]
-    assert "<title>ran</title>" not in done.stdout

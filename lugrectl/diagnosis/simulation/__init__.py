@@ -1,1 +1,812 @@
-"""Simulation of a model along its records: errors before and after, residuals, a last polish."""
+"""Errors by simulation: records split into training and held-out samples, a model along them, its
+errors, and a last polish of its values.
+
+The innovations of the right model are white, whether or not the drive was in closed loop
+(prediction-error method, Ljung, System Identification, ch. 7).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache, partial
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from ...blocks.block import unit_for
+from ...blocks.effects import held_late
+from ...blocks.model import Model
+from ...blocks.plant import Part as Placed
+from ...blocks.plant import assemble
+from ...core.deadline import check as check_time
+from ...core.errors import InputError, Refused
+from ...core.numeric import Z95, rms
+from ...core.option_names import option
+from ...engine.runtime.backend import compiler
+from ...engine.runtime.batch_run import Lanes
+from ...estimates.covariance import Joint, Residuals, residuals_of
+from ...estimates.findings import Traces
+from ...record import Record, consistent, long_enough_to_judge
+from ...record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
+
+# ---- records as a simulation takes them: noise, training windows, and samples held out
+
+
+BLOCK = 2.0  # s, least length of a held-out block
+AS_FAST = 0.5  # of the top speed of held-out blocks: what the others must reach
+WINDOWS = (1.0, 0.5, 0.25)  # s, possible lengths of a training window
+FEWEST = 25  # samples of such a window, at least
+SLIDES, MOVES = 0.01, 0.1  # of the largest speed; of such a window
+ENOUGH, LEAST = 8, 4  # windows: the longest length that gives as many is used; fewer are refused
+MOST = 100_000  # samples that are judged, and as many to train on, in evenly spread windows
+GAP, LEAD = 0.25, 1.0  # s, between training and held-out samples; of an observer before a window
+EXACT = 1e-11  # of a signal's range: noise of what has none
+Range = tuple[int, int]
+Parts = list[list[Range]]
+Span = tuple[int, float, float]  # a run and two times in s
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Stretches of a run, ``length`` samples from ``start`` (n,); an observer leads by ``lead``."""
+
+    start: np.ndarray
+    length: int
+    lead: np.ndarray
+
+    @property
+    def size(self) -> int:
+        return self.start.size * self.length
+
+    @property
+    def counted(self) -> np.ndarray:
+        return self.start[:, None] + np.arange(self.length)
+
+    def at(self, which: np.ndarray) -> Windows:
+        return Windows(self.start[which], self.length, self.lead[which])
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One record on its own even time; SI units, N samples."""
+
+    t: np.ndarray
+    u: np.ndarray  # torque, held from sample to sample, as the load torque d (0: not recorded)
+    d: np.ndarray
+    recorded: np.ndarray  # (N, 2): theta and w, nan where not recorded ...
+    own: tuple[float, ...]  # ... and their sensors' noise
+    y: np.ndarray  # (N, 2): the same as an observer corrects by it ...
+    noise: tuple[float, ...]  # ... with noise, larger where samples usually repeat each other
+    dull: np.ndarray  # (N, 2): the part of a sample that repeats others for longer; it corrects ...
+    counts: np.ndarray  # ... only beyond half of the smallest steps (2,)
+    theta: np.ndarray  # position, or the integral of w from 0
+    dt: float
+    pieces: tuple[Range, ...]  # ranges without a lost sample
+
+    @cached_property
+    def speed(self) -> np.ndarray:
+        """The speed as recorded, or that of the next 10 ms of positions, (N,)."""
+        if np.isfinite(self.own[1]):
+            return self.recorded[:, 1]
+        n = min(self.count(0.01), len(self.t) - 1)
+        rise = (self.theta[n:] - self.theta[:-n]) / (n * self.dt)
+        return np.append(rise, np.full(n, rise[-1]))
+
+    @cached_property
+    def inputs(self) -> np.ndarray:
+        return np.column_stack([self.u, self.d])
+
+    @cached_property
+    def usual(self) -> float:
+        """The usual size of dw/dt over 20 ms, rad/s2."""
+        n = min(self.count(0.02), len(self.t) // 3)
+        return max(float(np.std(self.speed[n:] - self.speed[:-n])) / (n * self.dt), 1e-12)
+
+    def count(self, seconds: float, least: int = 1) -> int:
+        return max(least, round(seconds / self.dt))
+
+    @property
+    def gap(self) -> int:
+        return self.count(GAP, 2)
+
+    def windows(
+        self, ranges: Sequence[Range], length: int, of: Sequence[Range] | None = None
+    ) -> Windows:
+        """Those that fit into ranges one after the other, behind a gap in each; observers may run
+        over samples of the ranges ``of``, of their own by default."""
+        each = [np.arange(a + self.gap, b - length + 1, length) for a, b in ranges]
+        start = np.concatenate([*each, np.zeros(0, int)])
+        begins = np.array([a for a, _ in (ranges if of is None else of)] or [0])
+        since = start - begins[np.searchsorted(begins, start, "right") - 1]
+        return Windows(start, length, np.minimum(since, self.count(LEAD)))
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Records prepared for judging and polishing; windows and ranges are by run."""
+
+    model: Model
+    runs: tuple[Run, ...]  # the training ones, then one held out as a whole
+    train: tuple[Windows, ...]  # to fit on
+    test: tuple[Windows, ...]  # that are judged, a horizon long
+    free: Sequence[Sequence[Range]]  # simulated without a restart ...
+    in_sample: bool  # ... which hold training samples
+    held_out: tuple[Span, ...]  # all that is set apart, whether judged or not
+    horizon: float
+    everywhere: tuple[Windows, ...]  # over all of a run
+    channel: int  # of the errors, which more held-out samples have: 1 for w, 0 for theta
+    noise_floor: float  # its own noise, the largest of all runs
+    memory: dict[Any, Any] = field(default_factory=dict, repr=False)  # what was computed
+
+    def along(
+        self, windows: Sequence[Windows], of: list[int], signals: Callable[[Run, Windows], Any]
+    ) -> np.ndarray:
+        """Columns ``of`` signals (windows, samples, .) along all runs in turn, else nan, (., N)."""
+        made = [np.full((len(run.t), len(of)), np.nan) for run in self.runs]
+        for run, where, own in zip(self.runs, windows, made, strict=True):
+            if where.start.size:
+                own[where.counted] = signals(run, where)[..., of]
+        return np.concatenate(made).T
+
+    def as_it_acts(
+        self, run_offsets: Mapping[int, float], u_delay: float = 0.0, above: float = 0.0
+    ) -> Prepared:
+        """The same with the torque as it acted: an offset (N m) of the column of a run, by its
+        number, is taken off; ``u_delay`` (s) moves all later, earlier where below 0. A speed that
+        was recorded alone is lowered by ``above`` (rad/s)."""
+        turn, low, runs = 1 if u_delay >= 0 else -1, np.array([0.0, above]), []
+        for i, run in enumerate(self.runs):
+            u, theta = run.u - run_offsets.get(i, 0.0), run.theta - above * (run.t - run.t[0])
+            for a, b in run.pieces if u_delay else ():  # earlier is later in reversed time
+                u[a:b] = held_late(u[a:b][::turn], run.dt, abs(u_delay))[::turn]
+            runs.append(replace(run, u=u, recorded=run.recorded - low, y=run.y - low, theta=theta))
+        return replace(self, runs=tuple(runs), memory={})
+
+
+def prepared(
+    records: Sequence[Record],
+    model: Model,
+    holdout: str | Record | None,
+    horizon: float,
+    memory: float = 0.0,
+) -> Prepared:
+    """Split records, whose rates and channels may differ, into training and held-out windows:
+    ``holdout`` None sets every other block apart, "last" the last half of the recorded time, a
+    Record itself. Blocks are longer than ``horizon`` and ``memory`` (s), over which the residual
+    depends on itself. Refused where records are too short or too slow for both parts."""
+    apart = [holdout] if isinstance(holdout, Record) else []
+    every = [consistent(r) for r in (*records, *apart)]
+    if len({r.motion for r in every}) > 1:
+        raise InputError("rotary and linear records do not go together: give runs of one drive.")
+    long_enough_to_judge(max(every, key=lambda r: r.duration))
+    runs, whole = tuple(map(run_of, every)), bool(apart) or holdout == "last"
+    if whole:
+        seconds = sum(len(run.t) * run.dt for run in runs[: len(records)])
+        train, test = _cut(runs, seconds if apart else 0.5 * seconds)
+    else:
+        train, test = _alternate(runs, horizon, memory)
+    fitting = _training(runs, train)
+    both = [*zip(runs, test, strict=True)]
+    judging = [run.windows(own, run.count(horizon), run.pieces) for run, own in both]
+    if sum(w.start.size for w in fitting) < LEAST or not any(w.start.size for w in judging):
+        raise _too_short(horizon)
+    kept = spread(judging, MOST)
+    ends = [(i, a + run.gap, b - 1) for i, (run, own) in enumerate(both) for a, b in own]
+    held_out = tuple((i, *runs[i].t[[a, b]].tolist()) for i, a, b in ends if a < b)
+    known = np.array([run.own for run in runs])
+    theta, w = [one.size for one in kept] @ np.isfinite(known)
+    channel = int(w >= theta)
+    everywhere = spread([run.windows(run.pieces, run.count(1.0)) for run in runs], MOST)
+    free = test if whole else [run.pieces for run in runs]
+    return Prepared(
+        model, runs, spread(fitting, MOST), kept, free, not whole, held_out, horizon, everywhere,
+        channel, float(np.nanmax(known[:, channel])),
+    )  # fmt: skip
+
+
+def spread(windows: Sequence[Windows], most: int) -> tuple[Windows, ...]:
+    """As many windows of all runs as have so many samples, evenly spread, at least one of each."""
+    share, made = most / max(sum(w.size for w in windows), 1), []
+    for w in windows:
+        kept = min(w.start.size, max(1, round(share * w.start.size)))
+        made.append(w.at(np.linspace(0, w.start.size - 1, kept).round().astype(int)))
+    return tuple(made)
+
+
+def _cut(runs: Sequence[Run], left: float) -> tuple[Parts, Parts]:
+    """What is recorded in so many seconds, and after them, by run."""
+    parts: tuple[Parts, Parts] = [], []
+    for run in runs:
+        cut = int(np.clip(round(left / run.dt), 0, len(run.t)))
+        left -= len(run.t) * run.dt
+        parts[0].append([(a, min(b, cut)) for a, b in run.pieces if a < cut])
+        parts[1].append([(max(a, cut), b) for a, b in run.pieces if b > cut])
+    return parts
+
+
+def _alternate(runs: Sequence[Run], horizon: float, memory: float) -> tuple[Parts, Parts]:
+    """Alternating blocks of whole horizons behind a gap; the faster ones are to fit."""
+    parts: tuple[Parts, Parts] = [[] for _ in runs], [[] for _ in runs]
+    turn = 0
+    for i, run in enumerate(runs):
+        span = run.count(horizon)
+        length = run.gap + span * max(1, -(-run.count(max(BLOCK, memory)) // span))
+        for a, b in (ends for ends in run.pieces if ends[1] - ends[0] >= run.gap + span):
+            for ends in pairwise([*range(a, max(b - length, a) + 1, length), b]):
+                parts[turn][i].append(ends)
+                turn = 1 - turn
+    slow, fast = (max((np.abs(run.speed[a:b]).max() for run, own in zip(runs, part, strict=True)
+                       for a, b in own), default=0.0) for part in parts)  # fmt: skip
+    return parts if slow > AS_FAST * fast else (parts[1], parts[0])
+
+
+def _training(runs: Sequence[Run], parts: Parts) -> list[Windows]:
+    """Windows in motion, the longest that are enough: a rest says nothing of what moves it. Without
+    a compiler short ones, as each step is slow and all windows take it at once."""
+    made: list[Windows] = []
+    for seconds in WINDOWS if compiler() else WINDOWS[-1:]:
+        both = zip(runs, parts, strict=True)
+        made = [run.windows(part, run.count(seconds, FEWEST)) for run, part in both]
+        slide = [np.abs(run.speed) > SLIDES * np.abs(run.speed).max() for run in runs]
+        moved = [x[w.counted].mean(axis=1) > MOVES for x, w in zip(slide, made, strict=True)]
+        made = [w.at(m) if m.any() else w for w, m in zip(made, moved, strict=True)]
+        if sum(w.start.size for w in made) >= ENOUGH:
+            break
+    return made
+
+
+def _too_short(horizon: float) -> Refused:
+    needed, rate = 2 * (max(BLOCK, horizon) + GAP), FEWEST / min(WINDOWS)
+    shorter = f", shorten {option('horizon')}" if horizon > BLOCK else ""
+    return Refused(
+        "The records are too short, or lose too many samples, to fit the model and to check it on "
+        "held-out samples.",
+        f"Record at least {needed:.3g} s of motion without loss at {rate:.0f} Hz or more{shorter}, "
+        f"or give a second run with {option('holdout')}.",
+    )
+
+
+def run_of(record: Record) -> Run:
+    """The record with its sensors' noise; a w that repeats theta corrects no observer: its noise
+    is that of theta, coloured by a filter, and would look like a torque."""
+    recorded, dt = np.full((record.samples, 2), np.nan), record.dt
+    dull, own, often, counts = np.zeros_like(recorded), np.full(2, np.nan), np.ones(2), np.zeros(2)
+    for k, (role, x) in enumerate((("theta", record.theta), ("w", record.w))):
+        if x is not None:
+            recorded[:, k], step = x, record.resolution.get(role, 0.0)
+            own[k] = max(sensor_noise(x, step), EXACT * np.ptp(x))
+            often[k] = repeating(x, step)
+            counts[k] = max(step, smallest_step(x))
+            dull[:, k] = np.maximum(0.0, 1.0 - often[k] / repeats(x, counts[k]))
+    pieces = tuple((s.start, s.stop) for s in record.segments())
+    a, b = max(pieces, key=lambda ends: ends[1] - ends[0])
+    repeated = bool(np.isfinite(own).all()) and share_noise(*recorded[a:b].T)
+    left = np.array([1.0, np.nan if repeated else 1.0])
+    noise = tuple((own * np.sqrt(often) * left).tolist())
+    theta = np.cumsum(recorded[:, 1]) * dt if record.theta is None else record.theta
+    d = np.zeros(record.samples) if record.d is None else record.d
+    measured = recorded, tuple(own.tolist()), recorded * left, noise, dull, counts, theta
+    return Run(record.t, record.u, d, *measured, dt, pieces)
+
+
+# ---- a model along a record: observed, simulated from the torque alone, and how likely it is
+
+
+Values = Mapping[str, float]
+Sets = Sequence[Values]
+Array = np.ndarray
+STEP = 2e-3  # s, longest integration step; the engine divides it where necessary
+RESTING = 0.1  # of the largest speed: scale of the step errors of a drive at rest
+DOUBLINGS = 60  # of a Riccati equation, at most
+DIRECT = ((), (), (), ((1.0, 0.0), (0.0, 1.0)))
+SAMPLES = 20_000  # samples of training windows, evenly spread, by which a fit is found
+COARSE = np.linspace(-10.5, 3.0, 10)  # natural logarithms of factors on the usual dw/dt ...
+FINE = np.array([-1.0, -0.5, 0.5, 1.0])  # ... and around the best of these
+WORST = 1e30  # innovation of a model that diverges; its square can still be added up
+
+
+class Drive:
+    """One model structure, traced once, for any values. A delay acts on the recorded torque before
+    anything else, which is the same for effects that do not change in time."""
+
+    def __init__(self, model: Model) -> None:
+        self.late = tuple(p for p in model.effects if p.block.exact is held_late)
+        inside = tuple(p for p in model.effects if p not in self.late)
+        self.system = assemble(replace(model, effects=inside), sensed=True).bare()
+        self.lanes = Lanes(self.system, outputs=["theta_m", "w_m"])
+        self.keys = [name.split(".", 1)[1] for name in self.lanes.parameters]
+        place = self.lanes.states.index
+        own = [(p.block, Placed(f"{p.key}.", p.block).states) for p in inside]
+        begun = [both for one, names in own for both in zip(names, one.start, strict=True)]
+        known = {"theta": "theta", "w": "speed", "u": "u"}  # other states begin at 0
+        self.starts = {0: "theta", 1: "speed"}
+        self.starts |= {place(k): known[s] for k, s in begun if s in known}
+        self.sensors = [place(k) for one, names in own if "sensor" in one.acts for k in names]
+        self.rests = "eps" in model.friction.block.parameters
+
+    def series(self, run: Run, values: Values) -> np.ndarray:
+        """Torque and load torque along a run, (N, 2), N m."""
+        series = run.inputs.copy()
+        delay = sum(values[f"{part.key}.{k}"] for part in self.late for k in part.block.own)
+        for a, b in run.pieces:
+            series[a:b, 0] = held_late(run.u[a:b], run.dt, delay)
+        return series
+
+    def gain(self, run: Run, values: Values, jump: float) -> tuple[np.ndarray, np.ndarray]:
+        """Kalman gain of all states (x, 2) and the covariance of the innovations (2, 2); theta, w
+        and the sensors' states are corrected, the others follow these."""
+        K, S = observer_gain(run.dt, jump, run.noise, self._sensing(values))
+        gain = np.zeros((len(self.lanes.states), 2))
+        gain[[0, 1, *self.sensors]] = K
+        return gain, S
+
+    def _gains(self, run: Run, sets: Sets, jumps: Any, least: float = 0.0) -> Array:
+        both = zip(sets, jumps, strict=True)
+        return np.array([self.gain(run, v, max(jump, least))[0] for v, jump in both])
+
+    def _sensing(self, values: Values) -> tuple[Any, ...]:
+        """The sensors with states, linearised at rest."""
+        if not self.sensors:
+            return DIRECT
+        params = {name: values[k] for name, k in zip(self.lanes.parameters, self.keys, strict=True)}
+        rows = [self.system.output_labels.index(name) for name in self.lanes.outputs]
+        u, columns = np.zeros(self.system.ninputs), []
+        for x in np.eye(len(self.lanes.states))[[0, 1, *self.sensors]]:
+            rates = self.system.updfcn(0.0, x, u, params)[self.sensors]
+            columns.append(np.append(rates, self.system.outfcn(0.0, x, u, params)[rows]))
+        M, n = np.array(columns, float).T, len(self.sensors)
+        blocks = (M[:n, 2:], M[:n, :2], M[n:, 2:], M[n:, :2])
+        return tuple(tuple(map(tuple, m.tolist())) for m in blocks)
+
+    def observe(self, run: Run, sets: Sets, jumps: Any, where: Windows) -> tuple[Array, Array]:
+        """One-step predictions of theta and w (S, n, length, 2), each by the samples before it, for
+        S sets of values with their noise of dw/dt (rad/s2) and n windows; and the last states (S,
+        n, x). In the first half of a lead the observer stays close to the measured motion."""
+        gains, close = self._gains(run, sets, jumps), self._gains(run, sets, jumps, run.usual)
+        y = np.empty((len(sets), len(where.start), where.length, 2))
+        x = np.zeros((len(sets), len(where.start), len(self.lanes.states)))
+        for lead in set(where.lead.tolist()):
+            some = where.lead == lead
+            start, half = where.start[some] - lead, lead // 2
+            for i, signal in self.starts.items():
+                x[:, some, i] = getattr(run, signal)[start]
+            _, x0 = self._run(run, sets, x[:, some], start, half, close)
+            rest = lead - half + where.length
+            own, x[:, some] = self._run(run, sets, x0, start + half, rest, gains)
+            y[:, some] = own[:, :, lead - half :]
+        return y, x
+
+    def simulate(self, values: Values, jump: float, run: Run, where: Windows) -> np.ndarray:
+        """theta and w of each window from the torque alone, begun from an observer's state."""
+        x = self.observe(run, [values], [jump], replace(where, length=0))[1]
+        return self._run(run, [values], x, where.start, where.length, None)[0][0]
+
+    def _run(self, run: Run, sets: Sets, x0: Array, start: Array, length: int, gains: Any) -> Any:
+        check_time()
+        many, n, start = len(sets), len(start), np.tile(start, len(sets))
+        u = np.array([self.series(run, v) for v in sets]) if self.late else run.inputs
+        floor = np.zeros(len(self.lanes.states))  # at rest the speed sets no scale of step errors
+        floor[1] = RESTING * np.abs(run.speed).max() if self.rests else 0.0
+        y, x = self.lanes.run(
+            x0.reshape(many * n, -1), start, length, u,
+            np.repeat([[v[k] for k in self.keys] for v in sets], n, axis=0), dt=run.dt,
+            substeps=max(1, int(np.ceil(run.dt / STEP - 1e-9))), t0=run.t[start] - start * run.dt,
+            series=np.repeat(np.arange(many) * bool(self.late), n), floor=floor,
+            y=None if gains is None else run.y, rounding=(run.dull, 0.5 * run.counts),
+            gain=None if gains is None else np.repeat(gains, n, axis=0),
+        )  # fmt: skip
+        return y.reshape(many, n, length, 2), x.reshape(many, n, -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model with the noise of dw/dt (rad/s2) that makes its predictions most likely."""
+
+    drive: Drive
+    values: dict[str, float]
+    jump: float
+
+    def observed(self, jump: float, run: Run, where: Windows) -> np.ndarray:
+        """Torque missing (N m, resisting), theta, w of an observer, (windows, length, 3)."""
+        y = self.drive.observe(run, [self.values], [jump], where)[0][0]
+        K = self.drive.gain(run, self.values, jump)[0][1]
+        missing = -self.values["J"] / run.dt * innovations(run.y[where.counted], y) @ K
+        return np.concatenate([missing[..., None], y], axis=-1)
+
+
+def fitted(ready: Prepared, model: Model) -> Fit:
+    """The model with its noise, once for each in a study. InputError where a value is missing."""
+    model, memory = model.with_defaults(), ready.memory
+    values = model.known()
+    if missing := [k for k in model.values() if k not in values]:
+        raise InputError(f"{model.name}: {', '.join(missing)} has no value to simulate with.")
+    parts = (model.friction, *model.effects)
+    structure = _Structure(model.motion, tuple((p.key, id(p.block)) for p in parts), model)
+    drive, key = _drive(structure), (structure.parts, *values.values())
+    if key not in memory:
+        memory[key] = Fit(drive, values, tuned(ready, drive, values))
+    return memory[key]
+
+
+@dataclass(frozen=True)
+class _Structure:
+    """What is traced of a model, whatever its values are; the model keeps its blocks alive."""
+
+    motion: str
+    parts: tuple[tuple[str, int], ...]
+    model: Model = field(compare=False)
+
+
+@lru_cache(maxsize=64)
+def _drive(structure: _Structure) -> Drive:
+    return Drive(structure.model)
+
+
+def tuned(ready: Prepared, drive: Drive, values: Values) -> float:
+    usual, few = max(run.usual for run in ready.runs), spread(ready.train, SAMPLES)
+
+    def totals(logs: np.ndarray) -> np.ndarray:
+        made = loglik(ready, drive, [values] * len(logs), usual * np.exp(logs), few)
+        return np.maximum(np.nan_to_num(made.sum(axis=1), nan=-np.inf), -(WORST**3))
+
+    best = COARSE[np.argmax(totals(COARSE))]
+    a, b, _ = np.polyfit(FINE, totals(best + FINE), 2)
+    peak = np.clip(-0.5 * b / a, FINE[0], FINE[-1]) if a < 0 else 0.0
+    return usual * float(np.exp(best + peak))
+
+
+def loglik(ready: Prepared, drive: Drive, sets: Sets, jumps: Any, of: Sequence[Windows]) -> Array:
+    both = zip(ready.runs, of, strict=True)
+    made = [whitened(drive, run, sets, jumps, where)[1] for run, where in both if where.size]
+    return np.concatenate(made, axis=1)
+
+
+def whitened(
+    drive: Drive, run: Run, sets: Sets, jumps: Any, where: Windows
+) -> tuple[np.ndarray, np.ndarray]:
+    """Innovations scaled to unit covariance for a correct model, (sets, windows, length, 2), and
+    the log-likelihood of each window, (sets, windows). Samples that repeat one count weigh less:
+    predicting them is no merit of a model."""
+    y, _ = drive.observe(run, sets, jumps, where)
+    e, size = innovations(run.y[where.counted], y), np.empty((len(sets), 2))
+    weight = 1.0 - run.dull[where.counted]
+    for i, (values, jump) in enumerate(zip(sets, jumps, strict=True)):
+        root = np.linalg.cholesky(drive.gain(run, values, jump)[1])
+        e[i] = e[i] @ np.linalg.inv(root).T * np.sqrt(weight)
+        size[i] = np.diag(root)
+    constant = np.log(size) @ weight.sum(axis=1).T
+    return e, -0.5 * np.einsum("swnc,swnc->sw", e, e) - constant
+
+
+def innovations(measured: np.ndarray, predicted: np.ndarray) -> np.ndarray:
+    """Measured minus predicted: 0 where nothing was recorded, ``WORST`` if it is not a number."""
+    e = np.clip(np.nan_to_num(measured - predicted, nan=WORST), -WORST, WORST)
+    e[..., np.isnan(measured)] = 0.0
+    return e
+
+
+@lru_cache(maxsize=512)
+def observer_gain(
+    dt: float, jump: float, noise: tuple[float, ...], sensing: tuple[Any, ...]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Gain (2 + n, 2) and innovation covariance (2, 2) of dtheta/dt = w, dw/dt = noise (``jump``,
+    rad/s2, independent from sample to sample: that of the torque over J).
+
+    Sensors with n states s: ds/dt = A s + B (theta, w), y = C s + D (theta, w) + noise; ``sensing``
+    are A, B, C, D as nested tuples. ``noise`` is nan where nothing was recorded: there the gain is
+    0 and the covariance 1. Do not write into the arrays.
+    """
+    n, seen = 2 + len(sensing[0]), np.flatnonzero(np.isfinite(noise))
+    shapes = (n - 2, n - 2), (n - 2, 2), (2, n - 2), (2, 2)
+    A, B, C, D = (np.reshape(m, shape) for m, shape in zip(sensing, shapes, strict=True))
+    flow = np.zeros((n + 1, n + 1))  # the last state is the jump of dw/dt
+    flow[0, 1] = flow[1, n] = 1.0
+    flow[2:n, :2], flow[2:n, 2:n] = B, A
+    step, H, size = expm(flow * dt), np.hstack([D, C])[seen], np.array(noise)[seen]
+    kept = np.arange(0 if 0 in seen else 1, n)  # theta is unobservable if not recorded
+    scale = np.full(n, noise[0] / dt if 0 in seen else noise[1])  # else it is ill-conditioned
+    scale[0] *= dt
+    a, push = step[:n, :n] * scale / scale[:, None], jump * step[:n, n] / scale
+    P = np.zeros((n, n))
+    both = kept[:, None], kept
+    P[both] = _riccati(a[both], (H * scale / size[:, None])[:, kept], np.outer(push, push)[both])
+    P *= np.outer(scale, scale)
+    S = H @ P @ H.T + np.diag(size**2)
+    gain, covariance = np.zeros((n, 2)), np.eye(2)
+    gain[:, seen], covariance[seen[:, None], seen] = P @ H.T @ np.linalg.inv(S), S
+    return gain, covariance
+
+
+def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray) -> np.ndarray:
+    """P = A (P^-1 + H' H)^-1 A' + Q, even if it is ill-conditioned, by the structure-preserving
+    doubling of Chu, Fan and Lin (2004)."""
+    a, G, P = A.T, H.T @ H, Q
+    for _ in range(DOUBLINGS):
+        half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
+        a_half, G_half = half[:, : len(A)], half[:, len(A) :]
+        more = a.T @ P @ a_half
+        a, G, P = a @ a_half, G + a @ G_half @ a.T, P + more
+        if np.all(np.abs(more) <= 1e-12 * np.abs(P)):
+            break
+    return 0.5 * (P + P.T)
+
+
+# ---- errors on held-out samples, and what one-step predictions leave
+
+
+DIVERGES = "The {} model diverges in simulation, so it has no {}."
+DIVERGED = 1e15  # of an error
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Errors of models on samples that nothing has seen, as in the JSON document: None where a
+    value is missing or a simulation diverged, as ``messages`` say."""
+
+    error: dict[str, Any]
+    free_error: dict[str, Any]
+    torque_error: dict[str, Any]
+    traces: Traces
+    messages: tuple[str, ...]
+
+
+def errors(ready: Prepared, models: Mapping[str, Model | None]) -> Judged:
+    """Simulate models, "declared", "refitted", "augmented", None where values are missing, from the
+    recorded torque alone. Restarts begin from the state of an observer that has seen samples before
+    them only. The residual torque is what the observer of "refitted" adds to each model."""
+    fits = {name: fitted(ready, model) for name, model in models.items() if model is not None}
+    jump, channel = fits.get("refitted", [*fits.values()][-1]).jump, ready.channel
+    measured = np.concatenate([run.recorded[:, channel] for run in ready.runs])
+    free_run = {k: partial(f.drive.simulate, f.values, f.jump) for k, f in fits.items()}
+    simulated = {k: ready.along(ready.test, [channel], run)[0] for k, run in free_run.items()}
+    observed = {k: partial(f.observed, jump) for k, f in fits.items()}
+    missing = {k: ready.along(ready.test, [0], one)[0] for k, one in observed.items()}
+    residual = {k: ready.along(ready.everywhere, [0], one)[0] for k, one in observed.items()}
+    theta, w = ready.along(ready.everywhere, [1, 2], [*observed.values()][-1])
+    at = ready.along(ready.test, [0], lambda _, where: where.counted[..., None])[0]
+    held_out = np.isfinite(at + measured)
+    said: list[str] = []
+
+    def each(what: str, of: Callable[[str], float]) -> dict[str, float | None]:
+        made = {k: of(k) for k in fits}
+        finite = {k: x for k, x in made.items() if x < DIVERGED}
+        said.extend(DIVERGES.format(k, what) for k in made if k not in finite)
+        return {k: finite.get(k) for k in models}
+
+    error = each("error", lambda k: rms((measured - simulated[k])[held_out]))
+    free = each("error without restarts", lambda k: _free(ready, free_run[k]))
+    torque = each("torque error", lambda k: rms(missing[k][held_out]))
+    size = max(float(np.std(measured[held_out])), 1e-300)
+    fit = {k: None if e is None else 100.0 * (1.0 - e / size) for k, e in error.items()}
+    motion = ready.model.motion
+    signal, unit = (("theta", "rad"), ("w", "rad/s"))[channel]
+    of = {"signal": signal, "unit": unit_for(unit, motion)}
+    counts = {"samples": int(held_out.sum()), "horizon": ready.horizon}
+    t, u, dt = np.concatenate([(run.t, run.u, run.dt + 0.0 * run.t) for run in ready.runs], axis=1)
+    signals = {"t": t, "theta": theta, "w": w, "u": u, "a": np.diff(w, append=np.nan) / dt}
+    return Judged(
+        {**of, **counts, **error, "noise_floor": ready.noise_floor, "fit": fit},
+        {**of, "in_sample": ready.in_sample, **free},
+        {"unit": unit_for("N m", motion), **torque},
+        Traces(t, measured, held_out, simulated, residual, signals),
+        tuple(said),
+    )
+
+
+def _free(ready: Prepared, simulate: Callable[[Run, Windows], np.ndarray]) -> float:
+    missed = [np.zeros((0, 2))]
+    for run, ranges in zip(ready.runs, ready.free, strict=True):
+        for a, b in ranges if np.isfinite(run.own[ready.channel]) else ():
+            if b - a > run.gap:
+                where = run.windows([(a, b)], b - a - run.gap, run.pieces)
+                missed.append((run.recorded[where.counted] - simulate(run, where))[0])
+    return rms(np.concatenate(missed)[:, ready.channel])
+
+
+def residuals(ready: Prepared, model: Model) -> Residuals:
+    """The tests of one-step predictions, over the training windows of the run with most of them."""
+    fit, both = fitted(ready, model), zip(ready.runs, ready.train, strict=True)
+    run, where = max(both, key=lambda pair: pair[1].size)
+    channel = int(np.isfinite(run.noise[1]))
+    e = whitened(fit.drive, run, [fit.values], [fit.jump], where)[0][0, ..., channel]
+    return residuals_of(("theta", "w")[channel], e, run.u[where.counted])
+
+
+def torque_noise(ready: Prepared, model: Model) -> float:
+    fit = fitted(ready, model)
+    return fit.jump * fit.values["J"]
+
+
+# ---- a last polish, by one-step predictions, of values that a torque balance hardly sees
+
+
+WEAK = 1.5  # standard deviation of a coordinate about its start where nothing else is known
+WIDE = 0.3  # the same from which a start is no more than a guess: factors on it are tried
+FACTORS = (1.0, 0.03, 0.1, 0.3, 0.6, 1.7, 3.0, 10.0, 30.0)
+SLOPE = 1e-3  # of a coordinate, for slopes
+CLIMBS, GAINED = 20, 0.1  # steps of a climb, and gain in log-likelihood below which it ends
+PARTS, NOISES = (1.0, 0.5, 0.2, 0.05), (1.0, 0.6, 1.5)  # of a step; factors on the noise
+FARTHEST = 0.7  # of a coordinate in one step
+FLAT, TINY = 1e-4, 1e-300  # of Fc, least excess of Fs; least variance of a prior
+NONE = Joint((), np.zeros(0), np.zeros((0, 0)), np.zeros(0, bool))
+
+
+@dataclass(frozen=True, eq=False)
+class Polished:
+    """All values of the model after a polish and the distribution of those that it determined."""
+
+    values: dict[str, float]
+    joint: Joint = NONE
+    gained: bool = False  # else the values are those before, of no distribution
+
+
+def polish(
+    ready: Prepared, model: Model, free: Sequence[str], start: Joint = NONE, always: bool = False
+) -> Polished:
+    """Make one-step predictions of training windows most likely, from the model's values on.
+
+    Gauss-Newton steps on the innovations e of an observer with the gain for the noise of dw/dt,
+    which is found beside them: minimise the sum of e' S^-1 e / 2 + log det(S) / 2 and the priors.
+    ``start`` is what is known beforehand; other values have the std that the model states, or a
+    weak prior: a factor of 4.5 about the start. ``always`` keeps the values whatever left-out
+    windows say: nothing else tells them. Free those that the balance knows, too, or their errors
+    move the others. The covariance is the larger of the likelihood's own and the jackknife's over
+    windows: it knows of no error of the model that is the same in all. InputError without a value.
+    """
+    begun = fitted(ready, model)
+    climb = _Climb(ready, begun, model, free, start)
+    before = loglik(ready, begun.drive, [begun.values], [begun.jump], climb.where)[0]
+    if climb.keys and len(before) > 1:
+        with suppress(np.linalg.LinAlgError):  # the model diverges along this log
+            return _at_top(climb, begun, before, always)
+    return Polished(begun.values)
+
+
+def _at_top(climb: _Climb, begun: Fit, before: np.ndarray, always: bool) -> Polished:
+    """The likeliest values, what is known of them, and whether left-out windows (n,) gain, to first
+    order (Takeuchi's criterion), or all values before are within their intervals."""
+    tops = [climb.up(one) for one in dict.fromkeys((begun, climb.scanned()))]
+    _, fit = climb.best([top.values for top in tops], [top.jump for top in tops])
+    parts, scores, each = climb.linear(fit)
+    H = parts.sum(0) + climb.weight
+    off = np.array([np.linalg.solve(H - p, s) for p, s in zip(parts, scores, strict=True)])
+    off *= np.minimum(1.0, FARTHEST / np.maximum(np.max(np.abs(off), axis=1), 1e-300))[:, None]
+    own = np.linalg.inv(H)
+    gains = each - np.einsum("wi,ij,wj->w", scores, own, scores) - before
+    gain, error = float(gains.sum()), float(np.std(gains)) * len(gains) ** 0.5
+    scatter = (1.0 - 1.0 / len(off)) * np.sum(off**2, axis=0)
+    wider = np.sqrt(np.maximum(scatter / np.diag(own), 1.0))
+    C = own * np.outer(wider, wider)
+    prior = np.diag(np.linalg.inv(climb.weight))
+    at = np.flatnonzero((np.diag(C) < 0.25 * prior) | (prior < WIDE**2))
+    moved = np.abs(climb.x(fit.values) - climb.x(begun.values)) / np.sqrt(np.diag(C))
+    confirmed = len(at) > 0 and bool(np.all(moved[at] < Z95))
+    if not always and gain <= error and not confirmed:
+        return Polished(begun.values)
+    names, rates = tuple(climb.keys[i] for i in at), climb.rates(fit.values)
+    if "Fs" in climb.keys:  # what it is above Fc has a log-normal distribution, and its variance
+        V = float(np.clip(C[-1, -1], 1e-12, 1.0))
+        rates[-1, -1] *= np.sqrt(np.exp(V) * np.expm1(V) / V)
+    found, matrix = np.array([fit.values[k] for k in names]), rates @ C @ rates.T
+    joint = Joint(names, found, matrix[at[:, None], at], climb.log[at])
+    return Polished(fit.values, joint, True)
+
+
+class _Climb:
+    """Steps towards the maximum of likelihood and Gaussian priors (``middle``, ``weight``) in
+    coordinates: the logarithm of a value or, where it may be 0 or less, its part of ``size``."""
+
+    def __init__(
+        self, ready: Prepared, begun: Fit, model: Model, free: Sequence[str], start: Joint
+    ) -> None:
+        own, values = model.declarations(), begun.values
+        self.ready, self.begun, rotary = ready, begun, model.motion == "rotary"
+        self.where = spread(ready.train, SAMPLES)
+        fixed = model.held() | {k for k, p in own.items() if p.choices or not p.fitted}
+        fixed |= {k for k, p in own.items() if p.whole and rotary or p.unit == "s" and p.low < 0.0}
+        keys = [k for k in free if k not in fixed and np.isfinite(values[k])]
+        self.keys = keys = tuple(sorted(keys, key="Fs".__eq__))  # Fs last, as it stands on Fc
+        self.bounds = [model.bounds(k) for k in keys]
+        found = np.array([values[k] for k in keys])
+        self.log = (np.array([own[k].low for k in keys]) >= 0.0) & (found > 0.0)
+        usual = [float(np.std(ready.runs[0].u)) if own[k].unit == "N m" else 0.1 for k in keys]
+        self.size = np.maximum(np.abs(found), usual)
+        std = {k: s.std for k, s in model.stated.items() if s.std and k in keys}
+        known = np.diag([std.get(k, np.inf) ** -2.0 for k in keys])
+        if before := [k for k in start.names if k in keys and k not in std]:
+            here, at = [keys.index(k) for k in before], [start.names.index(k) for k in before]
+            C = start.matrix[np.ix_(at, at)]
+            size = np.maximum(np.diag(C), TINY) ** 0.5
+            scaled = np.linalg.pinv(C / np.outer(size, size), hermitian=True)
+            known[np.ix_(here, here)] = scaled / np.outer(size, size)
+        rates = self.rates(values)
+        self.weight = np.eye(len(keys)) / WEAK**2 + rates.T @ known @ rates
+        declared = {k: v for k, v in ready.model.known().items() if k in std}
+        self.middle = self.x({**values, **declared})
+
+    def amounts(self, values: Mapping[str, float]) -> np.ndarray:
+        """The values; of Fs how much it is above Fc."""
+        Fc, Fs = values.get("Fc", 0.0), values.get("Fs", 0.0)
+        return np.array([({**values, "Fs": max(Fs - Fc, FLAT * Fc)})[k] for k in self.keys])
+
+    def rates(self, values: Mapping[str, float]) -> np.ndarray:
+        """Derivatives of the values by the coordinates, (n, n)."""
+        made = np.diag(np.where(self.log, self.amounts(values), self.size))
+        if {"Fc", "Fs"} <= {*self.keys}:
+            made[-1, self.keys.index("Fc")] = values["Fc"]
+        return made
+
+    def x(self, values: Mapping[str, float]) -> np.ndarray:
+        v = self.amounts(values)
+        return np.where(self.log, np.log(np.where(self.log, v, 1.0)), v / self.size)
+
+    def values(self, x: np.ndarray) -> dict[str, float]:
+        """All values inside their bounds; Fs does not fall below Fc."""
+        made = dict(self.begun.values)
+        ways = zip(self.keys, self.log, self.size, self.bounds, x, strict=True)
+        for k, log, size, (low, high), v in ways:
+            value = float(np.exp(min(v, 700.0)) if log else v * size)
+            value += made.get("Fc", 0.0) if k == "Fs" else 0.0
+            made[k] = min(max(value, low), high)
+        if "Fc" in self.keys and "Fs" in made:
+            made["Fs"] = max(made["Fs"], made["Fc"])
+        return made
+
+    def cost(self, values: Mapping[str, float]) -> float:
+        off = self.x(values) - self.middle
+        return 0.5 * float(off @ self.weight @ off)
+
+    def best(self, sets: Sequence[dict[str, float]], jumps: Sequence[float]) -> tuple[float, Fit]:
+        """The likeliest of some values, each with its noise."""
+        each = loglik(self.ready, self.begun.drive, sets, jumps, self.where)
+        made = each.sum(axis=1) - [self.cost(v) for v in sets]
+        i = int(np.argmax(np.nan_to_num(made, nan=-np.inf)))
+        return float(made[i]), Fit(self.begun.drive, sets[i], jumps[i])
+
+    def scanned(self) -> Fit:
+        """The best of factors on each value that is no more than a guess, one after the other."""
+        fit, std = self.begun, np.sqrt(np.diag(np.linalg.inv(self.weight)))
+        moved = False
+        for i in np.flatnonzero(self.log & (std > WIDE)):
+            steps = np.log(FACTORS)[:, None] * (np.arange(len(std)) == i)
+            sets = [self.values(self.x(fit.values) + step) for step in steps]
+            fit = self.best(sets, [fit.jump] * len(sets))[1]
+            moved = moved or fit.values is not sets[0]
+        if not moved:
+            return self.begun
+        return replace(fit, jump=tuned(self.ready, fit.drive, fit.values))
+
+    def up(self, fit: Fit) -> Fit:
+        """Gauss-Newton steps, shorter where the whole one loses, each with the best noise."""
+        for _ in range(CLIMBS):
+            parts, scores, each = self.linear(fit)
+            x, total, most = self.x(fit.values), each.sum() - self.cost(fit.values), -np.inf
+            slope = scores.sum(0) - self.weight @ (x - self.middle)
+            step = np.linalg.solve(parts.sum(0) + self.weight, slope)
+            step *= min(1.0, FARTHEST / max(float(np.max(np.abs(step))), TINY))
+            for part in PARTS:
+                sets = [self.values(x + part * step)] * len(NOISES)
+                most, ahead = self.best(sets, [fit.jump * factor for factor in NOISES])
+                if most > total:
+                    fit = ahead
+                    break
+            if most < total + GAINED:
+                break
+        return fit
+
+    def linear(self, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Information (windows, x, x), slope (windows, x) and log-likelihood (windows,)."""
+        x, n, made = self.x(fit.values), len(self.keys), []
+        sets = [fit.values, *(self.values(x + SLOPE * row) for row in np.eye(n))]
+        both = [*zip(self.ready.runs, self.where, strict=True)]
+        for run, where in (pair for pair in both if pair[1].size):
+            white, each = whitened(fit.drive, run, sets, [fit.jump] * (n + 1), where)
+            e = white.reshape(n + 1, len(where.start), -1).swapaxes(0, 1)
+            A = (e[:, :1] - e[:, 1:]) / SLOPE
+            made.append((A @ A.swapaxes(1, 2), (A @ e[:, 0, :, None])[..., 0], each[0]))
+        parts, scores, each = map(np.concatenate, zip(*made, strict=True))
+        return parts, scores, each

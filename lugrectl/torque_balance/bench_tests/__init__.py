@@ -1,52 +1,540 @@
 """Standard bench tests in the logs of one drive, recognised by their motion and torque, and
-answered as such."""
+answered as such: each is one function of the table at the end."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
 
 import numpy as np
+from scipy import stats
 
+from ...blocks.block import unit_for
+from ...blocks.friction import level
 from ...blocks.model import Model
-from ...estimates.bench_test import BenchTest
+from ...core.display import number
+from ...core.numeric import Z95, rms
+from ...estimates.bench_test import ALONE, ONE_WAY, BenchTable, BenchTest, in_words
+from ...estimates.findings import Estimate
 from ...record import Log
-from .breakaway_ramps import breakaway_ramps
-from .free_swing import free_swing
-from .motion import Motion, motions
-from .pushes_and_coasts import coast_down, steps_and_pulses
-from .slow_scan import slow_scan
-from .staircase import staircase
+from .strokes import (
+    IMPULSES,
+    SCALE,
+    Fitted,
+    Motion,
+    Piece,
+    Stroke,
+    Values,
+    best,
+    interval,
+    likely,
+    motions,
+    solved,
+    stroked,
+)
 
 KNOWN = 0.25  # of a value, by which one value of a test must be known
-INSTEAD = {  # of a test, others that its own rows look like
-    "slow_scan": ("staircase",),  # where its speed is coarse
-    "breakaway_ramps": ("coast_down",),  # from the low speed at which a ramp ends
-    "staircase": ("steps_and_pulses",),  # of its loop in saturation
+ZERO = 0.02  # of the largest torque: less is none
+EXPLAINED = 0.01  # of the motion, beyond the noise, that may be left of a test
+Found = Mapping[str, Estimate]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """The motions of all logs, the declared inertia, and the kind of motion."""
+
+    motions: Sequence[Motion]
+    J: float | None
+    motion: str
+
+    @cached_property
+    def moving(self) -> int:
+        return sum(int(np.count_nonzero(one.side)) for one in self.motions)
+
+    def free(self, one: Motion) -> list[slice]:
+        least = ZERO * max(float(np.abs(one.u).max()) for one in self.motions)
+        return [p.at for p in one.pieces if p.held and abs(p.level) <= least]
+
+    def value(
+        self, fit: Fitted, what: Callable[[Values], float], unit: str, known: float = 0.0
+    ) -> Estimate:
+        return interval(*fit.of(what), fit.freedom, unit_for(unit, self.motion), known)
+
+
+def _both(a: slice, b: slice) -> slice:
+    return slice(max(a.start, b.start), max(min(a.stop, b.stop), a.start, b.start))
+
+
+def _rows(parts: Sequence[slice]) -> int:
+    return sum(part.stop - part.start for part in parts)
+
+
+def _of_strokes(
+    strokes: Sequence[Stroke], terms: str, late: bool = False
+) -> tuple[Fitted | None, str]:
+    """The fit of these terms with Fc and Fv to strokes, and what is said of a single direction."""
+    if not strokes:
+        return None, ""
+    one_way = len({np.sign(s.v[0]) for s in strokes}) == 1
+    more = [] if one_way else [["constant"]]
+    more += [["late"]] * late + [["sin", "cos"]] * all(s.motion.angle for s in strokes)
+    made = best(strokes, {k: IMPULSES[k] for k in terms.split()}, more)
+    if made is None or made.p["Fc"] <= 0 or _unexplained(made):
+        return None, ""
+    return made, ALONE if one_way else ""
+
+
+def _unexplained(made: Fitted) -> bool:
+    return made.left > 1 + EXPLAINED * made.moved
+
+
+# ---- coast-down: no torque, and the motion dies out
+
+
+DIES = 0.3  # of the speed at its start, to which a coast falls at least
+COASTING = 0.2  # of the moving rows
+
+
+def coast_down(bench: Bench) -> BenchTest | None:
+    """Fc/J and Fv/J of all coasts, and both with J where it is known."""
+    coasts = [s for one in bench.motions for s in _coasts(one, bench.free(one))]
+    if _rows([s.at for s in coasts]) < COASTING * bench.moving:
+        return None
+    made, alone = _of_strokes(coasts, "Fc Fv")
+    if made is None or made.p["Fv"] < -2 * made.of(lambda p: p["Fv"])[1]:
+        return None  # no friction: something else brakes
+    values = {f"{k}/J": bench.value(made, lambda p, k=k: p[k], unit)
+              for k, unit in (("Fc", "rad/s2"), ("Fv", "1/s"))}  # fmt: skip
+    taken, J = "", bench.J
+    if J:
+        taken = f", with J = {J:.6g} {unit_for('kg m2', bench.motion)} as declared"
+        for k, unit in (("Fc", "N m"), ("Fv", "N m s/rad")):
+            e = values[f"{k}/J"]
+            low, high = e.ci95 or (0.0, 0.0)
+            values[k] = Estimate(J * e.value, unit_for(unit, bench.motion), (J * low, J * high))
+    many = f"{len(coasts)} coast-downs" if len(coasts) > 1 else "One coast-down"
+    return BenchTest("coast_down", f"{many}{taken}: {in_words(values)}.{alone}", values)
+
+
+def _coasts(one: Motion, free: Sequence[slice]) -> list[Stroke]:
+    """The strokes without torque in which the speed falls and does not rise again."""
+    found = []
+    for at in (_both(*pair) for pair in product(free, one.strokes)):
+        v = np.abs(one.v[at])
+        if len(v) > 3 * one.window and v[-1] < DIES * v[0]:
+            rises = np.maximum.accumulate(v[::-1])[::-1] - v
+            if np.all(rises < 0.05 * v[0] + 3 * one.speeds[1]):
+                found += stroked(one, at)
+    return found
+
+
+# ---- steps and pulses of the torque
+
+
+HELD = 0.9  # of the moving rows, in which the torque must be held
+DRIVEN = 0.1  # of the largest torque: more drives the motion
+APART = 0.2  # of the largest torque, by which two levels differ
+CHANGED = 0.5  # of all changes of the speed, that happen while the torque is held
+
+
+def steps_and_pulses(bench: Bench) -> BenchTest | None:
+    """J, Fc and Fv of the motion between the steps of the torque."""
+    found = [one for one in bench.motions if _is_held(one)]
+    levels = np.sort([p.level for one in found for p in one.pieces if p.held])
+    if not np.any(np.diff(levels) > APART * np.abs(levels).max(initial=0.0)):
+        return None
+    strokes = [s for one in found for at in one.strokes for s in stroked(one, at)]
+    made, alone = _of_strokes(strokes, "1/J Fc Fv", late=True)
+    if made is None or made.p["1/J"] <= 0:
+        return None
+    size, register = max(rms(one.u) for one in found), max(one.step for one in found) / np.sqrt(12)
+    values = {}
+    for name, unit in (("J", "kg m2"), ("Fc", "N m"), ("Fv", "N m s/rad")):
+
+        def what(p: Values, name: str = name) -> float:
+            return (1 if name == "J" else p[name]) / p["1/J"]
+
+        known = register if name == "Fc" else what(made.p) * register / size
+        values[name] = bench.value(made, what, unit, known)
+    pushes = sum(p.held and p.level != 0 for one in found for p in one.pieces)
+    said = f"{pushes} torque steps or pulses: {in_words(values)}.{alone}"
+    return BenchTest("steps_and_pulses", said, values)
+
+
+def _is_held(one: Motion) -> bool:
+    """Whether nearly all motion is under a held torque, which drives a part of it, and does not
+    only keep a speed."""
+    moving, held = np.abs(one.side) > 0, np.zeros(len(one), bool)
+    pieces = [p.at for p in one.pieces if p.held]
+    for at in pieces:
+        held[at] = True
+    driven = moving & (np.abs(one.u) > DRIVEN * np.abs(one.u).max())
+    if not driven.any() or held[moving].mean() < HELD:
+        return False
+    parts = [one.v[_both(*pair)] for pair in product(one.strokes, pieces)]
+    changed = sum(abs(v[-1] - v[0]) for v in parts if len(v))
+    sizes = [np.abs(one.v[at]) for at in one.strokes]
+    return bool(changed > CHANGED * sum(2 * v.max() - v[0] - v[-1] for v in sizes))
+
+
+# ---- free swing about the lowest angle of the load
+
+
+G = 9.81  # m/s2
+HALVES = 3  # half-swings, at least
+LEAST = 0.02  # rad, of a half-swing
+PER_PART = 2  # half-swings, over which an integral keeps its noise small
+
+
+def free_swing(bench: Bench) -> BenchTest | None:
+    """Length, gravity, damping and friction of all swings, for each unit of inertia."""
+    if bench.motion != "rotary":
+        return None
+    swings = [(one, halves) for one in bench.motions for at in bench.free(one)
+              for halves in _alternating(one, at) if len(halves) >= HALVES]  # fmt: skip
+    terms, strokes = {k: IMPULSES[k] for k in ("Fc", "Fv")}, []
+    for i, (one, halves) in enumerate(swings):  # each has its own zero of the angle
+        for k in ("sin", "cos"):
+            terms[f"{k}.{i}"] = lambda s, k=k, i=i: (s.swing == i) * IMPULSES[k](s)
+        edges = [h.start for h in halves[::PER_PART]] + [halves[-1].stop]
+        strokes += [Stroke(one, slice(a, b), i) for a, b in zip(edges, edges[1:], strict=False)]
+    made = best(strokes, terms) if strokes else None
+    if made is None or _unexplained(made):
+        return None
+
+    def pull(p: Values) -> float:
+        each = [np.hypot(p[f"sin.{i}"], p[f"cos.{i}"]) for i in range(len(swings))]
+        return float(np.mean(each))
+
+    values = {"length": bench.value(made, lambda p: G / pull(p), "m"),
+              "gravity/J": bench.value(made, pull, "rad/s2"),
+              "Fc/J": bench.value(made, lambda p: p["Fc"], "rad/s2"),
+              "Fv/J": bench.value(made, lambda p: p["Fv"], "1/s")}  # fmt: skip
+    many = f"{len(swings)} free swings" if len(swings) > 1 else "One free swing"
+    return BenchTest("free_swing", f"{many}: {in_words(values)}.", values)
+
+
+def _alternating(one: Motion, at: slice) -> list[list[slice]]:
+    """Strokes in turn forwards and backwards, each shorter than the last; the first may be cut."""
+    found: list[list[slice]] = [[]]
+    for stroke in one.strokes:
+        if stroke.start < at.start or stroke.stop > at.stop or np.ptp(one.x[stroke]) < LEAST:
+            continue
+        if found[-1]:
+            last = found[-1][-1]
+            turned = one.side[last.start] != one.side[stroke.start]
+            soon = stroke.start - last.stop < last.stop - last.start
+            shorter = np.ptp(one.x[stroke]) < np.ptp(one.x[last]) or len(found[-1]) == 1
+            if not (turned and soon and shorter):
+                found.append([])
+        found[-1].append(stroke)
+    return found
+
+
+# ---- breakaway ramps: the torque rises until the axis runs away
+
+
+BREAKS = 3  # breakaways, at least
+RAMPS, MOSTLY = 0.3, 0.8  # of the rows: ramps that end in motion; these and held torque
+REST = 5  # rows of rest before a breakaway
+
+
+def breakaway_ramps(bench: Bench) -> BenchTest | None:
+    """Static friction in each direction and at each place, with its scatter."""
+    parts = [(one, piece) for one in bench.motions for piece in one.pieces]
+    held, every = _rows([p.at for _, p in parts if p.held]), sum(map(len, bench.motions))
+    tried = [(p.at, _breakaway(one, p)) for one, p in parts if p.ramp]
+    found = [b for _, b in tried if b is not None]
+    ramps = _rows([at for at, b in tried if b is not None])
+    if len(found) < BREAKS or ramps < RAMPS * every or ramps + held < MOSTLY * every:
+        return None
+    torque, known, angle = np.array(found).T
+    ways = {"Fs_forward": torque > 0, "Fs_backward": torque < 0}
+    ways = {k: at for k, at in ways.items() if at.any()}
+    freedom, unit = len(found) - len(ways), unit_for("N m", bench.motion)
+    means = {k: float(np.abs(torque[at]).mean()) for k, at in ways.items()}
+    off = np.concatenate([np.abs(torque[at]) - means[k] for k, at in ways.items()])
+    scatter = float(np.sqrt(off @ off / freedom))
+    values = {k: interval(means[k], scatter / np.sqrt(at.sum()), freedom, unit, known[at].mean())
+              for k, at in ways.items()}  # fmt: skip
+    low, high = scatter * np.sqrt(freedom / stats.chi2.ppf((0.975, 0.025), freedom))
+    ends = (max(float(low - known.mean()), 0.0), float(high + known.mean()))
+    values["Fs_scatter"] = Estimate(scatter, unit, ends)
+    many = " and ".join(f"{at.sum()} {k[3:]}" for k, at in ways.items())
+    x = "x [m]" if bench.motion == "linear" else "theta [rad]"
+    rows = tuple((float(x), "forward" if u > 0 else "backward", abs(float(u)))
+                 for x, u in zip(angle, torque, strict=True))  # fmt: skip
+    table = BenchTable((x, "direction", f"Fs [{unit}]"), rows)
+    said = f"Breakaway in {many} ramps: {in_words(values)}."
+    return BenchTest("breakaway_ramps", said, values, table)
+
+
+def _breakaway(one: Motion, ramp: Piece) -> tuple[float, float, float] | None:
+    """The torque at which the axis runs away, what is not known of it, and the angle. It moves with
+    the third power of time, as under a torque that rises from balance: it began as long before it
+    is seen as it then takes to move eight times as far."""
+    side = np.sign(ramp.slope)
+    inside = [s for s in one.strokes if ramp.at.start + REST <= s.start < ramp.at.stop]
+    inside = [s for s in inside if one.side[s.start] == side]
+    stroke = max(inside, key=lambda s: np.ptp(one.x[s]), default=None)
+    if stroke is None:
+        return None
+    before = max(stroke.start - one.window - REST, ramp.at.start)
+    rest = np.median(one.y[max(before - 2 * REST, ramp.at.start) : before + 1])
+    moved = side * (one.y[before : stroke.stop] - rest)
+    seen = len(moved) - int(np.argmax(moved[::-1] <= 3 * one.noise))
+    far = (moved > moved[min(seen, len(moved) - 1)] * (8 if one.angle else 4)).nonzero()[0]
+    if not len(far) or seen >= len(moved):
+        return None
+    later = 0.5 * float(one.t[before + far[0]] - one.t[before + seen])
+    since = one.t[before + seen] - one.t[ramp.at.start] - later - one.dt / 2
+    torque = ramp.level + ramp.slope * since
+    unsure = np.hypot(abs(ramp.slope) * np.hypot(later, one.dt), one.step / np.sqrt(12))
+    found = float(torque), float(unsure), float(one.x[before])
+    return found if torque * side > 0 else None
+
+
+# ---- slow scan both ways: half the difference of the directions is friction
+
+
+EVEN = 0.4  # of its mean, by which the speed of a scan may vary (RMS)
+DRIFT = 0.15  # of its mean, by which thirds of a scan may differ in speed
+ALIKE = 1.25  # ratio of the speeds of two scans of one test, at most
+ENDS = 0.04  # of a scan at each end, in which the speed settles
+SCANNED = 0.5  # of the moving rows that are scans
+CELLS = 720  # of a turn, over which rows are averaged
+BINS = 72  # of a turn in the table
+ORDERS = range(1, 41)  # per turn
+LITTLE = 0.1  # of the largest harmonic of the speed: less is noise, and accelerates nothing
+LARGEST, CLEARLY = 6, 5.0  # harmonics that are named, and standard errors from which on
+
+
+def slow_scan(bench: Bench) -> BenchTest | None:
+    """Friction at the speed of the scan, and the cogging over the turn."""
+    scans = [(one, at) for one in bench.motions for stroke in one.strokes
+             if (at := _scan(one, stroke)) is not None]  # fmt: skip
+    rows = _rows([at for _, at in scans])
+    if bench.motion != "rotary" or not scans or rows < SCANNED * bench.moving:
+        return None
+    cells = [_cells(one, at) for one, at in scans]
+    speeds = np.array([w for *_, w in cells])
+    if np.ptp(np.sign(speeds)) == 0 or np.abs(speeds).max() > ALIKE * np.abs(speeds).min():
+        return None
+    x, u, a = (np.concatenate([c[k] for c in cells]) for k in range(3))
+    side = np.concatenate([np.full(len(c[0]), np.sign(c[-1])) for c in cells])
+    u, columns = u - (bench.J or 0.0) * a, {"Fc": side, **_harmonics(x)}
+    made = solved(columns, u, known=0.0)
+    if made is None:
+        return None
+    if not bench.J:  # it shows in how the directions differ, as does friction that varies
+        made = replace(solved(columns | {"J": a}, u, known=0.0) or made, rivals=[(0.5, made.p)])
+    register = max(one.step for one, _ in scans) / np.sqrt(12)
+    values = {"Fc": bench.value(made, lambda p: p["Fc"], "N m", register)}
+    size = {n: np.hypot(made.p[f"cos{n}"], made.p[f"sin{n}"]) for n in ORDERS}
+    for n in sorted(size, key=size.__getitem__, reverse=True)[:LARGEST]:
+        e = made.of(lambda p, n=n: float(np.hypot(p[f"cos{n}"], p[f"sin{n}"])))
+        if e[0] > CLEARLY * e[1]:
+            values[f"cogging.{n}"] = interval(*e, made.freedom, "N m", register / np.sqrt(CELLS))
+    said = (f"Slow scan both ways at {number(float(np.abs(speeds).mean()), 3)} rad/s (Fc is the "
+            f"friction at that speed): {in_words(values)}.")  # fmt: skip
+    table = _over_turn(x, u - made.p.get("J", 0.0) * a, side)
+    return BenchTest("slow_scan", said, values, table)
+
+
+def _scan(one: Motion, at: slice) -> slice | None:
+    """The rows of a motion of a turn or more at one speed."""
+    cut = int(ENDS * (at.stop - at.start))
+    at = slice(at.start + cut, at.stop - cut)
+    if at.stop - at.start < 2 * BINS or np.ptp(one.x[at]) < 2 * np.pi:
+        return None
+    v = one.v[at]
+    w, thirds = abs(float(v.mean())), [float(part.mean()) for part in np.array_split(v, 3)]
+    even = np.std(v) < EVEN * w + 2 * one.speeds[1] and np.ptp(thirds) < DRIFT * w
+    return at if even else None
+
+
+def _cells(one: Motion, at: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """The angle, the torque and the acceleration in cells of the turn, and the speed of a scan."""
+    w = float(one.v[at].mean())
+    many = max(round(2 * np.pi / CELLS / (abs(w) * one.dt)), 1)
+    count = (at.stop - at.start) // many
+    x, u, v = (z[at][: count * many].reshape(count, many).mean(1) for z in (one.x, one.u, one.v))
+    x = x + 0.5 * one.dt * w  # the torque is held over the step that follows
+    fit = solved(_harmonics(x), v, known=0.0)
+    a, waves = 0 * x, {n: (fit.p[f"sin{n}"], fit.p[f"cos{n}"]) for n in ORDERS} if fit else {}
+    least = LITTLE * max((np.hypot(*wave) for wave in waves.values()), default=0.0)
+    for n, (sin, cos) in waves.items():
+        a += (np.hypot(sin, cos) > least) * w * n * (sin * np.cos(n * x) - cos * np.sin(n * x))
+    return x, u, a, w
+
+
+def _harmonics(x: np.ndarray) -> dict[str, np.ndarray]:
+    made = {"1": np.ones(len(x))}
+    for n in ORDERS:
+        made |= {f"cos{n}": np.cos(n * x), f"sin{n}": np.sin(n * x)}
+    return made
+
+
+def _over_turn(x: np.ndarray, u: np.ndarray, side: np.ndarray) -> BenchTable:
+    cell = (np.mod(x, 2 * np.pi) / (2 * np.pi) * BINS).astype(int) % BINS
+    forward, backward = (np.bincount(cell[at], u[at], BINS) / np.bincount(cell[at], minlength=BINS)
+                         for at in (side > 0, side < 0))  # fmt: skip
+    sums = 0.5 * (forward + backward)
+    columns = ((np.arange(BINS) + 0.5) * 2 * np.pi / BINS, sums - np.nanmean(sums),
+               0.5 * (forward - backward))  # fmt: skip
+    rows = tuple(tuple(z if np.isfinite(z) else None for z in row)
+                 for row in np.array(columns).T.tolist())  # fmt: skip
+    return BenchTable(("theta [rad]", "cogging [N m]", "friction [N m]"), rows)
+
+
+# ---- staircase of speeds: a point of the friction curve from each plateau
+
+
+BLOCK = 0.1  # s, over which a speed is taken
+MANY = 3000  # blocks of a log
+KEEPS = 0.06  # of its speed, within which a plateau keeps it
+NOISE = 3.0  # standard deviations of the noise that are allowed beside it
+FEWEST = 4  # blocks of a plateau
+SETTLING = 0.3  # of a plateau, at its start, in which the loop settles
+STEADY = 0.004  # of its speed, by which the second half of a plateau may differ
+SWINGS = 1.2  # standard deviations of the noise, by which the axis that sticks leaves a line
+LEVEL, SPEEDS = 1.12, 4  # ratio of two speeds that are two, and how many there must be
+COVERED = 0.6  # of the moving rows, that must be on plateaus
+PARTS = 8  # of a plateau, at most, whose scatter tells its error
+SLOWLY = 2.0  # times its change from row to row, by which a torque wanders: no noise of a loop
+SWINGING = 0.25  # of the torque's RMS, by which its mean is no friction where the speed swings
+SCATTERED = 0.05  # of the torque, by which the points may be off their curve
+TRIED, LOWEST = 200, 0.25  # speeds of a fall of friction, and the first over the slowest plateau
+SURELY = 10.0  # by which a fall lowers the misfit
+TOO_FAST = "No plateau is slow and steady enough for Fs and vs."
+
+
+def staircase(bench: Bench) -> BenchTest | None:
+    """The friction curve of the plateaus with Fc, Fv, and Fs and vs where friction falls."""
+    both = [(one, *ends) for one in bench.motions for ends in _plateaus(one)]
+    found = [(one, at) for one, _, at in both]
+    if not found or _rows([whole for _, whole, _ in both]) < COVERED * bench.moving:
+        return None
+    w = np.array(
+        [float(one.x[at][-1] - one.x[at][0]) / float(np.ptp(one.t[at])) for one, at in found]
+    )
+    if 1 + np.sum(np.diff(np.log(np.sort(np.abs(w)))) > np.log(LEVEL)) < SPEEDS:
+        return None
+    u, error = np.array([_torque(one, at) for one, at in found]).T
+    values = _stribeck(bench, w, u, np.hypot(error, 1e-4 * np.abs(u).max()))
+    if values is None:
+        return None
+    torque, speed = unit_for("N m", bench.motion), unit_for("rad/s", bench.motion)
+    ends = Z95 * np.hypot(error, SCALE * u)
+    rows = tuple(map(tuple, np.column_stack([w, u, ends])[np.argsort(w)].tolist()))
+    table = BenchTable((f"w [{speed}]", f"u [{torque}]", f"+- [{torque}]"), rows)
+    fast = "" if "vs" in values else f" {TOO_FAST}"
+    said = f"Staircase of {len(w)} plateaus: {in_words(values)}.{fast}"
+    return BenchTest("staircase", said, values, table)
+
+
+def _plateaus(one: Motion) -> list[tuple[slice, slice]]:
+    """The rows of each plateau, and those in which it has settled."""
+    size = max(int(BLOCK / one.dt), len(one) // MANY, 5)
+    edges = np.arange(0, len(one), size)
+    b = np.diff(one.x[edges]) / np.diff(one.t[edges])  # mean speeds of blocks
+    noise = one.noise * (np.sqrt(2) / (size * one.dt) if one.angle else size**-0.5)
+    made, k = [], 0
+    while k + FEWEST <= len(b):
+        end = k + 1
+        while end < len(b):  # up to the first block whose speed is another
+            mean = b[k:end].mean()
+            if abs(b[end] - mean) > KEEPS * abs(mean) + NOISE * noise:
+                break
+            end += 1
+        if end - k < FEWEST:
+            k += 1
+            continue
+        first = k + max(int(np.ceil(SETTLING * (end - k))), 1)
+        last = max(end - 1, first + 1)
+        at, w, later = (
+            slice(first * size, last * size),
+            b[first:last],
+            b[(first + last) // 2 : last],
+        )
+        off, error = abs(later.mean() - w.mean()), noise / np.sqrt(len(w))
+        if off < STEADY * abs(w.mean()) + 2 * error and abs(w.mean()) > 2 * NOISE * error:
+            made.append((slice(k * size, end * size), at))
+        k = end
+    return made
+
+
+def _torque(one: Motion, at: slice) -> tuple[float, float]:
+    """The mean torque of a plateau and its standard error; a large one where the axis sticks and
+    slips, or the torque wanders."""
+    u, t = one.u[at], one.t[at] - one.t[at.start]
+    parts = np.array_split(u, min(PARTS, len(u)))
+    error = float(np.std([part.mean() for part in parts], ddof=1) / np.sqrt(len(parts)))
+    off = one.y[at] - np.polyval(np.polyfit(t, one.y[at], int(one.angle)), t)
+    slow = np.std(u) > SLOWLY * np.std(np.diff(u))
+    if slow or np.std(off) > SWINGS * one.noise:
+        error = np.hypot(error, SWINGING * float(np.std(u)))
+    return float(u.mean()), float(np.hypot(error, one.step / np.sqrt(12)))
+
+
+def _stribeck(bench: Bench, w: np.ndarray, u: np.ndarray, error: np.ndarray) -> Found | None:
+    """Stribeck's law along the points, at each vs that it may have."""
+    side, more = np.sign(w), "" if np.ptp(np.sign(w)) else ONE_WAY
+    columns = {"Fc": side / error, "Fv": w / error}
+    columns |= {} if more else {"constant": 1 / error}
+
+    def fit(vs: float | None) -> Fitted | None:
+        fall = {} if vs is None else {"fall": side * level(w, 0.0, 1.0, vs) / error}
+        made = solved(columns | fall, u / error, white=True)
+        return made if vs is None or made is None else replace(made, p={**made.p, "vs": vs})
+
+    plain = fit(None)
+    if plain is None:
+        return None
+    speeds = np.geomspace(LOWEST * np.abs(w).min(), np.abs(w).max(), TRIED)
+    made = likely(plain, [fit(vs) for vs in speeds], SURELY)
+    if made.left * np.median(error) > SCATTERED * np.abs(u).mean() or made.p["Fc"] <= 0:
+        return None  # on no curve, or no friction: the axis only seems to keep its speed
+    values = {"Fc" + more: bench.value(made, lambda p: p["Fc"], "N m"),
+              "Fv": bench.value(made, lambda p: p["Fv"], "N m s/rad")}  # fmt: skip
+    if "vs" in made.p:
+        static = bench.value(made, lambda p: p["Fc"] + p["fall"], "N m")
+        log = bench.value(made, lambda p: float(np.log(p.get("vs", made.p["vs"]))), "rad/s")
+        low, high = log.ci95 or (0.0, 0.0)
+        if high - low < 2 and (static.ci95 or (0.0,))[0] > 0:  # slow enough plateaus
+            ends = float(np.exp(low)), float(np.exp(high))
+            values |= {"Fs" + more: static, "vs": Estimate(made.p["vs"], log.unit, ends)}
+    return values
+
+
+# ---- the table
+
+
+KINDS = {  # with other kinds that a test's own rows look like
+    breakaway_ramps: ("coast_down",),  # from the low speed at which a ramp ends
+    slow_scan: ("staircase",),  # where its speed is coarse
+    coast_down: (),
+    free_swing: (),
+    steps_and_pulses: (),
+    staircase: ("steps_and_pulses",),  # of its loop in saturation
 }
 
 
 def bench_tests(logs: Sequence[Log], model: Model) -> tuple[BenchTest, ...]:
     """Every standard test in the logs of one drive; none where there is none."""
-    found, made = list[Motion](), list[BenchTest]()
-    with np.errstate(all="ignore"):
-        with suppress(np.linalg.LinAlgError):
-            found = [one for log in logs for one in motions(log)]
-        J, motion = model.known().get("J"), model.motion
-        kinds = [
-            partial(breakaway_ramps, found, motion),
-            partial(slow_scan, found, J, motion),
-            partial(coast_down, found, J, motion),
-            partial(free_swing, found, motion),
-            partial(steps_and_pulses, found, motion),
-            partial(staircase, found, motion),
-        ]
-        for kind in kinds if found else ():
+    made, other = list[BenchTest](), set[str]()
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        found = [one for log in logs for one in motions(log)]
+        bench = Bench(found, model.known().get("J"), model.motion)
+        for kind, instead in KINDS.items() if found else ():
             with suppress(np.linalg.LinAlgError):  # the numbers of a log have no solution
-                test = kind()
-                made += [test] if test is not None and _answers(test) else []
-    other = {kind for test in made for kind in INSTEAD.get(test.kind, ())}
+                test = kind(bench)
+                if test is not None and _answers(test):
+                    made.append(test)
+                    other.update(instead)
     return tuple(test for test in made if test.kind not in other)
 
 
