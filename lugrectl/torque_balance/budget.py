@@ -12,12 +12,10 @@ from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import TINY, paired
 from ..estimates.comparison import Compared, Comparison, Detectable, Share
-from .constants import UNSEEN
+from .constants import LEAST_FRICTION, ORDERS, UNSEEN
 from .decision import Decision
-from .friction import LEAST_FRICTION, View
-from .interval import Interval
-from .last_fit import LastFit, places
-from .search import ORDERS
+from .friction import View
+from .last_fit import Interval, LastFit, places
 from .table import Contender
 from .verdict import LONGER, Answer
 

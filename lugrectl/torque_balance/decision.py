@@ -17,37 +17,16 @@ from ..blocks.block import is_ours, members
 from ..blocks.model import Model
 from ..core.numeric import rms
 from ..core.regression import Prior, paired, robust
+from . import constants as const
 from .columns import refused
-from .constants import (
-    ALIKE,
-    ALPHA,
-    FAR,
-    FEW,
-    FLOOR,
-    FREE_LATE,
-    HEAVY,
-    LATE_FLOOR,
-    LESS,
-    MOST,
-    NEAR,
-    REST,
-    RIVAL,
-    SECOND,
-    TOGETHER,
-)
 from .friction import OFFSET, WEIGHT, Term, View
-from .interval import Interval, best_law
-from .last_fit import state_of
+from .last_fit import Interval, best_law, state_of
 from .maps import Still
 from .search import Search
-from .table import Contender, Table, errors_of, is_lateness, proven
-from .unknown import Unknown
+from .table import Contender, Table, Unknown, errors_of, is_lateness, proven
 from .windows import Width
 
 LEFT_OUT = "{}: it was not compared. A block must take arrays: np.where in place of if."
-FIRSTS = 6  # likeliest contenders that may be the first
-SURELY = 20.0  # nats: a contender with more may shape the friction of the base
-RIGID = 1e-3  # of the shortest bristle that is tried: none to see
 SHAPES = {"stribeck": ("bump", "short_tail", "long_tail"), "presliding": ()}
 
 
@@ -62,8 +41,8 @@ class Decision:
         view: View,
         width: Width | Still,
         never: Collection[str] = (),
-        least: float = FLOOR,
-        alpha: float = ALPHA,
+        least: float = const.FLOOR,
+        alpha: float = const.ALPHA,
     ) -> None:
         self.view, self.width, self.never = view, width, view.never.union(never)
         self.least, self.alpha = least, alpha
@@ -78,7 +57,7 @@ class Decision:
         self.strangers = Unknown(table, self.linear, width.sure)
         self._look()
         self._weight_first()
-        if self.named and self.named[0].gain > SURELY:
+        if self.named and self.named[0].gain > const.SURELY:
             table.restart(self.named[0])
         table.richest(self.named, self.unknown)
         self._look()
@@ -109,11 +88,11 @@ class Decision:
         if WEIGHT in known or WEIGHT in self.never or self.linear or self.view.motion.span < 0.8:
             return
         weight = next((c for c in self.named if c.name == WEIGHT), None)
-        if not (self.width.heavy or weight is not None and weight.share > HEAVY):
+        if not (self.width.heavy or weight is not None and weight.share > const.HEAVY):
             return
-        if weight is None or weight.gain < SURELY:
+        if weight is None or weight.gain < const.SURELY:
             if self.width.heavy:
-                self._join(LESS)
+                self._join(const.LESS)
             return
         if self.width.heavy or self._beside_the_likeliest(weight):
             rivals = (c for c in self.named if c.name in (OFFSET, "return_spring"))
@@ -146,8 +125,8 @@ class Decision:
             return False
         C, prior = np.column_stack([top.C, weight.C]), Prior.joined(top.prior, weight.prior)
         both = self.table.enter(Contender(WEIGHT, {}, top.block, C=C, prior=prior))
-        large = rms(weight.C @ both.b[-2:]) > HEAVY * self.view.size
-        return both.gain - top.gain > max(SURELY, 0.2 * weight.gain) and large
+        large = rms(weight.C @ both.b[-2:]) > const.HEAVY * self.view.size
+        return both.gain - top.gain > max(const.SURELY, 0.2 * weight.gain) and large
 
     # ---- what is proven, what is large enough, what is better
     def proven(self, c: Contender, e0: np.ndarray) -> bool:
@@ -155,8 +134,8 @@ class Decision:
 
     def floor(self, c: Contender) -> float:
         """The least share of friction that is worth a name: a delay is known as a time."""
-        late = c.lateness and max(c.q.values()) > FREE_LATE + 1e-3
-        return LATE_FLOOR * self.least if late else self.least
+        late = c.lateness and max(c.q.values()) > const.FREE_LATE + 1e-3
+        return const.LATE_FLOOR * self.least if late else self.least
 
     def better(self, a: Contender, b: Contender) -> bool:
         gain, error = paired(a.e, b.e)
@@ -164,7 +143,7 @@ class Decision:
 
     def alike(self, c: Contender, other: Contender) -> bool:
         """Whether a last fit must decide, as another comes near: rows near rest prove none."""
-        return other.gain > ALIKE * c.gain or not self.better(c, other)
+        return other.gain > const.ALIKE * c.gain or not self.better(c, other)
 
     # ---- the verdict
     def decide(self, banned: Collection[str]) -> None:
@@ -179,19 +158,19 @@ class Decision:
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
             self.verdict = "found"
-            self._extend(self._among(good[0], good[1:FIRSTS]))
+            self._extend(self._among(good[0], good[1 : const.FIRSTS]))
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd and large:
-            self._two_at_once(large[:TOGETHER])
+            self._two_at_once(large[: const.TOGETHER])
         absent = [_part(self.table, n) for n in missing(self.view.model) if n not in banned]
         self.parts = [p for p in absent
-                      if proven(p.gain, p.error, self.alpha) and p.share > FLOOR]  # fmt: skip
+                      if proven(p.gain, p.error, self.alpha) and p.share > const.FLOOR]  # fmt: skip
 
     def _among(self, c: Contender, others: Sequence[Contender]) -> Contender:
         """The likeliest of c and of those that explain as much, each in a last fit of its own;
         those that this does not disprove are its alternatives."""
-        alike = [o for o in others if o.gain > RIVAL * c.gain and self.alike(c, o)][:3]
+        alike = [o for o in others if o.gain > const.RIVAL * c.gain and self.alike(c, o)][:3]
         if not alike:
             return c
         best, left = self._likeliest([c, *alike])
@@ -205,7 +184,7 @@ class Decision:
         fits = {name: self._by_last_fit(c) for name, c in of.items()}
         best = max(fits, key=lambda name: float(np.sum(fits[name][0])))
         e, stretches = fits[best]
-        few = stretches < FEW and not self.view.is_map  # then the table must disprove it, too
+        few = stretches < const.FEW and not self.view.is_map  # then the table must disprove it, too
 
         def stays(name: str) -> bool:
             alike = few and not self.better(of[best], of[name])
@@ -237,8 +216,8 @@ class Decision:
             if far:  # no name comes near: none is given
                 table.back(self.before)
             return
-        second = next((n for n in more if n.share > SECOND * self.floor(n)), None)
-        if second is not None and len(table.chosen) < MOST:
+        second = next((n for n in more if n.share > const.SECOND * self.floor(n)), None)
+        if second is not None and len(table.chosen) < const.MOST:
             large = [n for n in more if n is not second and n.share > self.floor(n)]
             self._extend(self._among(second, large))
 
@@ -259,16 +238,16 @@ class Decision:
         first = self.table.chosen[0]
         gained = float(np.sum(self.table.e - self.e0))
         best, top, odd = more[0].gain if more else 0.0, self.odd[0] if self.odd else None, None
-        large = [g for g in rest if g.share > max(2 * self.least, REST * first.share)]
-        if large and large[0].gain > REST * first.gain and best < NEAR * large[0].gain:
+        large = [g for g in rest if g.share > max(2 * self.least, const.REST * first.share)]
+        if large and large[0].gain > const.REST * first.gain and best < const.NEAR * large[0].gain:
             odd = top or large[0]
         if top is None or not any(g.share > 2 * self.least for g in rest):
             return odd, False
         if not self.better(top, first):
             return odd, False
-        if more and top.gain > max(gained + best, (1 + REST) * first.gain):
+        if more and top.gain > max(gained + best, (1 + const.REST) * first.gain):
             odd = top
-        far = top.gain > FAR * (gained + best)
+        far = top.gain > const.FAR * (gained + best)
         return (top if far else odd), far
 
     def _two_at_once(self, firsts: list[Contender]) -> None:
@@ -285,7 +264,7 @@ class Decision:
         table.back(self.before)
         if pairs:
             total, c, n = max(pairs, key=lambda p: p[0])
-            if total > NEAR * self.odd[0].gain and self.proven(n, self.e0):
+            if total > const.NEAR * self.odd[0].gain and self.proven(n, self.e0):
                 self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
                 table.extend(c)
                 self._extend(n)
@@ -318,7 +297,7 @@ def _part(table: Table, name: str) -> Part:
     v = table.view
     X = table.X.copy()
     if name == "presliding":
-        rigid = RIGID * float(v.grids()[0][0])
+        rigid = const.RIGID * float(v.grids()[0][0])
         own = v.base(rigid, v.vs)
         X[:, : own.shape[1]] = own
     for shape in SHAPES[name]:

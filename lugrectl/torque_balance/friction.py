@@ -23,30 +23,15 @@ from ..blocks.friction import free_level, level, strokes
 from ..blocks.model import Model
 from ..core.numeric import rms
 from ..core.regression import Blocks, Prior, robust, spread
+from . import constants as const
 from .columns import Along, Columns, changed_input, columns, linear, scaled, to_coefficients
-from .constants import (
-    BACKGROUND,
-    BETWEEN,
-    BLOCK,
-    FEWEST_BLOCKS,
-    FREE_LATE,
-    GREASE,
-    MOST_BLOCKS,
-    NEAR_REST,
-    ONE_SPEED,
-    TAIL,
-)
 from .motion import Motion, one_way
 from .windows import Rows
 
 FRICTION = ("Fc", "bump", "short_tail", "long_tail", "Fv", "grease", "bend", "turn", "smear")
 IMITATES = {"J", "Fc", "bump", "Fv", "turn", "run"}  # the rest extends a declared law
 FREE_SIGNS = {"late", "smear", "run"}
-LEAST_FRICTION = 0.05  # of all torque: shares are of friction, but of no less
-LARGE = 30.0  # times all torque: no term is larger, whatever the log tells of it
-ROOM = 2**24  # numbers of columns that a view keeps
 SETTLED = ("x0", "vs", "size", "force")  # what a table settles of friction
-ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its limit
 
 
 WEIGHT, OFFSET = "gravity", "constant_torque"
@@ -114,7 +99,9 @@ class View:
         self.terms = [t.copy() for t in terms]
         self.hold = motion.hold  # a torque that is read at instants is so early
         self.longest_hold = float(motion.hold.max())
-        self.latest = FREE_LATE / self.longest_hold  # a held torque is no later than a current loop
+        self.latest = (
+            const.FREE_LATE / self.longest_hold
+        )  # a held torque is no later than a current loop
         self.noise = float(np.mean(rows.shake**2))
         self.blocks = self._blocked()
         self.typical = float(np.median(rows.w))
@@ -126,10 +113,12 @@ class View:
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[Any, np.ndarray] = {}
         self._made: dict[Any, Seen] = {}
-        self._room, self.settled = ROOM, b""
+        self._room, self.settled = const.ROOM, b""
 
     def _blocked(self) -> Blocks:
-        number = int(np.clip(self.motion.duration / BLOCK, FEWEST_BLOCKS, MOST_BLOCKS))
+        number = int(
+            np.clip(self.motion.duration / const.BLOCK, const.FEWEST_BLOCKS, const.MOST_BLOCKS)
+        )
         return Blocks(self.rows.t, self.motion.duration, number)
 
     @property
@@ -142,13 +131,13 @@ class View:
     def several(self) -> bool:
         """Whether the drive has more than one speed."""
         slow, fast = np.quantile(self.rows.w, [0.05, 0.95])
-        return bool(fast - slow > ONE_SPEED * self.typical)
+        return bool(fast - slow > const.ONE_SPEED * self.typical)
 
     def on(self, mask: Any = slice(None)) -> View:
         """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, ROOM
+        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, const.ROOM
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = made._blocked()
         return made
@@ -237,7 +226,7 @@ class View:
         key, m, made = ("near", x0), self.motion, []
         if key not in self._in_rows:
             fine = last = self.deflection(x0)[0]
-            for kind, x, _ in NEAR_REST:
+            for kind, x, _ in const.NEAR_REST:
                 if kind == "turn":
                     new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
                     shape, last = new - last, new
@@ -257,8 +246,8 @@ class View:
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
         if x0 not in self._follows:
-            up, down = (bristle(*self._path, x0, side * ASYMMETRY) for side in (1, -1))
-            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * ASYMMETRY)])
+            up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
+            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
         return self._follows[x0]
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
@@ -270,7 +259,7 @@ class View:
         return m.coarse(np.column_stack(law))
 
     def tail(self, vs: float) -> float:
-        return min(5 * vs, max(TAIL * self.motion.top, 1.5 * vs))
+        return min(5 * vs, max(const.TAIL * self.motion.top, 1.5 * vs))
 
     def grease(self, exponent: float) -> np.ndarray:
         """|w|^exponent sign(w), (n,)."""
@@ -285,7 +274,7 @@ class View:
         for term in self.terms:
             if term.on_input:
                 self.u = self.changed(term.block, term.q)
-        fixed = [self.K @ np.column_stack([m.w, self.grease(GREASE[0])])]
+        fixed = [self.K @ np.column_stack([m.w, self.grease(const.GREASE[0])])]
         names: list[Any] = ["J", "late", *FRICTION]
         # in one direction Coulomb friction and an offset are one
         signs = FREE_SIGNS | {"Fc"} if m.one_way else FREE_SIGNS
@@ -303,7 +292,7 @@ class View:
         for run in self.with_offset:
             fixed.append((self.K @ (1.0 * (m.run == run)))[:, None])
             names.append("run")
-            most = BETWEEN * self.force
+            most = const.BETWEEN * self.force
             priors.append(Prior.free(1, low=-most, high=most))
         self.names, self.fixed, self.bounds = names, np.column_stack(fixed), Prior.joined(*priors)
         self.bounds = self.bounds.but(1, low=-1.0, high=self.latest)
@@ -325,10 +314,10 @@ class View:
     def prior(self, B: np.ndarray) -> Prior:
         """No term is larger than LARGE times all torque; the lateness is held to its bound."""
         precision = np.zeros(B.shape[1])
-        precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (LARGE * self.force) ** 2
+        precision[2:] = np.mean(B[:, 2:] ** 2, axis=0) / (const.LARGE * self.force) ** 2
         precision[1] = 0.1
         between = [j for j, n in enumerate(self.names) if n == "run"]
-        precision[between] = max(BACKGROUND * self.force, 1e-100) ** -2
+        precision[between] = max(const.BACKGROUND * self.force, 1e-100) ** -2
         return replace(self.bounds, precision=precision)
 
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
@@ -389,14 +378,14 @@ class View:
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
         self.coulomb = k["Fc"] * self.z + self.law @ near_rest
-        self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(GREASE[0])
+        self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(const.GREASE[0])
         self.friction, self.J = self.coulomb + self.viscous, float(b[0])
         for term in self.terms:
             if not term.on_input:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
         self.set_load(self.terms)
         self.level = self._level(k)
-        self.size = max(rms(self.K @ self.friction), LEAST_FRICTION * self.force)
+        self.size = max(rms(self.K @ self.friction), const.LEAST_FRICTION * self.force)
 
     def set_load(self, terms: Sequence[Term]) -> None:
         """The load torque (n,): measured, and of terms that are loads."""

@@ -15,22 +15,13 @@ from ..core.numeric import rms
 from ..estimates.balance import Balance
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
+from . import constants as const
 from .columns import torque
-from .constants import SCALE
-from .interval import WITHOUT_SCALE, tells
-from .last_fit import LastFit
+from .last_fit import WITHOUT_SCALE, LastFit, tells
 from .verdict import Answer
 
-DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
-SEEN = 1.05  # times Fc: an Fs that rows show
-LEAST = 1e-3  # of the level of friction: a stiffness must have one
 LEVELS = frozenset(("Fc", "Fv"))
 SLIDING, BRISTLE = {"Fc", "Fs", "Fv", "vs"}, {"sigma0", "sigma1"}
-SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
-SAME = 0.01  # relative difference of two torques
-MOST, FURTHEST = 60, 7.0  # evaluations; natural logarithm of a factor on a value
-ENOUGH = 1500  # rows
-DIPPED = 1.3  # of Fc: where Fs starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +75,14 @@ def lifted(model: Model, declared: Model) -> Model:
     known = model.known()
     if declared.known().get("Fs") is not None or not {"Fc", "Fs"} <= known.keys():
         return model
-    return model.with_values({"Fs": max(known["Fs"], DIPPED * known["Fc"])})
+    return model.with_values({"Fs": max(known["Fs"], const.DIPPED * known["Fc"])})
 
 
 def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, float]:
     """Inertia and friction as the fit has them, with what is declared of the bristles."""
     v, own, s = last.view, last.values, last.state
     J = own["J"] if sure else known.get("J", own["J"])
-    level = max(own["Fc"], LEAST * v.force)
+    level = max(own["Fc"], const.LEAST_LEVEL * v.force)
     static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
     Fs = max(own["Fs"], level) if static is None else max(static, 1.0) * level
     made = {
@@ -99,7 +90,7 @@ def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, f
         "delta": known.get("delta", s.exponent), "sigma0": known.get("sigma0") or level / v.x0,
     }  # fmt: skip
     critical = float(np.sqrt(made["sigma0"] * abs(J)))
-    return made | {"sigma1": known.get("sigma1", DAMPING * critical)}
+    return made | {"sigma1": known.get("sigma1", const.DAMPING * critical)}
 
 
 def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
@@ -108,7 +99,7 @@ def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
     plant, law = _plant(last, known, sure), model.friction.block
     if {"Fs", "vs"} <= law.own.keys() - known.keys() and means_the_same(law):
         Fs, vs = static_values(last, plant["Fc"], plant["Fv"])
-        if Fs > SEEN * plant["Fc"]:  # else the rows do not show it
+        if Fs > const.SEEN_STATIC * plant["Fc"]:  # else the rows do not show it
             plant["Fs"], plant["vs"] = Fs, vs
     own = {k: x for k, x in last.values.items() if "." in k} | plant
     usual = {k: float(p.value or 0.0) for k, p in model.declarations().items()}
@@ -166,7 +157,7 @@ def _only(joint: Joint, at: Sequence[int]) -> Joint:
 
 def with_scale(joint: Joint) -> Joint:
     """The same with the errors of sensors: none is better than SCALE of a value."""
-    own = [SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
+    own = [const.SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
            for k, x in zip(joint.names, joint.values, strict=True)]  # fmt: skip
     return replace(joint, matrix=joint.matrix + np.diag(np.square(own)))
 
@@ -199,10 +190,12 @@ def _alike(
     law: Block, values: Mapping[str, float], usual: Block, theirs: Mapping[str, float]
 ) -> bool:
     try:
-        made = [float(law(w, **values)[0]) for w in SPEEDS]
+        made = [float(law(w, **values)[0]) for w in const.TRY_SPEEDS]
     except Exception:  # whatever a function of the user raises
         return False
-    return bool(np.allclose(made, [usual(w, **theirs)[0] for w in SPEEDS], rtol=SAME))
+    return bool(
+        np.allclose(made, [usual(w, **theirs)[0] for w in const.TRY_SPEEDS], rtol=const.SAME_LAW)
+    )
 
 
 def told_by_balance(model: Model) -> bool:
@@ -233,7 +226,7 @@ def static_values(last: LastFit, Fc: float, Fv: float) -> tuple[float, float]:
     """Fs and vs with which the Stribeck curve comes nearest to the friction of a last fit."""
     law = members("friction")["stribeck"]
     known = law.defaults() | {"Fc": Fc, "Fv": Fv, "vs": last.state.vs}
-    found = _nearest(last, law, known | {"Fs": DIPPED * Fc}, ("Fs", "vs"))
+    found = _nearest(last, law, known | {"Fs": const.DIPPED * Fc}, ("Fs", "vs"))
     return max(found["Fs"], Fc), found["vs"]
 
 
@@ -242,7 +235,7 @@ def _nearest(
 ) -> dict[str, float]:
     """The values of a law; ``keys`` are free, and start at the known ones."""
     v, own, target = last.view, law.own, last.friction + last.left
-    rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
+    rows = np.arange(0, len(target), max(1, len(target) // const.ENOUGH_ROWS))
     K, alone = csr_matrix(v.K[rows]), not law.states and law.inputs == ("w",)
     if alone:  # samples at which no row looks do not matter
         used, places = np.unique(K.indices, return_inverse=True)
@@ -265,7 +258,7 @@ def _nearest(
             made = wide[:, 0]
         return np.nan_to_num((K @ made - target[rows]) / last.scale, nan=1e6)
 
-    bounds = (-FURTHEST, FURTHEST)
+    bounds = (-const.FURTHEST_LOG, const.FURTHEST_LOG)
     made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
-                         diff_step=1e-3, max_nfev=MOST)  # fmt: skip
+                         diff_step=1e-3, max_nfev=const.MOST_EVALUATIONS)  # fmt: skip
     return values(made.x)

@@ -15,20 +15,12 @@ import numpy as np
 
 from ..blocks.block import Block, P, members
 from ..core.regression import Prior
+from . import constants as const
 from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
-from .constants import FREE_LATE, MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
 from .friction import Seen
-from .table import Contender, Table, is_lateness
-from .unknown import likeliest
+from .table import Contender, Table, is_lateness, likeliest
 
 OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
-ORDERS = 200  # per turn: the highest order of the angle
-ORDER_WAYS = {"torque_ripple": 2}  # how many orders of an effect are entered; else one
-MINORITY = 0.3  # of the rows: a stop is touched by fewer
-GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
-RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
-CLOSER, FARTHEST = 0.35, 1.5  # steps of a polish: over the last ones; how far a top may lie
-TURNS = 4  # of a polish, two more in one dimension; two in the first pass, or where it is known
 
 Values = dict[str, float]
 
@@ -54,7 +46,7 @@ def polish(
             best, most = centre + around[i] * size, float(made[i])
         top = _top(around, made)
         centre = best if top is None else centre + top * size
-        size = size * (1.0 if top is None and i else CLOSER)
+        size = size * (1.0 if top is None and i else const.CLOSER)
     return best
 
 
@@ -70,7 +62,7 @@ def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
     if np.linalg.eigvalsh(H)[-1] >= 0:
         return None
     top = -np.linalg.solve(H, b[1 : k + 1])
-    return top if np.max(np.abs(top)) < FARTHEST else None
+    return top if np.max(np.abs(top)) < const.FARTHEST else None
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
@@ -107,14 +99,14 @@ class Search:
             "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
             "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
         }
-        self.turns = 2 if table.quick and only is None else TURNS
+        self.turns = 2 if table.quick and only is None else const.TURNS
         self.few = self._at_rows()
 
     def rows(self) -> list[Contender]:
         """The likeliest first; only those that the screening promises something are entered."""
         self.tried = [c for c in self._contenders() if not self._there(c)]
         worth = [(self.table.promise(c), c) for c in self.tried]
-        entered = self.table.entered([(x, c) for x, c in worth if x > SCREEN])
+        entered = self.table.entered([(x, c) for x, c in worth if x > const.SCREEN])
         return likeliest([c for c in entered if self._possible(c)])
 
     def _contenders(self) -> Iterator[Contender]:
@@ -184,7 +176,7 @@ class Search:
         p = block.own[block.gain]
         meant = (b >= p.low) & (b <= p.high)
         if any(one.passed for one in block.own.values()):
-            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
+            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.MINORITY
         return np.where(meant, gain, 0.0)
 
     def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
@@ -201,7 +193,7 @@ class Search:
         self, block: Block, q: Values, steps: Mapping[str, float], gain: float = np.inf
     ) -> Values:
         """The best values near q; itself where its ``gain`` promises nothing."""
-        if gain < SCREEN:
+        if gain < const.SCREEN:
             return q
 
         def at(x: np.ndarray) -> Values:
@@ -252,9 +244,9 @@ class Search:
         if len(keys) > 1:
             return
         (key,), rows = keys, self.view.rows
-        N = np.arange(1, ORDERS + 1.0)
+        N = np.arange(1, const.ORDERS + 1.0)
         if self.linear:
-            N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
+            N = 2 * np.pi * np.arange(1, 2 * const.ORDERS) / (2 * self.span)
         whole = "J" in block.acts or N * self.span > 4  # no torque is alike over less of a wave
         N = N[whole & (N * rows.passed < 6)]
         if not self.linear and set(block.acts) == {"torque"}:
@@ -266,7 +258,7 @@ class Search:
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
         gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
-        for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
+        for i in np.argsort(gains)[::-1][: const.ORDER_WAYS.get(block.name, 1)]:
             q = {key: float(N[i])}
             if self.linear:
                 step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * q[key]
@@ -282,9 +274,9 @@ class Search:
         table, chosen = self.table, []
         pool = [i for i in np.argsort(gains)[::-1] if N[i] * self.span > 2 * np.pi][:32]
         W = {i: table.beside(X[:, 2 * i : 2 * i + 2]) for i in pool}
-        left, least = table.rest_of_y.copy(), 2 * (SCREEN + np.log(len(N)))
+        left, least = table.rest_of_y.copy(), 2 * (const.SCREEN + np.log(len(N)))
         whole = float(np.sum((table.y * table.root) ** 2))
-        while len(chosen) < WAVES_AT_ONCE:
+        while len(chosen) < const.WAVES_AT_ONCE:
             # waves over less than a turn imitate one another
             W = {i: w for i, w in W.items()
                  if all(abs(N[i] - N[j]) * self.span > 4 for j in chosen)}  # fmt: skip
@@ -295,7 +287,7 @@ class Search:
             power = float(fits[i] @ fits[i])
             if power / table.scale**2 < max(least, 0.01 * gains.max()):
                 break
-            if not chosen and power < MAIN_WAVE * whole:
+            if not chosen and power < const.MAIN_WAVE * whole:
                 return  # a series of small waves is any function of the angle
             chosen.append(i)
             q, _ = np.linalg.qr(W.pop(i))
@@ -321,13 +313,13 @@ class Search:
 
         room = np.sum(table.root**2) - np.sum([spectrum(q) for q in table.Q.T], axis=0)
         # a wave of few periods is any course in time
-        seen = (f > max(0.2, PERIODS / T)) & (f < min(60.0, 0.4 / step))
+        seen = (f > max(0.2, const.PERIODS / T)) & (f < min(60.0, 0.4 / step))
         if not seen.any():
             return
         power = spectrum(table.rest_of_y) / np.maximum(room, 1e-3 * room.max()) * seen
         q = {key: float(f[int(np.argmax(power))])}
         q = self._polished(block, q, {key: 0.15 / T}, power.max() / table.scale**2)
-        if q[key] * T > PERIODS:
+        if q[key] * T > const.PERIODS:
             yield self._contender(block, q, cost=float(np.log(seen.sum() / 2)))
 
     def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
@@ -356,7 +348,7 @@ class Search:
         """Values of a delay, a limit, or a torque that is lost."""
         size = np.abs(self.view.u)
         if p.unit == "s":
-            return np.r_[1e-6, FREE_LATE + np.geomspace(3e-4, 0.05, 15)]
+            return np.r_[1e-6, const.FREE_LATE + np.geomspace(3e-4, 0.05, 15)]
         if p.unit != "N m":
             return None
         if p.neutral == np.inf:
@@ -374,13 +366,13 @@ class Search:
             return
         gains = self._loads(block, [self._load(keys, *one) for one in tried])
         best, slowest = tried[int(np.argmax(gains))], min(f for f, _, _ in tried)
-        self.memory[block.name] = best if gains.max() >= 2 * SCREEN else None
-        if gains.max() < 2 * SCREEN:
+        self.memory[block.name] = best if gains.max() >= 2 * const.SCREEN else None
+        if gains.max() < 2 * const.SCREEN:
             return
 
         def around(points: np.ndarray) -> np.ndarray:
             p = np.exp(points)
-            inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < FASTEST) & (p[:, 1] <= 1)
+            inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < const.FASTEST) & (p[:, 1] <= 1)
             made = np.full(len(p), -1.0)
             if inside.any():
                 made[inside] = self._each(block, [self._load(keys, *x) for x in p[inside].tolist()])
@@ -393,21 +385,21 @@ class Search:
         if f < 0.84 * slowest or z > 0.95:
             return  # at the edge of what a resonance may be: J that falls with frequency
         self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
-        cost = np.log(22 * 3) if many == 2 else np.log(3 * GAPS)
+        cost = np.log(22 * 3) if many == 2 else np.log(3 * const.GAPS)
         yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
 
     def _springs(self, block: Block, keys: Sequence[str]) -> list[tuple[float, float, float]]:
         """Frequencies (Hz), damping ratios and gaps (rad) to try."""
         if "gap" not in keys:
-            fast = min(RINGING[1], 0.3 / self.view.motion.dt)
-            rates = np.geomspace(RINGING[0], fast, 22).tolist()
+            fast = min(const.RINGING[1], 0.3 / self.view.motion.dt)
+            rates = np.geomspace(const.RINGING[0], fast, 22).tolist()
             return [(f, z, 0.0) for f in rates for z in (0.03, 0.1, 0.3)]
         if block.name in self.memory:
             known = self.memory[block.name]
             near = (0.96, 1.0, 1.04) if known else ()
             return [(known[0], known[1], x * known[2]) for x in near]
         reach, count = min(self.span, 6.28), self.view.motion.count
-        gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, GAPS)
+        gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, const.GAPS)
         at = int(np.argmax(self._loads(block, [self._load(keys, 80.0, 0.3, g) for g in gaps])))
         near = gaps[max(at - 1, 0) : at + 2].tolist()
         return [(f, 0.3, gap) for f in (45.0, 80.0, 140.0) for gap in near]

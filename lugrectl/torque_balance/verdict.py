@@ -1,4 +1,6 @@
-"""The answer of the torque balance: what is missing, and every value, from one last fit.
+"""Rows that no step of a fit or a choice sees, and what models leave on them.
+
+The answer of the torque balance: what is missing, and every value, from one last fit.
 
 Names are chosen on training rows. They stand where the last fit holds them and where the torque
 error of rows falls that no fit and no choice has seen; then all rows give the values.
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -15,20 +18,134 @@ from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
+from ..core.regression import log_density, paired, spread
 from ..record.stretches import Stretch
-from .constants import ALPHA, CLEAR, FEW, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
+from . import constants as const
 from .decision import Decision
 from .friction import OFFSET, Term, View
-from .held_out import Split, Unseen, gain, lasting
-from .interval import Interval, Value, apart, best_law, other_views, tells
-from .last_fit import LastFit, State, state_of
+from .last_fit import (
+    Design,
+    Interval,
+    LastFit,
+    State,
+    Value,
+    apart,
+    best_law,
+    other_views,
+    state_of,
+    tells,
+)
+from .motion import Sensors
 from .search import Search
 from .seen import refuse_dead, seen
-from .sensors import Sensors
 from .table import Table, errors_of
+from .windows import Rows
+
+TOO_FEW = "the runs at steady speed are too few to fit some and to judge on others."
+MORE = "Record at least three speeds in each direction."
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Rows to fit and choose on, and rows to judge on: masks (m,) that share no sample."""
+
+    train: np.ndarray
+    test: np.ndarray
+
+    @classmethod
+    def of(cls, view: View, held_out: Sequence[Any] = ()) -> Split:
+        """``held_out``: (run, start, end), s; none: every other part, or third run of a map."""
+        rows, m = view.rows, view.motion
+        t, run = m.stamp[rows.at], m.run[rows.at]
+        held_out = held_out if len(held_out) else view.held_out
+        if not len(held_out) and view.is_map:
+            raise Refused(TOO_FEW, MORE)
+        if not len(held_out):
+            return cls._alternate(rows)
+        train, test = np.ones(len(rows), bool), np.zeros(len(rows), bool)
+        for own, start, end in held_out:
+            here = run == own
+            test |= here & (t >= start + rows.reach) & (t <= end - rows.reach)
+            train &= ~(here & (t >= start - rows.reach) & (t <= end + rows.reach))
+        enough = train.sum() >= 2 * const.LEAST_ROWS and test.sum() >= const.LEAST_ROWS
+        return cls(train, test) if view.is_map or enough else cls._alternate(rows)
+
+    @classmethod
+    def _alternate(cls, rows: Rows) -> Split:
+        length = min(
+            const.PART_TIME,
+            max((rows.t[-1] - rows.t[0]) / const.ALTERNATE, const.LONGER_REACH * rows.reach),
+        )
+        place = rows.t / max(length, 1e-12)
+        odd = place.astype(int) % 2 == 1
+        edge = np.abs(place - np.round(place)) * length < min(rows.reach, 0.1 * length)
+        return cls(~odd & ~edge, odd & ~edge)
+
+
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """What a fit to other rows leaves on held-out rows: ``r`` (m,) at ``t`` (m,), N m."""
+
+    r: np.ndarray
+    t: np.ndarray
+    error: float  # its RMS
+    stays: float  # RMS of what lasts longer than a window: torque that nothing explains
+
+    @classmethod
+    def of(cls, last: LastFit, test: View) -> Unseen:
+        """``last`` is a fit to other rows of the same log."""
+        design = Design(test, last.state)
+        return cls.left(design.y - design.X @ last.fit.b, test.rows)
+
+    @classmethod
+    def left(cls, r: np.ndarray, rows: Rows) -> Unseen:
+        r = np.clip(r, -_far(r), _far(r))
+        return cls(r, rows.t, rms(r), structured(r, rows.t, rows.step, rows.h))
+
+
+def gain(without: Unseen, other: Unseen, duration: float) -> float:
+    """By how many standard errors ``other`` predicts held-out stretches better, by log density."""
+    stretch = (without.t / max(const.BLOCK, duration / 60)).astype(int)
+    there = np.bincount(stretch) > 0
+    scale = spread(other.r) + 1e-300
+    both = [np.bincount(stretch, log_density(one.r / scale))[there] for one in (other, without)]
+    total, error = paired(*both)
+    return total / error
+
+
+def _far(r: np.ndarray) -> float:
+    """From where on a row is far off, and counts no more."""
+    return const.OUTLIER * spread(r) + 1e-300
+
+
+def lasting(r: np.ndarray, rows: Rows) -> float:
+    """RMS over all rows of those that are far off: for longer than the windows around one bad
+    sample are (contacts, bursts), or again and again (an impact at each reversal). The largest
+    stretch of them is left out: what is there once decides nothing."""
+    off = np.flatnonzero(np.abs(r) > _far(r))
+    t, size = rows.t[off], r[off] ** 2
+    ends = [0, *(np.flatnonzero(np.diff(t) > 2 * rows.step) + 1).tolist(), len(off)]
+    every = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if b > a]
+    if len(every) < const.AGAIN:
+        every = [at for at in every if t[at.stop - 1] - t[at.start] > const.LASTS * rows.reach]
+    power = [float(size[at].sum()) for at in every]
+    return float(np.sqrt((sum(power) - max(power, default=0.0)) / len(r)))
+
+
+def structured(r: np.ndarray, t: np.ndarray, step: float, h: float) -> float:
+    """RMS of what of a residual lasts longer than a window, by its correlation beyond one."""
+    first, found = max(4, int(np.ceil(2 * h / max(step, 1e-9)))), 0.0
+    for k in {first, int(1.5 * first), 2 * first, 3 * first}:
+        if len(r) < 4 * k:
+            continue
+        lag = t[k:] - t[:-k]
+        c = (r[k:] * r[:-k])[np.abs(lag - np.median(lag)) < 0.5 * step]
+        if len(c) > 8:
+            found = max(found, abs(float(np.mean(c))) - 2 * float(np.mean(r * r)) / np.sqrt(len(c)))
+    return float(np.sqrt(max(found, 0.0)))
+
 
 PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect; a scale of u multiplies them
-ALIKE_FACTORS = 0.05  # relative spread within which factors on these count as one
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
 WHOLE_INERTIA = "elastic_coupling"  # what an inertia that is far too large is a trace of
@@ -36,15 +153,12 @@ NO_GAIN = (
     "What could be named does not lower the torque error on rows that no fit has seen, or leaves "
     "more than it explains."
 )
-SURELY = 4.0  # standard errors that a bend must have: it is any curve
-ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 UNTESTED = "the model has as many values as there are runs: nothing can be tested."
 MORE_SPEEDS = "Record runs at more speeds."
 TOO_SHORT = "the record is too short to judge what is missing: {} blocks of {:.3g} ms are needed."
 LONGER = "Record a longer run in which the drive moves."
 STAYS = "Torque of {:.2g} % of friction stays, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
-HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
 
 @dataclass(eq=False)
@@ -96,16 +210,16 @@ def answer(
     stretches: Sequence[Stretch],
     model: Model,
     held_out: Sequence[tuple[int, float, float]] = (),
-    least: float = FLOOR,
-    alpha: float = ALPHA,
+    least: float = const.FLOOR,
+    alpha: float = const.ALPHA,
 ) -> Answer:
     """Verdict, names and values; Refused where nothing can be learnt. ``held_out`` are (run, start,
     end), in s of the logs, ``least`` the smallest torque that is worth a name, as a share of
     friction, ``alpha`` the chance that a gain is called proven and is none."""
     view, few, width, _ = seen(stretches, model)
     refuse_dead(view, width)
-    if not view.is_map and view.motion.duration < 2 * FEWEST_BLOCKS * view.rows.h:
-        raise Refused(TOO_SHORT.format(FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
+    if not view.is_map and view.motion.duration < 2 * const.FEWEST_BLOCKS * view.rows.h:
+        raise Refused(TOO_SHORT.format(const.FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
     if view.is_map and view.values >= len(np.unique(view.motion.run)):
         raise Refused(UNTESTED, MORE_SPEEDS)
     split = Split.of(few, held_out)
@@ -185,7 +299,7 @@ class _Judge:
         if not (d.table.chosen or d.parts):
             return False
         last = LastFit(d.view, state_of(d.table), d.table.scale)
-        return bool(Interval(last).blocks[0][-1] + 1 < FEW)
+        return bool(Interval(last).blocks[0][-1] + 1 < const.FEW)
 
     def keep(self, whole: Decision) -> None:
         """Of the names of training rows those that all rows have, too."""
@@ -244,7 +358,7 @@ class _Judge:
 
         def kept(i: int) -> bool:
             name, share = last.state.terms[i].name, last.share(i)
-            large = name not in floors or share > HELD * floors[name]
+            large = name not in floors or share > const.HELD * floors[name]
             return holds(last, values, i) and large and (i == own[0] or share > stays)
 
         # waves of one effect count once
@@ -271,7 +385,7 @@ class _Judge:
             return last
         x, bend = values["grease"], last.bend()
         stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
-        sure = x[0] > SURELY * (x[0] - x[1]) / Z95
+        sure = x[0] > const.SURE_BEND * (x[0] - x[1]) / Z95
         plain = state.copy(grease=0.0)
         if not self.view.motion.one_way and sure and bend > max(self.decision.least, stays):
             block = members("effect")[GREASE_NAME]
@@ -313,7 +427,7 @@ class _Judge:
         if not named and not d.parts:
             if verdict in ("found", "ambiguous"):
                 verdict = "adequate"
-            if d.rest > MOSTLY:
+            if d.rest > const.MOSTLY:
                 verdict = "unexplained"
                 self.notes.append("Most of the torque has nothing to do with the motion.")
             if verdict == "adequate" and not v.is_map and self._left(last, v, full):
@@ -332,12 +446,12 @@ class _Judge:
         few = v.is_map  # runs are too few for a standard error
         sure = few or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
         lower = sure and full.error < plain.error
-        much = full.error < MOSTLY * v.force
+        much = full.error < const.MOSTLY * v.force
         if not (lower and explained > stays):
             return self._no_names(last, named, plain, without), False
         if not much:
             return "unexplained", True
-        clear = min(shares) > CLEAR * stays and d.rest < MOSTLY
+        clear = min(shares) > const.CLEAR * stays and d.rest < const.MOSTLY
         if verdict == "unexplained" and clear:
             d.depends_on = []
             verdict = "ambiguous" if d.alternatives else "found"
@@ -423,16 +537,16 @@ class _Judge:
             return
         sensors: Sensors = self.view.motion.sensors
         lag, error = sensors.lag, sensors.lag_error
-        late = lag > max(LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1
+        late = lag > max(const.LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1
         if not late or LAG_NAME in {t.name for t in self.view.terms}:
             return
         made.notes.append(LATE_SPEED.format(1e3 * lag))
         v, J = self.view, abs(made.values["J"][0])
         jerk = v.rows.narrow @ v.motion.slope(v.motion.acceleration)
         cost = J * lag * rms(jerk) / v.size  # what it would do to a torque
-        odd = self.decision.odd and self.decision.odd[0].share > ODD
+        odd = self.decision.odd and self.decision.odd[0].share > const.ODD_TORQUE
         own = not sensors.differenced  # else its lag is that of a computation
-        if made.verdict == "adequate" and not odd and own and cost > FLOOR:
+        if made.verdict == "adequate" and not odd and own and cost > const.FLOOR:
             made.lag = lag, lag - Z95 * error, lag + Z95 * error
             made.verdict = "found"
 
@@ -441,7 +555,7 @@ class _Judge:
         J, d = self.view.declared.get("J"), self.decision
         told = any(c.inertial for c in d.table.chosen)
         strange = made.verdict == "unexplained" and bool(d.unknown) and d.unknown[0].gain > 300
-        if not J or not made.sure or told or strange or made.values["J"][1] < GROWN * J:
+        if not J or not made.sure or told or strange or made.values["J"][1] < const.GROWN * J:
             return
         ratios = {k: made.values[k][0] / x for k in PLANT if (x := self.view.declared.get(k))}
         if common_factor(ratios):  # the scale of u is another one
@@ -454,7 +568,7 @@ class _Judge:
 def common_factor(ratios: Mapping[str, float]) -> float | None:
     """By how much J, Fc and Fv are all larger than declared, as another scale of u makes them."""
     own = np.array([ratios.get(k, 0.0) for k in PLANT])
-    alike = bool(own.all()) and np.ptp(own) < ALIKE_FACTORS * own.mean()
+    alike = bool(own.all()) and np.ptp(own) < const.ALIKE_FACTORS * own.mean()
     return float(own.mean()) if alike else None
 
 

@@ -20,26 +20,8 @@ from scipy.sparse import block_diag, csr_matrix
 from ..core.errors import Refused
 from ..core.numeric import rms
 from ..core.regression import Prior, normal_equations, robust, weight
-from .constants import (
-    AT_REST,
-    ENOUGH,
-    FINE_WAVE,
-    HEAVY,
-    LEAST_ROWS,
-    LOST,
-    MOST_ROWS,
-    NOISY,
-    SPARSEST,
-    STILL,
-    WIDE,
-    WIDTHS,
-)
+from . import constants as const
 from .motion import Motion, SmoothRuns
-
-OVERLAP = 0.55  # of the half-width: distance of neighbouring windows
-FEW = 80  # windows: fewer overlap more
-SEVERAL = 3.0  # times as wide: windows that show what narrow ones lose
-ORDERS = 400  # per turn: the finest wave over the angle that is looked for
 
 
 def bump(half: int) -> np.ndarray:
@@ -76,19 +58,23 @@ class _Windows:
         phi, soft = bump(half), len(runs.pulse) > 3
         kernel = np.convolve(phi, runs.pulse) if soft else phi
         width = max(half, 0.8 * 3.53 * runs.spread) if soft else half
-        step = max(1, int(OVERLAP * width)) * sparser
+        step = max(1, int(const.OVERLAP * width)) * sparser
         at = centres(samples.pieces, len(kernel) // 2, step)
-        if len(at) <= LEAST_ROWS + 10 and soft:  # too short for all of the pulse
-            kernel, step = phi, max(1, int(OVERLAP * half))
+        if len(at) <= const.LEAST_ROWS + 10 and soft:  # too short for all of the pulse
+            kernel, step = phi, max(1, int(const.OVERLAP * half))
             at = centres(samples.pieces, half, step)
-        if len(at) < FEW:
+        if len(at) < const.FEW_WINDOWS:
             step = max(1, step // 2)
             at = centres(samples.pieces, len(kernel) // 2, step)
         K, s = averages(kernel, at, n), runs.sensors
         variance = min(s.theta_variance * 2 / h**2, np.inf if s.w is None else s.w_variance)
         noise = float(np.sqrt(variance / half))  # of the speed in a window
-        slow = max(AT_REST * top, 3 * noise, 0.5 * s.count / h)  # at rest friction is anything
-        keep = (K @ np.abs(runs.w) > slow) & (K @ (np.abs(runs.w) < AT_REST * top) < STILL)
+        slow = max(
+            const.AT_REST * top, 3 * noise, 0.5 * s.count / h
+        )  # at rest friction is anything
+        keep = (K @ np.abs(runs.w) > slow) & (
+            K @ (np.abs(runs.w) < const.AT_REST * top) < const.STILL
+        )
         if not samples.ok.all():
             keep &= K @ (~samples.ok).astype(float) < 1e-9
         self.at, self.K, self.step = at[keep], K[keep], step * runs.dt
@@ -107,15 +93,18 @@ class Rows:
     """
 
     def __init__(self, motion: Motion, h: float) -> None:
-        sparser = -(-round(sum(len(r.w) * r.dt for r in motion.runs) / (OVERLAP * h)) // MOST_ROWS)
-        self.h = h = h * max(1.0, sparser / SPARSEST)
-        parts = [_Windows(r, h, motion.top, min(sparser, SPARSEST)) for r in motion.runs]
+        sparser = -(
+            -round(sum(len(r.w) * r.dt for r in motion.runs) / (const.OVERLAP * h))
+            // const.MOST_ROWS
+        )
+        self.h = h = h * max(1.0, sparser / const.SPARSEST)
+        parts = [_Windows(r, h, motion.top, min(sparser, const.SPARSEST)) for r in motion.runs]
         first = [at.start for at in motion.at]
         self.at = np.concatenate([p.at + a for p, a in zip(parts, first, strict=True)])
-        if len(self.at) < LEAST_ROWS:
+        if len(self.at) < const.LEAST_ROWS:
             raise Refused(
                 f"the drive moves in {len(self.at)} windows of {2e3 * h:.3g} ms; "
-                f"{LEAST_ROWS} are needed.",
+                f"{const.LEAST_ROWS} are needed.",
                 "Record a longer run in which the drive moves.",
             )
         one = len(parts) == 1
@@ -240,7 +229,7 @@ class Probe:
         place = b[5:]  # gravity that is large, and certain beside everything that is linear
         chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
         certain = chi2 / (self._scale**2 * self._memory + 1e-300) > 50
-        large = rms(self._X[:, 5:] @ place) > HEAVY * friction
+        large = rms(self._X[:, 5:] @ place) > const.HEAVY * friction
         self.heavy = self.declared.weight and bool(certain and large)
         self.noisy = self._noise(motion, friction, thin, variance)
 
@@ -249,7 +238,7 @@ class Probe:
         J, known = self.declared.J, self.declared.J is not None
         if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
             friction = J * self._size[0]
-        small = NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
+        small = const.NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
         if J is None:
             J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
         small = max(small, 1e-100)
@@ -273,7 +262,7 @@ class Width:
         self.motion, self.declared = motion, declared
         longest = max((at.stop - at.start) * dt for at, dt in motion.pieces)
         few = 3 * max(r.dt for r in motion.runs)
-        grid = sorted({max(h, few) for h in WIDTHS if 8 * max(h, few) < longest}) or [few]
+        grid = sorted({max(h, few) for h in const.WIDTHS if 8 * max(h, few) < longest}) or [few]
         self.sure, self.range = True, None
         self.tried: list[Probe] = []
         self._try(grid, declared.J is not None)
@@ -282,14 +271,15 @@ class Width:
                 "too few windows in which something moves.",
                 "Record a longer run in which the drive moves.",
             )
-        good = [p for p in self.tried if self._calm(p) and p.lost < LOST]
+        good = [p for p in self.tried if self._calm(p) and p.lost < const.LOST]
         good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
         self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
         # a balance that explains all else excludes the declared inertia, and finds none
-        least = LOST * (declared.J or 0.0)
+        least = const.LOST * (declared.J or 0.0)
         self.against = all(
-            p.left < LOST and p.J < 3 * p.error and p.J + 3 * p.error < least for p in self.tried
+            p.left < const.LOST and p.J < 3 * p.error and p.J + 3 * p.error < least
+            for p in self.tried
         )
         p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
@@ -302,14 +292,14 @@ class Width:
             if not p.enough:
                 continue
             self.tried.append(p)
-            if stop and p.lost < LOST and self._calm(p):
+            if stop and p.lost < const.LOST and self._calm(p):
                 break
 
     def _calm(self, p: Probe) -> bool:
-        return p.noisy < 1 or self.declared.J is not None and p.h > WIDE
+        return p.noisy < 1 or self.declared.J is not None and p.h > const.WIDE
 
     def _cost(self, p: Probe) -> float:
-        return max(p.noisy, p.lost / LOST, 1.0 - 0.5 * (p.h < 0.1))
+        return max(p.noisy, p.lost / const.LOST, 1.0 - 0.5 * (p.h < 0.1))
 
     def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
         """A declared inertia is held where the log does not tell it; where narrow windows lose it
@@ -331,14 +321,16 @@ class Width:
 
         def lost(p: Probe) -> float:
             """What wider windows say that this one loses, as a share of J."""
-            best = max((q.J - q.error for q in told if p.h <= q.h < SEVERAL * p.h), default=0.0)
+            best = max(
+                (q.J - q.error for q in told if p.h <= q.h < const.SEVERAL * p.h), default=0.0
+            )
             return 1 - p.J / best if best > 0 else 0.0
 
-        good = [p for p in good if p in known and lost(p) < LOST]
+        good = [p for p in good if p in known and lost(p) < const.LOST]
         self.sure = bool(good and told) and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
         if self.sure:
             first = good[0]
-            near = [p.J for p in known if first.h <= p.h < SEVERAL * first.h]
+            near = [p.J for p in known if first.h <= p.h < const.SEVERAL * first.h]
             half = max(3 * first.error, float(np.ptp(near)), 0.05 * first.J)
             if half < 0.3 * first.J:
                 self.range = first.J - half, first.J + half
@@ -358,9 +350,9 @@ def fine_wave(motion: Motion, h: float) -> float:
         fast.append((u - ndimage.uniform_filter1d(u, wide, mode="nearest"))[on])
         theta.append(motion.theta[at][on])
         w.append(motion.w[at][on])
-    r, th = (np.concatenate(x)[:ENOUGH] for x in (fast, theta))
+    r, th = (np.concatenate(x)[: const.ENOUGH] for x in (fast, theta))
     speed = float(np.median(np.abs(np.concatenate(w))))
-    n = np.arange(1, ORDERS + 1)
+    n = np.arange(1, const.FINEST_ORDER + 1)
     n = n[(n * speed * motion.dt < 1.2) & (n * speed * h > 5)]
     if not len(n):
         return 0.0
@@ -370,7 +362,7 @@ def fine_wave(motion: Motion, h: float) -> float:
         part.append(2 * abs(np.mean(r * wave)) ** 2 / power)
         wave = wave * turn
     best = int(np.argmax(part))
-    clear = part[best] > FINE_WAVE and part[best] > 20 * np.median(part)
+    clear = part[best] > const.FINE_WAVE and part[best] > 20 * np.median(part)
     return float(n[best]) if clear else 0.0
 
 
