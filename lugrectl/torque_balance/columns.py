@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property, lru_cache, wraps
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -42,29 +42,16 @@ Pieces = Sequence[tuple[slice, float]]
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, eq=False)
-class Known:
-    """A block as the key of what is known of it: its function and declaration are one object."""
-
-    block: Block
-
-    def __hash__(self) -> int:
-        return hash((self.block.kind, self.block.name, self.block.function))
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Known) and self.block == other.block
-
-
 def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
     """What is asked of a block, answered once for each."""
-
-    @lru_cache(maxsize=256)
-    def answered(known: Known) -> T:
-        return function(known.block)
+    known: dict[Any, tuple[Block, T]] = {}
 
     @wraps(function)
     def asked(block: Block) -> T:
-        return answered(Known(block))
+        key = block.kind, block.name, block.function
+        if key not in known or known[key][0] != block:
+            known[key] = block, function(block)
+        return known[key][1]
 
     return asked
 
@@ -173,6 +160,7 @@ SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs"
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
 
 TINY = np.finfo(float).tiny  # a speed that has a direction at rest
+unknown = partial(np.zeros, 1)  # of a signal
 
 Values = Mapping[str, Any]
 
@@ -188,14 +176,20 @@ class Along:
     path: np.ndarray  # the stiffer position, without jumps between the pieces
     pieces: Pieces  # stretches of even time and their step: nothing looks across a cut
     u: np.ndarray  # as recorded, or as earlier effects on the input left it
-    z: np.ndarray  # deflection of the bristle in units of its limit
-    follows: np.ndarray  # its derivative by an asymmetry of that limit
-    coulomb: np.ndarray  # Coulomb and Stribeck part of friction
-    level: np.ndarray  # of that, >= 0
-    viscous: np.ndarray
-    load: np.ndarray  # torque of the loads: declared ones and the measured d
-    J: float
-    values: Mapping[str, float]  # of the plant and its friction law
+    z: np.ndarray = field(
+        default_factory=unknown
+    )  # deflection of the bristle in units of its limit
+    follows: np.ndarray = field(
+        default_factory=unknown
+    )  # its derivative by an asymmetry of that limit
+    coulomb: np.ndarray = field(default_factory=unknown)  # Coulomb and Stribeck part of friction
+    level: np.ndarray = field(default_factory=unknown)  # of that, >= 0
+    viscous: np.ndarray = field(default_factory=unknown)
+    load: np.ndarray = field(
+        default_factory=unknown
+    )  # torque of the loads: declared ones and the measured d
+    J: float = 0.0
+    values: Mapping[str, float] = field(default_factory=dict)  # of the plant and its friction law
     d: np.ndarray | None = None
 
     def __len__(self) -> int:

@@ -9,7 +9,7 @@ does not (IMITATES).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -72,8 +72,7 @@ class View:
 
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
-    all of these depend on.
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
     """
 
     is_map = False  # runs at steady speeds
@@ -112,8 +111,7 @@ class View:
         self._follows: dict[float, np.ndarray] = {}
         self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
         self._in_rows: dict[Any, np.ndarray] = {}
-        self._made: dict[Any, Seen] = {}
-        self._room, self.settled = const.ROOM, b""
+        self.loads: dict[Any, Seen] = {}  # what the motion drives, seen in the rows
 
     def _blocked(self) -> Blocks:
         number = int(
@@ -137,18 +135,9 @@ class View:
         """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, const.ROOM
+        made.K, made._in_rows, made.loads = made.rows.K, {}, {}
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = made._blocked()
-        return made
-
-    def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
-        """What is known by its key is made once, while there is room for it."""
-        if key in self._made:
-            return self._made[key]
-        made = make()
-        if made.rows.size <= self._room:
-            self._made[key], self._room = made, self._room - made.rows.size
         return made
 
     def seen_of(self, N: np.ndarray) -> np.ndarray:
@@ -370,11 +359,6 @@ class View:
     # ---- along the log
     def torques(self, b: np.ndarray) -> None:
         """Friction and load along the log from the coefficients of the base."""
-        settled = np.r_[b, self.x0, self.vs].tobytes()
-        if settled != self.settled:  # what depends on another friction makes room
-            old = [key for key in self._made if self.settled in key]
-            self._room += sum(self._made.pop(key).rows.size for key in old)
-            self.settled = settled
         m, k = self.motion, dict(zip(self.names, b, strict=False))
         near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
         self.coulomb = k["Fc"] * self.z + self.law @ near_rest
@@ -405,14 +389,12 @@ class View:
 
     def along(self, **other: Any) -> Along:
         """The signals of the log for blocks, some of them replaced."""
-        m, zero = self.motion, np.zeros(1)
-        known = {k: getattr(self, k, zero) for k in ("z", "coulomb", "level", "viscous", "load")}
-        made = {
-            "t": m.t, "theta": m.theta, "w": m.w, "acceleration": m.acceleration, "path": m.path,
-            "pieces": m.pieces, "u": self.u, "J": self.J, "values": self.declared,
-            "follows": self.follows(self.x0) if hasattr(self, "x0") else zero, **known,
-        }  # fmt: skip
-        return Along(**{**made, **other})
+        parts = ("z", "coulomb", "level", "viscous", "load")
+        made = {k: getattr(self, k) for k in parts if hasattr(self, k)}
+        if hasattr(self, "x0"):
+            made["follows"] = self.follows(self.x0)
+        made |= {"u": self.u, "J": self.J, "values": self.declared, **other}
+        return replace(places(self.motion), **made)
 
     def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
         """The columns of an effect along the log."""
@@ -437,11 +419,8 @@ class View:
 
 def places(motion: Motion) -> Along:
     """The motion alone, before anything is known of the drive."""
-    none = np.zeros(len(motion))
-    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
-    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
-                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
-                 **unknown)  # fmt: skip
+    m = motion
+    return Along(m.t, m.theta, m.w, m.acceleration, m.path, m.pieces, m.u)
 
 
 def declared_terms(model: Model, along: Along) -> list[Term]:

@@ -306,6 +306,10 @@ class LastFit:
         """What the fit leaves in the rows (m,), N m."""
         return self.design.y - self.design.X @ self.fit.b
 
+    @cached_property
+    def interval(self) -> Interval:
+        return Interval(self)
+
     def part(self, *names: str) -> np.ndarray:
         """The torque (m,) of columns with these names."""
         at = [j for j, n in enumerate(self.design.names) if n in names]

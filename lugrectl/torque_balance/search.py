@@ -25,11 +25,6 @@ OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of frictio
 Values = dict[str, float]
 
 
-def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
-    """Sets of values as a key."""
-    return tuple([tuple(values.items()) for values in sets])
-
-
 def polish(
     gains: Callable[[np.ndarray], np.ndarray], x: Sequence[float], step: Sequence[float], turns: int
 ) -> np.ndarray:
@@ -94,11 +89,6 @@ class Search:
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
-        chosen = [c for c in table.chosen if c.block is not None]
-        self.changed = {
-            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
-            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
-        }
         self.turns = 2 if table.quick and only is None else const.TURNS
         self.few = self._at_rows()
 
@@ -154,26 +144,25 @@ class Search:
 
     def _seen(self, block: Block, sets: Sequence[Values], screening: bool = False) -> Seen:
         """Columns of an effect at each set of values, in the rows (m, k sets); for ``screening`` by
-        the signals at the rows, where it has no memory. What has been made of the same motion,
-        friction and torque is not made again."""
+        the signals at the rows, where it has no memory. What the motion drives is made once."""
         few = screening and not (block.states or block.exact is not None or self.view.is_map)
-
-        def made() -> Seen:
-            each = lanes(block, sets, self.few if few else self.along)
-            parts = [x for x in (each.wide, each.narrow) if x is not None]
-            rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
-            return Seen(rows, each.low, each.high)
-
-        drive = [] if of_motion(block) else [self.view.settled]
-        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
-        return self.view.once((block.name, few, *kept(sets), *drive), made)
+        key = block.name, tuple(tuple(values.items()) for values in sets)
+        if key in self.view.loads:
+            return self.view.loads[key]
+        each = lanes(block, sets, self.few if few else self.along)
+        parts = [x for x in (each.wide, each.narrow) if x is not None]
+        rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
+        made = Seen(rows, each.low, each.high)
+        if block.states and of_motion(block):
+            self.view.loads[key] = made
+        return made
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
         """Gain of each set of values."""
         if len(linear(block)) == 2:
-            return self.table.gains_of_pairs(X)
+            return self.table.gains(X, 2)[0]
         gain, b = self.table.gains(X)
-        p = block.own[block.gain]
+        b, p = b[:, 0], block.own[block.gain]
         meant = (b >= p.low) & (b <= p.high)
         if any(one.passed for one in block.own.values()):
             meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.MINORITY
@@ -256,7 +245,7 @@ class Search:
         X = self._seen(block, [{key: n} for n in N], screening=True).rows
         if not self.view.is_map:  # the middle of a row stands for its window
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
-        gains = self.table.gains_of_pairs(X)
+        gains = self.table.gains(X, 2)[0]
         cost = float(np.log(len(N)))
         for i in np.argsort(gains)[::-1][: const.ORDER_WAYS.get(block.name, 1)]:
             q = {key: float(N[i])}

@@ -27,7 +27,7 @@ from ..blocks.friction import free_level
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
-from ..core.regression import Prior, log_density, paired, robust
+from ..core.regression import Prior, paired, robust
 from ..record.stretches import Stretch
 from . import constants as const
 from .columns import columns, linear, searched
@@ -76,39 +76,29 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     blurred = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
 
     @lru_cache
-    def promise(offset: float) -> float:
+    def scores(offset: float) -> np.ndarray:
         w = m.w - offset
         way = np.tanh(w / blurred)
         law = np.column_stack([way, way * free_level(w, 0.0, 1.0, const.CURVE * m.top, 1.0)])
         both = np.column_stack([X, v.K @ law])
-        r = robust(both, v.y, Prior.free(both.shape[1]), table.scale).r
-        return float(np.sum(log_density(r)))
-
-    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
-    i = int(np.argmax([promise(x) for x in grid]))
-    best = golden(promise, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
-    if promise(best) - promise(0.0) < const.SCREEN:
-        return 0.0, 0.0
-
-    @lru_cache
-    def scores(offset: float) -> np.ndarray:
-        return Table(view.lowered(offset), table.scale).e
+        fit = robust(both, v.y, Prior.free(both.shape[1]), table.scale)
+        return v.blocks.seen(fit.r, 1.0)
 
     def total(offset: float) -> float:
         return float(scores(offset).sum())
 
-    best = golden(total, 0.5 * best, 1.5 * best, 11)
-    e = scores(best) - np.log(len(grid)) / len(table.e)
-    if not proven(*paired(e, table.e)):
+    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
+    i = int(np.argmax([total(x) for x in grid]))
+    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 11)
+    e = scores(best) - np.log(len(grid)) / len(scores(best))
+    if not proven(*paired(e, scores(0.0))):
         return 0.0, 0.0
     step = const.NEAR_BY * abs(best)
     up, down = scores(best + step), scores(best - step)
     bend = float(np.sum(2 * scores(best) - up - down)) / step**2
-    error = (
-        const.WHOLE * np.linalg.norm(up - down) / (2 * step * bend)
-    )  # by what the blocks say alone
-    error = float(error) if bend > 0 else abs(best)
-    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))  # slower is rest
+    # by what the blocks say alone; slower than blurred is rest
+    error = float(np.linalg.norm(up - down)) / (2 * step * bend) if bend > 0 else abs(best)
+    return best, float(np.hypot(const.WHOLE * error, blurred / np.sqrt(12.0)))
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:
@@ -262,40 +252,14 @@ def enough(view: View, width: Width) -> View:
     if m.duration < 2 * seconds:
         return view
     length = seconds / const.PARTS
-    chosen = np.zeros(int(m.duration / length) + 1, bool)
-    chosen[_spread(len(chosen))] = True
-    order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
-    chosen[order[-const.STRANGE :]] = True
-    few = _only(m, chosen[(m.elapsed / length).astype(int)])
+    number = int(m.duration / length) + 1
+    i, part = np.arange(const.PARTS - const.STRANGE), (width.t / length).astype(int)
+    chosen = np.zeros(number, bool)  # one in each of equal periods but not at equal distances
+    chosen[((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)] = True
+    many = np.maximum(np.bincount(part, minlength=number), 1)
+    left = np.bincount(part, width.r**2, number) / many
+    chosen[np.argsort(np.where(chosen, -1.0, left))[-const.STRANGE :]] = True
+    here = chosen[(m.elapsed / length).astype(int)]
+    parts = [r.samples.within(here[at]) for r, at in zip(m.runs, m.at, strict=True)]
+    few = Motion.of([samples for samples in parts if len(samples)])
     return view.by(few, Rows(few, view.rows.h))
-
-
-def _spread(number: int) -> np.ndarray:
-    """Places of parts among so many, one in each of equal periods but not at equal distances."""
-    i = np.arange(const.PARTS - const.STRANGE)
-    return ((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)
-
-
-def _left(width: Width, length: float, number: int) -> np.ndarray:
-    """What a plain balance leaves (number,) of each part: the mean square of its worst block."""
-    block = (width.t / const.BLOCK).astype(int)
-    many = np.maximum(np.bincount(block), 1)
-    power = np.bincount(block, width.r**2) / many
-    made = np.zeros(number)
-    part = np.minimum((np.arange(len(power)) * const.BLOCK / length).astype(int), number - 1)
-    np.maximum.at(made, part, power)
-    return made
-
-
-def _only(motion: Motion, here: np.ndarray) -> Motion:
-    """The motion in the samples ``here`` (n,), cut where they do not go on."""
-    runs = []
-    for r, own in zip(motion.runs, motion.at, strict=True):
-        at = []
-        for piece in r.samples.pieces:
-            change = np.flatnonzero(np.diff(here[own][piece])) + 1 + piece.start
-            ends = [piece.start, *change.tolist(), piece.stop]
-            at += [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
-                   if here[own][a] and b - a >= const.SHORTEST]  # fmt: skip
-        runs += [r.only(at)] if at else []
-    return Motion(runs)

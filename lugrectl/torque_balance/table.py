@@ -194,39 +194,30 @@ class Table:
         new = (W * W).sum(axis=0) > const.NEW**2 * before  # else the base has it already
         return W * new
 
-    def _told(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Products of weighted columns without what the base explains of them: with what it leaves
-        of y, with themselves, and of each first with each second one."""
+    def gains(
+        self, C: np.ndarray, k: int = 1, precision: Any = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What each group of k columns takes off the weighted sum of squares (nats, doubled), and
+        their coefficients (groups, k), with this precision of a prior."""
         W = C * self.root[:, None]
         P = self.Q.T @ W
-        before = _products(W, W)
-        n = before - _products(P, P)
-        new = n > const.NEW**2 * before  # else the base has it already
-        x = _products(W[:, :-1:2], W[:, 1::2]) - _products(P[:, :-1:2], P[:, 1::2])
-        both = new[:-1:2] & new[1::2]
-        return W.T @ self.rest_of_y * new, n * new + TINY, x * both
-
-    def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What each column takes off the weighted sum of squares (nats, doubled); coefficients."""
-        c, n, _ = self._told(C)
-        return c**2 / n / self.scale**2, c / n
-
-    def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
-        """The same for columns two by two."""
-        c, n, x = self._told(C)
-        det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
-        both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
-        return both / (det + TINY) / self.scale**2
+        before, c = (W * W).sum(axis=0), W.T @ self.rest_of_y
+        G, inside = (np.einsum("mgi,mgj->gij", x.reshape(len(x), -1, k), x.reshape(len(x), -1, k))
+                     for x in (W, P))  # fmt: skip
+        G = G - inside
+        at = np.arange(k)
+        old = (G[:, at, at].ravel() <= const.NEW**2 * before).reshape(-1, k)  # the base has it
+        G[old[:, :, None] | old[:, None, :]] = 0.0
+        G[:, at, at] += precision * self.scale**2 + 1e-9 * G[:, at, at] + TINY
+        c = np.where(old, 0.0, c.reshape(-1, k))
+        b = np.linalg.solve(G, c[:, :, None])[:, :, 0]
+        return (c * b).sum(axis=1) / self.scale**2, b
 
     def promise(self, c: Contender) -> float:
         """Screened gain in nats: all of its columns at once, at the weights of the base."""
         if c.C is None:
             return np.inf
-        W = self.beside(c.C)
-        G, g = W.T @ W, W.T @ self.rest_of_y
-        own = c.prior.precision * self.scale**2
-        G[np.diag_indices(c.k)] += own + 1e-9 * np.diag(G) + TINY
-        return float(g @ np.linalg.solve(G, g)) / self.scale**2 / 2
+        return float(self.gains(c.C, c.k, c.prior.precision)[0][0]) / 2
 
     # ---- one row
     def entered(self, promised: Collection[tuple[float, Contender]]) -> list[Contender]:
@@ -341,11 +332,6 @@ class Table:
         self.scale = max(scale, 1.38 * float(np.median(alone)), alike)
         self.rest = rms(r) / self.view.size
         self.weights = weight(r / self.scale)
-
-
-def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Of each column of A with that of B."""
-    return np.einsum("ij,ij->j", A, B)
 
 
 Signals = tuple[str, ...]

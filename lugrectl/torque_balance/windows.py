@@ -21,13 +21,7 @@ from ..core.errors import Refused
 from ..core.numeric import rms
 from ..core.regression import Prior, normal_equations, robust, weight
 from . import constants as const
-from .motion import Motion, SmoothRuns
-
-
-def bump(half: int) -> np.ndarray:
-    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
-    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
-    return phi / phi.sum()
+from .motion import Motion, SmoothRuns, bump, slope
 
 
 def centres(pieces: Sequence[slice], reach: int, step: int) -> np.ndarray:
@@ -190,7 +184,7 @@ class Probe:
         if s.theta is not None:
             a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
         if s.w is not None:
-            a += variance / of_w * (K @ runs.slope(s.w))
+            a += variance / of_w * (K @ runs.each(slope, s.w))
         return a, variance, K, at, max(1, round(half / step))
 
     def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
