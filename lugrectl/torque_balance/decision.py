@@ -16,7 +16,7 @@ import numpy as np
 from ..blocks.block import is_ours, members
 from ..blocks.model import Model
 from ..core.numeric import rms
-from ..core.regression import Prior, paired, robust
+from ..core.regression import paired, robust
 from . import constants as const
 from .columns import refused
 from .friction import OFFSET, WEIGHT, Term, View
@@ -82,25 +82,25 @@ class Decision:
 
     # ---- a load that hides everything else
     def _weight_first(self) -> None:
-        """Gravity so large that nothing else can be seen before it is in the model joins the base;
-        where an inertia plays its part and hides it, the whole base is settled again with it."""
+        """Gravity so large that nothing else can be seen before it is in the model joins the base,
+        with names that explain it as well; where an inertia hides it, if the base is better so."""
         known = {t.name for t in self.view.terms}
         if WEIGHT in known or WEIGHT in self.never or self.linear or self.view.motion.span < 0.8:
             return
         weight = next((c for c in self.named if c.name == WEIGHT), None)
-        if not (self.width.heavy or weight is not None and weight.share > const.HEAVY):
-            return
-        if weight is None or weight.gain < const.SURELY:
-            if self.width.heavy:
-                self._join(const.LESS)
-            return
-        if self.width.heavy or self._beside_the_likeliest(weight):
+        clear = weight is not None and weight.gain > const.SURELY
+        if weight is not None and clear and (self.width.heavy or self._hides(weight)):
             rivals = (c for c in self.named if c.name in (OFFSET, "return_spring"))
             alike = [c for c in rivals if self.alike(weight, c)]
             best, left = self._likeliest([weight, *alike]) if alike else (WEIGHT, [])
             self._join(np.inf)
             others = [name for name in (best, *left) if name != WEIGHT]
             self.heavy = {WEIGHT: others} if others else {}
+        elif self.width.heavy and not clear:
+            self._join(const.LESS)
+
+    def _hides(self, weight: Contender) -> bool:
+        return weight.share > const.HEAVY and weight.gain >= 0.5 * self.named[0].gain
 
     def _join(self, less: float) -> None:
         """Gravity becomes part of the base, unless that leaves more than ``less`` of before."""
@@ -115,18 +115,6 @@ class Decision:
         else:
             v.terms.remove(term)
             table.restart()
-
-    def _beside_the_likeliest(self, weight: Contender) -> bool:
-        """Is it still there beside the likeliest contender, whatever that is?"""
-        top = self.named[0]
-        if weight.gain >= 0.5 * top.gain:
-            return True
-        if top.C is None or weight.C is None:
-            return False
-        C, prior = np.column_stack([top.C, weight.C]), Prior.joined(top.prior, weight.prior)
-        both = self.table.enter(Contender(WEIGHT, {}, top.block, C=C, prior=prior))
-        large = rms(weight.C @ both.b[-2:]) > const.HEAVY * self.view.size
-        return both.gain - top.gain > max(const.SURELY, 0.2 * weight.gain) and large
 
     # ---- what is proven, what is large enough, what is better
     def proven(self, c: Contender, e0: np.ndarray) -> bool:
@@ -152,17 +140,16 @@ class Decision:
         self.verdict, self.depends_on = "adequate", []
         self.alternatives: dict[str, list[str]] = {}
         self.table.back(self.before)
-        large = [c for c in self.named if c.name not in banned
-                 and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
-        good = [c for c in large if self.proven(c, self.e0)]
+        good = [c for c in self.named if c.name not in banned and self.proven(c, self.e0)
+                and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
             self.verdict = "found"
             self._extend(self._among(good[0], good[1 : const.FIRSTS]))
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
-        if self.verdict == "unexplained" and self.odd and large:
-            self._two_at_once(large[: const.TOGETHER])
+        if self.verdict == "unexplained" and self.odd:
+            self._two_at_once()
         absent = [_part(self.table, n) for n in missing(self.view.model) if n not in banned]
         self.parts = [p for p in absent
                       if proven(p.gain, p.error, self.alpha) and p.share > const.FLOOR]  # fmt: skip
@@ -207,9 +194,8 @@ class Decision:
         table = self.table
         table.extend(c)
         named, unknown = self._beside()
-        rest = [g for g in unknown if self.proven(g, table.e)]
         more = [n for n in named if self.proven(n, table.e) and n.name not in self._taken()]
-        odd, far = self._stranger(rest, more)
+        odd, far = self._stranger([g for g in unknown if self.proven(g, table.e)], more)
         if odd is not None:
             self.verdict, self.alternatives = "unexplained", {}
             self.depends_on = sorted(odd.depends_on)
@@ -234,44 +220,38 @@ class Decision:
         self, rest: list[Contender], more: list[Contender]
     ) -> tuple[Contender | None, bool]:
         """An unknown torque that takes much of what the named ones took and that no further name
-        comes near; or one that does more than all names together. And whether by far."""
-        first = self.table.chosen[0]
-        gained = float(np.sum(self.table.e - self.e0))
-        best, top, odd = more[0].gain if more else 0.0, self.odd[0] if self.odd else None, None
-        large = [g for g in rest if g.share > max(2 * self.least, const.REST * first.share)]
-        if large and large[0].gain > const.REST * first.gain and best < const.NEAR * large[0].gain:
-            odd = top or large[0]
-        if top is None or not any(g.share > 2 * self.least for g in rest):
-            return odd, False
-        if not self.better(top, first):
-            return odd, False
-        if more and top.gain > max(gained + best, (1 + const.REST) * first.gain):
-            odd = top
-        far = top.gain > const.FAR * (gained + best)
-        return (top if far else odd), far
+        comes near, and whether it does by far more than all names together."""
+        first, best = self.table.chosen[0], more[0].gain if more else 0.0
+        large = [g for g in rest if g.share > 2 * self.least]
+        top = self.odd[0] if self.odd and large else None
+        gained = float(np.sum(self.table.e - self.e0)) + best
+        if top and self.better(top, first) and top.gain > const.FAR * gained:
+            return top, True
+        much = next((g for g in large if g.share > const.REST * first.share), None)
+        if much is None or max(const.REST * first.gain, best / const.NEAR) >= much.gain:
+            return None, False
+        return top or much, False
 
-    def _two_at_once(self, firsts: list[Contender]) -> None:
+    def _two_at_once(self) -> None:
         """One unknown torque may be two that have names: the pair that explains more than it."""
-        table, pairs = self.table, []
-        saved = self.verdict, self.alternatives, self.depends_on, list(table.chosen)
-        for c in firsts:
+        table, chosen, pairs = self.table, list(self.table.chosen), []
+        large = [c for c in self.named if c.name not in self.banned and c.share > self.floor(c)]
+        for c in large[: const.TOGETHER]:
             table.back(self.before)
             table.extend(c)
-            named = self._beside()[0]
-            more = [n for n in named if n.name not in self._taken() and n.share > self.floor(n)]
-            if more:
-                pairs.append((float(np.sum(more[0].e - self.e0)), c, more[0]))
+            more = (n for n in self._beside()[0] if n.name not in self._taken())
+            n = next((n for n in more if n.share > self.floor(n)), None)
+            if n is not None and self.proven(n, self.e0):
+                pairs.append((float(np.sum(n.e - self.e0)), c, n))
         table.back(self.before)
-        if pairs:
-            total, c, n = max(pairs, key=lambda p: p[0])
-            if total > const.NEAR * self.odd[0].gain and self.proven(n, self.e0):
-                self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
+        total, *both = max(pairs, key=lambda pair: pair[0], default=(0.0,))
+        if total <= const.NEAR * self.odd[0].gain:
+            for c in chosen:
                 table.extend(c)
-                self._extend(n)
-                return
-        for c in saved[3]:
-            table.extend(c)
-        self.verdict, self.alternatives, self.depends_on = saved[:3]
+            return
+        self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
+        table.extend(both[0])
+        self._extend(both[1])
 
 
 @dataclass(frozen=True)

@@ -59,6 +59,79 @@ class Term:
         return "input" in self.block.acts
 
 
+Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
+
+
+@dataclass
+class State:
+    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape."""
+
+    k: dict[str, float]
+    terms: list[Term]
+    vs: float
+    exponent: float = 2.0
+    grease: float = 0.0  # exponent of a bend of the friction curve, 0 without one
+    bare: bool = False  # what every drive has is held to its size
+    constant: bool = False  # a constant torque is a term, of any size
+    late: float = 0.0  # s: so much later than logged the torque acts
+    absent: frozenset[str] = frozenset()  # parts of friction that the law does not have
+
+    def copy(self, **other: Any) -> State:
+        own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
+        return replace(self, **own | other)
+
+    @property
+    def named(self) -> list[Term]:
+        """The effects beside the declared ones."""
+        return [t for t in self.terms if not t.declared]
+
+    def without_names(self, **other: Any) -> State:
+        return self.copy(terms=[t.copy() for t in self.terms if t.declared], **other)
+
+    def delayed(self, view: View) -> bool:
+        """Whether the torque may act at any time; at steady speeds it has none."""
+        return not (self.bare or view.is_map)
+
+    def apply(self, view: View) -> None:
+        """Friction and load along the log, which effects scale."""
+        m, k = view.motion, self.k
+        fine, view.z = view.deflection(self.bristle(view))
+        dip = m.coarse(fine * self.fall(m.fine_w))
+        view.coulomb = k["Fc"] * view.z + k["dip"] * dip
+        level = k["Fc"] + k["dip"] * self.fall(m.w)
+        view.level = np.maximum(level, 0.1 * abs(k["Fc"]))
+        view.viscous = k["Fv"] * m.w
+        if self.grease:
+            view.viscous = view.viscous + k.get("grease", 0.0) * view.grease(self.grease)
+        view.J = k["J"]
+        view.set_load(self.terms)
+        self.dip = dip
+
+    def bristle(self, view: View) -> float:
+        """The length of the bristles, rad; next to none where the law has none."""
+        return const.RIGID * view.x0 if "presliding" in self.absent else view.x0
+
+    def fall(self, w: np.ndarray) -> np.ndarray:
+        """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
+        return free_level(w, 0.0, 1.0, self.vs, self.exponent)
+
+    def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
+        """The state that a fit says."""
+        new = self.copy()
+        for name, x in zip(names, b, strict=True):
+            if isinstance(name, str):
+                new.k[name] = float(x)
+                if name == "late" and self.delayed(view):
+                    new.late += float(x) * view.longest_hold
+            elif isinstance(name[1], int):
+                new.terms[name[0]].b[name[1]] = x
+            else:
+                term, key = new.terms[name[0]], name[1]
+                p = term.block.own[key]
+                term.q[key] = float(np.clip(term.q[key] + x, p.low, p.high))
+        return new
+
+
 class Seen(NamedTuple):
     """Columns of an effect in the rows (m, k), and the bounds of their coefficients (k,)."""
 
@@ -354,38 +427,35 @@ class View:
     def set_law(self, x0: float, vs: float) -> None:
         self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
         _, self.z = self.deflection(x0)
-        self.law = self.stribeck(x0, vs)
 
     # ---- along the log
-    def torques(self, b: np.ndarray) -> None:
-        """Friction and load along the log from the coefficients of the base."""
-        m, k = self.motion, dict(zip(self.names, b, strict=False))
-        near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
-        self.coulomb = k["Fc"] * self.z + self.law @ near_rest
-        self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(const.GREASE[0])
-        self.friction, self.J = self.coulomb + self.viscous, float(b[0])
+    def state(self, b: np.ndarray) -> State:
+        """The plain law nearest to the coefficients of the base, with its effects."""
+        k = dict(zip(self.names, b.tolist(), strict=False))
         for term in self.terms:
             if not term.on_input:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
-        self.set_load(self.terms)
-        self.level = self._level(k)
-        self.size = max(rms(self.K @ self.friction), const.LEAST_FRICTION * self.force)
+        Fc, Fv = k["Fc"] + 0.5 * (k["short_tail"] + k["long_tail"]), k["Fv"]
+        law = {
+            "J": k["J"],
+            "Fc": Fc if Fc > 0 else 0.3 * self.size,
+            "dip": k["bump"] + 0.5 * k["short_tail"],
+            "Fv": Fv if Fv > 0 else 0.01 * self.size / max(self.motion.top, 1e-12),
+            "grease": k["grease"],
+        }
+        terms = [t.copy() for t in self.terms]
+        return State(law, terms, self.vs, grease=const.GREASE[0] if k["grease"] > 0 else 0.0)
+
+    def settle(self, b: np.ndarray) -> None:
+        """Friction and load along the log from the coefficients of the base."""
+        own = [j for j, n in enumerate(self.names) if n in FRICTION[:-2]]
+        self.size = max(rms(self.B[:, own] @ b[own]), const.LEAST_FRICTION * self.force)
+        self.state(b).apply(self)
 
     def set_load(self, terms: Sequence[Term]) -> None:
         """The load torque (n,): measured, and of terms that are loads."""
         loads = [self.columns(t.block, t.q).wide @ t.b for t in terms if t.block.load]
         self.load = self.motion.d + sum(loads)
-
-    def _level(self, k: Mapping[Any, float]) -> np.ndarray:
-        """The level of sliding friction (n,), as it is declared where it is."""
-        m, known = self.motion, self.declared
-        if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
-            scale = max(k["Fc"], 0.3 * rms(self.coulomb))
-            return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
-        made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
-        for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
-            made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)
-        return made
 
     def along(self, **other: Any) -> Along:
         """The signals of the log for blocks, some of them replaced."""

@@ -17,98 +17,26 @@ than SCALE.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..blocks.block import Block, members
 from ..blocks.declared_values import Stated
-from ..blocks.friction import free_level
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import Prior, left_out_covariance, log_density, memory_blocks, robust, spread
 from . import constants as const
 from .columns import changed_input, columns, linear, nonlinear, scaled, slopes, step_of, to_values
-from .friction import OFFSET, WEIGHT, Term, View
+from .friction import OFFSET, WEIGHT, Name, State, Term, View
 from .table import Table, is_lateness
 from .windows import Rows
 
-Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
 LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
 CONSTANT = {OFFSET, "coulomb_asymmetry"}
 NEAR = {"turn": "presliding", "dip": "stribeck"}  # what friction near rest is a part of
-
-
-@dataclass
-class State:
-    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape."""
-
-    k: dict[str, float]
-    terms: list[Term]
-    vs: float
-    exponent: float = 2.0
-    grease: float = 0.0  # exponent of a bend of the friction curve, 0 without one
-    bare: bool = False  # what every drive has is held to its size
-    constant: bool = False  # a constant torque is a term, of any size
-    late: float = 0.0  # s: so much later than logged the torque acts
-    absent: frozenset[str] = frozenset()  # parts of friction that the law does not have
-
-    def copy(self, **other: Any) -> State:
-        own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        return replace(self, **own | other)
-
-    @property
-    def named(self) -> list[Term]:
-        """The effects beside the declared ones."""
-        return [t for t in self.terms if not t.declared]
-
-    def without_names(self, **other: Any) -> State:
-        return self.copy(terms=[t.copy() for t in self.terms if t.declared], **other)
-
-    def delayed(self, view: View) -> bool:
-        """Whether the torque may act at any time; at steady speeds it has none."""
-        return not (self.bare or view.is_map)
-
-    def apply(self, view: View) -> None:
-        """Friction and load along the log, which effects scale."""
-        m, k = view.motion, self.k
-        fine, view.z = view.deflection(self.bristle(view))
-        dip = m.coarse(fine * self.fall(m.fine_w))
-        view.coulomb = k["Fc"] * view.z + k["dip"] * dip
-        level = k["Fc"] + k["dip"] * self.fall(m.w)
-        view.level = np.maximum(level, 0.1 * abs(k["Fc"]))
-        view.viscous = k["Fv"] * m.w
-        if self.grease:
-            view.viscous = view.viscous + k.get("grease", 0.0) * view.grease(self.grease)
-        view.friction, view.J = view.coulomb + view.viscous, k["J"]
-        view.set_load(self.terms)
-        self.dip = dip
-
-    def bristle(self, view: View) -> float:
-        """The length of the bristles, rad; next to none where the law has none."""
-        return const.RIGID * view.x0 if "presliding" in self.absent else view.x0
-
-    def fall(self, w: np.ndarray) -> np.ndarray:
-        """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
-        return free_level(w, 0.0, 1.0, self.vs, self.exponent)
-
-    def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
-        """The state that a fit says."""
-        new = self.copy()
-        for name, x in zip(names, b, strict=True):
-            if isinstance(name, str):
-                new.k[name] = float(x)
-                if name == "late" and self.delayed(view):
-                    new.late += float(x) * view.longest_hold
-            elif isinstance(name[1], int):
-                new.terms[name[0]].b[name[1]] = x
-            else:
-                term, key = new.terms[name[0]], name[1]
-                p = term.block.own[key]
-                term.q[key] = float(np.clip(term.q[key] + x, p.low, p.high))
-        return new
 
 
 class Design:
@@ -148,7 +76,7 @@ class Design:
         high: float = np.inf,
         centre: float = 0.0,
     ) -> None:
-        """A column with what is known of its coefficient; none is above const.LARGE times all torque."""
+        """A column with what is known of its coefficient; none is LARGE times all torque."""
         most = const.LARGE * self.view.force / max(rms(column), const.NOTHING)
         self.names.append(name)
         self._columns.append(column)
@@ -420,22 +348,11 @@ def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
 
 def state_of(table: Table) -> State:
     """The last fit begins where the table ended."""
-    v = table.view
-    b = dict(zip(v.names, table.fit.b, strict=False))
-    Fc, Fv = b["Fc"] + 0.5 * (b["short_tail"] + b["long_tail"]), b["Fv"]
-    k = {
-        "J": table.J,
-        "Fc": Fc if Fc > 0 else 0.3 * v.size,
-        "dip": b["bump"] + 0.5 * b["short_tail"],
-        "Fv": Fv if Fv > 0 else 0.01 * v.size / max(v.motion.top, 1e-12),
-    }
-    terms = [t.copy() for t in v.terms]
-    for term in terms:
-        if (term.key, 0) in b:
-            term.b = np.array([b[term.key, i] for i in range(len(linear(term.block)))])
+    made = table.view.state(table.fit.b)
+    made.k["J"], made.grease = table.J, 0.0
     for c in table.chosen:
-        terms += c.terms([t.name for t in terms])
-    return State(k, terms, v.vs)
+        made.terms += c.terms([t.name for t in made.terms])
+    return made
 
 
 def with_stated(prior: Prior, j: int, one: Stated, value: float | None) -> Prior:
@@ -530,8 +447,7 @@ class Interval:
         last, d = self.last, self.last.design
         v, b = last.view, last.fit.b
         size = np.mean(d.X**2, axis=0) * len(d.y)
-        at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
-        told = last.fit.free | np.isin(np.arange(len(b)), [at[k] for k in ("J", "Fc", "Fv")])
+        told = last.fit.free | np.array([n in ("J", "Fc", "Fv") for n in d.names])
         precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
         if v.J_range and not v.sure:  # a declared J that is held is known that well
             precision[0] = 16 / max(float(np.ptp(v.J_range)), const.SCALE * v.J_range[1]) ** 2
@@ -551,33 +467,32 @@ class Interval:
         torque of the same kind as what is named, friction of another warmth, and an inertia of
         another motor's constant."""
         last, d, b = self.last, self.last.design, self.last.fit.b
-        at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
-        level = max(abs(float(b[at["Fc"]])), 0.1 * rms(d.y))
-        share = np.zeros(len(b))
-        share[
-            [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
-        ] = 1
-        share[[at["Fc"], at["Fv"], *([at["offset"]] if d.constant else [])]] = 1
-        share[at["J"]] = const.ALONG * last.fit.free[at["J"]]
-        return share * const.BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
+        level = max(abs(float(b[d.names.index("Fc")])), 0.1 * rms(d.y))
+        own = {
+            "Fc": 1.0,
+            "Fv": 1.0,
+            "offset": float(d.constant),
+            "J": const.ALONG * last.fit.free[0],
+        }
+        share = [own.get(n, 0.0) if isinstance(n, str) else float(isinstance(n[1], int))
+                 for n in d.names]  # fmt: skip
+        size = np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
+        return np.array(share) * const.BACKGROUND * level / size
 
     @property
     def of_constant(self) -> float:
         """The variance of J by what the motor's constant may differ over the angle."""
-        return float(self._little[self.last.design.names.index("J")] ** 2)
+        return float(self._little[0] ** 2)
 
     @cached_property
     def _slopes(self) -> np.ndarray:
         """Derivatives (values, k) of what is reported by the coefficients."""
-        d, b = self.last.design, self.last.fit.b
+        d, b, made = self.last.design, self.last.fit.b, []
         sd = np.sqrt(np.maximum(np.diag(self.coefficients), 0.0)) + 1e-300
-        made = np.zeros((len(self.names), len(b)))
-        for j in range(len(b)):
-            step = np.zeros(len(b))
-            step[j] = const.STEP_SD * sd[j]
+        for step in np.diag(const.STEP_SD * sd):
             up, down = quantities(d, b + step), quantities(d, b - step)
-            made[:, j] = [wrapped(up[k] - down[k], k) / (2 * step[j]) for k in self.names]
-        return made
+            made.append([wrapped(up[k] - down[k], k) / (2 * step.max()) for k in self.names])
+        return np.array(made).T
 
     def covariance(self) -> np.ndarray:
         """Covariance (values, values) of ``names`` by this description of the log alone."""

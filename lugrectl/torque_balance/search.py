@@ -247,7 +247,7 @@ class Search:
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
         gains = self.table.gains(X, 2)[0]
         cost = float(np.log(len(N)))
-        for i in np.argsort(gains)[::-1][: const.ORDER_WAYS.get(block.name, 1)]:
+        for i in np.argsort(gains)[::-1][:1]:
             q = {key: float(N[i])}
             if self.linear:
                 step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * q[key]

@@ -151,7 +151,7 @@ class Table:
             if self.likeliest is not None:
                 X, y, prior = self.likeliest.added(v, self.X, self.y, self.prior)
                 b = robust(X, y, prior, self.scale, v.noise, fit.w, 3).b
-            v.torques(b)
+            v.settle(b)
             v.J = self.J
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         if self.quick or self.scale_J is None:
