@@ -176,21 +176,17 @@ class Along:
     path: np.ndarray  # the stiffer position, without jumps between the pieces
     pieces: Pieces  # stretches of even time and their step: nothing looks across a cut
     u: np.ndarray  # as recorded, or as earlier effects on the input left it
-    z: np.ndarray = field(
-        default_factory=unknown
-    )  # deflection of the bristle in units of its limit
-    follows: np.ndarray = field(
-        default_factory=unknown
-    )  # its derivative by an asymmetry of that limit
-    coulomb: np.ndarray = field(default_factory=unknown)  # Coulomb and Stribeck part of friction
-    level: np.ndarray = field(default_factory=unknown)  # of that, >= 0
+    d: np.ndarray  # measured load torque
+    # deflection of the bristle in units of its limit, and its derivative by an asymmetry of that
+    z: np.ndarray = field(default_factory=unknown)
+    follows: np.ndarray = field(default_factory=unknown)
+    # Coulomb and Stribeck part of friction, the level of that (>= 0), and torque of all loads
+    coulomb: np.ndarray = field(default_factory=unknown)
+    level: np.ndarray = field(default_factory=unknown)
     viscous: np.ndarray = field(default_factory=unknown)
-    load: np.ndarray = field(
-        default_factory=unknown
-    )  # torque of the loads: declared ones and the measured d
+    load: np.ndarray = field(default_factory=unknown)
     J: float = 0.0
     values: Mapping[str, float] = field(default_factory=dict)  # of the plant and its friction law
-    d: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -206,8 +202,7 @@ class Along:
 
     def signals(self, block: Block) -> dict[str, np.ndarray]:
         """What a block reads. One with an inertia or a sensor moves with the stiffer motion."""
-        d = np.zeros(len(self)) if self.d is None else self.d
-        own = {k: getattr(self, k) for k in SIGNALS} | {"d": d}
+        own = {k: getattr(self, k) for k in SIGNALS}
         return own | self.stiff if _is_stiff(block) else own
 
     def each(self, function: Any, x: np.ndarray) -> np.ndarray:
@@ -316,14 +311,11 @@ def columns(block: Block, values: Values, along: Along) -> Columns:
 
 def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
     """The columns of :func:`columns` for each set of values, side by side."""
-    known = linear(block)
-    one = np.ones(len(sets))
+    known, one, usual = linear(block), np.ones(len(sets)), _usual(block, along)
     if not known:
-        usual = _usual(block, along)
         made = _torques(block, [_completed(block, values, usual) for values in sets], along)
         return Columns(*made, low=one, high=one)
-    p, more = block.own[block.gain], _places(block, along)
-    usual, per = _usual(block, along), scaled(block) or ()
+    p, more, per = block.own[block.gain], _places(block, along), scaled(block) or ()
     each = [_scaled(block, values, usual, per) | place for values in sets for place in more]
     made = Columns(*_torques(block, each, along), low=one, high=one)
     neutral = p.neutral or 0.0
@@ -370,25 +362,22 @@ def step_of(block: Block, key: str, value: float, along: Along) -> float:
     """How far to go for a difference: a share of a positive quantity; of a frequency or an order
     what moves the end of the log by 0.1 rad; of a place or an instant a share of the log's."""
     p = block.parameters[key]
-    reach = max(float(np.ptp(along.path)), 1e-12)
+    reach, time = (max(float(np.ptp(x)), 1e-12) for x in (along.path, along.t))
     if p.unit == "Hz":
-        return const.STEP_TURN / (2 * np.pi * max(float(np.ptp(along.t)), 1e-12))
+        return const.STEP_TURN / (2 * np.pi * time)
     if p.whole:
         return const.STEP_TURN / reach
     if p.angle:
         return const.STEP_TRAVEL
-    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}.get(
-        p.unit, 1e-6
-    )
-    if p.low >= 0.0:
-        return max(const.STEP_SHARE * abs(value), least) if np.isfinite(value) else const.STEP_SHARE
     if p.instant:
-        return const.STEP_DURATION * float(np.ptp(along.t))
-    return (
-        const.STEP_TRAVEL * reach
-        if p.unit == "rad"
-        else max(const.STEP_SHARE * abs(value), const.STEP_SHARE * abs(p.value), least)
-    )
+        return const.STEP_DURATION * time
+    if p.low < 0.0 and p.unit == "rad":
+        return const.STEP_TRAVEL * reach
+    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}
+    if not np.isfinite(value):
+        return const.STEP_SHARE
+    size = abs(value) if p.low >= 0.0 else max(abs(value), abs(p.value or 0.0))
+    return max(const.STEP_SHARE * size, least.get(p.unit, 1e-6))
 
 
 # Coefficients and parameters
@@ -628,6 +617,7 @@ def _some_motion() -> Along:
         path=theta,
         pieces=((slice(0, len(t)), dt),),
         u=u,
+        d=np.zeros(len(t)),
         z=way,
         follows=way**2,
         coulomb=0.3 * way,

@@ -490,7 +490,7 @@ class View:
 def places(motion: Motion) -> Along:
     """The motion alone, before anything is known of the drive."""
     m = motion
-    return Along(m.t, m.theta, m.w, m.acceleration, m.path, m.pieces, m.u)
+    return Along(m.t, m.theta, m.w, m.acceleration, m.path, m.pieces, m.u, m.d)
 
 
 def declared_terms(model: Model, along: Along) -> list[Term]:

@@ -71,24 +71,6 @@ def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
     assert found.verdict == "refused" and "two or more torques" in found.experiment
 
 
-def test_runs_at_constant_torques_are_one_data_set():
-    """None of them has a dead channel: together they show friction over the speed."""
-    runs = [held(20.0), held(40.0), held(80.0)]
-    assert lg.diagnose(runs, MODEL).verdict != "refused"
-    plain = lg.balance(runs)
-    assert plain.parameters["Fv"].value == pytest.approx(FV, rel=0.01)
-    both = next(c for c in plain.combinations if c.text == "Fc + constant_torque")
-    assert both.ci95[0] < FC < both.ci95[1]
-
-
-def test_a_steady_run_is_one_point_of_a_map_however_it_starts():
-    """The speed within a run follows its inertia: two points do not give three values."""
-    runs = [held(40.0), held(-80.0)]
-    plain = lg.balance(runs)
-    assert not plain.parameters and not plain.combinations
-    assert lg.diagnose(runs, MODEL).verdict == "refused"
-
-
 def test_what_the_steps_do_not_tell_has_no_value():
     """Exact motions from rest: no value has an interval of zero width."""
     J, Fc, Fv, dt, runs = 0.004, 0.12, 0.006, 2e-3, []
