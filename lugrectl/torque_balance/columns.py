@@ -206,7 +206,6 @@ class Along:
         return own | self.stiff if _is_stiff(block) else own
 
     def each(self, function: Any, x: np.ndarray) -> np.ndarray:
-        """``function(x, dt)`` of each piece."""
         made = np.zeros(x.shape)
         for piece, dt in self.pieces:
             made[piece] = function(x[piece], dt)
@@ -224,7 +223,6 @@ class Columns:
 
     @property
     def torque(self) -> np.ndarray:
-        """Both parts together (n, k)."""
         wide, narrow = (0.0 if x is None else x for x in (self.wide, self.narrow))
         return np.asarray(wide + narrow)
 
@@ -273,18 +271,14 @@ def needs_inertia(block: Block) -> bool:
 @once_a_block
 def refused(block: Block) -> str:
     """One sentence why a block cannot be a candidate, '' if it can."""
-    if block.kind not in ("effect", "friction"):
-        return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
-    if block.kind == "effect" and not block.acts:
-        return f"{block.name} acts on nothing inside a drive"
-    for act in block.acts:
-        if act not in SERVED:
-            return f"{block.name} acts on {act}, which is no torque along a motion"
-    for name in block.inputs:
-        if name not in SIGNALS:
-            return f"{block.name} reads {name}, which no log has"
+    odd = [f"acts on {act}" for act in block.acts if act not in SERVED]
+    odd += [f"reads {name}" for name in block.inputs if name not in SIGNALS]
+    if block.kind not in ("effect", "friction") or block.kind == "effect" and not block.acts:
+        odd.append(f"is a {block.kind} that acts on nothing")
     if "sensor" in block.acts and len(block.acts) > 1:
-        return f"{block.name} acts on more than the sensor"
+        odd.append("acts on more than the sensor")
+    if odd:
+        return f"{block.name} {' and '.join(odd)}, which no log of a drive shows"
     log = _some_motion()
     try:
         with np.errstate(all="ignore"):
@@ -424,7 +418,6 @@ def _usual(block: Block, along: Along) -> dict[str, Any]:
 
 
 def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
-    """The given values, and usual ones of the other parameters."""
     for key in values:
         if key not in block.parameters:
             block.check({key: values[key]})
@@ -462,7 +455,6 @@ def _spanned(block: Block) -> str | None:
 
 
 def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Entries of a and of b in turn."""
     return np.stack([a, b], axis=1).reshape(2 * len(a), *a.shape[1:])
 
 

@@ -69,7 +69,6 @@ class Decision:
         return Search(self.table, self.width.sure, self.never, self.memory)
 
     def _look(self) -> None:
-        """The rows of the table beside the base as it stands."""
         self.search = self._search()
         self.named, self.unknown = self.search.rows(), self.strangers.rows()
 

@@ -9,11 +9,11 @@ does not (IMITATES).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import Any, NamedTuple
+from functools import cache, cached_property, wraps
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -59,6 +59,7 @@ class Term:
         return "input" in self.block.acts
 
 
+T = TypeVar("T")
 Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
 
 
@@ -82,7 +83,6 @@ class State:
 
     @property
     def named(self) -> list[Term]:
-        """The effects beside the declared ones."""
         return [t for t in self.terms if not t.declared]
 
     def without_names(self, **other: Any) -> State:
@@ -116,7 +116,6 @@ class State:
         return free_level(w, 0.0, 1.0, self.vs, self.exponent)
 
     def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
-        """The state that a fit says."""
         new = self.copy()
         for name, x in zip(names, b, strict=True):
             if isinstance(name, str):
@@ -138,6 +137,19 @@ class Seen(NamedTuple):
     rows: np.ndarray
     low: np.ndarray
     high: np.ndarray
+
+
+def kept(method: Callable[[View, float], T]) -> Callable[[View, float], T]:
+    """What a view has made once for a number it keeps."""
+
+    @wraps(method)
+    def known(self: View, x: float) -> T:
+        key = method.__name__, x
+        if key not in self.known:
+            self.known[key] = method(self, x)
+        return self.known[key]
+
+    return known
 
 
 class View:
@@ -171,9 +183,8 @@ class View:
         self.terms = [t.copy() for t in terms]
         self.hold = motion.hold  # a torque that is read at instants is so early
         self.longest_hold = float(motion.hold.max())
-        self.latest = (
-            const.FREE_LATE / self.longest_hold
-        )  # a held torque is no later than a current loop
+        # a held torque is no later than a current loop
+        self.latest = const.FREE_LATE / self.longest_hold
         self.noise = float(np.mean(rows.shake**2))
         self.blocks = self._blocked()
         self.typical = float(np.median(rows.w))
@@ -181,9 +192,7 @@ class View:
         self.J = self.declared.get("J", 0.0)
         self.load = motion.d
         self._path = strokes(motion.fine_steps)
-        self._follows: dict[float, np.ndarray] = {}
-        self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
-        self._in_rows: dict[Any, np.ndarray] = {}
+        self.known: dict[Any, Any] = {}
         self.loads: dict[Any, Seen] = {}  # what the motion drives, seen in the rows
 
     def _blocked(self) -> Blocks:
@@ -205,22 +214,19 @@ class View:
         return bool(fast - slow > const.ONE_SPEED * self.typical)
 
     def on(self, mask: Any = slice(None)) -> View:
-        """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made._in_rows, made.loads = made.rows.K, {}, {}
+        made.K, made.loads = made.rows.K, {}
+        made.known = {k: x for k, x in self.known.items() if k[0] in ("deflection", "follows")}
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = made._blocked()
         return made
 
     def seen_of(self, N: np.ndarray) -> np.ndarray:
         """What the rows leave (m, k) of waves over theta of orders N (k,)."""
-        key = N.tobytes()
-        if key not in self._in_rows:
-            m, passed = self.motion.main, self.rows.w[:, None] * N
-            slow = (passed * (m.dt * m.spread)) ** 2
-            self._in_rows[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
-        return self._in_rows[key]
+        m, passed = self.motion.main, self.rows.w[:, None] * N
+        slow = (passed * (m.dt * m.spread)) ** 2
+        return np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
 
     @cached_property
     def with_offset(self) -> np.ndarray:
@@ -251,15 +257,8 @@ class View:
         return self.K @ (self.hold * self.motion.slope(self.motion.held(u)))
 
     def by(self, motion: Motion, rows: Rows) -> View:
-        """The same log by another description of its motion."""
         made = View(motion, rows, self.model, self.J_range, self.terms)
         made.sure, made.logged_late, made.w_above = self.sure, self.logged_late, self.w_above
-        return made
-
-    def lowered(self, above: float) -> View:
-        """The same rows with speeds that are lower by so much (rad/s)."""
-        made = self.by(self.motion.lowered(above), self.rows)
-        made.settle_as(self)
         return made
 
     def settle_as(self, other: View) -> None:
@@ -268,49 +267,43 @@ class View:
             setattr(self, key, getattr(other, key))
 
     # ---- the law
+    @kept
     def deflection(self, x0: float) -> tuple[np.ndarray, np.ndarray]:
         """A bristle of length x0 (rad) over its level: between the samples, and at them."""
-        if x0 not in self._bristles:
-            fine = np.r_[0.0, bristle(*self._path, x0)]
-            self._bristles[x0] = fine, self.motion.coarse(fine)
-        return self._bristles[x0]
+        fine = np.r_[0.0, bristle(*self._path, x0)]
+        return fine, self.motion.coarse(fine)
 
+    @kept
     def bristle_rows(self, x0: float) -> np.ndarray:
         """The bristle in the rows (m, 3), its rate, and what a reversal inside a window blurs."""
-        if x0 not in self._in_rows:
-            (fine, z), m = self.deflection(x0), self.motion
-            blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
-            self._in_rows[x0] = self.K @ np.column_stack([z, m.slope(z), blurred])
-        return self._in_rows[x0]
+        (fine, z), m = self.deflection(x0), self.motion
+        blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
+        return self.K @ np.column_stack([z, m.slope(z), blurred])
 
+    @kept
     def near_rest(self, x0: float) -> np.ndarray:
         """What friction may do near rest beside a bristle of length x0, in the rows (m, k)."""
-        key, m, made = ("near", x0), self.motion, []
-        if key not in self._in_rows:
-            fine = last = self.deflection(x0)[0]
-            for kind, x, _ in const.NEAR_REST:
-                if kind == "turn":
-                    new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
-                    shape, last = new - last, new
-                else:
-                    shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
-                made.append(self.K @ m.coarse(shape))
-            self._in_rows[key] = np.column_stack(made)
-        return self._in_rows[key]
+        m, made = self.motion, []
+        fine = last = self.deflection(x0)[0]
+        for kind, x, _ in const.NEAR_REST:
+            if kind == "turn":
+                new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
+                shape, last = new - last, new
+            else:
+                shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
+            made.append(self.K @ m.coarse(shape))
+        return np.column_stack(made)
 
+    @kept
     def grease_rows(self, exponent: float) -> np.ndarray:
         """|w|^exponent sign(w) in the rows (m,)."""
-        key = "grease", exponent
-        if key not in self._in_rows:
-            self._in_rows[key] = self.K @ self.grease(exponent)
-        return self._in_rows[key]
+        return self.K @ self.grease(exponent)
 
+    @kept
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
-        if x0 not in self._follows:
-            up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
-            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
-        return self._follows[x0]
+        up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
+        return self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
         """Columns (n, 4) that depend on the Stribeck speed: bump, short and long tail, bend."""
@@ -453,7 +446,6 @@ class View:
         self.state(b).apply(self)
 
     def set_load(self, terms: Sequence[Term]) -> None:
-        """The load torque (n,): measured, and of terms that are loads."""
         loads = [self.columns(t.block, t.q).wide @ t.b for t in terms if t.block.load]
         self.load = self.motion.d + sum(loads)
 
@@ -467,7 +459,6 @@ class View:
         return replace(places(self.motion), **made)
 
     def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
-        """The columns of an effect along the log."""
         return columns(block, q, self.along(u=self.motion.held(self.u)))
 
     def in_rows(self, made: Columns) -> np.ndarray:

@@ -239,13 +239,11 @@ class LastFit:
         return Interval(self)
 
     def part(self, *names: str) -> np.ndarray:
-        """The torque (m,) of columns with these names."""
         at = [j for j, n in enumerate(self.design.names) if n in names]
         return self.design.X[:, at] @ self.fit.b[at]
 
     @cached_property
     def friction(self) -> np.ndarray:
-        """The friction torque (m,) in the rows."""
         return self.part("Fc", "dip", "Fv", "grease", "damping")
 
     @cached_property
@@ -304,13 +302,11 @@ class LastFit:
 
 
 def places(design: Design, i: int) -> list[int]:
-    """The places of the linear coefficients of effect i."""
     return [j for j, n in enumerate(design.names)
             if isinstance(n, tuple) and n[0] == i and isinstance(n[1], int)]  # fmt: skip
 
 
 def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
-    """Everything that is reported, from the coefficients."""
     state, v = design.state, design.view
     at, w, m = dict(zip(design.names, b, strict=True)), v.typical, v.motion
     held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
@@ -347,7 +343,6 @@ def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
 
 
 def state_of(table: Table) -> State:
-    """The last fit begins where the table ended."""
     made = table.view.state(table.fit.b)
     made.k["J"], made.grease = table.J, 0.0
     for c in table.chosen:
@@ -547,7 +542,6 @@ def best_law(view: View, state: State, scale: float, straight: bool = False) -> 
 
 
 def apart(other: LastFit, last: LastFit) -> dict[str, float]:
-    """How far the values of another fit are from those of the last one."""
     return {k: other.values[k] - x for k, x in last.values.items() if k in other.values}
 
 

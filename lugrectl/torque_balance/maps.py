@@ -206,7 +206,6 @@ class MapView(View):
         return bool(b[0] * np.sum(np.abs(m.w)) + b[1] * np.sum(m.w**2) < 0)
 
     def by_run(self, x: np.ndarray) -> np.ndarray:
-        """Means (runs,) of rows (m,)."""
         return np.bincount(self.apart, x) / np.bincount(self.apart)
 
     def _ways(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -17,7 +17,6 @@ signal is known: its impulse response, through which the torque is sent too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -525,17 +524,7 @@ class Motion:
         return cls([SmoothRuns.of(samples) for samples in groups])
 
     def varied(self, stiffer: float) -> Motion:
-        """The same log, smoothed with another stiffness."""
         return Motion([SmoothRuns(r.sensors, r.stiffness * stiffer) for r in self.runs])
-
-    def lowered(self, above: float) -> Motion:
-        """The same log with speeds that are lower by so much (rad/s)."""
-        made = copy(self)
-        made.w, made.fine_w = self.w - above, self.fine_w - above
-        made.theta, made.path = (x - above * self.elapsed for x in (self.theta, self.path))
-        steps = [np.full(len(r.fine_w), r.dt / r.between) for r in self.runs]
-        made.fine_steps = self.fine_steps - above * np.concatenate(steps)[:-1]
-        return made
 
     def __len__(self) -> int:
         return len(self.t)
@@ -553,7 +542,6 @@ class Motion:
         return np.concatenate(parts)
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        """dx/dt (n, ...), piece by piece."""
         return np.concatenate([slope(x[at], dt) for at, dt in self.pieces])
 
     def coarse(self, X: np.ndarray) -> np.ndarray:

@@ -61,7 +61,6 @@ def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
-    """The largest gain between a and b, by golden sections."""
     for _ in range(turns):
         x, y = a + 0.382 * (b - a), a + 0.618 * (b - a)
         a, b = (a, y) if gain(x) > gain(y) else (x, b)
@@ -158,7 +157,6 @@ class Search:
         return made
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
-        """Gain of each set of values."""
         if len(linear(block)) == 2:
             return self.table.gains(X, 2)[0]
         gain, b = self.table.gains(X)
@@ -195,7 +193,6 @@ class Search:
         return at(polish(gains, [q[k] for k in steps], [*steps.values()], turns))
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
-        """The contender of one effect, or of several of its kind at once."""
         made = [self._seen(block, [q]) for q in each]
         C, low, high = (np.concatenate(x, axis=-1) for x in zip(*made, strict=True))
         prior = Prior.free(C.shape[1], low=low, high=high)
@@ -203,15 +200,12 @@ class Search:
                          more=each[1:], **other)  # fmt: skip
 
     def again(self, c: Contender) -> Contender:
-        """The same contender beside this base."""
         assert c.block is not None
         if c.C is None:
             return Contender(c.name, c.q, c.block, u=self.view.changed(c.block, c.q), cost=c.cost)
         return self._contender(c.block, *c.each, cost=c.cost)
 
     def _there(self, c: Contender) -> bool:
-        """Whether it has joined the base already, at these values."""
-
         def place(one: Contender) -> tuple:
             own = one.block.own if one.block else {}
             hertz = [round(v, 1) for k, v in one.q.items() if own[k].unit == "Hz"]
@@ -419,7 +413,6 @@ class Search:
         yield self._contender(block, self._polished(block, q, steps, gains.max()), cost=cost)
 
     def _grid(self, block: Block, p: P, many: int) -> np.ndarray:
-        """Values of any parameter, within its bounds."""
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)

@@ -179,7 +179,6 @@ def wide_enough(motion: Motion, model: Model) -> Width:
 
 
 def refuse_dead(view: View, width: Width | Still) -> None:
-    """Refused where the torque has nothing to do with the motion."""
     coasts = np.ptp(view.motion.u) == 0 and not view.is_map
     # friction must explain a motion without changes of torque
     if coasts and (

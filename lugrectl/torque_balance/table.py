@@ -78,7 +78,6 @@ class Contender:
 
     @property
     def order(self) -> tuple[float, ...]:
-        """The whole numbers among its values: orders of the angle."""
         own = {} if self.block is None else self.block.own
         return tuple(x for k, x in self.q.items() if own[k].whole)
 
@@ -98,7 +97,6 @@ class Contender:
     def added(
         self, view: View, X: np.ndarray, y: np.ndarray, prior: Prior
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
-        """Rows, torque and prior of a base with this contender."""
         if self.u is not None:
             X, y = X.copy(), view.torque(self.u) - view.K @ view.motion.d
             X[:, 1] = view.lateness(self.u) * (1e-9 if self.lateness else 1.0)
@@ -275,7 +273,6 @@ class Table:
         return tau - U @ (U.T @ tau)
 
     def extend(self, c: Contender) -> None:
-        """The chosen contender becomes part of the base."""
         self.X, self.y, self.prior = c.X, c.y, c.full
         if c.u is not None:
             self.view.u = c.u
@@ -405,7 +402,6 @@ class Unknown:
 
 
 def likeliest(contenders: list[Contender]) -> list[Contender]:
-    """The best of each name, the likeliest first."""
     best: dict[str, Contender] = {}
     for c in contenders:
         if c.name not in best or c.gain > best[c.name].gain:
@@ -420,13 +416,11 @@ def waves(theta: np.ndarray, n: int) -> np.ndarray:
 
 
 def spline(x: np.ndarray, n: int) -> np.ndarray:
-    """n cubic B-splines over [0, 1] at x."""
     knots = np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3]
     return BSpline.design_matrix(np.clip(x, 0, 1 - 1e-12), knots, 3).toarray()
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Every column of A times every column of B."""
     return (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
 
 

@@ -397,7 +397,6 @@ class _Judge:
     def _verdict(
         self, last: LastFit, full: Unseen, plain: Unseen, without: LastFit
     ) -> tuple[str, bool]:
-        """The verdict with the held-out error, and whether names are shown."""
         d, v = self.decision, self.view
         named = [i for i, t in enumerate(last.state.terms) if not t.declared]
         if not named and not d.parts:
@@ -420,7 +419,6 @@ class _Judge:
         return verdict, True
 
     def _nothing(self, last: LastFit, full: Unseen) -> str:
-        """The verdict where nothing is named."""
         d = self.decision
         if d.rest > const.MOSTLY:
             self.notes.append("Most of the torque has nothing to do with the motion.")
@@ -458,13 +456,11 @@ class _Judge:
         return "unexplained"
 
     def _plain(self, last: LastFit) -> LastFit:
-        """The declared model alone, fitted to all rows."""
         state = last.state.without_names(absent=self.absent, constant=True)
         return best_law(self.view, state, last.scale, straight=True)
 
     # ---- all rows
     def _of_all(self, few: LastFit) -> LastFit:
-        """The fit of the same model to all rows."""
         if self.all is self.view:
             return few
         self.all.terms = [t.copy() for t in self.view.terms]

@@ -40,13 +40,10 @@ def averages(kernel: np.ndarray, at: np.ndarray, n: int) -> csr_matrix:
 
 
 def half_samples(h: float, dt: float) -> int:
-    """Half-width in samples of a window of half-width h (s)."""
     return max(2, int(round(h / dt)))
 
 
 class _Windows:
-    """The windows of the runs of one rate."""
-
     def __init__(self, runs: SmoothRuns, h: float, top: float, sparser: int = 1) -> None:
         samples, n, half = runs.samples, len(runs.samples), half_samples(h, runs.dt)
         phi, soft = bump(half), len(runs.pulse) > 3
@@ -118,7 +115,6 @@ class Rows:
         return float(np.median(self.w)) * self.h
 
     def only(self, mask: np.ndarray) -> Rows:
-        """The same without some rows."""
         made = copy(self)
         for key in ("at", "K", "narrow", "t", "w", "a", "shake"):
             setattr(made, key, getattr(self, key)[mask])
