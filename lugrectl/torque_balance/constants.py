@@ -136,6 +136,7 @@ LARGE = 30.0  # times all torque: no term is larger, whatever the log tells of i
 ASYMMETRY = 1e-3  # step of the derivative of a bristle by an asymmetry of its limit
 ORDERS = 200  # per turn: the highest order of the angle
 MINORITY = 0.3  # of the rows: a stop is touched by fewer
+RATES = 22  # of a load behind a spring that are tried
 GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
 RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
 CLOSER, FARTHEST = 0.35, 1.5  # steps of a polish: over the last ones; how far a top may lie

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -48,7 +47,6 @@ class Decision:
         self.least, self.alpha = least, alpha
         own = [b for b in members("effect").values() if not is_ours(b.home)]
         self.notes = [LEFT_OUT.format(why) for why in map(refused, own) if why]
-        self.memory: dict[str, Any] = {}
         self._known: dict[tuple[int, ...], tuple[list[Contender], list[Contender]]] = {}
         self.joined: list[Term] = []  # so large that they join the base before anything is judged
         self.heavy: dict[str, list[str]] = {}  # the names that explain these as well
@@ -57,8 +55,6 @@ class Decision:
         self.strangers = Unknown(table, self.linear, width.sure)
         self._look()
         self._weight_first()
-        if self.named and self.named[0].gain > const.SURELY:
-            table.restart(self.named[0])
         table.richest(self.named, self.unknown)
         self._look()
         self.e0, self.left, self.rest = table.e, table.left, table.rest
@@ -66,7 +62,7 @@ class Decision:
         self.decide(frozenset())
 
     def _search(self) -> Search:
-        return Search(self.table, self.width.sure, self.never, self.memory)
+        return Search(self.table, self.width.sure, self.never)
 
     def _look(self) -> None:
         self.search = self._search()
@@ -139,8 +135,9 @@ class Decision:
         self.verdict, self.depends_on = "adequate", []
         self.alternatives: dict[str, list[str]] = {}
         self.table.back(self.before)
-        good = [c for c in self.named if c.name not in banned and self.proven(c, self.e0)
-                and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
+        large = [c for c in self.named if c.name not in banned
+                 and c.share > max(self.floor(c), 0.25 * self.left)]  # fmt: skip
+        good = [c for c in large if self.proven(c, self.e0)]
         self.odd = [c for c in self.unknown if self.proven(c, self.e0) and c.share > 2 * self.least]
         if good:
             self.verdict = "found"
@@ -148,7 +145,7 @@ class Decision:
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
         if self.verdict == "unexplained" and self.odd:
-            self._two_at_once()
+            self._two_at_once(large)
         absent = [_part(self.table, n) for n in missing(self.view.model) if n not in banned]
         self.parts = [p for p in absent
                       if proven(p.gain, p.error, self.alpha) and p.share > const.FLOOR]  # fmt: skip
@@ -224,17 +221,19 @@ class Decision:
         large = [g for g in rest if g.share > 2 * self.least]
         top = self.odd[0] if self.odd and large else None
         gained = float(np.sum(self.table.e - self.e0)) + best
-        if top and self.better(top, first) and top.gain > const.FAR * gained:
-            return top, True
+        if top and self.better(top, first):
+            if top.gain > const.FAR * gained:
+                return top, True
+            if more and top.gain > max(gained, (1 + const.REST) * first.gain):
+                return top, False
         much = next((g for g in large if g.share > const.REST * first.share), None)
         if much is None or max(const.REST * first.gain, best / const.NEAR) >= much.gain:
             return None, False
         return top or much, False
 
-    def _two_at_once(self) -> None:
+    def _two_at_once(self, large: list[Contender]) -> None:
         """One unknown torque may be two that have names: the pair that explains more than it."""
         table, chosen, pairs = self.table, list(self.table.chosen), []
-        large = [c for c in self.named if c.name not in self.banned and c.share > self.floor(c)]
         for c in large[: const.TOGETHER]:
             table.back(self.before)
             table.extend(c)

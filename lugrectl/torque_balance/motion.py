@@ -17,6 +17,7 @@ signal is known: its impulse response, through which the torque is sent too.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -28,7 +29,8 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 
 from ..core.errors import Refused
-from ..core.regression import NU
+from ..core.numeric import rms
+from ..core.regression import Prior, robust, weight
 from ..record.stretches import Stretch
 from . import constants as const
 
@@ -292,20 +294,19 @@ class Sensors:
         for _ in range(3):
             w = self._moved(shift) if shift else self.w
             X = np.column_stack([self._windows(w, phi), self._windows(w, dphi), one])
-            b, weights, scale = _robust_line(X, turned, moves)
+            b, left, weights, scale = by_own_scale(X, turned, moves)
             rest = b[1] / b[0] if shift else b[1]
             self.gain = float(b[0])
             self.lag = shift + float(np.clip(rest, -const.FILTER, const.FILTER))
             if abs(self.lag) < min(3 * dt, 8e-3):
                 break
             shift = float(np.clip(self.lag, -0.05, const.VERY_LATE))
-        left = np.mean((turned - X @ b)[moves] ** 2)
-        self.foreign = bool(left > const.MOSTLY**2 * np.mean(turned[moves] ** 2))
+        self.foreign = rms(left[moves]) > const.MOSTLY * rms(turned[moves])
         if self.foreign:
             self.gain, self.lag = 1.0, 0.0
             return
         inverse = np.linalg.pinv(X * np.sqrt(weights)[:, None])
-        error = np.sqrt(2 * (inverse**2).sum(axis=1)) * scale
+        error = np.sqrt(2.5 * (inverse**2).sum(axis=1)) * scale
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
         self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > const.FAR_W:  # so late is no filter of one kind
@@ -340,18 +341,18 @@ def _alike(x: np.ndarray, y: np.ndarray) -> float:
     return float(abs(np.corrcoef(x / sizes[0], y / sizes[1])[0, 1])) if all(sizes) else 0.0
 
 
-def _robust_line(
-    X: np.ndarray, y: np.ndarray, moves: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Coefficients, weights and scale of a robust line; rows that rest say nothing of scale."""
-    weights = np.ones(len(y))
+def by_own_scale(
+    X: np.ndarray, y: np.ndarray, of: Any = slice(None)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """A robust fit of y (m,) by X (m, k): coefficients, residuals, weights, and the scale, that of
+    some of the residuals."""
+    k, scale, prior = np.ones(len(y)), 1.0, Prior.free(X.shape[1])
     for _ in range(6):
-        root = weights[:, None] ** 0.5
-        b = np.linalg.lstsq(X * root, y * root[:, 0], rcond=None)[0]
-        r = y - X @ b
-        scale = 1.5 * float(np.median(np.abs(r[moves]))) + 1e-15
-        weights = 1 / (1 + (r / scale) ** 2 / NU)
-    return b, weights, scale
+        fit = robust(X, y, prior, scale, 0.0, k, 1)
+        r = fit.r * scale
+        scale = 1.5 * float(np.median(np.abs(r[of]))) + 1e-300
+        k = weight(r / scale)
+    return fit.b, r, k, scale
 
 
 THIRD = np.array([-1.0, 3, -3, 1])  # third difference: what the smoothing holds small
@@ -525,6 +526,15 @@ class Motion:
 
     def varied(self, stiffer: float) -> Motion:
         return Motion([SmoothRuns(r.sensors, r.stiffness * stiffer) for r in self.runs])
+
+    def lowered(self, above: float) -> Motion:
+        """The same log with speeds that are lower by so much (rad/s)."""
+        made = copy(self)
+        made.w, made.fine_w = self.w - above, self.fine_w - above
+        made.theta, made.path = (x - above * self.elapsed for x in (self.theta, self.path))
+        steps = [np.full(len(r.fine_w), r.dt / r.between) for r in self.runs]
+        made.fine_steps = self.fine_steps - above * np.concatenate(steps)[:-1]
+        return made
 
     def __len__(self) -> int:
         return len(self.t)

@@ -71,7 +71,6 @@ class Search:
     """All contenders beside one base; ``tried``: whether they promise something or not.
 
     ``sure``: the log determines the inertia; else only what does not depend on it is tried.
-    ``memory`` keeps the loads that earlier searches beside other bases found.
     """
 
     def __init__(
@@ -79,11 +78,10 @@ class Search:
         table: Table,
         sure: bool,
         never: Collection[str],
-        memory: dict[str, Any],
         only: Collection[str] | None = None,
     ) -> None:
         self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
-        self.memory, self.only = memory, only
+        self.only = only
         self.linear = self.view.model.motion == "linear"
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
@@ -340,16 +338,20 @@ class Search:
         return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A load behind a spring or a gap, driven by the measured motion. Where a gap lies depends
-        little on the spring and on other effects: it is searched once, and only polished again."""
-        many = 3 if "gap" in keys else 2
-        again = block.name in self.memory
-        tried = self._springs(block, keys)
-        if not tried:
-            return
-        gains = self._loads(block, [self._load(keys, *one) for one in tried])
-        best, slowest = tried[int(np.argmax(gains))], min(f for f, _, _ in tried)
-        self.memory[block.name] = best if gains.max() >= 2 * const.SCREEN else None
+        """A load of 1 kg m2 behind a spring or a gap, driven by the measured motion: by frequency
+        (Hz), damping ratio and gap (rad)."""
+
+        def load(f: float, z: float, *gap: float) -> Values:
+            omega = 2 * np.pi * f
+            made = {"stiffness": omega**2, "damping": 2 * z * omega}
+            return made | dict(zip(("gap",), gap, strict=False))
+
+        def gains_of(tried: Sequence[Sequence[float]]) -> np.ndarray:
+            return self._gains(block, self._seen(block, [load(*one) for one in tried]).rows)
+
+        tried = self._springs("gap" in keys, gains_of)
+        gains = gains_of(tried)
+        best, slowest = tried[int(np.argmax(gains))], min(one[0] for one in tried)
         if gains.max() < 2 * const.SCREEN:
             return
 
@@ -358,43 +360,27 @@ class Search:
             inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < const.FASTEST) & (p[:, 1] <= 1)
             made = np.full(len(p), -1.0)
             if inside.any():
-                made[inside] = self._each(block, [self._load(keys, *x) for x in p[inside].tolist()])
+                made[inside] = self._each(block, [load(*one) for one in p[inside].tolist()])
             return made
 
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
-        turns = 2 if again else self.turns
-        x = polish(around, np.log(best[:many]).tolist(), steps[:many], turns)
-        f, z, *gap = np.exp(x).tolist()
-        if f < 0.84 * slowest or z > 0.95:
-            return  # at the edge of what a resonance may be: J that falls with frequency
-        self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
-        cost = np.log(22 * 3) if many == 2 else np.log(3 * const.GAPS)
-        yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
+        x = np.exp(polish(around, np.log(best).tolist(), steps[: len(best)], self.turns)).tolist()
+        if x[0] >= 0.84 * slowest and x[1] <= 0.95:  # else J falls with frequency
+            cost = np.log(3 * (const.GAPS if "gap" in keys else const.RATES))
+            yield self._contender(block, load(*x), cost=float(cost))
 
-    def _springs(self, block: Block, keys: Sequence[str]) -> list[tuple[float, float, float]]:
-        """Frequencies (Hz), damping ratios and gaps (rad) to try."""
-        if "gap" not in keys:
+    def _springs(self, gap: bool, gains: Callable[[list], np.ndarray]) -> list[tuple[float, ...]]:
+        """Frequencies (Hz), damping ratios and gaps (rad) to try; where a gap lies depends little
+        on the spring."""
+        if not gap:
             fast = min(const.RINGING[1], 0.3 / self.view.motion.dt)
-            rates = np.geomspace(const.RINGING[0], fast, 22).tolist()
-            return [(f, z, 0.0) for f in rates for z in (0.03, 0.1, 0.3)]
-        if block.name in self.memory:
-            known = self.memory[block.name]
-            near = (0.96, 1.0, 1.04) if known else ()
-            return [(known[0], known[1], x * known[2]) for x in near]
+            rates = np.geomspace(const.RINGING[0], fast, const.RATES).tolist()
+            return [(f, z) for f in rates for z in (0.03, 0.1, 0.3)]
         reach, count = min(self.span, 6.28), self.view.motion.count
         gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, const.GAPS)
-        at = int(np.argmax(self._loads(block, [self._load(keys, 80.0, 0.3, g) for g in gaps])))
+        at = int(np.argmax(gains([(80.0, 0.3, x) for x in gaps.tolist()])))
         near = gaps[max(at - 1, 0) : at + 2].tolist()
-        return [(f, 0.3, gap) for f in (45.0, 80.0, 140.0) for gap in near]
-
-    def _load(self, keys: Sequence[str], f: float, z: float, gap: float = 0.0) -> Values:
-        """Values of a load of 1 kg m2 with this frequency (Hz), damping ratio and gap (rad)."""
-        omega = 2 * np.pi * f
-        made = {"stiffness": omega**2, "damping": 2 * z * omega}
-        return made | ({"gap": float(gap)} if "gap" in keys else {})
-
-    def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
-        return self._gains(block, self._seen(block, sets).rows)
+        return [(f, 0.3, x) for f in (45.0, 80.0, 140.0) for x in near]
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A grid of all values, the best of it polished."""

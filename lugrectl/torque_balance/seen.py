@@ -61,7 +61,7 @@ def logged_late(view: View, table: Table) -> float:
         return 0.0
     # a torque that is lost, or depends on the place, makes the rest late
     strange = Unknown(table, view.model.motion == "linear", True).rows()
-    others = [c.gain for c in Search(table, True, (), {}).rows()]
+    others = [c.gain for c in Search(table, True, ()).rows()]
     others += [table.enter(c).gain for c in strange if c.depends_on == {"theta"}]
     return best if late.gain > max(others, default=0.0) else 0.0
 
@@ -90,8 +90,10 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
     i = int(np.argmax([total(x) for x in grid]))
     best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 11)
-    e = scores(best) - np.log(len(grid)) / len(scores(best))
-    if not proven(*paired(e, scores(0.0))):
+    if total(best) - total(0.0) < const.SCREEN:
+        return 0.0, 0.0
+    e = Table(view.lowered(best), table.scale).e - np.log(len(grid)) / len(table.e)
+    if not proven(*paired(e, table.e)):
         return 0.0, 0.0
     step = const.NEAR_BY * abs(best)
     up, down = scores(best + step), scores(best - step)
@@ -223,7 +225,7 @@ def find_open(view: View, sure: bool) -> None:
     opened = [t for t in view.terms if _missing(t)]
     view.terms = [t for t in view.terms if not _missing(t)]
     for term in opened:
-        rows = Search(Table(view), sure, (), {}, only={term.name}).rows()
+        rows = Search(Table(view), sure, (), only={term.name}).rows()
         found = rows[0].q if rows else {}
         own, middle = term.block.own, np.median(view.motion.t)  # at an end an event is none
         usual = {k: float(middle if own[k].instant else own[k].value or 0.0)

@@ -312,7 +312,7 @@ class _Judge:
         """The chosen effects at their values on all rows: an order, an instant, a gap."""
         d, table = self.decision, Table(view, self.decision.table.scale)
         for c in d.table.chosen:
-            search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
+            search = Search(table, d.width.sure, d.never, only={c.name})
             rows = [row for row in search.rows() if row.order == c.order]
             rows.append(table.enter(search.again(c)))
             table.extend(max(rows, key=lambda row: row.gain))

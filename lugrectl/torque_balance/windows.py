@@ -17,9 +17,9 @@ from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
 from ..core.numeric import rms
-from ..core.regression import Prior, normal_equations, robust, weight
+from ..core.regression import Prior, normal_equations
 from . import constants as const
-from .motion import Motion, SmoothRuns, bump, slope
+from .motion import Motion, SmoothRuns, bump, by_own_scale, slope
 
 LONGER = "Record a longer run in which the drive moves."
 
@@ -154,21 +154,17 @@ class Probe:
             self._judge(m, float(noise.mean()))
 
     def _fit(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
-        k, size = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + 1e-300
-        X, scale, prior = X / size, 1.0, Prior.free(len(size))
-        for _ in range(6):
-            fit = robust(X, y, prior, scale, 0.0, k, 1)
-            r = fit.r * scale
-            scale = 1.5 * float(np.median(np.abs(r))) + 1e-300
-            k = weight(r / scale)
-        self._X, self._b, self.r, self._size = X, fit.b, r, size
+        size = np.sqrt(np.mean(X**2, axis=0)) + 1e-300
+        X, prior = X / size, Prior.free(len(size))
+        b, r, k, scale = by_own_scale(X, y)
+        self._X, self._b, self.r, self._size = X, b, r, size
         power = float(np.mean(r * r)) + 1e-300
         alike = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
         memory = 1 + 2 * sum(max(0.0, one) for one in alike)  # rows that tell as much as one
         inverse = np.linalg.inv(normal_equations(X, y, k, prior, scale, 0.0)[0])
-        told, place = inverse[0, 0] / size[0] ** 2, fit.b[5:]
+        told, place = inverse[0, 0] / size[0] ** 2, b[5:]
         self._V = inverse * (scale**2 * memory + 1e-300)
-        self.J, self.error = float(fit.b[0] / size[0]), float(self._V[0, 0] ** 0.5 / size[0])
+        self.J, self.error = float(b[0] / size[0]), float(self._V[0, 0] ** 0.5 / size[0])
         self.lost = float(noise.mean() * k.sum() * told)
         self.residual, self.rms = rms(r), rms(y) + 1e-300
         self.left = self.residual / self.rms
