@@ -55,6 +55,8 @@ class Decision:
         self.strangers = Unknown(table, self.linear, width.sure)
         self._look()
         self._weight_first()
+        if self.named and self.named[0].gain > const.SURELY:
+            table.restart(self.named[0])
         table.richest(self.named, self.unknown)
         self._look()
         self.e0, self.left, self.rest = table.e, table.left, table.rest
@@ -239,11 +241,12 @@ class Decision:
             table.extend(c)
             more = (n for n in self._beside()[0] if n.name not in self._taken())
             n = next((n for n in more if n.share > self.floor(n)), None)
-            if n is not None and self.proven(n, self.e0):
+            if n is not None:
                 pairs.append((float(np.sum(n.e - self.e0)), c, n))
         table.back(self.before)
         total, *both = max(pairs, key=lambda pair: pair[0], default=(0.0,))
-        if total <= const.NEAR * self.odd[0].gain:
+        near = total > const.NEAR * self.odd[0].gain
+        if not (near and self.proven(both[1], self.e0)):
             for c in chosen:
                 table.extend(c)
             return

@@ -393,8 +393,8 @@ class View:
         speeds = known.get("vs", 0.01 * top) * np.array([0.5, 0.8, 1.2, 2, 4])
         return lengths, np.unique(np.clip(speeds, 1e-4 * top, 0.3 * top))
 
-    def choose(self, scale: float | None) -> float:
-        """Settle bristle length and Stribeck speed; the residual scale."""
+    def choose(self, scale: float | None, beside: Any = None) -> float:
+        """Settle bristle length and Stribeck speed, ``beside`` a contender; the residual scale."""
         lengths, speeds = self.grids()
 
         @cache
@@ -402,6 +402,8 @@ class View:
             nonlocal scale
             X, y = self.base(lengths[i], speeds[j]), self.y
             prior = self.prior(X)
+            if beside is not None:
+                X, y, prior = beside.added(self, X, y, prior)
             if scale is None:
                 first = int(prior.low[0] == prior.high[0] > 0)  # a J that is held explains all
                 r = y - X[:, :first] @ prior.low[:first]

@@ -121,14 +121,15 @@ class Table:
         self.quick, self.chosen = True, []
         self.restart(settled=scale is not None)
 
-    def restart(self, settled: bool = False) -> None:
-        """The base without any chosen effect, with friction's likeliest shape."""
+    def restart(self, beside: Contender | None = None, settled: bool = False) -> None:
+        """The base without any chosen effect, friction's shape settled (beside the likeliest)."""
         v = self.view
         v.start()
+        self.likeliest = beside
         if settled:
             v.set_law(v.x0, v.vs)
         else:
-            self.scale = v.choose(self.scale)
+            self.scale = v.choose(self.scale, beside)
         self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
         joined = {t.key for t in v.terms}
         self.imitates = np.array(
@@ -143,7 +144,11 @@ class Table:
         fit = self.fit = robust(self.X, self.y, self.prior, self.scale, v.noise)
         self.J = max(float(fit.b[0]), 1e-9 * self.scale / (rms(v.rows.a) or 1.0))
         if not self.chosen:  # what effects scale is the friction and inertia of the declared model
-            v.settle(fit.b)
+            b = fit.b
+            if self.likeliest is not None:
+                X, y, prior = self.likeliest.added(v, self.X, self.y, self.prior)
+                b = robust(X, y, prior, self.scale, v.noise, fit.w, 3).b
+            v.settle(b)
             v.J = self.J
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         if self.quick or self.scale_J is None:
