@@ -193,6 +193,7 @@ class View:
         self.load = motion.d
         self._path = strokes(motion.fine_steps)
         self.known: dict[Any, Any] = {}
+        self.found: dict[str, list[tuple[float, ...]]] = {}  # loads behind a spring
         self.loads: dict[Any, Seen] = {}  # what the motion drives, seen in the rows
 
     def _blocked(self) -> Blocks:

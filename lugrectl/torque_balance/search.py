@@ -349,9 +349,10 @@ class Search:
         def gains_of(tried: Sequence[Sequence[float]]) -> np.ndarray:
             return self._gains(block, self._seen(block, [load(*one) for one in tried]).rows)
 
-        tried = self._springs("gap" in keys, gains_of)
+        found = self.view.found.setdefault(block.name, [])  # beside other bases
+        tried = [*self._springs("gap" in keys, gains_of), *found]
         gains = gains_of(tried)
-        best, slowest = tried[int(np.argmax(gains))], min(one[0] for one in tried)
+        best, slowest = tried[int(np.argmax(gains))], tried[0][0]
         if gains.max() < 2 * const.SCREEN:
             return
 
@@ -366,6 +367,7 @@ class Search:
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
         x = np.exp(polish(around, np.log(best).tolist(), steps[: len(best)], self.turns)).tolist()
         if x[0] >= 0.84 * slowest and x[1] <= 0.95:  # else J falls with frequency
+            found[:] = [tuple(x)]
             cost = np.log(3 * (const.GAPS if "gap" in keys else const.RATES))
             yield self._contender(block, load(*x), cost=float(cost))
 
