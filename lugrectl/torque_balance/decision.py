@@ -19,7 +19,7 @@ from ..core.regression import paired, robust
 from . import constants as const
 from .columns import refused
 from .friction import OFFSET, WEIGHT, Term, View
-from .last_fit import Interval, best_law, state_of
+from .last_fit import best_law, state_of
 from .maps import Still
 from .search import Search
 from .table import Contender, Table, Unknown, errors_of, is_lateness, proven
@@ -63,18 +63,16 @@ class Decision:
         self.before, self.free_of_base = table.mark(), int(table.fit.free.sum())
         self.decide(frozenset())
 
-    def _search(self) -> Search:
-        return Search(self.table, self.width.sure, self.never)
-
     def _look(self) -> None:
-        self.search = self._search()
+        self.search = Search(self.table, self.width.sure, self.never)
         self.named, self.unknown = self.search.rows(), self.strangers.rows()
 
     def _beside(self) -> tuple[list[Contender], list[Contender]]:
         """The rows beside what is chosen; looked for once, as the chosen ones live on in them."""
         key = tuple(id(c) for c in self.table.chosen)
         if key not in self._known:
-            self._known[key] = self._search().rows(), self.strangers.rows()
+            search = Search(self.table, self.width.sure, self.never)
+            self._known[key] = search.rows(), self.strangers.rows()
         return self._known[key]
 
     # ---- a load that hides everything else
@@ -185,7 +183,7 @@ class Decision:
         last = best_law(view, state, table.scale, straight=True)
         r = last.fit.r * last.scale / table.scale
         e = view.blocks.seen(r, table.stretch(last.values["J"]))
-        return e, int(Interval(last).blocks[0][-1]) + 1
+        return e, int(last.interval.blocks[0][-1]) + 1
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; what is left decides: a further name, an unknown torque, or none."""
@@ -235,7 +233,8 @@ class Decision:
 
     def _two_at_once(self, large: list[Contender]) -> None:
         """One unknown torque may be two that have names: the pair that explains more than it."""
-        table, chosen, pairs = self.table, list(self.table.chosen), []
+        table, chosen = self.table, list(self.table.chosen)
+        pairs: list[tuple[float, Contender, Contender]] = []
         for c in large[: const.TOGETHER]:
             table.back(self.before)
             table.extend(c)
@@ -244,15 +243,15 @@ class Decision:
             if n is not None:
                 pairs.append((float(np.sum(n.e - self.e0)), c, n))
         table.back(self.before)
-        total, *both = max(pairs, key=lambda pair: pair[0], default=(0.0,))
-        near = total > const.NEAR * self.odd[0].gain
-        if not (near and self.proven(both[1], self.e0)):
+        best = max(pairs, key=lambda pair: pair[0], default=None)
+        enough = const.NEAR * self.odd[0].gain
+        if best is None or best[0] <= enough or not self.proven(best[2], self.e0):
             for c in chosen:
                 table.extend(c)
             return
         self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
-        table.extend(both[0])
-        self._extend(both[1])
+        table.extend(best[1])
+        self._extend(best[2])
 
 
 @dataclass(frozen=True)

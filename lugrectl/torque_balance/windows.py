@@ -145,6 +145,9 @@ class Probe:
         plain = np.column_stack([direction, m.w, one, m.slope(m.u), declared.place])
         signals = np.column_stack([plain, m.u, np.abs(m.w), m.elapsed])
         rows = [_accelerations(r, h, signals[at]) for r, at in zip(m.runs, m.at, strict=True)]
+        # what the acceleration itself shows where it is calm, in every other window
+        bends = np.abs(np.diff(np.concatenate([x[::2, 0] for x in rows]), 2))
+        self.calm = float(np.quantile(bends, 0.15)) / 0.189 / 2.45 if len(bends) else 0.0
         every = np.concatenate(rows)
         every = every[every[:, -2] > 0.01 * m.top]
         X, (noise, y, _, self.t) = every[:, :-4], every[:, -4:].T
@@ -182,7 +185,8 @@ class Probe:
             friction = J * size[0]
         small = const.NOISY * (known.Fc or max(friction, 0.1 * np.std(motion.u)))
         small = max(small, 0.3 * self.residual * (known.J is None), 1e-100)
-        self.noisy = float(J * np.sqrt(variance) / small)
+        shown = 0.5 * self.calm * (known.J is not None)
+        self.noisy = float(J * max(np.sqrt(variance), shown) / small)
 
 
 def _accelerations(runs: SmoothRuns, h: float, signals: np.ndarray) -> np.ndarray:

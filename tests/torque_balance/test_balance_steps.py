@@ -52,16 +52,6 @@ def test_one_constant_torque_is_refused_with_what_it_may_be():
         lg.read_record(held(40.0))
 
 
-def test_a_step_whose_rise_the_log_does_not_show_is_a_point_of_the_friction_curve():
-    """Without a rise nothing contradicts it: friction at that speed is certain."""
-    t = DT * np.arange(400)
-    on = t >= 0.5
-    theta = np.round(np.maximum(t - 0.5, 0.0) * 30.0 / COUNT) * COUNT
-    found = lg.balance({"t": t, "u": 0.25 * on, "theta": theta})
-    assert found.combinations or found.parameters
-    assert not any("any inertia" in said for said in found.said)
-
-
 @pytest.mark.parametrize("runs", [[held(40.0, 100)], [held(40.0, 100), held(-80.0, 100)]])
 def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
     plain = lg.balance(runs)

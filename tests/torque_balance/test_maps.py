@@ -89,14 +89,6 @@ def test_one_direction_gives_the_sum():
     assert holds(found.estimates["Fv"], FV)
 
 
-def test_a_ripple_is_said_where_no_angle_was_recorded():
-    made = runs(lambda w, x: 0.06 * np.sin(3 * x), speeds=4 * SPEEDS, has=("w",))
-    found = lg.diagnose(made, MODEL)
-    assert found.map.swing[0][0] == 3 and holds(found.map.swing[0][1], 0.06, 0.1)
-    assert found.verdict == "ambiguous" and found.effects[0].alternatives
-    assert "phase" not in found.effects[0].parameters and not found.model.effects
-
-
 def test_what_no_effect_explains_is_unexplained():
     def added(w, x):
         return 0.15 * np.sign(w) * np.exp(-(((abs(w) - 4) / 1.2) ** 2))

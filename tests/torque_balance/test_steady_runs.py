@@ -62,15 +62,6 @@ def test_a_declared_fall_that_no_run_shows_stays_as_declared():
     assert found.model.friction.values["Fs"] == FS and found.model.friction.values["vs"] == VS
 
 
-def test_few_points_have_finite_intervals():
-    """Where Akaike's criterion is infinite for both laws neither is preferred."""
-    model = STRIBECK.with_effect("constant_torque", {"torque": 0.01})
-    runs = both_ways(np.linspace(8.0, 30.0, 3), fall=FS - FC)
-    found = lg.identify([runs[i] for i in (0, 5, 3, 2)], model)
-    ends = [end for e in found.estimates.values() for end in e.ci95 or ()]
-    assert ends and np.all(np.isfinite(ends))
-
-
 def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it():
     """Where it is large, a fit without it has little Coulomb friction, and a start of Fs."""
     runs = both_ways(np.geomspace(1.5, 40.0, 6), drag=8e-4)
