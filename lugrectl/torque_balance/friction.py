@@ -168,6 +168,9 @@ class View:
     signals = frozenset({"t", "theta", "w", "u"})  # on which an unknown torque may depend
     never: frozenset[str] = frozenset()  # effects that such a log cannot show
     held_out: Sequence[tuple[int, float, float]] = ()  # (run, start, end), s; none: alternate parts
+    coulomb: np.ndarray  # friction along the log (n,), once it is settled
+    level: np.ndarray
+    viscous: np.ndarray
 
     def __init__(
         self,

@@ -220,14 +220,14 @@ class Sensors:
         if self.theta is not None and self.w is not None:
             self.differenced = self._differenced()
             self._compare()
-        self.position, self.variance = self.theta, self.theta_variance
-        if self.position is None:  # summed from the speed
-            assert self.w is not None
-            steps = [
-                0.5 * (w[1:] + w[:-1]) * samples.dt for w in (self.w[at] for at in samples.pieces)
-            ]
-            self.position = np.concatenate([np.r_[0.0, np.cumsum(x)] for x in steps])
-            self.variance = self.w_variance * samples.dt**2 * const.DRIFT + 1e-300
+        if self.theta is not None:
+            self.position, self.variance = self.theta, self.theta_variance
+            return
+        assert self.w is not None  # the position is summed from the speed
+        self.position = samples.each(
+            lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * samples.dt], self.w
+        )
+        self.variance = self.w_variance * samples.dt**2 * const.DRIFT + 1e-300
 
     def _noise(self, x: np.ndarray, white: np.ndarray, quantile: float) -> float:
         """Standard deviation of the noise of a channel where the motion is calm."""
