@@ -32,10 +32,10 @@ def covers(e, truth):
 
 def test_intervals_hold_although_runs_differ_by_more_than_their_noise():
     """The noise of the samples alone would give a tenth of the width."""
-    found = [lg.balance(steady(SPEEDS, seed=seed, scatter=0.01)) for seed in range(2)]
+    found = [lg.balance(steady(SPEEDS, seed=seed, scatter=0.01)) for seed in range(6)]
     for key, truth in (("Fc", FC), ("Fv", FV), ("constant_torque", 0.0)):
         held = [covers((plain.parameters | plain.uncertain)[key], truth) for plain in found]
-        assert all(held), key
+        assert sum(held) >= 5, key
 
 
 def test_a_fall_at_low_speed_is_none_of_the_level():
