@@ -600,22 +600,9 @@ def _some_motion() -> Along:
     t = dt * np.arange(250)
     theta = 0.7 * np.sin(11.0 * t + 0.3) + 0.4 * np.sin(29.0 * t) + 3.0 * t
     w, u = slope(theta, dt), 1.5 * np.sin(17.0 * t) + 0.4
-    way = np.tanh(w)
-    return Along(
-        t=t,
-        theta=theta,
-        w=w,
-        acceleration=bend(theta, dt),
-        path=theta,
-        pieces=((slice(0, len(t)), dt),),
-        u=u,
-        d=np.zeros(len(t)),
-        z=way,
-        follows=way**2,
-        coulomb=0.3 * way,
-        level=np.full(len(t), 0.3),
-        viscous=0.02 * w,
-        load=0.2 * np.sin(theta),
-        J=0.01,
-        values={"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5},
-    )
+    way, one = np.tanh(w), np.ones(len(t))
+    friction = {"coulomb": 0.3 * way, "level": 0.3 * one, "viscous": 0.02 * w}
+    made = Along(t, theta, w, bend(theta, dt), theta, ((slice(0, len(t)), dt),), u, 0 * one)
+    values = {"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5}
+    load = 0.2 * np.sin(theta)
+    return replace(made, z=way, follows=way**2, load=load, J=0.01, values=values, **friction)
