@@ -89,18 +89,25 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
 
     grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
     i = int(np.argmax([total(x) for x in grid]))
-    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)], 11)
+    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
     if total(best) - total(0.0) < const.SCREEN:
         return 0.0, 0.0
-    e = Table(view.lowered(best), table.scale).e - np.log(len(grid)) / len(table.e)
+
+    @lru_cache
+    def by_table(offset: float) -> np.ndarray:
+        return Table(view.lowered(offset), table.scale).e
+
+    best = golden(lambda x: float(by_table(x).sum()), 0.5 * best, 1.5 * best, 11)
+    e = by_table(best) - np.log(len(grid)) / len(table.e)
     if not proven(*paired(e, table.e)):
         return 0.0, 0.0
     step = const.NEAR_BY * abs(best)
-    up, down = scores(best + step), scores(best - step)
-    bend = float(np.sum(2 * scores(best) - up - down)) / step**2
+    up, down = by_table(best + step), by_table(best - step)
+    bend = float(np.sum(2 * by_table(best) - up - down)) / step**2
     # by what the blocks say alone; slower than blurred is rest
     error = float(np.linalg.norm(up - down)) / (2 * step * bend) if bend > 0 else abs(best)
-    return best, float(np.hypot(const.WHOLE * error, blurred / np.sqrt(12.0)))
+    error = const.WHOLE * error if bend > 0 else error
+    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:
