@@ -21,7 +21,7 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from ..torque_balance.driven_states import driven
+from ..torque_balance.columns import driven
 from .friction import Friction, fit_friction, load_motion, problem_of
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
 from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows

@@ -12,12 +12,10 @@ from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import TINY, paired
 from ..estimates.comparison import Compared, Comparison, Detectable, Share
-from .constants import UNSEEN
+from .constants import LEAST_FRICTION, ORDERS, UNSEEN
 from .decision import Decision
-from .friction import LEAST_FRICTION, View
-from .interval import Interval
-from .last_fit import LastFit, places
-from .search import ORDERS
+from .friction import View
+from .last_fit import Interval, LastFit, places
 from .table import Contender
 from .verdict import LONGER, Answer
 
@@ -37,7 +35,6 @@ Term = tuple[str, np.ndarray, float, list[int], tuple[str, ...]]
 
 
 def comparison(made: Answer, least: float, alpha: float) -> Comparison:
-    """The comparison behind an answer."""
     d = made.decision
     assert d is not None  # there is no comparison without a search
     friction = _friction(made.last)
@@ -110,7 +107,6 @@ def _share(
 
 
 def _unknown(made: Answer, friction: float) -> list[Share]:
-    """The unknown torque that the verdict is about."""
     on = set(made.depends_on)
     unknown = made.decision.unknown if made.decision else ()
     odd = next((c for c in unknown if c.depends_on == on), None)

@@ -1,4 +1,9 @@
-"""Any registered block as columns along a measured motion.
+"""Blocks with states along a measured motion, integrated by the engine.
+
+Position and speed between the samples are those of the cubic through both; u is held by an effect
+on it, everything else goes in straight lines. A step of the states takes the signals of its middle.
+
+Any registered block as columns along a measured motion.
 
 No equation of an effect or of a friction law stands here: a block's own function is evaluated
 along the motion, its states are integrated along it, and its declaration says the rest (what it
@@ -16,29 +21,146 @@ is a second column. What else is fitted enters by :func:`slopes`.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial, wraps
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ..blocks.block import Block
 from ..blocks.friction import level as sliding_level
 from ..blocks.plant import borrowed
+from ..core.bare_system import BareSystem
 from ..engine import TraceError
-from .driven_states import Pieces, changes, driven, once_a_block
-from .numerics import bend, slope
+from ..engine.runtime.batch_run import Lanes
+from . import constants as const
+from .motion import bend, cubic, slope
+
+Signals = Mapping[str, np.ndarray]
+Pieces = Sequence[tuple[slice, float]]
+T = TypeVar("T")
+
+
+def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
+    """What is asked of a block, answered once for each."""
+    known: dict[Any, tuple[Block, T]] = {}
+
+    @wraps(function)
+    def asked(block: Block) -> T:
+        key = block.kind, block.name, block.function
+        if key not in known or known[key][0] != block:
+            known[key] = block, function(block)
+        return known[key][1]
+
+    return asked
+
+
+def changes(block: Block, results: Sequence[Any], signals: Mapping[str, Any]) -> list[Any]:
+    """What each output changes: torque lost at the input, a sensor's error, or itself."""
+    made = []
+    for i, name in enumerate(block.fresh):
+        act = block.acts[i if len(block.fresh) == len(block.acts) else 0] if block.acts else ""
+        out = results[i]
+        if act == "input":
+            out = signals["u"] - out
+        elif act == "sensor":
+            out = out - signals[name.removesuffix("_m")]
+        made.append(out)
+    return made
+
+
+def driven(
+    block: Block, sets: Sequence[Mapping[str, float]], signals: Signals, pieces: Pieces
+) -> list[np.ndarray]:
+    """Changes by each output of a block with states, (n, sets) each; each piece begins where
+    ``Block.start`` says. TraceError where the engine cannot read the block's function.
+
+    ``signals`` are (n,) arrays of what the block reads, with w beside theta and theta beside w.
+    A value stands for the mean around its sample with triangular weights, so that a torque
+    between the samples is neither early nor late; where u is read by an effect on the input, for
+    the mean over the cell in which u is held.
+    """
+    out = np.zeros((len(block.fresh), len(next(iter(signals.values()))), len(sets)))
+    for piece, dt in pieces:
+        own = {k: x[piece] for k, x in signals.items()}
+        k = int(np.clip(round(dt / const.FINE), 1, 10))
+        some = max(1, const.ROOM_DRIVEN // (len(block.states) * k * len(own[block.reads[0]])))
+        for first in range(0, len(sets), some):
+            few = slice(first, first + some)
+            out[:, piece, few] = _along(block, sets[few], own, dt, k)
+    return list(out)
+
+
+def _along(
+    block: Block, sets: Sequence[Mapping[str, float]], own: Signals, dt: float, k: int
+) -> np.ndarray:
+    """Changes (outputs, n, sets) over one piece, by ``k`` steps a sample."""
+    held, lanes, n = "input" in block.acts, _lanes(block), len(own[block.reads[0]])
+    many, shares = len(block.fresh), (np.arange(k) + 0.5) / k
+    between = _between(own, shares, dt, held)
+    p = np.array([[float(one[name]) for name in lanes.parameters] for one in sets])
+    first = [0.0 if name == "0" else float(own[name][0]) for name in block.start]
+    sums, last = lanes.run(
+        np.tile([*first, *[0.0] * many], (len(sets), 1)), np.zeros(len(sets), int), n * k,
+        np.column_stack([between[name] for name in block.reads])[None],
+        p.reshape(len(sets), -1), dt=dt / k, substeps=1,
+    )  # fmt: skip
+    sums = np.concatenate([sums, last[:, None, -many:]], axis=1)
+    means = np.moveaxis(np.diff(sums, axis=1) / (dt / k), 0, 2).reshape(n, k, many, len(sets))
+    if held:
+        return means.mean(1).swapaxes(0, 1)
+    return _around(means, shares).swapaxes(0, 1)
+
+
+def _between(own: Signals, shares: np.ndarray, dt: float, held: bool) -> dict[str, np.ndarray]:
+    """Signals (n shares,) between the samples; beyond the end the speed stays."""
+    made = {}
+    for name, x in own.items():
+        rise = np.append(np.diff(x), 0.0) * (name != "u" or not held)
+        made[name] = (x[:, None] + shares * rise[:, None]).ravel()
+    if {"theta", "w"} <= own.keys():
+        theta, rise = cubic(own["theta"], own["w"] * dt, shares)
+        made |= {"theta": theta.ravel(), "w": rise.ravel() / dt}
+    return made
+
+
+def _around(means: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Means over steps (n, k, ...) -> around the samples (n, ...), by triangles, without what these
+    take off slow changes; the first sample has only what comes after it."""
+    before, after = (np.tensordot(means, w / len(w), (1, 0)) for w in (shares, 1.0 - shares))
+    made = after
+    made[1:] += before[:-1]
+    made[0] *= 2.0
+    spread = float(np.mean((1.0 - shares) * shares**2))
+    made[1:-1] -= spread * (made[2:] - 2.0 * made[1:-1] + made[:-2])
+    return made
+
+
+@once_a_block
+def _lanes(block: Block) -> Lanes:
+    """The states of a block and the integrals of its changes, as the engine reads them."""
+    many = len(block.fresh)
+    sums = tuple(f"sum of {name}" for name in block.fresh)
+
+    def rates(_t: Any, x: Any, u: Any, p: Mapping[str, Any]) -> np.ndarray:
+        values = {k: p[k] for k in block.parameters}
+        results = block(*u, *x[: len(block.states)], **values)
+        signals = dict(zip(block.reads, u, strict=True))
+        return np.array([*results[many:], *changes(block, results[:many], signals)])
+
+    return Lanes(BareSystem(
+        rates, lambda _t, x, _u, _p: x[len(block.states) :], inputs=block.reads, outputs=sums,
+        states=(*block.states, *sums), params={k: x or 0.0 for k, x in block.defaults().items()},
+        name=block.name,
+    ))  # fmt: skip
+
 
 SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs", "+Fv")
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
-TRIED = 0.3  # strength at which an effect is tried for being linear
-ALIKE = 1e-6  # of its torque
-SHARE = 0.005  # step of a positive quantity, of its value
-TURN = 0.1  # rad by which a step of a frequency moves the end of the log
-TRAVEL, DURATION = 1e-3, 1e-2  # steps of a position and of a time, of the log's
 
 TINY = np.finfo(float).tiny  # a speed that has a direction at rest
+unknown = partial(np.zeros, 1)  # of a signal
 
 Values = Mapping[str, Any]
 
@@ -54,15 +176,17 @@ class Along:
     path: np.ndarray  # the stiffer position, without jumps between the pieces
     pieces: Pieces  # stretches of even time and their step: nothing looks across a cut
     u: np.ndarray  # as recorded, or as earlier effects on the input left it
-    z: np.ndarray  # deflection of the bristle in units of its limit
-    follows: np.ndarray  # its derivative by an asymmetry of that limit
-    coulomb: np.ndarray  # Coulomb and Stribeck part of friction
-    level: np.ndarray  # of that, >= 0
-    viscous: np.ndarray
-    load: np.ndarray  # torque of the loads: declared ones and the measured d
-    J: float
-    values: Mapping[str, float]  # of the plant and its friction law
-    d: np.ndarray | None = None
+    d: np.ndarray  # measured load torque
+    # deflection of the bristle in units of its limit, and its derivative by an asymmetry of that
+    z: np.ndarray = field(default_factory=unknown)
+    follows: np.ndarray = field(default_factory=unknown)
+    # Coulomb and Stribeck part of friction, the level of that (>= 0), and torque of all loads
+    coulomb: np.ndarray = field(default_factory=unknown)
+    level: np.ndarray = field(default_factory=unknown)
+    viscous: np.ndarray = field(default_factory=unknown)
+    load: np.ndarray = field(default_factory=unknown)
+    J: float = 0.0
+    values: Mapping[str, float] = field(default_factory=dict)  # of the plant and its friction law
 
     def __len__(self) -> int:
         return len(self.t)
@@ -78,12 +202,10 @@ class Along:
 
     def signals(self, block: Block) -> dict[str, np.ndarray]:
         """What a block reads. One with an inertia or a sensor moves with the stiffer motion."""
-        d = np.zeros(len(self)) if self.d is None else self.d
-        own = {k: getattr(self, k) for k in SIGNALS} | {"d": d}
+        own = {k: getattr(self, k) for k in SIGNALS}
         return own | self.stiff if _is_stiff(block) else own
 
     def each(self, function: Any, x: np.ndarray) -> np.ndarray:
-        """``function(x, dt)`` of each piece."""
         made = np.zeros(x.shape)
         for piece, dt in self.pieces:
             made[piece] = function(x[piece], dt)
@@ -101,7 +223,6 @@ class Columns:
 
     @property
     def torque(self) -> np.ndarray:
-        """Both parts together (n, k)."""
         wide, narrow = (0.0 if x is None else x for x in (self.wide, self.narrow))
         return np.asarray(wide + narrow)
 
@@ -150,18 +271,14 @@ def needs_inertia(block: Block) -> bool:
 @once_a_block
 def refused(block: Block) -> str:
     """One sentence why a block cannot be a candidate, '' if it can."""
-    if block.kind not in ("effect", "friction"):
-        return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
-    if block.kind == "effect" and not block.acts:
-        return f"{block.name} acts on nothing inside a drive"
-    for act in block.acts:
-        if act not in SERVED:
-            return f"{block.name} acts on {act}, which is no torque along a motion"
-    for name in block.inputs:
-        if name not in SIGNALS:
-            return f"{block.name} reads {name}, which no log has"
+    odd = [f"acts on {act}" for act in block.acts if act not in SERVED]
+    odd += [f"reads {name}" for name in block.inputs if name not in SIGNALS]
+    if block.kind not in ("effect", "friction") or block.kind == "effect" and not block.acts:
+        odd.append(f"is a {block.kind} that acts on nothing")
     if "sensor" in block.acts and len(block.acts) > 1:
-        return f"{block.name} acts on more than the sensor"
+        odd.append("acts on more than the sensor")
+    if odd:
+        return f"{block.name} {' and '.join(odd)}, which no log of a drive shows"
     log = _some_motion()
     try:
         with np.errstate(all="ignore"):
@@ -188,14 +305,11 @@ def columns(block: Block, values: Values, along: Along) -> Columns:
 
 def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
     """The columns of :func:`columns` for each set of values, side by side."""
-    known = linear(block)
-    one = np.ones(len(sets))
+    known, one, usual = linear(block), np.ones(len(sets)), _usual(block, along)
     if not known:
-        usual = _usual(block, along)
         made = _torques(block, [_completed(block, values, usual) for values in sets], along)
         return Columns(*made, low=one, high=one)
-    p, more = block.own[block.gain], _places(block, along)
-    usual, per = _usual(block, along), scaled(block) or ()
+    p, more, per = block.own[block.gain], _places(block, along), scaled(block) or ()
     each = [_scaled(block, values, usual, per) | place for values in sets for place in more]
     made = Columns(*_torques(block, each, along), low=one, high=one)
     neutral = p.neutral or 0.0
@@ -242,21 +356,22 @@ def step_of(block: Block, key: str, value: float, along: Along) -> float:
     """How far to go for a difference: a share of a positive quantity; of a frequency or an order
     what moves the end of the log by 0.1 rad; of a place or an instant a share of the log's."""
     p = block.parameters[key]
-    reach = max(float(np.ptp(along.path)), 1e-12)
+    reach, time = (max(float(np.ptp(x)), 1e-12) for x in (along.path, along.t))
     if p.unit == "Hz":
-        return TURN / (2 * np.pi * max(float(np.ptp(along.t)), 1e-12))
+        return const.STEP_TURN / (2 * np.pi * time)
     if p.whole:
-        return TURN / reach
+        return const.STEP_TURN / reach
     if p.angle:
-        return TRAVEL
-    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * TRAVEL * reach}.get(p.unit, 1e-6)
-    if p.low >= 0.0:
-        return max(SHARE * abs(value), least) if np.isfinite(value) else SHARE
+        return const.STEP_TRAVEL
     if p.instant:
-        return DURATION * float(np.ptp(along.t))
-    return (
-        TRAVEL * reach if p.unit == "rad" else max(SHARE * abs(value), SHARE * abs(p.value), least)
-    )
+        return const.STEP_DURATION * time
+    if p.low < 0.0 and p.unit == "rad":
+        return const.STEP_TRAVEL * reach
+    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}
+    if not np.isfinite(value):
+        return const.STEP_SHARE
+    size = abs(value) if p.low >= 0.0 else max(abs(value), abs(p.value or 0.0))
+    return max(const.STEP_SHARE * size, least.get(p.unit, 1e-6))
 
 
 # Coefficients and parameters
@@ -303,7 +418,6 @@ def _usual(block: Block, along: Along) -> dict[str, Any]:
 
 
 def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
-    """The given values, and usual ones of the other parameters."""
     for key in values:
         if key not in block.parameters:
             block.check({key: values[key]})
@@ -341,7 +455,6 @@ def _spanned(block: Block) -> str | None:
 
 
 def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Entries of a and of b in turn."""
     return np.stack([a, b], axis=1).reshape(2 * len(a), *a.shape[1:])
 
 
@@ -468,13 +581,13 @@ def scaled(block: Block) -> tuple[str, ...] | None:
     both = (k for k, q in block.own.items() if mass.search(q.unit) and mass.search(p.unit))
     for also in ((), tuple(k for k in both if k != block.gain)):
         sets = []
-        for size in (TRIED, 2 * TRIED):
+        for size in (const.TRIED, 2 * const.TRIED):
             own = _filled(block, {}, log)
             more = {k: own[k] * size for k in also}
             sets.append(own | more | {block.gain: p.neutral + size})
         with np.errstate(all="ignore"):
             parts = [x for x in _torques(block, sets, log) if x is not None]
-        if all(np.all(np.abs(b - 2.0 * a) <= ALIKE * np.max(np.abs(b))) for a, b in
+        if all(np.all(np.abs(b - 2.0 * a) <= const.SAME_TORQUE * np.max(np.abs(b))) for a, b in
                (x.T for x in parts)):  # fmt: skip
             return also
     return None
@@ -487,21 +600,9 @@ def _some_motion() -> Along:
     t = dt * np.arange(250)
     theta = 0.7 * np.sin(11.0 * t + 0.3) + 0.4 * np.sin(29.0 * t) + 3.0 * t
     w, u = slope(theta, dt), 1.5 * np.sin(17.0 * t) + 0.4
-    way = np.tanh(w)
-    return Along(
-        t=t,
-        theta=theta,
-        w=w,
-        acceleration=bend(theta, dt),
-        path=theta,
-        pieces=((slice(0, len(t)), dt),),
-        u=u,
-        z=way,
-        follows=way**2,
-        coulomb=0.3 * way,
-        level=np.full(len(t), 0.3),
-        viscous=0.02 * w,
-        load=0.2 * np.sin(theta),
-        J=0.01,
-        values={"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5},
-    )
+    way, one = np.tanh(w), np.ones(len(t))
+    friction = {"coulomb": 0.3 * way, "level": 0.3 * one, "viscous": 0.02 * w}
+    made = Along(t, theta, w, bend(theta, dt), theta, ((slice(0, len(t)), dt),), u, 0 * one)
+    values = {"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5}
+    load = 0.2 * np.sin(theta)
+    return replace(made, z=way, follows=way**2, load=load, J=0.01, values=values, **friction)

@@ -5,109 +5,38 @@ one regression. Every value of an answer comes from it.
 
 What a value is not linear in has a column of slopes, and the fit is repeated at the value that it
 says.
+
+The intervals of the last fit.
+
+Blocks are left out; laws that the log does not tell apart count by their likelihood; other
+descriptions of the same drive, a stiffer and a softer motion in wider windows and the drive with an
+alternative in place of a name, count by how far their values lie apart; and no sensor is better
+than SCALE.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from ..blocks.block import Block, members
 from ..blocks.declared_values import Stated
-from ..blocks.friction import free_level
+from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..core.regression import Prior, log_density, robust, spread
+from ..core.regression import Prior, left_out_covariance, log_density, memory_blocks, robust, spread
+from . import constants as const
 from .columns import changed_input, columns, linear, nonlinear, scaled, slopes, step_of, to_values
-from .constants import BACKGROUND, BETWEEN, GREASE, NEAR_REST
-from .friction import LARGE, OFFSET, WEIGHT, Term, View
+from .friction import OFFSET, WEIGHT, Name, State, Term, View
 from .table import Table, is_lateness
+from .windows import Rows
 
-Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
-FURTHEST = 10.0  # steps by which a value that is not linear moves at most at a time ...
-PART = 0.3  # ... and of itself
-DIP = 2.0  # times all torque: no Stribeck dip is larger
 LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
-NOTHING = 1e-100  # a column without torque
-MOST_TURNS, STAYS = 12, 0.2  # of a fit; holds by which a delay still moves
-RIGID = 1e-3  # of the bristles: as good as none
 CONSTANT = {OFFSET, "coulomb_asymmetry"}
 NEAR = {"turn": "presliding", "dip": "stribeck"}  # what friction near rest is a part of
-KAPPA = 3.0  # rows at least that tell as much as one that knows nothing of its neighbours
-SURE = 1e-6  # of a held value: its standard deviation
-
-
-@dataclass
-class State:
-    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape."""
-
-    k: dict[str, float]
-    terms: list[Term]
-    vs: float
-    exponent: float = 2.0
-    grease: float = 0.0  # exponent of a bend of the friction curve, 0 without one
-    bare: bool = False  # what every drive has is held to its size
-    constant: bool = False  # a constant torque is a term, of any size
-    late: float = 0.0  # s: so much later than logged the torque acts
-    absent: frozenset[str] = frozenset()  # parts of friction that the law does not have
-
-    def copy(self, **other: Any) -> State:
-        own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        return replace(self, **own | other)
-
-    @property
-    def named(self) -> list[Term]:
-        """The effects beside the declared ones."""
-        return [t for t in self.terms if not t.declared]
-
-    def without_names(self, **other: Any) -> State:
-        return self.copy(terms=[t.copy() for t in self.terms if t.declared], **other)
-
-    def delayed(self, view: View) -> bool:
-        """Whether the torque may act at any time; at steady speeds it has none."""
-        return not (self.bare or view.is_map)
-
-    def apply(self, view: View) -> None:
-        """Friction and load along the log, which effects scale."""
-        m, k = view.motion, self.k
-        fine, view.z = view.deflection(self.bristle(view))
-        dip = m.coarse(fine * self.fall(m.fine_w))
-        view.coulomb = k["Fc"] * view.z + k["dip"] * dip
-        level = k["Fc"] + k["dip"] * self.fall(m.w)
-        view.level = np.maximum(level, 0.1 * abs(k["Fc"]))
-        view.viscous = k["Fv"] * m.w
-        if self.grease:
-            view.viscous = view.viscous + k.get("grease", 0.0) * view.grease(self.grease)
-        view.friction, view.J = view.coulomb + view.viscous, k["J"]
-        view.set_load(self.terms)
-        self.dip = dip
-
-    def bristle(self, view: View) -> float:
-        """The length of the bristles, rad; next to none where the law has none."""
-        return RIGID * view.x0 if "presliding" in self.absent else view.x0
-
-    def fall(self, w: np.ndarray) -> np.ndarray:
-        """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
-        return free_level(w, 0.0, 1.0, self.vs, self.exponent)
-
-    def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
-        """The state that a fit says."""
-        new = self.copy()
-        for name, x in zip(names, b, strict=True):
-            if isinstance(name, str):
-                new.k[name] = float(x)
-                if name == "late" and self.delayed(view):
-                    new.late += float(x) * view.longest_hold
-            elif isinstance(name[1], int):
-                new.terms[name[0]].b[name[1]] = x
-            else:
-                term, key = new.terms[name[0]], name[1]
-                p = term.block.own[key]
-                term.q[key] = float(np.clip(term.q[key] + x, p.low, p.high))
-        return new
 
 
 class Design:
@@ -147,8 +76,8 @@ class Design:
         high: float = np.inf,
         centre: float = 0.0,
     ) -> None:
-        """A column with what is known of its coefficient; none is above LARGE times all torque."""
-        most = LARGE * self.view.force / max(rms(column), NOTHING)
+        """A column with what is known of its coefficient; none is LARGE times all torque."""
+        most = const.LARGE * self.view.force / max(rms(column), const.NOTHING)
         self.names.append(name)
         self._columns.append(column)
         self._known.append((1 / min(sd, most) ** 2, centre, low, high))
@@ -169,14 +98,14 @@ class Design:
     def _friction(self) -> None:
         v, m, s, add = self.view, self.view.motion, self.state, self._add
         add("Fc", v.K @ v.z, low=-np.inf if m.one_way else 0.0)
-        most = 0.0 if "stribeck" in s.absent else DIP * v.force
+        most = 0.0 if "stribeck" in s.absent else const.DIP * v.force
         add("dip", v.K @ s.dip, low=0.0 if v.is_map else -most, high=most)
         add("Fv", v.K @ m.w, low=0.0)
-        grease = v.grease_rows(s.grease or GREASE[0])
+        grease = v.grease_rows(s.grease or const.GREASE[0])
         add("grease", grease, low=0.0, high=np.inf if s.grease else 0.0)
         add("damping", v.K @ m.slope(v.z))
         near = v.near_rest(s.bristle(v))
-        for (kind, _, share), column in zip(NEAR_REST, near.T, strict=True):
+        for (kind, _, share), column in zip(const.NEAR_REST, near.T, strict=True):
             if NEAR[kind] not in s.absent:
                 add("~", column, sd=share * self.level)
 
@@ -194,14 +123,14 @@ class Design:
             rows += [("~", x) for x in np.asarray(weight).T]
         for name, x in rows:
             x = v.K @ x
-            little = BACKGROUND * self.level / (rms(x) + 1e-300)
+            little = const.BACKGROUND * self.level / (rms(x) + 1e-300)
             if name == "offset" and self.constant:
                 little = np.inf
             most = little if self.state.bare else np.inf  # thousands of rows outvote a prior
             add(name, x, sd=little, low=-most, high=most)
-        most = BETWEEN * v.force
+        most = const.BETWEEN * v.force
         for run in v.with_offset:
-            add("run", v.K @ (1.0 * (m.run == run)), BACKGROUND * self.level, -most, most)
+            add("run", v.K @ (1.0 * (m.run == run)), const.BACKGROUND * self.level, -most, most)
 
     @property
     def constant(self) -> bool:
@@ -236,9 +165,13 @@ class Design:
             made = replace(made, wide=v.motion.held(made.wide))
         S = v.in_rows(made)
         for j, key in enumerate(keys):
-            far = FURTHEST * step[key]
+            far = const.FURTHEST * step[key]
             # how far it may lie from where a search found it
-            sd = far if block.own[key].low < 0.0 else max(PART * abs(term.q[key]), step[key])
+            sd = (
+                far
+                if block.own[key].low < 0.0
+                else max(const.FAR_SHARE * abs(term.q[key]), step[key])
+            )
             most = far if block.states else sd
             add((i, key), S[:, j] * per[key], sd=sd, low=-most, high=most)
 
@@ -285,13 +218,13 @@ class LastFit:
 
     def __init__(self, view: View, state: State, scale: float, turns: int = 3) -> None:
         self.view, self.scale, w = view, scale, None
-        for turn in range(MOST_TURNS):
+        for turn in range(const.MOST_TURNS):
             d = self.design = Design(view, state)
             self.fit = robust(d.X, d.y, d.prior, self.scale, view.noise, w, 4 if turn == 0 else 2)
             w, self.state = self.fit.w, state
             self.scale = max(scale, spread(self.fit.r) * self.scale)
             off = abs(self.fit.b[d.names.index("late")]) if state.delayed(view) else 0.0
-            if turn >= turns - 1 and off < STAYS:
+            if turn >= turns - 1 and off < const.STAYS:
                 break
             state = state.updated(d.names, self.fit.b, view)
         self.values = quantities(d, self.fit.b)
@@ -301,14 +234,16 @@ class LastFit:
         """What the fit leaves in the rows (m,), N m."""
         return self.design.y - self.design.X @ self.fit.b
 
+    @cached_property
+    def interval(self) -> Interval:
+        return Interval(self)
+
     def part(self, *names: str) -> np.ndarray:
-        """The torque (m,) of columns with these names."""
         at = [j for j, n in enumerate(self.design.names) if n in names]
         return self.design.X[:, at] @ self.fit.b[at]
 
     @cached_property
     def friction(self) -> np.ndarray:
-        """The friction torque (m,) in the rows."""
         return self.part("Fc", "dip", "Fv", "grease", "damping")
 
     @cached_property
@@ -367,13 +302,11 @@ class LastFit:
 
 
 def places(design: Design, i: int) -> list[int]:
-    """The places of the linear coefficients of effect i."""
     return [j for j, n in enumerate(design.names)
             if isinstance(n, tuple) and n[0] == i and isinstance(n[1], int)]  # fmt: skip
 
 
 def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
-    """Everything that is reported, from the coefficients."""
     state, v = design.state, design.view
     at, w, m = dict(zip(design.names, b, strict=True)), v.typical, v.motion
     held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
@@ -383,7 +316,7 @@ def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
     made["Fc + constant"] = at["Fc"] + held
     made["sum"] = (
         at["Fc"] + at["dip"] * float(state.fall(np.array(w))) + at["Fv"] * w + held
-        + at["grease"] * w ** (state.grease or GREASE[0])
+        + at["grease"] * w ** (state.grease or const.GREASE[0])
     )  # fmt: skip
     along = v.along()
     for i, term in enumerate(state.terms):
@@ -410,33 +343,218 @@ def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
 
 
 def state_of(table: Table) -> State:
-    """The last fit begins where the table ended."""
-    v = table.view
-    b = dict(zip(v.names, table.fit.b, strict=False))
-    Fc, Fv = b["Fc"] + 0.5 * (b["short_tail"] + b["long_tail"]), b["Fv"]
-    k = {
-        "J": table.J,
-        "Fc": Fc if Fc > 0 else 0.3 * v.size,
-        "dip": b["bump"] + 0.5 * b["short_tail"],
-        "Fv": Fv if Fv > 0 else 0.01 * v.size / max(v.motion.top, 1e-12),
-    }
-    terms = [t.copy() for t in v.terms]
-    for term in terms:
-        if (term.key, 0) in b:
-            term.b = np.array([b[term.key, i] for i in range(len(linear(term.block)))])
+    made = table.view.state(table.fit.b)
+    made.k["J"], made.grease = table.J, 0.0
     for c in table.chosen:
-        terms += c.terms([t.name for t in terms])
-    return State(k, terms, v.vs)
+        made.terms += c.terms([t.name for t in made.terms])
+    return made
 
 
 def with_stated(prior: Prior, j: int, one: Stated, value: float | None) -> Prior:
     """The prior with what is stated of coefficient j, whose declared value is given."""
     if one.fixed and value is not None:
-        sd = SURE * max(abs(value), 1e-12)
-        low, high = sorted((value * (1 - SURE), value * (1 + SURE)))
+        sd = const.SURE * max(abs(value), 1e-12)
+        low, high = sorted((value * (1 - const.SURE), value * (1 + const.SURE)))
         return prior.but(j, precision=1 / sd**2, centre=value, low=low - sd, high=high + sd)
     if one.std is not None and value is not None:
         prior = prior.but(j, precision=1 / one.std**2, centre=value)
     low = prior.low[j] if one.low is None else max(prior.low[j], one.low)
     high = prior.high[j] if one.high is None else min(prior.high[j], one.high)
     return prior.but(j, low=low, high=max(high, low))
+
+
+WITHOUT_SCALE = ("phase", "harmonic", "side")
+
+Value = tuple[float, float, float]
+
+
+class Law(NamedTuple):
+    """A friction law beside the fitted one."""
+
+    likelihood: float  # less the price of its parameters
+    b: np.ndarray
+    vs: float
+    exponent: float  # of the Stribeck curve
+    grease: float  # exponent, 0: none
+
+
+class Interval:
+    """Covariance of what a last fit reports, and the friction laws beside its own."""
+
+    def __init__(self, last: LastFit) -> None:
+        self.last, self.names = last, tuple(last.values)
+
+    @cached_property
+    def blocks(self) -> list[np.ndarray]:
+        fit, apart = self.last.fit, self.last.view.apart
+        if apart is not None:
+            return [apart]
+        return memory_blocks(fit.r * fit.w**0.5, const.FEWEST_LEFT_OUT)
+
+    @cached_property
+    def kappa(self) -> float:
+        """Rows that tell as much as one that knows nothing of its neighbours."""
+        memory = 4 if self.last.view.apart is None else 1  # blocks are so many memories long
+        return max(const.KAPPA, len(self.last.fit.r) / (memory * (self.blocks[0][-1] + 1)))
+
+    @property
+    def likelihood(self) -> float:
+        own = const.ONE_MORE * self.kappa if self.last.state.grease else 0.0
+        return self.last.score(self.last.fit.r) - own
+
+    @cached_property
+    def laws(self) -> list[Law]:
+        """Other Stribeck speeds and exponents, then with and without grease."""
+        last, state = self.last, self.last.state
+        v, d = last.view, last.design
+        m, fine = v.motion, v.deflection(state.bristle(v))[0]
+        shapes = [
+            (min(share * v.vs, v.longest_fall), e)
+            for share in const.OTHER_SPEEDS
+            for e in const.EXPONENTS
+        ]
+        falls = [state.copy(vs=vs, exponent=e).fall(m.fine_w) for vs, e in shapes]
+        dips = v.K @ m.coarse(np.column_stack([fine * fall for fall in falls]))
+        dip, grease = d.names.index("dip"), d.names.index("grease")
+        made, X = [], d.X.copy()
+
+        def fit(j: int, exponent: float, turns: int = 2) -> None:
+            X[:, dip] = dips[:, j]
+            if exponent and exponent != state.grease:
+                X[:, grease] = v.grease_rows(exponent)
+            prior = d.prior.but(grease, high=np.inf if exponent else 0.0)
+            f = robust(X, d.y, prior, last.scale, v.noise, last.fit.w, turns)
+            price = const.ONE_MORE * self.kappa if exponent else 0.0
+            made.append(Law(last.score(f.r) - price, f.b, *shapes[j], exponent))
+
+        for j in range(len(shapes)):
+            fit(j, state.grease)
+        best = max(range(len(shapes)), key=lambda j: made[j].likelihood)
+        if "sublinear_viscous" not in {t.name for t in state.terms}:
+            for exponent in (0.0, *const.GREASE):
+                if exponent != state.grease:
+                    fit(best, exponent, 3)
+        return made
+
+    @cached_property
+    def coefficients(self) -> np.ndarray:
+        """Covariance (k, k) of the coefficients: blocks left out, and laws by likelihood."""
+        last, d = self.last, self.last.design
+        v, b = last.view, last.fit.b
+        size = np.mean(d.X**2, axis=0) * len(d.y)
+        told = last.fit.free | np.array([n in ("J", "Fc", "Fv") for n in d.names])
+        precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
+        if v.J_range and not v.sure:  # a declared J that is held is known that well
+            precision[0] = 16 / max(float(np.ptp(v.J_range)), const.SCALE * v.J_range[1]) ** 2
+        prior = d.prior.but(slice(None), precision=precision)
+        noise = v.noise if last.fit.free[0] else 0.0  # it takes nothing from a J that is held
+        V = left_out_covariance(d.X, d.y, last.fit, prior, last.scale, noise, self.blocks)
+        laws = self.laws
+        score = np.array([law.likelihood for law in laws] + [self.likelihood]) / self.kappa
+        share = np.exp(score - score.max())
+        share /= share.sum()
+        apart = np.array([law.b for law in laws] + [b]) - b
+        return const.WHOLE**2 * V + (share[:, None] * apart).T @ apart + np.diag(self._little**2)
+
+    @cached_property
+    def _little(self) -> np.ndarray:
+        """Of each coefficient (k,), the standard deviation by what every drive has a little of: a
+        torque of the same kind as what is named, friction of another warmth, and an inertia of
+        another motor's constant."""
+        last, d, b = self.last, self.last.design, self.last.fit.b
+        level = max(abs(float(b[d.names.index("Fc")])), 0.1 * rms(d.y))
+        own = {
+            "Fc": 1.0,
+            "Fv": 1.0,
+            "offset": float(d.constant),
+            "J": const.ALONG * last.fit.free[0],
+        }
+        share = [own.get(n, 0.0) if isinstance(n, str) else float(isinstance(n[1], int))
+                 for n in d.names]  # fmt: skip
+        size = np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
+        return np.array(share) * const.BACKGROUND * level / size
+
+    @property
+    def of_constant(self) -> float:
+        """The variance of J by what the motor's constant may differ over the angle."""
+        return float(self._little[0] ** 2)
+
+    @cached_property
+    def _slopes(self) -> np.ndarray:
+        """Derivatives (values, k) of what is reported by the coefficients."""
+        d, b, made = self.last.design, self.last.fit.b, []
+        sd = np.sqrt(np.maximum(np.diag(self.coefficients), 0.0)) + 1e-300
+        for step in np.diag(const.STEP_SD * sd):
+            up, down = quantities(d, b + step), quantities(d, b - step)
+            made.append([wrapped(up[k] - down[k], k) / (2 * step.max()) for k in self.names])
+        return np.array(made).T
+
+    def covariance(self) -> np.ndarray:
+        """Covariance (values, values) of ``names`` by this description of the log alone."""
+        V = self._slopes @ self.coefficients @ self._slopes.T
+        own = self.last.values
+        for i, k in enumerate(self.names):
+            if k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE:
+                V[i, i] += (const.SCALE * own[k]) ** 2
+        for term in self.last.state.terms:  # no clock of two channels is better
+            if is_lateness(term.block):
+                i = self.names.index(f"{term.key}.{term.block.gain}")
+                V[i, i] += (const.PART_OF_SAMPLE * self.last.view.motion.dt) ** 2
+        return V
+
+    def between(self, others: Sequence[Mapping[str, float]]) -> np.ndarray:
+        """What other descriptions add to it, by how far (some of) the values are from these."""
+        apart = [[wrapped(one.get(k, 0.0), k) for k in self.names] for one in others]
+        A = np.array(apart).reshape(-1, len(self.names))
+        return A.T @ A / max(len(others), 1)
+
+    def values(self, V: np.ndarray | None = None) -> dict[str, Value]:
+        """(value, low, high) of each; by this description alone where no covariance is given."""
+        V = self.covariance() if V is None else V
+        half = Z95 * np.sqrt(np.maximum(np.diag(V), 0.0))
+        own = self.last.values
+        return {k: (own[k], own[k] - h, own[k] + h)
+                for k, h in zip(self.names, half.tolist(), strict=True)}  # fmt: skip
+
+
+def tells(x: Value) -> bool:
+    """Whether the interval of an inertia is narrow enough for it to be an answer."""
+    return x[0] > 0 and x[2] - x[1] < 2 * const.CERTAIN * x[0]
+
+
+def wrapped(x: float, key: str) -> float:
+    """A difference of phases lies between -pi and pi."""
+    is_phase = key.rpartition(".")[2].startswith("phase")
+    return (x + np.pi) % (2 * np.pi) - np.pi if is_phase else x
+
+
+def best_law(view: View, state: State, scale: float, straight: bool = False) -> LastFit:
+    """The fit at its best friction law; ``straight``: without grease."""
+    last = LastFit(view, state, scale)
+    interval = Interval(last)
+    laws = [law for law in interval.laws if not (straight and law.grease)]
+    best = max(laws, key=lambda law: law.likelihood)
+    if best.likelihood <= interval.likelihood + 1:
+        return last
+    moved = last.state.updated(last.design.names, best.b, view)
+    moved = moved.copy(vs=best.vs, exponent=best.exponent, grease=best.grease)
+    return LastFit(view, moved, scale, turns=2)
+
+
+def apart(other: LastFit, last: LastFit) -> dict[str, float]:
+    return {k: other.values[k] - x for k, x in last.values.items() if k in other.values}
+
+
+def other_views(last: LastFit, widest: float = np.inf) -> list[dict[str, float]]:
+    """How far the values are by other motions, in windows up to ``widest`` times as wide."""
+    made, view = [], last.view
+    for stiffer, wider in const.VIEWS:
+        try:
+            motion = view.motion.varied(stiffer)
+            rows = Rows(motion, max(1.0, min(wider, widest)) * view.rows.h)
+            other = view.by(motion, rows)
+            other.settle_as(view)
+            made.append(apart(LastFit(other, last.state.copy(), last.scale, turns=2), last))
+        except (Refused, np.linalg.LinAlgError):
+            continue
+    return made

@@ -22,27 +22,13 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.regression import Blocks
 from ..record.stretches import Stretch
+from . import constants as const
 from .columns import needs_inertia
-from .constants import BLOCK, FLOOR, FREE_LATE, TAIL
 from .friction import View, declared_terms, places
-from .motion import Motion
-from .samples import in_turn
+from .motion import Motion, in_turn
 from .windows import Rows
 
-LEAST_RUNS = 4
-LEAST_SPEEDS = 3
-ALIKE = 0.1  # relative difference of two speeds that are one
-CELLS = 8  # parts of a run that must have its speed
-STEADY = 0.3  # of the speed of a run: what its parts may differ by ...
-MOST = 0.7  # ... and the share of them that must: a run may start and stop
-FEWEST = 2 * CELLS  # samples of a run
-PER_TURN = 16  # stretches, up to FINEST of a run: longer ones hide a wave over the angle
-FINEST = 12 * CELLS
-NODES = 4  # of a stretch: means of the angle, over which effects are averaged
-EVERY = 3  # one of three speeds is held out
 PLAIN_LAW = {"J", "late", "Fc", "bump", "Fv"}
-Z_ALIKE = 2.6  # standard errors by which residuals of neighbours in speed are alike
-FALLS = 8  # Stribeck speeds that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +49,9 @@ class Run:
 def is_map(stretches: Sequence[Stretch]) -> bool:
     """Whether the logs are four or more runs at a steady speed each, of three speeds at least."""
     runs = [_Steady(parts) for parts in _by_run(stretches)]
-    if len(runs) < LEAST_RUNS or not all(r.steady for r in runs):
+    if len(runs) < const.LEAST_RUNS or not all(r.steady for r in runs):
         return False
-    return len({round(np.log(abs(r.w)) / ALIKE) for r in runs}) >= LEAST_SPEEDS
+    return len({round(np.log(abs(r.w)) / const.ONE_RUN) for r in runs}) >= const.LEAST_SPEEDS
 
 
 def _by_run(stretches: Sequence[Stretch]) -> list[list[Stretch]]:
@@ -79,23 +65,21 @@ class _Steady:
         sound = [(s, np.flatnonzero(s.ok)) for s in parts]
         total = sum(len(at) for _, at in sound)
         cells = [(s, at) for s, whole in sound
-                 for at in np.array_split(whole, max(1, round(CELLS * len(whole) / total)))
+                 for at in np.array_split(whole, max(1, round(const.CELLS * len(whole) / total)))
                  if len(at) > 1]  # fmt: skip
         speeds = np.array([_speed(s, at) for s, at in cells])
         usual = float(np.median(speeds)) if len(speeds) else 0.0
-        own = np.abs(speeds - usual) < STEADY * abs(usual)
-        self.number = parts[0].run
-        self.steady = total >= FEWEST and usual != 0 and float(np.mean(own)) > MOST
+        own = np.abs(speeds - usual) < const.STEADY_SPEED * abs(usual)
+        much = usual != 0 and float(np.mean(own)) > const.STEADY_SHARE
+        self.number, self.w = parts[0].run, 0.0
+        self.steady = much and total >= const.FEWEST_SAMPLES
         self.cells = [cell for cell, on in zip(cells, own, strict=True) if on]
-        self.w = self._whole() if self.steady else 0.0
-
-    def _whole(self) -> float:
-        """Speed over all cells of a stretch at once: coarse counts tell little of a short one."""
-        first = {id(s): s for s, _ in self.cells}
-        each = [(s, np.concatenate([at for x, at in self.cells if x is s])) for s in first.values()]
-        return float(
-            np.average([_speed(s, at) for s, at in each], weights=[len(at) for _, at in each])
-        )
+        if self.steady:  # over all cells of a stretch at once: coarse counts tell little of one
+            each = {id(s): (s, []) for s, _ in self.cells}
+            for s, at in self.cells:
+                each[id(s)][1].extend(at.tolist())
+            speeds = [_speed(s, np.array(at)) for s, at in each.values()]
+            self.w = float(np.average(speeds, weights=[len(at) for _, at in each.values()]))
 
     @property
     def turns(self) -> float:
@@ -105,18 +89,15 @@ class _Steady:
         """With every cell as ``fine`` stretches, where there are samples for them."""
         rows, first = [], 0
         for s, at in self.cells:
-            many = int(np.clip(len(at) // NODES, 1, fine))
-            nodes = int(np.clip(len(at) // many, 1, NODES))
+            many = int(np.clip(len(at) // const.NODES, 1, fine))
+            nodes = int(np.clip(len(at) // many, 1, const.NODES))
             ends = np.linspace(0, len(at), many * nodes + 1).astype(int)
             size = np.diff(ends)
             d, theta = (np.zeros(len(s.u)) if x is None else x for x in (s.d, s.theta))
             theta = theta + 0.5 * s.dt * self.w  # a held torque acts half a sample later
-            means = (
-                np.add.reduceat(np.column_stack([s.t, s.u, d, theta])[at], ends[:-1])
-                / size[:, None]
-            )
+            sums = np.add.reduceat(np.column_stack([s.t, s.u, d, theta])[at], ends[:-1])
             part = first + np.repeat(np.arange(many), nodes)
-            rows.append(np.column_stack([means, size, part]))
+            rows.append(np.column_stack([sums / size[:, None], size, part]))
             first += many
         t, u, d, theta, size, part = np.vstack(rows).T
         dt = self.cells[0][0].dt
@@ -150,10 +131,10 @@ class Nodes(Motion):
         self.run = np.repeat([r.number for r in runs], many)
         self.row = part + np.repeat(np.cumsum(parts) - parts, many)
         place = np.repeat(np.arange(len(runs)), many) + (part + 0.5) / np.repeat(parts, many)
-        self.t = self.elapsed = BLOCK * place
-        self.dt, self.duration = BLOCK / int(parts.max()), BLOCK * len(runs)
+        self.t = self.elapsed = const.BLOCK * place
+        self.dt, self.duration = const.BLOCK / int(parts.max()), const.BLOCK * len(runs)
         self.acceleration, self.shake = np.zeros(n), np.zeros(n)
-        self.hold = FREE_LATE + np.repeat([0.5 * r.dt for r in runs], many)
+        self.hold = const.FREE_LATE + np.repeat([0.5 * r.dt for r in runs], many)
         self.fine_steps, self.ok = np.zeros(n - 1), np.ones(n, bool)
         self.pieces = tuple((at, self.dt) for at in in_turn(many))
 
@@ -197,7 +178,7 @@ class MapView(View):
         terms = declared_terms(model, places(motion))
         super().__init__(motion, StretchMeans(motion), model, None, terms)
         self.sure, self.signals = False, frozenset({"w", "theta"} if motion.angle else {"w"})
-        self.longest_fall = TAIL * motion.top
+        self.longest_fall = const.TAIL * motion.top
         effects = members("effect").items()
         self.never = frozenset(n for n, b in effects if not shown(b, motion.angle))
         self.held_out = [(int(run), -np.inf, np.inf) for run in _every_third(motion)]
@@ -225,7 +206,6 @@ class MapView(View):
         return bool(b[0] * np.sum(np.abs(m.w)) + b[1] * np.sum(m.w**2) < 0)
 
     def by_run(self, x: np.ndarray) -> np.ndarray:
-        """Means (runs,) of rows (m,)."""
         return np.bincount(self.apart, x) / np.bincount(self.apart)
 
     def _ways(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -245,7 +225,7 @@ class MapView(View):
         if len(w) and len(v):
             across = forth * np.interp(w, v, back)
             tests.append(abs(np.sum(across)) / np.sqrt(len(across)))
-        return bool(max(tests) > Z_ALIKE and np.std(mean) > FLOOR * self.size)
+        return bool(max(tests) > const.Z_ALIKE and np.std(mean) > const.FLOOR * self.size)
 
     def scatter(self, r: np.ndarray) -> float:
         """How far a run lies from the line through its neighbours in speed, or a stretch from its
@@ -273,7 +253,7 @@ class MapView(View):
     def grids(self) -> tuple[np.ndarray, np.ndarray]:
         """One bristle; Stribeck speeds from the slowest run on."""
         slow, top = float(np.abs(self.motion.w).min()), self.motion.top
-        return np.ones(1), np.geomspace(min(slow, 0.1 * top), TAIL * top, FALLS)
+        return np.ones(1), np.geomspace(min(slow, 0.1 * top), const.TAIL * top, const.FALLS)
 
 
 @dataclass(frozen=True)
@@ -288,7 +268,9 @@ def map_of(stretches: Sequence[Stretch], model: Model) -> MapView:
     steady = [_Steady(parts) for parts in _by_run(stretches)]
     angle = all(s.theta is not None for s in stretches)
     turns = float(np.median([r.turns for r in steady])) if angle else 0.0
-    fine = int(np.clip(np.ceil(turns * PER_TURN / CELLS), 1, FINEST // CELLS))
+    fine = int(
+        np.clip(np.ceil(turns * const.PER_TURN / const.CELLS), 1, const.FINEST // const.CELLS)
+    )
     effects = tuple(p for p in model.effects if shown(p.block, angle))
     motion = Nodes([r.run(fine) for r in steady], angle)
     return MapView(motion, replace(model, effects=effects))
@@ -309,5 +291,5 @@ def _every_third(motion: Nodes) -> list[int]:
     w, made = motion.w[first], []
     for side in (-1, 1):
         way = np.flatnonzero(side * w > 0)
-        made += runs[way[np.argsort(np.abs(w[way]))][1:-1:EVERY]].tolist()
+        made += runs[way[np.argsort(np.abs(w[way]))][1 : -1 : const.EVERY]].tolist()
     return made

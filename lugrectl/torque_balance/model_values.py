@@ -15,22 +15,13 @@ from ..core.numeric import rms
 from ..estimates.balance import Balance
 from ..estimates.covariance import Joint
 from ..estimates.findings import Estimate
+from . import constants as const
 from .columns import torque
-from .constants import SCALE
-from .interval import WITHOUT_SCALE, tells
-from .last_fit import LastFit
+from .last_fit import WITHOUT_SCALE, LastFit, tells
 from .verdict import Answer
 
-DAMPING = 0.5  # of the critical one: bristles of which no damping is declared
-SEEN = 1.05  # times Fc: an Fs that rows show
-LEAST = 1e-3  # of the level of friction: a stiffness must have one
 LEVELS = frozenset(("Fc", "Fv"))
 SLIDING, BRISTLE = {"Fc", "Fs", "Fv", "vs"}, {"sigma0", "sigma1"}
-SPEEDS = (-100.0, -10.0, -1.0, 1.0, 10.0, 100.0)  # rad/s
-SAME = 0.01  # relative difference of two torques
-MOST, FURTHEST = 60, 7.0  # evaluations; natural logarithm of a factor on a value
-ENOUGH = 1500  # rows
-DIPPED = 1.3  # of Fc: where Fs starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,14 +75,14 @@ def lifted(model: Model, declared: Model) -> Model:
     known = model.known()
     if declared.known().get("Fs") is not None or not {"Fc", "Fs"} <= known.keys():
         return model
-    return model.with_values({"Fs": max(known["Fs"], DIPPED * known["Fc"])})
+    return model.with_values({"Fs": max(known["Fs"], const.DIPPED * known["Fc"])})
 
 
 def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, float]:
     """Inertia and friction as the fit has them, with what is declared of the bristles."""
     v, own, s = last.view, last.values, last.state
     J = own["J"] if sure else known.get("J", own["J"])
-    level = max(own["Fc"], LEAST * v.force)
+    level = max(own["Fc"], const.LEAST_LEVEL * v.force)
     static = known["Fs"] / known["Fc"] if known.get("Fs") and known.get("Fc") else None
     Fs = max(own["Fs"], level) if static is None else max(static, 1.0) * level
     made = {
@@ -99,16 +90,15 @@ def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, f
         "delta": known.get("delta", s.exponent), "sigma0": known.get("sigma0") or level / v.x0,
     }  # fmt: skip
     critical = float(np.sqrt(made["sigma0"] * abs(J)))
-    return made | {"sigma1": known.get("sigma1", DAMPING * critical)}
+    return made | {"sigma1": known.get("sigma1", const.DAMPING * critical)}
 
 
 def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
-    """A value for each parameter of the model."""
     known = model.known()
     plant, law = _plant(last, known, sure), model.friction.block
     if {"Fs", "vs"} <= law.own.keys() - known.keys() and means_the_same(law):
         Fs, vs = static_values(last, plant["Fc"], plant["Fv"])
-        if Fs > SEEN * plant["Fc"]:  # else the rows do not show it
+        if Fs > const.SEEN_STATIC * plant["Fc"]:  # else the rows do not show it
             plant["Fs"], plant["vs"] = Fs, vs
     own = {k: x for k, x in last.values.items() if "." in k} | plant
     usual = {k: float(p.value or 0.0) for k, p in model.declarations().items()}
@@ -123,7 +113,6 @@ def _at(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def model_values(answer: Answer, model: Model) -> ModelValues:
-    """The model of the last fit of an answer with intervals and covariance."""
     made = completed(answer.last, model, answer.sure, answer.parts)
     told, values, names = _told(answer, made), answer.values, answer.interval.names
     held, own = made.held(), made.declarations()
@@ -159,26 +148,23 @@ def _told(answer: Answer, model: Model) -> dict[str, str]:
 
 
 def _only(joint: Joint, at: Sequence[int]) -> Joint:
-    """The distribution of some of the values."""
     names = tuple(joint.names[i] for i in at)
     return Joint(names, joint.values[at], joint.matrix[np.ix_(at, at)], joint.positive[at])
 
 
 def with_scale(joint: Joint) -> Joint:
     """The same with the errors of sensors: none is better than SCALE of a value."""
-    own = [SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
+    own = [const.SCALE * x * (k.rpartition(".")[2].split("_")[0] not in WITHOUT_SCALE)
            for k, x in zip(joint.names, joint.values, strict=True)]  # fmt: skip
     return replace(joint, matrix=joint.matrix + np.diag(np.square(own)))
 
 
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
-    """Values of a joint distribution with their intervals."""
     both = zip(joint.names, joint.values.tolist(), joint.interval().tolist(), strict=True)
     return {k: Estimate(x, model.unit(k), _within(model, k, x, ends)) for k, x, ends in both}
 
 
 def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tuple[float, float]:
-    """The interval of a value inside its bounds."""
     low, high = model.bounds(key)
     return min(max(ends[0], low), value), max(min(ends[1], high), value)
 
@@ -199,10 +185,12 @@ def _alike(
     law: Block, values: Mapping[str, float], usual: Block, theirs: Mapping[str, float]
 ) -> bool:
     try:
-        made = [float(law(w, **values)[0]) for w in SPEEDS]
+        made = [float(law(w, **values)[0]) for w in const.TRY_SPEEDS]
     except Exception:  # whatever a function of the user raises
         return False
-    return bool(np.allclose(made, [usual(w, **theirs)[0] for w in SPEEDS], rtol=SAME))
+    return bool(
+        np.allclose(made, [usual(w, **theirs)[0] for w in const.TRY_SPEEDS], rtol=const.SAME_LAW)
+    )
 
 
 def told_by_balance(model: Model) -> bool:
@@ -215,11 +203,8 @@ def told_by_balance(model: Model) -> bool:
 
 def misfit(last: LastFit, model: Model) -> float:
     """How far a model's law is from the friction of a last fit: RMS in rows, over friction."""
-    made = torque(model.friction.block, model.friction.values, last.view.along()).wide
-    if made is None:
-        return 0.0
-    off = last.view.K @ made[:, 0] - last.friction
-    return rms(np.nan_to_num(off, nan=1e6)) / last.view.size
+    made = torque(model.friction.block, model.friction.values, last.view.along()).torque[:, 0]
+    return rms(np.nan_to_num(last.view.K @ made - last.friction, nan=1e6)) / last.view.size
 
 
 def law_values(last: LastFit, model: Model) -> dict[str, float]:
@@ -233,7 +218,7 @@ def static_values(last: LastFit, Fc: float, Fv: float) -> tuple[float, float]:
     """Fs and vs with which the Stribeck curve comes nearest to the friction of a last fit."""
     law = members("friction")["stribeck"]
     known = law.defaults() | {"Fc": Fc, "Fv": Fv, "vs": last.state.vs}
-    found = _nearest(last, law, known | {"Fs": DIPPED * Fc}, ("Fs", "vs"))
+    found = _nearest(last, law, known | {"Fs": const.DIPPED * Fc}, ("Fs", "vs"))
     return max(found["Fs"], Fc), found["vs"]
 
 
@@ -241,14 +226,10 @@ def _nearest(
     last: LastFit, law: Block, known: Mapping[str, float], keys: Sequence[str]
 ) -> dict[str, float]:
     """The values of a law; ``keys`` are free, and start at the known ones."""
-    v, own, target = last.view, law.own, last.friction + last.left
-    rows = np.arange(0, len(target), max(1, len(target) // ENOUGH))
-    K, alone = csr_matrix(v.K[rows]), not law.states and law.inputs == ("w",)
-    if alone:  # samples at which no row looks do not matter
-        used, places = np.unique(K.indices, return_inverse=True)
-        K, w = csr_matrix((K.data, places, K.indptr)), v.motion.w[used]
-    else:
-        along = v.along()
+    v, own, along = last.view, law.own, last.view.along()
+    target = last.friction + last.left
+    rows = np.arange(0, len(target), max(1, len(target) // const.ENOUGH_ROWS))
+    K = csr_matrix(v.K[rows])
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
     ends = np.array([(own[k].low, own[k].high) for k in keys]).T
 
@@ -257,15 +238,10 @@ def _nearest(
         return {**known, **dict(zip(keys, found, strict=True))}
 
     def off(x: np.ndarray) -> np.ndarray:
-        if alone:
-            made = law(w, **values(x))[0]
-        else:
-            wide = torque(law, values(x), along).wide
-            assert wide is not None  # a law of friction acts along the log
-            made = wide[:, 0]
+        made = torque(law, values(x), along).torque[:, 0]
         return np.nan_to_num((K @ made - target[rows]) / last.scale, nan=1e6)
 
-    bounds = (-FURTHEST, FURTHEST)
+    bounds = (-const.FURTHEST_LOG, const.FURTHEST_LOG)
     made = least_squares(off, np.zeros(len(keys)), bounds=bounds, loss="soft_l1",
-                         diff_step=1e-3, max_nfev=MOST)  # fmt: skip
+                         diff_step=1e-3, max_nfev=const.MOST_EVALUATIONS)  # fmt: skip
     return values(made.x)

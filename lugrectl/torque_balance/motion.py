@@ -1,4 +1,10 @@
-"""The motion, smoothed once: as far as the noise of its channels asks.
+"""Derivatives and noise of sampled signals.
+
+The sound samples of a log: runs of one rate and one set of channels, as they were read.
+
+What the channels of the motion are worth: their noise, and how late w is against theta.
+
+The motion, smoothed once: as far as the noise of its channels asks.
 
 Of each rate, theta and w are fitted by penalised least squares,
 
@@ -10,49 +16,378 @@ signal is known: its impulse response, through which the torque is sent too.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import ndimage
 from scipy.linalg import solveh_banded
 
-from .constants import ENOUGH, FINE, FREE_LATE, NOISE_FIT, SOFT
-from .numerics import bend, cubic, half_response, slope
-from .samples import Samples, in_turn, joined
-from .sensors import Sensors
+from ..core.errors import Refused
+from ..core.numeric import rms
+from ..core.regression import Prior, robust, weight
+from ..record.stretches import Stretch
+from . import constants as const
+
+
+def slope(x: np.ndarray, dt: float) -> np.ndarray:
+    """dx/dt (n, ...) of fourth order: at 200 Hz plain differences take 3 % off 10 Hz."""
+    if len(x) < 2:
+        return np.zeros(x.shape)
+    d = np.gradient(x, dt, axis=0)
+    if len(x) > 8:
+        d[2:-2] = (8 * (x[3:-1] - x[1:-3]) - x[4:] + x[:-4]) / (12 * dt)
+    return d
+
+
+def bend(x: np.ndarray, dt: float) -> np.ndarray:
+    """d2x/dt2 (n, ...) of fourth order."""
+    d = slope(slope(x, dt), dt)
+    if len(x) > 8:
+        d[2:-2] = (16 * (x[3:-1] + x[1:-3]) - 30 * x[2:-2] - x[4:] - x[:-4]) / (12 * dt**2)
+    return d
+
+
+def cubic(x: np.ndarray, v: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and speeds (n, k) at these shares (k,) of the way to the next sample, by the cubic
+    through positions x (n,) and speeds v (n,) a sample; beyond the end the speed stays."""
+    rise, after = np.append(np.diff(x), v[-1]), np.append(v[1:], v[-1])
+    second, third = 3 * rise - 2 * v - after, v + after - 2 * rise
+    q, (x, v, second, third) = shares, (y[:, None] for y in (x, v, second, third))
+    return x + q * (v + q * (second + q * third)), v + q * (2 * second + 3 * q * third)
+
+
+def local_noise(x: np.ndarray, pieces: Sequence[slice], quantile: float) -> float:
+    """A quantile, over short stretches, of the spread of third differences."""
+    thirds = [np.diff(x[at], 3) for at in pieces]
+    spread = [
+        y[: len(y) // const.STRETCH * const.STRETCH].reshape(-1, const.STRETCH).std(axis=1)
+        for y in thirds
+    ]
+    return float(np.quantile(np.concatenate(spread), quantile))
+
+
+def half_response(kernel: np.ndarray) -> float:
+    """Frequency (rad per sample) at which a kernel's response falls to one half."""
+    H = np.abs(np.fft.rfft(kernel, 4096))
+    low = np.flatnonzero(H < 0.5 * H[0])
+    return np.pi * (int(low[0]) if len(low) else 2048) / 2048
+
+
+def bump(half: int) -> np.ndarray:
+    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
+    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
+    return phi / phi.sum()
+
+
+Function = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Channels of one rate, piece after piece, (n,) each in SI units."""
+
+    dt: float
+    t: np.ndarray  # with the runs one after the other
+    stamp: np.ndarray  # times of each log
+    u: np.ndarray
+    theta: np.ndarray | None
+    w: np.ndarray | None
+    d: np.ndarray  # measured load torque
+    ok: np.ndarray  # sound samples
+    run: np.ndarray  # the log they come from
+    pieces: tuple[slice, ...]  # of even time
+    count: float  # rad: step of the encoder, 0 where theta lies on no lattice
+
+    @classmethod
+    def of(cls, stretches: Sequence[Stretch], times: Sequence[np.ndarray]) -> Samples:
+        """The samples of stretches of one rate, at the given times."""
+        sizes = [len(s.u) for s in stretches]
+        loads = [np.zeros(len(s.u)) if s.d is None else s.d for s in stretches]
+        recorded = [k for k in ("u", "ok", "theta", "w") if getattr(stretches[0], k) is not None]
+        made: dict[str, Any] = {"theta": None, "w": None}
+        made |= {k: np.concatenate([getattr(s, k) for s in stretches]) for k in recorded}
+        return cls(
+            dt=float(np.median([s.dt for s in stretches])),
+            t=np.concatenate(times),
+            stamp=np.concatenate([s.t for s in stretches]),
+            d=np.concatenate(loads),
+            run=np.repeat([s.run for s in stretches], sizes),
+            pieces=in_turn(sizes),
+            count=max(s.count for s in stretches),
+            **made,
+        )
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+    def each(self, function: Function, x: np.ndarray) -> np.ndarray:
+        """A function of each piece of x (n,), put together: nothing looks across a cut."""
+        return np.concatenate([function(x[at]) for at in self.pieces])
+
+    @property
+    def moves(self) -> bool:
+        return any(np.ptp(x) > 0 for x in (self.theta, self.w) if x is not None)
+
+    def some(self, most: int) -> Samples:
+        """Evenly spread parts of a long log, ``most`` samples in all; itself where it is short."""
+        if len(self) <= most:
+            return self
+        size = max(most // 12, 10 * const.SHORTEST)
+        return self.within(np.arange(len(self)) % int(size * len(self) / most) < size)
+
+    def within(self, here: np.ndarray) -> Samples:
+        """The samples ``here`` (n,), cut where they do not go on."""
+        at = []
+        for piece in self.pieces:
+            cut = np.flatnonzero(np.diff(here[piece])) + 1 + piece.start
+            ends = [piece.start, *cut.tolist(), piece.stop]
+            at += [slice(a, b) for a, b in pairwise(ends) if here[a] and b - a >= const.SHORTEST]
+
+        def joined(x: np.ndarray | None) -> np.ndarray | None:
+            return None if x is None else np.concatenate([x[:0], *(x[one] for one in at)])
+
+        keys = ("t", "stamp", "u", "d", "ok", "run", "theta", "w")
+        made: dict[str, Any] = {k: joined(getattr(self, k)) for k in keys}
+        return replace(self, pieces=in_turn([one.stop - one.start for one in at]), **made)
+
+
+def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
+    """The places of parts of these sizes, one after the other."""
+    ends = np.cumsum([0, *sizes]).tolist()
+    return tuple(map(slice, ends[:-1], ends[1:]))
+
+
+def sampled(stretches: Sequence[Stretch]) -> list[Samples]:
+    """The stretches of a log by rate and channels; runs follow one another in time. Where others
+    move, those that rest throughout say nothing. Refused where no stretch is long enough."""
+    long = [s for s in stretches if len(s.u) >= const.SHORTEST and s.ok.any()]
+    if not long:
+        raise Refused(f"no {const.SHORTEST} sound samples stand in a row.", "Record a longer run.")
+    times = list(_times(long))
+    groups: dict[tuple, list[int]] = {}
+    for i, s in enumerate(long):
+        own = s.theta is None, s.w is None
+        alike = (k for k in groups if k[1:] == own and abs(s.dt / k[0] - 1.0) < const.SAME_RATE)
+        groups.setdefault(next(alike, (s.dt, *own)), []).append(i)
+    made = [Samples.of([long[i] for i in g], [times[i] for i in g]) for g in groups.values()]
+    return [one for one in made if one.moves] or made
+
+
+def _times(stretches: Sequence[Stretch]) -> Iterator[np.ndarray]:
+    """The times of each stretch: those of the first run as recorded, others behind it."""
+    shift, end, run = 0.0, float(stretches[0].t[0]), stretches[0].run
+    for s in stretches:
+        if s.run != run:
+            shift, run = end + s.dt - float(s.t[0]), s.run
+        end = float(s.t[-1]) + shift
+        yield s.t + shift
+
+
+class Sensors:
+    """theta and w of some runs with their noise, a late w corrected.
+
+    ``theta_variance`` and ``w_variance`` are those of white noise, inf where not recorded.
+    ``w`` (n,) is the speed that is used: None where there is none, where it only repeats the
+    encoder, late, where it is too late to say more, and where it is ``foreign``: no speed of theta.
+    ``lag`` (s), ``offset`` (rad/s) and ``gain``, with their standard errors, are those of
+
+        dtheta/dt = gain w(t + lag) - offset
+    """
+
+    def __init__(self, samples: Samples) -> None:
+        self.samples, self.theta, self.w = samples, samples.theta, samples.w
+        self.lag, self.lag_error, self.gain = 0.0, np.inf, 1.0
+        self.offset = self.offset_error = self.gain_error = 0.0
+        if not samples.moves:
+            raise Refused("nothing moves.", "Record a motion that starts, stops and reverses.")
+        self.count = samples.count
+        white = np.random.default_rng(0).standard_normal(len(samples))
+        self.theta_variance = self.w_variance = np.inf
+        if self.theta is not None:
+            noise = self._noise(self.theta, white, 0.1)
+            rounding = max(self.count**2 / 12, (1e-9 * np.ptp(self.theta)) ** 2)
+            self.theta_variance = max(rounding, noise**2, 1e-60)
+        if self.w is not None:
+            noise = self._noise(self.w, white, 0.3)
+            self.w_variance = max(noise**2, (1e-7 * np.ptp(self.w)) ** 2)
+        self.filtered = self.differenced = self.foreign = False
+        if self.theta is not None and self.w is not None:
+            self.differenced = self._differenced()
+            self._compare()
+        if self.theta is not None:
+            self.position, self.variance = self.theta, self.theta_variance
+            return
+        assert self.w is not None  # the position is summed from the speed
+        self.position = samples.each(
+            lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * samples.dt], self.w
+        )
+        self.variance = self.w_variance * samples.dt**2 * const.DRIFT + 1e-300
+
+    def _noise(self, x: np.ndarray, white: np.ndarray, quantile: float) -> float:
+        """Standard deviation of the noise of a channel where the motion is calm."""
+        own, unit = (local_noise(y, self.samples.pieces, quantile) for y in (x, white))
+        return own / unit
+
+    def _differenced(self) -> bool:
+        """Whether the noise of w is that of differences of theta: then w measures nothing."""
+        assert self.theta is not None and self.w is not None
+        alike = 0.0
+        for at in self.samples.pieces:
+            x, y = np.diff(self.w[at], 2)[1:-1], np.diff(self.theta[at], 3)
+            if len(y) > const.LEAST_NOISE:
+                alike = max(alike, *(_alike(x, y[k : k + len(x)]) for k in (0, 1)))
+        return alike > const.ALIKE_NOISE
+
+    @property
+    def late(self) -> bool:
+        return abs(self.lag) > max(const.LEAST_LATE, 4 * self.lag_error)
+
+    @property
+    def scaled(self) -> bool:
+        """Whether w is another multiple of the speed than sensors are uncertain by."""
+        return abs(self.gain - 1) > const.SCALE + 4 * self.gain_error
+
+    def _compare(self) -> None:
+        """The lag of w, and whether w says more than theta does."""
+        self._reconcile()
+        self.filtered = self.late
+        # a filtered difference of an encoder tells nothing that the encoder does not
+        if self.late and self.count > 0 or self.foreign or abs(self.lag) > const.FAR_W:
+            self.w = None
+
+    def _windows(self, x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+        """x (n,) under a kernel, every quarter of its length."""
+        size = len(kernel)
+        parts = [
+            sliding_window_view(x[at], size)[:: max(1, size // 4)] @ kernel[::-1]
+            for at in self.samples.pieces
+            if at.stop - at.start > size
+        ]
+        return np.concatenate([np.zeros(0), *parts])
+
+    def _moved(self, T: float) -> np.ndarray:
+        """w(t + T)."""
+        assert self.w is not None
+        steps = -T / self.samples.dt
+        return self.samples.each(lambda x: ndimage.shift(x, steps, order=3, mode="nearest"), self.w)
+
+    def _reconcile(self) -> None:
+        """Fit dtheta/dt = gain w(t + lag) + offset; a w that lags is un-filtered, as shifting would
+        leave an error of second order. Beyond three samples it is shifted first."""
+        dt = self.samples.dt
+        half = max(4, int(const.KERNEL / dt))
+        phi = bump(half - 1)
+        phi = np.r_[0.0, phi, 0.0]
+        dphi = np.gradient(phi) / dt
+        assert self.theta is not None and self.w is not None
+        turned = self._windows(self.theta, dphi)
+        moves = np.abs(turned) > const.AT_REST * np.max(np.abs(turned), initial=0.0)
+        if moves.sum() < 8:
+            return
+        shift, one = self._far(turned, phi), np.ones(len(turned))
+        for _ in range(3):
+            w = self._moved(shift) if shift else self.w
+            X = np.column_stack([self._windows(w, phi), self._windows(w, dphi), one])
+            b, left, weights, scale = by_own_scale(X, turned, moves)
+            rest = b[1] / b[0] if shift else b[1]
+            self.gain = float(b[0])
+            self.lag = shift + float(np.clip(rest, -const.FILTER, const.FILTER))
+            if abs(self.lag) < min(3 * dt, 8e-3):
+                break
+            shift = float(np.clip(self.lag, -0.05, const.VERY_LATE))
+        self.foreign = rms(left[moves]) > const.MOSTLY * rms(turned[moves])
+        if self.foreign:
+            self.gain, self.lag = 1.0, 0.0
+            return
+        inverse = np.linalg.pinv(X * np.sqrt(weights)[:, None])
+        error = np.sqrt(2.5 * (inverse**2).sum(axis=1)) * scale
+        self.gain_error, self.lag_error, self.offset_error = error.tolist()
+        self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
+        if abs(self.lag) > const.FAR_W:  # so late is no filter of one kind
+            self.lag_error = max(self.lag_error, 0.03 * abs(self.lag))
+        self._correct(w, bool(shift), scale * np.sqrt(0.5 * half) * 0.6)
+
+    def _correct(self, w: np.ndarray, shifted: bool, left: float) -> None:
+        """w without its lag; ``left`` is the noise of a sample that the misfit means."""
+        dt = self.samples.dt
+        self.w = (self.gain if self.scaled else 1.0) * w - self.offset
+        if self.late:
+            if not shifted:
+                self.w = self.w + self.lag * self.samples.each(lambda x: slope(x, dt), self.w)
+            self.w_variance *= 1 + 0.5 * min((self.lag / dt) ** 2, 50.0)
+        self.w_variance = max(self.w_variance, left**2)
+
+    def _far(self, turned: np.ndarray, phi: np.ndarray) -> float:
+        """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
+        one, misfit = np.ones(len(turned)), []
+        grid = np.arange(0.0, const.VERY_LATE, const.LATE_STEP)
+        for T in grid:
+            X = np.column_stack([self._windows(self._moved(T), phi), one])
+            misfit.append(np.mean((turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]) ** 2))
+        best = int(np.argmin(misfit))
+        clear = grid[best] >= const.FAR_W and misfit[best] < 0.5 * misfit[0]
+        return float(grid[best]) if clear else 0.0
+
+
+def _alike(x: np.ndarray, y: np.ndarray) -> float:
+    """The size of the correlation of two signals of any unit; 0 where one of them is constant."""
+    sizes = np.ptp(x), np.ptp(y)
+    return float(abs(np.corrcoef(x / sizes[0], y / sizes[1])[0, 1])) if all(sizes) else 0.0
+
+
+def by_own_scale(
+    X: np.ndarray, y: np.ndarray, of: Any = slice(None)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """A robust fit of y (m,) by X (m, k): coefficients, residuals, weights, and the scale, that of
+    some of the residuals."""
+    k, scale, prior = np.ones(len(y)), 1.0, Prior.free(X.shape[1])
+    for _ in range(6):
+        fit = robust(X, y, prior, scale, 0.0, k, 1)
+        r = fit.r * scale
+        scale = 1.5 * float(np.median(np.abs(r[of]))) + 1e-300
+        k = weight(r / scale)
+    return fit.b, r, k, scale
+
 
 THIRD = np.array([-1.0, 3, -3, 1])  # third difference: what the smoothing holds small
 SLOPE = np.array([1.0, -8, 0, 8, -1])  # 12 dt times the slope of fourth order
-DRIFT = 50.0  # samples of noise of w that a position summed from it has
-FAR = 25.0  # a residual counts for no more than five sigma
 
 
-class Smoother:
-    """Penalised least squares on theta and w, banded, piece by piece."""
+class SmoothRuns:
+    """The smooth motion of the runs of one rate: ``theta``, ``w`` (n,) soft, for friction and
+    places; ``acceleration``, ``path`` (n,) stiff, for inertia; ``shake`` (n,) the acceleration
+    that noise makes; ``pulse`` the smoothing's impulse response, ``spread`` samples wide."""
 
-    def __init__(self, sensors: Sensors) -> None:
-        samples = sensors.samples
-        self.sensors, self.dt, self.w = sensors, samples.dt, sensors.w
-        self.variance = sensors.theta_variance
-        if sensors.theta is not None:
-            self.theta = sensors.theta
-        else:
-            assert sensors.w is not None
-            self.theta = samples.each(
-                lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * self.dt], sensors.w
-            )
-            self.variance = sensors.w_variance * self.dt**2 * DRIFT + 1e-300
-        self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
+    def __init__(self, sensors: Sensors, stiffness: float | None = None) -> None:
+        self.sensors, self.samples, self.dt = sensors, sensors.samples, sensors.samples.dt
+        self.of_w = 0.0 if sensors.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+        seen = sensors.position, sensors.w
+        self.stiffness = stiffness = self._as_noise_asks(*seen) if stiffness is None else stiffness
+        stiff = self.theta = self._smoothed(stiffness, *seen)
+        if stiffness > const.SOFT:  # a stiff motion turns back at the wrong time
+            self.theta = self._smoothed(stiffness * const.SOFT, *seen)
+        self.w = self.each(slope, self.theta)
+        self.acceleration = self.each(bend, stiff)
+        self.path = stiff[0] + np.r_[0, np.cumsum(self._joined(np.diff(stiff)))]
+        self.pulse = self._pulse()
+        self.spread = 1 / max(1e-9, abs(half_response(self.pulse)))
+        self.shake = self._shaken()
+        self.between = int(np.clip(round(self.dt / const.FINE), 1, 10))
+        self.fine_steps, self.fine_w = self._between_samples()
 
-    def only(self, samples: Samples, at: Sequence[slice]) -> Smoother:
-        """The same for parts of the log."""
-        made = copy(self)
-        made.sensors, made.theta = self.sensors.only(samples, at), joined(self.theta, at)
-        made.w, made._systems = made.sensors.w, {}
-        return made
+    @classmethod
+    def of(cls, samples: Samples) -> SmoothRuns:
+        """The motion as smooth as the noise asks, judged on parts of a long log."""
+        few = samples.some(const.ENOUGH)
+        made = cls(Sensors(few))
+        return made if few is samples else cls(Sensors(samples), made.stiffness)
 
     def _system(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Penalty and data matrices of n samples, upper banded (5, n)."""
@@ -61,7 +396,7 @@ class Smoother:
             for i in range(4):
                 for j in range(i, 4):
                     penalty[4 - (j - i), j : n - 3 + j] += THIRD[i] * THIRD[j]
-            data[4] += 1 / self.variance
+            data[4] += 1 / self.sensors.variance
             for i in range(5):
                 for j in range(i, 5):
                     data[4 - (j - i), j : n - 4 + j] += self.of_w * SLOPE[i] * SLOPE[j]
@@ -70,13 +405,13 @@ class Smoother:
 
     def _solved(self, stiffness: float, right: np.ndarray) -> np.ndarray:
         penalty, data = self._system(len(right))
-        return solveh_banded(data + penalty * stiffness / self.variance, right)
+        return solveh_banded(data + penalty * stiffness / self.sensors.variance, right)
 
-    def __call__(self, stiffness: float, theta: np.ndarray, w: np.ndarray | None) -> np.ndarray:
-        """theta (n,) smoothed."""
+    def _smoothed(self, stiffness: float, theta: np.ndarray, w: np.ndarray | None) -> np.ndarray:
+        """theta (n,) by penalised least squares, banded, piece by piece."""
         out = np.zeros(len(theta))
-        for at in self.sensors.samples.pieces:
-            right = theta[at] / self.variance
+        for at in self.samples.pieces:
+            right = theta[at] / self.sensors.variance
             if w is not None:
                 of_w = self.of_w * 12 * self.dt * w[at][2:-2]
                 for j in range(5):
@@ -84,85 +419,35 @@ class Smoother:
             out[at] = self._solved(stiffness, right)
         return out
 
-    def stiffness(self) -> float:
-        """From smooth to rough in half decades, until the residual is the noise."""
+    def _as_noise_asks(self, theta: np.ndarray, w: np.ndarray | None) -> float:
+        """The stiffness from smooth to rough in half decades, until the residual is the noise."""
         grid = 10.0 ** np.arange(8, -3, -0.5)
-        for stiffness in grid:
-            x = self(stiffness, self.theta, self.w)
-            misfit = np.mean(np.minimum((self.theta - x) ** 2 / self.variance, FAR))
-            if self.w is not None:
-                w = self.sensors.samples.each(lambda y: slope(y, self.dt), x)
-                of_w = (self.w - w) ** 2 / self.sensors.w_variance
-                misfit = max(misfit, np.mean(np.minimum(of_w, FAR)))
-            if misfit < NOISE_FIT:
-                return float(stiffness)
-        return float(grid[-1])
+        for stiffness in grid.tolist():
+            x = self._smoothed(stiffness, theta, w)
+            parts = [(theta - x) ** 2 / self.sensors.variance]
+            if w is not None:
+                parts.append((w - self.each(slope, x)) ** 2 / self.sensors.w_variance)
+            if max(np.mean(np.minimum(x, const.FAR_RESIDUAL)) for x in parts) < const.NOISE_FIT:
+                break
+        return stiffness
 
-    def pulse(self, stiffness: float) -> np.ndarray:
+    def _pulse(self) -> np.ndarray:
         """Impulse response (2 m + 1,) of the smoothing, sum 1."""
-        longest = max(at.stop - at.start for at in self.sensors.samples.pieces)
-        m = int(min(max(40, 12 * stiffness ** (1 / 6)), 4000, longest // 6))
+        longest = max(at.stop - at.start for at in self.samples.pieces)
+        m = int(min(max(40, 12 * self.stiffness ** (1 / 6)), 4000, longest // 6))
         data = self._system(2 * m + 1)[1]
         one = np.zeros(2 * m + 1)
         one[m] = data[4, m]
         for i in range(1, min(5, m + 1)):
             one[m + i] = one[m - i] = data[4 - i, m]
-        p = self._solved(stiffness, one)
+        p = self._solved(self.stiffness, one)
         far = np.flatnonzero(np.abs(p) > 4e-3 * np.abs(p).max())
         reach = max(m - int(far[0]), int(far[-1]) - m)
         p = p[m - reach : m + reach + 1]
         return p / p.sum()
 
-
-class SmoothRuns:
-    """The smooth motion of the runs of one rate: ``theta``, ``w`` (n,) soft, for friction and
-    places; ``acceleration``, ``path`` (n,) stiff, for inertia; ``shake`` (n,) the acceleration
-    that noise makes; ``pulse`` the smoothing's impulse response, ``spread`` samples wide."""
-
-    def __init__(self, smoother: Smoother, stiffness: float) -> None:
-        sensors = smoother.sensors
-        samples = sensors.samples
-        self.smoother, self.sensors, self.samples = smoother, sensors, samples
-        self.stiffness, self.dt = stiffness, samples.dt
-        stiff = smoother(stiffness, smoother.theta, smoother.w)
-        self.theta = stiff
-        if stiffness > 1e-2:  # a stiff motion turns back at the wrong time
-            self.theta = smoother(stiffness * SOFT, smoother.theta, smoother.w)
-        self.w = self.slope(self.theta)
-        self.acceleration = self.bend(stiff)
-        self.path = stiff[0] + np.r_[0, np.cumsum(self._joined(np.diff(stiff)))]
-        self.pulse = smoother.pulse(stiffness)
-        self.spread = 1 / max(1e-9, abs(half_response(self.pulse)))
-        self.shake = self._shaken()
-        self.between = int(np.clip(round(self.dt / FINE), 1, 10))
-        self.fine_steps, self.fine_w = self._between_samples()
-
-    @classmethod
-    def of(cls, samples: Samples) -> SmoothRuns:
-        """The motion as smooth as the noise asks, judged on parts of a long log."""
-        smoother = Smoother(Sensors(samples))
-        few = samples.some(ENOUGH)
-        judge = smoother if few is samples else Smoother(Sensors(few))
-        return cls(smoother, judge.stiffness())
-
-    def only(self, at: Sequence[slice]) -> SmoothRuns:
-        """Parts of the log, as smooth as it is."""
-        made, k = copy(self), self.between
-        made.samples = self.samples.only(at)
-        made.smoother = self.smoother.only(made.samples, at)
-        made.sensors = made.smoother.sensors
-        for key in ("theta", "w", "acceleration", "path", "shake"):
-            setattr(made, key, joined(getattr(self, key), at))
-        fine = [slice(k * one.start, k * one.stop) for one in at]
-        made.fine_w = joined(self.fine_w, fine)
-        made.fine_steps = made._joined(joined(np.r_[self.fine_steps, 0.0], fine)[:-1], k)
-        return made
-
-    def slope(self, x: np.ndarray) -> np.ndarray:
-        return self.samples.each(lambda y: slope(y, self.dt), x)
-
-    def bend(self, x: np.ndarray) -> np.ndarray:
-        return self.samples.each(lambda y: bend(y, self.dt), x)
+    def each(self, function: Any, x: np.ndarray) -> np.ndarray:
+        return self.samples.each(lambda y: function(y, self.dt), x)
 
     def _joined(self, steps: np.ndarray, per_sample: int = 1) -> np.ndarray:
         """Steps (n - 1,) without those from one piece to the next."""
@@ -172,12 +457,11 @@ class SmoothRuns:
 
     def _shaken(self) -> np.ndarray:
         """White noise of the channels' size, sent through the same smoothing."""
-        n = len(self.samples)  # a long log has the same noise again and again
-        white = np.random.default_rng(1).standard_normal((2, min(n, ENOUGH)))
-        theta = np.resize(white[0], n) * self.smoother.variance**0.5
-        w = np.resize(white[1], n) * self.sensors.w_variance**0.5
-        noise = self.smoother(self.stiffness, theta, None if self.smoother.w is None else w)
-        return self.bend(noise)
+        n, s = len(self.samples), self.sensors  # a long log has the same noise again and again
+        white = np.random.default_rng(1).standard_normal((2, min(n, const.ENOUGH)))
+        theta, w = np.resize(white[0], n), np.resize(white[1], n)
+        w = None if s.w is None else w * s.w_variance**0.5
+        return self.each(bend, self._smoothed(self.stiffness, theta * s.variance**0.5, w))
 
     def _between_samples(self) -> tuple[np.ndarray, np.ndarray]:
         """Steps and speeds between the samples, by the cubic through position and speed."""
@@ -219,11 +503,10 @@ class Motion:
             np.concatenate([getattr(r.samples, k) for r in self.runs])
             for k in ("t", "stamp", "u", "d", "ok", "run")
         )
-        self.theta, self.w, self.acceleration, self.path, self.shake = (
+        self.theta, self.w, self.acceleration, self.path, self.shake, self.fine_w = (
             np.concatenate([getattr(r, k) for r in self.runs])
-            for k in ("theta", "w", "acceleration", "path", "shake")
+            for k in ("theta", "w", "acceleration", "path", "shake", "fine_w")
         )
-        self.fine_w = np.concatenate([r.fine_w for r in self.runs])
         ends = [np.r_[r.fine_steps, 0.0] for r in self.runs]
         self.fine_steps = np.concatenate(ends)[:-1]  # no step leads from one rate to the next
         self.at = in_turn([len(r.samples) for r in self.runs])
@@ -234,7 +517,7 @@ class Motion:
         )
         self.elapsed = self.t - self.t.min()
         self.duration = float(self.elapsed.max())
-        late = [0.5 * r.dt + FREE_LATE for r in self.runs]
+        late = [0.5 * r.dt + const.FREE_LATE for r in self.runs]
         self.hold = np.repeat(late, [len(r.samples) for r in self.runs])
 
     @classmethod
@@ -242,8 +525,7 @@ class Motion:
         return cls([SmoothRuns.of(samples) for samples in groups])
 
     def varied(self, stiffer: float) -> Motion:
-        """The same log, smoothed with another stiffness."""
-        return Motion([SmoothRuns(r.smoother, r.stiffness * stiffer) for r in self.runs])
+        return Motion([SmoothRuns(r.sensors, r.stiffness * stiffer) for r in self.runs])
 
     def lowered(self, above: float) -> Motion:
         """The same log with speeds that are lower by so much (rad/s)."""
@@ -256,12 +538,6 @@ class Motion:
 
     def __len__(self) -> int:
         return len(self.t)
-
-    def _each(self, function: Callable[[SmoothRuns, np.ndarray], np.ndarray], x: np.ndarray):
-        if len(self.runs) == 1:
-            return function(self.main, x)
-        pairs = zip(self.runs, self.at, strict=True)
-        return np.concatenate([function(r, x[at]) for r, at in pairs])
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Mean (n,) or (n, k) around each sample of a torque held from each to the next."""
@@ -276,19 +552,12 @@ class Motion:
         return np.concatenate(parts)
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        """dx/dt (n,), piece by piece."""
-        return self._each(lambda r, y: r.slope(y), x)
-
-    def bend(self, x: np.ndarray) -> np.ndarray:
-        """Second derivative of x (n,), piece by piece."""
-        return self._each(lambda r, y: r.bend(y), x)
+        return np.concatenate([slope(x[at], dt) for at, dt in self.pieces])
 
     def coarse(self, X: np.ndarray) -> np.ndarray:
         """Values between the samples (k n,) or (k n, m) -> at the samples."""
         if X.ndim == 1:
             return self.coarse(X[:, None])[:, 0]
-        if len(self.runs) == 1:
-            return self.main.coarse(X)
         parts = zip(self.runs, in_turn([len(r.fine_w) for r in self.runs]), strict=True)
         return np.concatenate([r.coarse(X[at]) for r, at in parts])
 

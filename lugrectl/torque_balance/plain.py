@@ -1,5 +1,6 @@
 """The plain answer: what is certain of the drive, each value once, from the last fit; and the
-declared model without a search."""
+declared model without a search.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +16,13 @@ from ..core.numeric import Z95, rms
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
 from ..record.stretches import Stretch
-from .constants import FAR_W, FLOOR, SCALE
+from . import constants as const
 from .friction import View
-from .held_out import Split, Unseen
-from .interval import Interval, Value, best_law, other_views, tells
-from .last_fit import LastFit, state_of
+from .last_fit import Interval, LastFit, Value, best_law, other_views, state_of, tells
 from .seen import COASTS, refuse_dead, seen
 from .table import Table
-from .verdict import Answer
+from .verdict import Answer, Split, Unseen
 
-BINS = 8  # of speed in each direction, for the friction curve
-PLAIN = 4  # values of a plain law: Fc, Fs, vs, Fv
 UNITS = {"J": "kg m2", "Fc": "N m", "Fv": "N m s/rad", "Fs": "N m", "constant_torque": "N m",
          "u_delay": "s", "w_lag": "s", "w_offset": "rad/s", "w_gain": "1"}  # fmt: skip
 OTHER_WAY = "record the other direction"
@@ -121,13 +118,12 @@ def of_sensors(last: LastFit) -> dict[str, Value]:
     if above or s.offset:
         own = s.offset / s.gain, s.offset_error / s.gain
         made["w_offset"] = own if s.offset else (above, error)
-    if s.scaled and abs(s.lag) <= FAR_W:  # a later one is only shifted
-        made["w_gain"] = 1 / s.gain, np.hypot(s.gain_error, SCALE) / s.gain**2
+    if s.scaled and abs(s.lag) <= const.FAR_W:  # a later one is only shifted
+        made["w_gain"] = 1 / s.gain, np.hypot(s.gain_error, const.SCALE) / s.gain**2
     return {k: (x, x - Z95 * e, x + Z95 * e) for k, (x, e) in made.items()}
 
 
 def _units(last: LastFit) -> dict[str, str]:
-    """The unit of each value by the names of the plain answer."""
     motion = last.view.model.motion
     made = {name: unit_for(unit, motion) for name, unit in UNITS.items()}
     return made | {
@@ -176,16 +172,16 @@ def friction_curve(last: LastFit) -> list[CurvePoint]:
     if v.apart is not None:
         many = np.bincount(v.apart)
         left, speed, torque = (np.bincount(v.apart, x) / many for x in (r, w, friction + r))
-        half = Z95 * float(np.sqrt(np.sum(left**2) / max(len(left) - PLAIN, 1)))
+        half = Z95 * float(np.sqrt(np.sum(left**2) / max(len(left) - const.PLAIN_VALUES, 1)))
         points = zip(speed.tolist(), torque.tolist(), many.tolist(), strict=True)
         return sorted([CurvePoint(x, y, (y - half, y + half), n) for x, y, n in points],
                       key=lambda p: p.w)  # fmt: skip
     for side in (-1.0, 1.0):
         own = np.flatnonzero(side * w > 0)
-        if len(own) < 2 * BINS:
+        if len(own) < 2 * const.BINS:
             continue
         own = own[np.argsort(np.abs(w[own]))]
-        for part in np.array_split(own, BINS):
+        for part in np.array_split(own, const.BINS):
             torque = friction[part] + r[part]
             half = Z95 * float(np.std(r[part])) / np.sqrt(max(len(part) / 4, 1.0))
             x = float(np.mean(torque))
@@ -242,7 +238,7 @@ def _missing(last: LastFit) -> list[str]:
     """A sentence where torque stays for longer than a window: no interval knows of its cause."""
     view = last.view
     stays = Unseen.left(last.left, view.rows).stays / view.size
-    return [] if view.is_map or stays < 2 * FLOOR else [MISSING.format(100 * stays)]
+    return [] if view.is_map or stays < 2 * const.FLOOR else [MISSING.format(100 * stays)]
 
 
 def _per_inertia(stretches: Sequence[Stretch], model: Model) -> Balance:

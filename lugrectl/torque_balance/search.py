@@ -15,27 +15,14 @@ import numpy as np
 
 from ..blocks.block import Block, P, members
 from ..core.regression import Prior
+from . import constants as const
 from .columns import Along, lanes, linear, needs_inertia, of_motion, refused, searched
-from .constants import FREE_LATE, MAIN_WAVE, PERIODS, SCREEN, WAVES_AT_ONCE
 from .friction import Seen
-from .table import Contender, Table, is_lateness
-from .unknown import likeliest
+from .table import Contender, Table, is_lateness, likeliest
 
 OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of friction: see last_fit
-ORDERS = 200  # per turn: the highest order of the angle
-ORDER_WAYS = {"torque_ripple": 2}  # how many orders of an effect are entered; else one
-MINORITY = 0.3  # of the rows: a stop is touched by fewer
-GAPS = 90  # of a gap that are tried: one that is 5 % off loses three quarters of its gain
-RINGING, FASTEST = (4.0, 60.0), 400.0  # Hz: resonances of a load that are looked for
-CLOSER, FARTHEST = 0.35, 1.5  # steps of a polish: over the last ones; how far a top may lie
-TURNS = 4  # of a polish, two more in one dimension; two in the first pass, or where it is known
 
 Values = dict[str, float]
-
-
-def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
-    """Sets of values as a key."""
-    return tuple([tuple(values.items()) for values in sets])
 
 
 def polish(
@@ -54,7 +41,7 @@ def polish(
             best, most = centre + around[i] * size, float(made[i])
         top = _top(around, made)
         centre = best if top is None else centre + top * size
-        size = size * (1.0 if top is None and i else CLOSER)
+        size = size * (1.0 if top is None and i else const.CLOSER)
     return best
 
 
@@ -70,11 +57,10 @@ def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
     if np.linalg.eigvalsh(H)[-1] >= 0:
         return None
     top = -np.linalg.solve(H, b[1 : k + 1])
-    return top if np.max(np.abs(top)) < FARTHEST else None
+    return top if np.max(np.abs(top)) < const.FARTHEST else None
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
-    """The largest gain between a and b, by golden sections."""
     for _ in range(turns):
         x, y = a + 0.382 * (b - a), a + 0.618 * (b - a)
         a, b = (a, y) if gain(x) > gain(y) else (x, b)
@@ -85,7 +71,6 @@ class Search:
     """All contenders beside one base; ``tried``: whether they promise something or not.
 
     ``sure``: the log determines the inertia; else only what does not depend on it is tried.
-    ``memory`` keeps the loads that earlier searches beside other bases found.
     """
 
     def __init__(
@@ -93,28 +78,22 @@ class Search:
         table: Table,
         sure: bool,
         never: Collection[str],
-        memory: dict[str, Any],
         only: Collection[str] | None = None,
     ) -> None:
         self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
-        self.memory, self.only = memory, only
+        self.only = only
         self.linear = self.view.model.motion == "linear"
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
-        chosen = [c for c in table.chosen if c.block is not None]
-        self.changed = {
-            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
-            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
-        }
-        self.turns = 2 if table.quick and only is None else TURNS
+        self.turns = 2 if table.quick and only is None else const.TURNS
         self.few = self._at_rows()
 
     def rows(self) -> list[Contender]:
         """The likeliest first; only those that the screening promises something are entered."""
         self.tried = [c for c in self._contenders() if not self._there(c)]
         worth = [(self.table.promise(c), c) for c in self.tried]
-        entered = self.table.entered([(x, c) for x, c in worth if x > SCREEN])
+        entered = self.table.entered([(x, c) for x, c in worth if x > const.SCREEN])
         return likeliest([c for c in entered if self._possible(c)])
 
     def _contenders(self) -> Iterator[Contender]:
@@ -162,29 +141,27 @@ class Search:
 
     def _seen(self, block: Block, sets: Sequence[Values], screening: bool = False) -> Seen:
         """Columns of an effect at each set of values, in the rows (m, k sets); for ``screening`` by
-        the signals at the rows, where it has no memory. What has been made of the same motion,
-        friction and torque is not made again."""
+        the signals at the rows, where it has no memory. What the motion drives is made once."""
         few = screening and not (block.states or block.exact is not None or self.view.is_map)
-
-        def made() -> Seen:
-            each = lanes(block, sets, self.few if few else self.along)
-            parts = [x for x in (each.wide, each.narrow) if x is not None]
-            rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
-            return Seen(rows, each.low, each.high)
-
-        drive = [] if of_motion(block) else [self.view.settled]
-        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
-        return self.view.once((block.name, few, *kept(sets), *drive), made)
+        key = block.name, tuple(tuple(values.items()) for values in sets)
+        if key in self.view.loads:
+            return self.view.loads[key]
+        each = lanes(block, sets, self.few if few else self.along)
+        parts = [x for x in (each.wide, each.narrow) if x is not None]
+        rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
+        made = Seen(rows, each.low, each.high)
+        if block.states and of_motion(block):
+            self.view.loads[key] = made
+        return made
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
-        """Gain of each set of values."""
         if len(linear(block)) == 2:
-            return self.table.gains_of_pairs(X)
+            return self.table.gains(X, 2)[0]
         gain, b = self.table.gains(X)
-        p = block.own[block.gain]
+        b, p = b[:, 0], block.own[block.gain]
         meant = (b >= p.low) & (b <= p.high)
         if any(one.passed for one in block.own.values()):
-            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < MINORITY
+            meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.MINORITY
         return np.where(meant, gain, 0.0)
 
     def _each(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
@@ -201,7 +178,7 @@ class Search:
         self, block: Block, q: Values, steps: Mapping[str, float], gain: float = np.inf
     ) -> Values:
         """The best values near q; itself where its ``gain`` promises nothing."""
-        if gain < SCREEN:
+        if gain < const.SCREEN:
             return q
 
         def at(x: np.ndarray) -> Values:
@@ -214,7 +191,6 @@ class Search:
         return at(polish(gains, [q[k] for k in steps], [*steps.values()], turns))
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
-        """The contender of one effect, or of several of its kind at once."""
         made = [self._seen(block, [q]) for q in each]
         C, low, high = (np.concatenate(x, axis=-1) for x in zip(*made, strict=True))
         prior = Prior.free(C.shape[1], low=low, high=high)
@@ -222,15 +198,12 @@ class Search:
                          more=each[1:], **other)  # fmt: skip
 
     def again(self, c: Contender) -> Contender:
-        """The same contender beside this base."""
         assert c.block is not None
         if c.C is None:
             return Contender(c.name, c.q, c.block, u=self.view.changed(c.block, c.q), cost=c.cost)
         return self._contender(c.block, *c.each, cost=c.cost)
 
     def _there(self, c: Contender) -> bool:
-        """Whether it has joined the base already, at these values."""
-
         def place(one: Contender) -> tuple:
             own = one.block.own if one.block else {}
             hertz = [round(v, 1) for k, v in one.q.items() if own[k].unit == "Hz"]
@@ -252,9 +225,9 @@ class Search:
         if len(keys) > 1:
             return
         (key,), rows = keys, self.view.rows
-        N = np.arange(1, ORDERS + 1.0)
+        N = np.arange(1, const.ORDERS + 1.0)
         if self.linear:
-            N = 2 * np.pi * np.arange(1, 2 * ORDERS) / (2 * self.span)
+            N = 2 * np.pi * np.arange(1, 2 * const.ORDERS) / (2 * self.span)
         whole = "J" in block.acts or N * self.span > 4  # no torque is alike over less of a wave
         N = N[whole & (N * rows.passed < 6)]
         if not self.linear and set(block.acts) == {"torque"}:
@@ -264,9 +237,9 @@ class Search:
         X = self._seen(block, [{key: n} for n in N], screening=True).rows
         if not self.view.is_map:  # the middle of a row stands for its window
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
-        gains = self.table.gains_of_pairs(X)
+        gains = self.table.gains(X, 2)[0]
         cost = float(np.log(len(N)))
-        for i in np.argsort(gains)[::-1][: ORDER_WAYS.get(block.name, 1)]:
+        for i in np.argsort(gains)[::-1][:1]:
             q = {key: float(N[i])}
             if self.linear:
                 step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * q[key]
@@ -282,9 +255,9 @@ class Search:
         table, chosen = self.table, []
         pool = [i for i in np.argsort(gains)[::-1] if N[i] * self.span > 2 * np.pi][:32]
         W = {i: table.beside(X[:, 2 * i : 2 * i + 2]) for i in pool}
-        left, least = table.rest_of_y.copy(), 2 * (SCREEN + np.log(len(N)))
+        left, least = table.rest_of_y.copy(), 2 * (const.SCREEN + np.log(len(N)))
         whole = float(np.sum((table.y * table.root) ** 2))
-        while len(chosen) < WAVES_AT_ONCE:
+        while len(chosen) < const.WAVES_AT_ONCE:
             # waves over less than a turn imitate one another
             W = {i: w for i, w in W.items()
                  if all(abs(N[i] - N[j]) * self.span > 4 for j in chosen)}  # fmt: skip
@@ -295,7 +268,7 @@ class Search:
             power = float(fits[i] @ fits[i])
             if power / table.scale**2 < max(least, 0.01 * gains.max()):
                 break
-            if not chosen and power < MAIN_WAVE * whole:
+            if not chosen and power < const.MAIN_WAVE * whole:
                 return  # a series of small waves is any function of the angle
             chosen.append(i)
             q, _ = np.linalg.qr(W.pop(i))
@@ -321,13 +294,13 @@ class Search:
 
         room = np.sum(table.root**2) - np.sum([spectrum(q) for q in table.Q.T], axis=0)
         # a wave of few periods is any course in time
-        seen = (f > max(0.2, PERIODS / T)) & (f < min(60.0, 0.4 / step))
+        seen = (f > max(0.2, const.PERIODS / T)) & (f < min(60.0, 0.4 / step))
         if not seen.any():
             return
         power = spectrum(table.rest_of_y) / np.maximum(room, 1e-3 * room.max()) * seen
         q = {key: float(f[int(np.argmax(power))])}
         q = self._polished(block, q, {key: 0.15 / T}, power.max() / table.scale**2)
-        if q[key] * T > PERIODS:
+        if q[key] * T > const.PERIODS:
             yield self._contender(block, q, cost=float(np.log(seen.sum() / 2)))
 
     def _of_input(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
@@ -356,7 +329,7 @@ class Search:
         """Values of a delay, a limit, or a torque that is lost."""
         size = np.abs(self.view.u)
         if p.unit == "s":
-            return np.r_[1e-6, FREE_LATE + np.geomspace(3e-4, 0.05, 15)]
+            return np.r_[1e-6, const.FREE_LATE + np.geomspace(3e-4, 0.05, 15)]
         if p.unit != "N m":
             return None
         if p.neutral == np.inf:
@@ -365,61 +338,51 @@ class Search:
         return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A load behind a spring or a gap, driven by the measured motion. Where a gap lies depends
-        little on the spring and on other effects: it is searched once, and only polished again."""
-        many = 3 if "gap" in keys else 2
-        again = block.name in self.memory
-        tried = self._springs(block, keys)
-        if not tried:
-            return
-        gains = self._loads(block, [self._load(keys, *one) for one in tried])
-        best, slowest = tried[int(np.argmax(gains))], min(f for f, _, _ in tried)
-        self.memory[block.name] = best if gains.max() >= 2 * SCREEN else None
-        if gains.max() < 2 * SCREEN:
+        """A load of 1 kg m2 behind a spring or a gap, driven by the measured motion: by frequency
+        (Hz), damping ratio and gap (rad)."""
+
+        def load(f: float, z: float, *gap: float) -> Values:
+            omega = 2 * np.pi * f
+            made = {"stiffness": omega**2, "damping": 2 * z * omega}
+            return made | dict(zip(("gap",), gap, strict=False))
+
+        def gains_of(tried: Sequence[Sequence[float]]) -> np.ndarray:
+            return self._gains(block, self._seen(block, [load(*one) for one in tried]).rows)
+
+        found = self.view.found.setdefault(block.name, [])  # beside other bases
+        tried = [*self._springs("gap" in keys, gains_of), *found]
+        gains = gains_of(tried)
+        best, slowest = tried[int(np.argmax(gains))], tried[0][0]
+        if gains.max() < 2 * const.SCREEN:
             return
 
         def around(points: np.ndarray) -> np.ndarray:
             p = np.exp(points)
-            inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < FASTEST) & (p[:, 1] <= 1)
+            inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < const.FASTEST) & (p[:, 1] <= 1)
             made = np.full(len(p), -1.0)
             if inside.any():
-                made[inside] = self._each(block, [self._load(keys, *x) for x in p[inside].tolist()])
+                made[inside] = self._each(block, [load(*one) for one in p[inside].tolist()])
             return made
 
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
-        turns = 2 if again else self.turns
-        x = polish(around, np.log(best[:many]).tolist(), steps[:many], turns)
-        f, z, *gap = np.exp(x).tolist()
-        if f < 0.84 * slowest or z > 0.95:
-            return  # at the edge of what a resonance may be: J that falls with frequency
-        self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
-        cost = np.log(22 * 3) if many == 2 else np.log(3 * GAPS)
-        yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
+        x = np.exp(polish(around, np.log(best).tolist(), steps[: len(best)], self.turns)).tolist()
+        if x[0] >= 0.84 * slowest and x[1] <= 0.95:  # else J falls with frequency
+            found[:] = [tuple(x)]
+            cost = np.log(3 * (const.GAPS if "gap" in keys else const.RATES))
+            yield self._contender(block, load(*x), cost=float(cost))
 
-    def _springs(self, block: Block, keys: Sequence[str]) -> list[tuple[float, float, float]]:
-        """Frequencies (Hz), damping ratios and gaps (rad) to try."""
-        if "gap" not in keys:
-            fast = min(RINGING[1], 0.3 / self.view.motion.dt)
-            rates = np.geomspace(RINGING[0], fast, 22).tolist()
-            return [(f, z, 0.0) for f in rates for z in (0.03, 0.1, 0.3)]
-        if block.name in self.memory:
-            known = self.memory[block.name]
-            near = (0.96, 1.0, 1.04) if known else ()
-            return [(known[0], known[1], x * known[2]) for x in near]
+    def _springs(self, gap: bool, gains: Callable[[list], np.ndarray]) -> list[tuple[float, ...]]:
+        """Frequencies (Hz), damping ratios and gaps (rad) to try; where a gap lies depends little
+        on the spring."""
+        if not gap:
+            fast = min(const.RINGING[1], 0.3 / self.view.motion.dt)
+            rates = np.geomspace(const.RINGING[0], fast, const.RATES).tolist()
+            return [(f, z) for f in rates for z in (0.03, 0.1, 0.3)]
         reach, count = min(self.span, 6.28), self.view.motion.count
-        gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, GAPS)
-        at = int(np.argmax(self._loads(block, [self._load(keys, 80.0, 0.3, g) for g in gaps])))
+        gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, const.GAPS)
+        at = int(np.argmax(gains([(80.0, 0.3, x) for x in gaps.tolist()])))
         near = gaps[max(at - 1, 0) : at + 2].tolist()
-        return [(f, 0.3, gap) for f in (45.0, 80.0, 140.0) for gap in near]
-
-    def _load(self, keys: Sequence[str], f: float, z: float, gap: float = 0.0) -> Values:
-        """Values of a load of 1 kg m2 with this frequency (Hz), damping ratio and gap (rad)."""
-        omega = 2 * np.pi * f
-        made = {"stiffness": omega**2, "damping": 2 * z * omega}
-        return made | ({"gap": float(gap)} if "gap" in keys else {})
-
-    def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
-        return self._gains(block, self._seen(block, sets).rows)
+        return [(f, 0.3, x) for f in (45.0, 80.0, 140.0) for x in near]
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A grid of all values, the best of it polished."""
@@ -438,7 +401,6 @@ class Search:
         yield self._contender(block, self._polished(block, q, steps, gains.max()), cost=cost)
 
     def _grid(self, block: Block, p: P, many: int) -> np.ndarray:
-        """Values of any parameter, within its bounds."""
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)

@@ -1,4 +1,11 @@
-"""The log as the table sees it: motion, windows, declared effects with all of their values; of a
+"""What the channels have that is none of the drive: u that was logged late, w that is not 0 at
+rest. Each is a row of the table beside the base; a proven one is undone before anything is asked.
+
+A bus or a filtered current makes u late. The base knows lateness as a slope du/dt, which is true
+for a hold; where that reaches its bound, the column itself is tried earlier. Where w stands alone,
+the place of the step of friction tells its offset.
+
+The log as the table sees it: motion, windows, declared effects with all of their values; of a
 long log parts that are enough.
 
 What rows tell of a model grows with their number, what a search costs, too: beyond some minutes
@@ -8,26 +15,109 @@ more of the same motion decides nothing.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from ..blocks.block import members, unit_for
 from ..blocks.declared_values import Stated
+from ..blocks.friction import free_level
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
+from ..core.regression import Prior, paired, robust
 from ..record.stretches import Stretch
-from .channels import as_acted, logged_late, speed_offset
+from . import constants as const
 from .columns import columns, linear, searched
-from .constants import BLOCK, ENOUGH, FLOOR, MOSTLY, PARTS, STRANGE
 from .friction import Term, View, declared_terms, places
 from .maps import Still, is_map, map_of
-from .motion import Motion
-from .samples import SHORTEST, sampled
-from .search import Search
-from .table import Table
-from .windows import Declared, Rows, Width, fine_wave
+from .motion import Motion, sampled
+from .search import Search, golden
+from .table import Contender, Table, Unknown, proven
+from .windows import Declared, Rows, Width
+
+
+def logged_late(view: View, table: Table) -> float:
+    """How late (s) u was logged; 0 where no such row of the table is the likeliest."""
+    if not view.sure or table.fit.free[1] or table.fit.b[1] > 0:
+        return 0.0
+    m, grid = view.motion, np.arange(0.0, const.VERY_LATE, const.LATE_STEP)
+
+    def row(T: float) -> Contender:
+        made = Contender("late", {}, u=m.later(-T), cost=float(np.log(len(grid))))
+        made.lateness = True
+        return table.enter(made)
+
+    def gain(T: float) -> float:
+        made = row(T)  # of a u that is moved away from all motion nothing is left, nor of J
+        return made.gain if made.J > const.KEPT * table.J else -np.inf
+
+    best = float(grid[int(np.argmax([gain(T) for T in grid]))])
+    best = golden(gain, max(best - const.LATE_STEP, 0.0), best + const.LATE_STEP)
+    late = row(best)
+    if best <= 0 or not proven(*paired(late.e, table.e)):
+        return 0.0
+    # a torque that is lost, or depends on the place, makes the rest late
+    strange = Unknown(table, view.model.motion == "linear", True).rows()
+    others = [c.gain for c in Search(table, True, ()).rows()]
+    others += [table.enter(c).gain for c in strange if c.depends_on == {"theta"}]
+    return best if late.gain > max(others, default=0.0) else 0.0
+
+
+def speed_offset(view: View, table: Table) -> tuple[float, float]:
+    """How much (rad/s) a w without theta is above the speed, with its standard error; 0 where no
+    such row is proven."""
+    m, v = view.motion, view
+    if any(r.sensors.theta is not None for r in m.runs):
+        return 0.0, 0.0
+    X = np.column_stack([v.rows.a, v.late, v.K @ np.column_stack([m.w, np.ones(len(m))])])
+    blurred = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
+
+    @lru_cache
+    def scores(offset: float) -> np.ndarray:
+        w = m.w - offset
+        way = np.tanh(w / blurred)
+        law = np.column_stack([way, way * free_level(w, 0.0, 1.0, const.CURVE * m.top, 1.0)])
+        both = np.column_stack([X, v.K @ law])
+        fit = robust(both, v.y, Prior.free(both.shape[1]), table.scale)
+        return v.blocks.seen(fit.r, 1.0)
+
+    def total(offset: float) -> float:
+        return float(scores(offset).sum())
+
+    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
+    i = int(np.argmax([total(x) for x in grid]))
+    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
+    if total(best) - total(0.0) < const.SCREEN:
+        return 0.0, 0.0
+
+    @lru_cache
+    def by_table(offset: float) -> np.ndarray:
+        return Table(view.lowered(offset), table.scale).e
+
+    best = golden(lambda x: float(by_table(x).sum()), 0.5 * best, 1.5 * best, 11)
+    e = by_table(best) - np.log(len(grid)) / len(table.e)
+    if not proven(*paired(e, table.e)):
+        return 0.0, 0.0
+    step = const.NEAR_BY * abs(best)
+    up, down = by_table(best + step), by_table(best - step)
+    bend = float(np.sum(2 * by_table(best) - up - down)) / step**2
+    # by what the blocks say alone; slower than blurred is rest
+    error = float(np.linalg.norm(up - down)) / (2 * step * bend) if bend > 0 else abs(best)
+    error = const.WHOLE * error if bend > 0 else error
+    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))
+
+
+def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:
+    """The stretches with each torque ``late`` (s) before it was logged, speeds less ``above``."""
+    made = []
+    for s in stretches:
+        u, ok = np.interp(s.t + late, s.t, s.u), s.ok & (s.t + late <= s.t[-1])
+        made.append(replace(s, u=u, ok=ok, w=None if s.w is None else s.w - above))
+    return made
+
 
 COASTS = (
     "u is constant in every row: the torque channel is dead, or the drive coasts.",
@@ -41,8 +131,6 @@ AGAINST = f"the log contradicts the declared inertia, of which u has nothing: {F
 NEGATIVE = f"the inertia comes out negative and there is no friction: {FOLLOWS}"
 COMMANDED = "Log the commanded torque, positive where it speeds up positive motion."
 TURN = "Check the sign of u; {} reverses it."
-SHORT = 30.0  # s: a log up to twice as long is searched as a whole
-GOLDEN = 0.6180339887  # of a period: parts at equal distances take one frequency for another
 Range = tuple[float, float] | None
 
 
@@ -95,21 +183,15 @@ def wide_enough(motion: Motion, model: Model) -> Width:
         width.range = (J / 1.1, 1.1 * J) if J else width.range
     if J and np.ptp(motion.u) == 0:  # all torques are known up to one factor: J is declared
         width.sure, width.impossible, width.range = False, False, (J, J)
-    wave = fine_wave(motion, width.h) if model.motion != "linear" else 0.0
-    if wave:  # at windows this narrow noise would take the inertia
-        narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
-        width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
-        width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
     width.range = inertia_range(width.range, model)
     return width
 
 
 def refuse_dead(view: View, width: Width | Still) -> None:
-    """Refused where the torque has nothing to do with the motion."""
     coasts = np.ptp(view.motion.u) == 0 and not view.is_map
     # friction must explain a motion without changes of torque
     if coasts and (
-        not view.declared.get("J") or Table(view).left * view.size > MOSTLY * view.force
+        not view.declared.get("J") or Table(view).left * view.size > const.MOSTLY * view.force
     ):
         raise Refused(*COASTS)
     if view.several and not (view.is_map or view.declared.get("J")) and one_torque(view):
@@ -130,7 +212,7 @@ def one_torque(view: View) -> bool:
     w, y = view.motion.w, view.torque(view.motion.u)
     X = view.K @ np.column_stack([w > 0, w < 0])
     r = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
-    return bool(np.mean(r**2) < FLOOR**2 * np.mean(y**2))
+    return bool(np.mean(r**2) < const.FLOOR**2 * np.mean(y**2))
 
 
 def inertia_range(found: Range, model: Model) -> Range:
@@ -150,7 +232,7 @@ def find_open(view: View, sure: bool) -> None:
     opened = [t for t in view.terms if _missing(t)]
     view.terms = [t for t in view.terms if not _missing(t)]
     for term in opened:
-        rows = Search(Table(view), sure, (), {}, only={term.name}).rows()
+        rows = Search(Table(view), sure, (), only={term.name}).rows()
         found = rows[0].q if rows else {}
         own, middle = term.block.own, np.median(view.motion.t)  # at an end an event is none
         usual = {k: float(middle if own[k].instant else own[k].value or 0.0)
@@ -169,44 +251,18 @@ def enough(view: View, width: Width) -> View:
     """The view of PARTS of a long log: evenly spread ones, and the STRANGE of which a plain balance
     leaves most, wherever something happens once. Itself where the log is short."""
     m = view.motion
-    seconds = max(ENOUGH * m.dt, SHORT)
+    seconds = max(const.ENOUGH * m.dt, const.SHORT)
     if m.duration < 2 * seconds:
         return view
-    length = seconds / PARTS
-    chosen = np.zeros(int(m.duration / length) + 1, bool)
-    chosen[_spread(len(chosen))] = True
-    order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
-    chosen[order[-STRANGE:]] = True
-    few = _only(m, chosen[(m.elapsed / length).astype(int)])
+    length = seconds / const.PARTS
+    number = int(m.duration / length) + 1
+    i, part = np.arange(const.PARTS - const.STRANGE), (width.t / length).astype(int)
+    chosen = np.zeros(number, bool)  # one in each of equal periods but not at equal distances
+    chosen[((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)] = True
+    many = np.maximum(np.bincount(part, minlength=number), 1)
+    left = np.bincount(part, width.r**2, number) / many
+    chosen[np.argsort(np.where(chosen, -1.0, left))[-const.STRANGE :]] = True
+    here = chosen[(m.elapsed / length).astype(int)]
+    parts = [r.samples.within(here[at]) for r, at in zip(m.runs, m.at, strict=True)]
+    few = Motion.of([samples for samples in parts if len(samples)])
     return view.by(few, Rows(few, view.rows.h))
-
-
-def _spread(number: int) -> np.ndarray:
-    """Places of parts among so many, one in each of equal periods but not at equal distances."""
-    i = np.arange(PARTS - STRANGE)
-    return ((i + GOLDEN * i % 1.0) * number / len(i)).astype(int)
-
-
-def _left(width: Width, length: float, number: int) -> np.ndarray:
-    """What a plain balance leaves (number,) of each part: the mean square of its worst block."""
-    block = (width.t / BLOCK).astype(int)
-    many = np.maximum(np.bincount(block), 1)
-    power = np.bincount(block, width.r**2) / many
-    made = np.zeros(number)
-    part = np.minimum((np.arange(len(power)) * BLOCK / length).astype(int), number - 1)
-    np.maximum.at(made, part, power)
-    return made
-
-
-def _only(motion: Motion, here: np.ndarray) -> Motion:
-    """The motion in the samples ``here`` (n,), cut where they do not go on."""
-    runs = []
-    for r, own in zip(motion.runs, motion.at, strict=True):
-        at = []
-        for piece in r.samples.pieces:
-            change = np.flatnonzero(np.diff(here[own][piece])) + 1 + piece.start
-            ends = [piece.start, *change.tolist(), piece.stop]
-            at += [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
-                   if here[own][a] and b - a >= SHORTEST]  # fmt: skip
-        runs += [r.only(at)] if at else []
-    return Motion(runs)

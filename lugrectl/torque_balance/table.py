@@ -3,27 +3,27 @@
 A row counts by the density of the motion given the torque, block by block under fits that have not
 seen the block: the residual over the inertia, so that what imitates u, and takes the inertia with
 it, gains nothing.
+
+Unknown torques: smooth functions of each set of signals, as rows of the table.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import BSpline
 
 from ..blocks.block import Block
 from ..core.numeric import rms
 from ..core.regression import TINY, Fit, Prior, normal_equations, robust, spread, weight
+from . import constants as const
 from .columns import linear
-from .constants import ALPHA, GROWN, SCREEN
 from .friction import IMITATES, Term, View
-
-NEW = 1e-3  # of a column: what must be left of it beside the base
-FAR_BEHIND = 0.03  # of the best gain: what promises less decides nothing beside it
 
 
 def is_lateness(block: Block | None) -> bool:
@@ -36,7 +36,7 @@ def errors_of(alpha: float) -> float:
     return NormalDist().inv_cdf(1.0 - alpha)
 
 
-def proven(gain: float, error: float, alpha: float = ALPHA) -> bool:
+def proven(gain: float, error: float, alpha: float = const.ALPHA) -> bool:
     """Whether a gain in nats, with its standard error, is more than chance."""
     return gain > -np.log(alpha) and gain > errors_of(alpha) * error
 
@@ -78,7 +78,6 @@ class Contender:
 
     @property
     def order(self) -> tuple[float, ...]:
-        """The whole numbers among its values: orders of the angle."""
         own = {} if self.block is None else self.block.own
         return tuple(x for k, x in self.q.items() if own[k].whole)
 
@@ -98,7 +97,6 @@ class Contender:
     def added(
         self, view: View, X: np.ndarray, y: np.ndarray, prior: Prior
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
-        """Rows, torque and prior of a base with this contender."""
         if self.u is not None:
             X, y = X.copy(), view.torque(self.u) - view.K @ view.motion.d
             X[:, 1] = view.lateness(self.u) * (1e-9 if self.lateness else 1.0)
@@ -131,8 +129,7 @@ class Table:
         if settled:
             v.set_law(v.x0, v.vs)
         else:
-            found = v.choose(self.scale, beside)
-            self.scale = found if self.scale is None else self.scale
+            self.scale = v.choose(self.scale, beside)
         self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
         joined = {t.key for t in v.terms}
         self.imitates = np.array(
@@ -151,7 +148,7 @@ class Table:
             if self.likeliest is not None:
                 X, y, prior = self.likeliest.added(v, self.X, self.y, self.prior)
                 b = robust(X, y, prior, self.scale, v.noise, fit.w, 3).b
-            v.torques(b)
+            v.settle(b)
             v.J = self.J
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         if self.quick or self.scale_J is None:
@@ -191,49 +188,40 @@ class Table:
         W = C * self.root[:, None]
         before = (W * W).sum(axis=0)
         W = W - self.Q @ (self.Q.T @ W)
-        new = (W * W).sum(axis=0) > NEW**2 * before  # else the base has it already
+        new = (W * W).sum(axis=0) > const.NEW**2 * before  # else the base has it already
         return W * new
 
-    def _told(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Products of weighted columns without what the base explains of them: with what it leaves
-        of y, with themselves, and of each first with each second one."""
+    def gains(
+        self, C: np.ndarray, k: int = 1, precision: Any = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What each group of k columns takes off the weighted sum of squares (nats, doubled), and
+        their coefficients (groups, k), with this precision of a prior."""
         W = C * self.root[:, None]
         P = self.Q.T @ W
-        before = _products(W, W)
-        n = before - _products(P, P)
-        new = n > NEW**2 * before  # else the base has it already
-        x = _products(W[:, :-1:2], W[:, 1::2]) - _products(P[:, :-1:2], P[:, 1::2])
-        both = new[:-1:2] & new[1::2]
-        return W.T @ self.rest_of_y * new, n * new + TINY, x * both
-
-    def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What each column takes off the weighted sum of squares (nats, doubled); coefficients."""
-        c, n, _ = self._told(C)
-        return c**2 / n / self.scale**2, c / n
-
-    def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
-        """The same for columns two by two."""
-        c, n, x = self._told(C)
-        det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
-        both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
-        return both / (det + TINY) / self.scale**2
+        before, c = (W * W).sum(axis=0), W.T @ self.rest_of_y
+        G, inside = (np.einsum("mgi,mgj->gij", x.reshape(len(x), -1, k), x.reshape(len(x), -1, k))
+                     for x in (W, P))  # fmt: skip
+        G = G - inside
+        at = np.arange(k)
+        old = (G[:, at, at].ravel() <= const.NEW**2 * before).reshape(-1, k)  # the base has it
+        G[old[:, :, None] | old[:, None, :]] = 0.0
+        G[:, at, at] += precision * self.scale**2 + 1e-9 * G[:, at, at] + TINY
+        c = np.where(old, 0.0, c.reshape(-1, k))
+        b = np.linalg.solve(G, c[:, :, None])[:, :, 0]
+        return (c * b).sum(axis=1) / self.scale**2, b
 
     def promise(self, c: Contender) -> float:
         """Screened gain in nats: all of its columns at once, at the weights of the base."""
         if c.C is None:
             return np.inf
-        W = self.beside(c.C)
-        G, g = W.T @ W, W.T @ self.rest_of_y
-        own = c.prior.precision * self.scale**2
-        G[np.diag_indices(c.k)] += own + 1e-9 * np.diag(G) + TINY
-        return float(g @ np.linalg.solve(G, g)) / self.scale**2 / 2
+        return float(self.gains(c.C, c.k, c.prior.precision)[0][0]) / 2
 
     # ---- one row
     def entered(self, promised: Collection[tuple[float, Contender]]) -> list[Contender]:
         """The contenders that come near the best one, by what the screening promises of each."""
         made: list[Contender] = []
         for promise, c in sorted(promised, key=lambda pair: -pair[0]):
-            if promise < FAR_BEHIND * max((one.gain for one in made), default=0.0):
+            if promise < const.FAR_BEHIND * max((one.gain for one in made), default=0.0):
                 break
             made.append(self.enter(c))
         return made
@@ -251,7 +239,7 @@ class Table:
         if c.inertial:  # the part of the inertia that it has taken
             c.J += float(c.b[0] * (X[:, at] @ a) / (a @ a))
         seen = v.blocks.seen(fit.r, self.stretch(c.J))
-        hopeless = not self.quick and float(np.sum(seen - self.e_seen)) < SCREEN
+        hopeless = not self.quick and float(np.sum(seen - self.e_seen)) < const.SCREEN
         none = self.e - 1.0 / len(self.e)
         c.e = none if hopeless else self._score(fit, X, prior, c.cost, c.J)
         self._measure(c)
@@ -270,7 +258,7 @@ class Table:
         if c.depends_on:  # beside what a bound of the base holds it may be large: it is not
             c.share = min(c.share, self.stays)
         J = v.declared.get("J")
-        if c.inertial and J and self.J > GROWN * J > c.fit.b[0]:
+        if c.inertial and J and self.J > const.GROWN * J > c.fit.b[0]:
             # the inertia that was not declared is its trace as well
             c.share = max(c.share, rms(c.X[:, -1] * c.fit.b[-1]) / v.size)
 
@@ -284,7 +272,6 @@ class Table:
         return tau - U @ (U.T @ tau)
 
     def extend(self, c: Contender) -> None:
-        """The chosen contender becomes part of the base."""
         self.X, self.y, self.prior = c.X, c.y, c.full
         if c.u is not None:
             self.view.u = c.u
@@ -343,6 +330,105 @@ class Table:
         self.weights = weight(r / self.scale)
 
 
-def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Of each column of A with that of B."""
-    return np.einsum("ij,ij->j", A, B)
+Signals = tuple[str, ...]
+
+
+class Unknown:
+    """Unknown torques beside one base: penalised columns over sets of signals."""
+
+    def __init__(self, table: Table, linear: bool, sure: bool) -> None:
+        self.table, self.view, self.sure = table, table.view, sure
+        m = self.view.motion
+        turns = float(np.ptp(m.theta)) > 6.5 and not linear
+        x = (m.theta - m.theta.min()) / (float(np.ptp(m.theta)) + 1e-12)
+        w = 0.5 + 0.5 * np.clip(m.w / m.top, -1, 1)
+        time = m.elapsed / m.duration
+        K = self.view.K
+        self.place = waves(m.theta, 12) if turns else spline(x, 16)
+        self.coarse = waves(m.theta, 6) if turns else spline(x, 8)
+        self.places = [self.place, *([spline(x, 16)] if turns else [])]
+        self.times = spline(time, 10)
+        sided = spline(np.abs(m.w) / m.top, 16) * np.sign(m.w)[:, None]
+        if self.view.is_map:  # a few speeds of several decades, both directions or one
+            pace = np.unique(np.abs(m.w), return_inverse=True)[1]
+            by_speed = spline(pace / pace.max(), 12)
+            sided = by_speed * np.sign(m.w)[:, None]
+            ways = [K @ (by_speed * on[:, None]) for on in (m.w > 0, m.w < 0) if on.any()]
+        self.still: dict[Signals, list[np.ndarray]] = {
+            ("theta",): [K @ place for place in self.places],
+            ("w",): [K @ sided, *ways] if self.view.is_map else [K @ sided],
+            ("t",): [K @ spline(time, 24)],
+        }
+        self.mixed = K @ product(spline(w, 6), self.coarse)
+
+    def _bases(self) -> Iterator[tuple[Signals, list[np.ndarray]]]:
+        """Columns (m, k) over each set of signals; what depends on u or the law is made anew."""
+        v, m, K = self.view, self.view.motion, self.view.K
+        u = m.held(v.u)
+        yield from self.still.items()
+        size = max(np.quantile(np.abs(u), 0.995), 0.1 * np.abs(u).max(), TINY)
+        of_u = spline(0.5 + 0.5 * np.clip(u / size, -1, 1), 12)
+        friction = np.column_stack([v.z, m.w / m.top])
+        if self.sure:  # without J any function of u is u
+            yield ("u",), [K @ without_line(often(of_u), u)]
+        here = [K @ (v.z[:, None] * place) for place in self.places]
+        yield ("theta", "w"), [*here, self.mixed]
+        yield ("t", "w"), [K @ product(self.times, friction)]
+        if self.sure:
+            yield ("t", "u"), [K @ without_line(u[:, None] * self.times, u)]
+            yield ("theta", "u"), [K @ without_line(u[:, None] * self.coarse, u)]
+
+    def rows(self) -> list[Contender]:
+        """The contenders, the likeliest first; in the first pass by their promise alone."""
+        made, quick = [], self.table.quick
+        for depends_on, bases in self._bases():
+            for C in bases if self.view.signals >= set(depends_on) else ():
+                for size in (const.UNKNOWN_QUICK,) if quick else const.UNKNOWN_SIZES:
+                    c = self._contender(depends_on, C, size, len(bases))
+                    c.gain = self.table.promise(c) - c.cost
+                    made.append(c)
+        if not quick:
+            made = self.table.entered([(c.gain, c) for c in made if c.gain > 2 * const.SCREEN])
+        return likeliest(made)
+
+    def _contender(self, depends_on: Signals, C: np.ndarray, size: float, many: int) -> Contender:
+        large = np.sqrt(np.mean(C**2, axis=0))
+        sigma = size * self.view.size / np.maximum(large, 1e-3 * rms(large) + TINY)
+        prior = Prior.free(C.shape[1], precision=1 / sigma**2)
+        name = f"g({','.join(depends_on)})"
+        cost = float(np.log(3 * many))
+        return Contender(name, {}, C=C, prior=prior, cost=cost, depends_on=depends_on)
+
+
+def likeliest(contenders: list[Contender]) -> list[Contender]:
+    best: dict[str, Contender] = {}
+    for c in contenders:
+        if c.name not in best or c.gain > best[c.name].gain:
+            best[c.name] = c
+    return sorted(best.values(), key=lambda c: -c.gain)
+
+
+def waves(theta: np.ndarray, n: int) -> np.ndarray:
+    """The first n harmonics of an angle, (m, 2 n)."""
+    turns = theta[:, None] * np.arange(1, n + 1)
+    return np.stack([np.sin(turns), np.cos(turns)], axis=2).reshape(len(theta), -1)
+
+
+def spline(x: np.ndarray, n: int) -> np.ndarray:
+    knots = np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3]
+    return BSpline.design_matrix(np.clip(x, 0, 1 - 1e-12), knots, 3).toarray()
+
+
+def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    return (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
+
+
+def without_line(X: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """X without what 1 and u explain of it."""
+    A = np.column_stack([np.ones(len(u)), u])
+    return X - A @ np.linalg.lstsq(A, X, rcond=None)[0]
+
+
+def often(X: np.ndarray) -> np.ndarray:
+    """Columns that are not zero on 2 % of the samples: without u, a rare one is u elsewhere."""
+    return X[:, np.mean(X > 0.05, axis=0) > 0.02]

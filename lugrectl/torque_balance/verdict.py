@@ -1,4 +1,6 @@
-"""The answer of the torque balance: what is missing, and every value, from one last fit.
+"""Rows that no step of a fit or a choice sees, and what models leave on them.
+
+The answer of the torque balance: what is missing, and every value, from one last fit.
 
 Names are chosen on training rows. They stand where the last fit holds them and where the torque
 error of rows falls that no fit and no choice has seen; then all rows give the values.
@@ -8,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -15,20 +18,134 @@ from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
+from ..core.regression import log_density, paired, spread
 from ..record.stretches import Stretch
-from .constants import ALPHA, CLEAR, FEW, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
+from . import constants as const
 from .decision import Decision
 from .friction import OFFSET, Term, View
-from .held_out import Split, Unseen, gain, lasting
-from .interval import Interval, Value, apart, best_law, other_views, tells
-from .last_fit import LastFit, State, state_of
+from .last_fit import (
+    Design,
+    Interval,
+    LastFit,
+    State,
+    Value,
+    apart,
+    best_law,
+    other_views,
+    state_of,
+    tells,
+)
+from .motion import Sensors
 from .search import Search
 from .seen import refuse_dead, seen
-from .sensors import Sensors
 from .table import Table, errors_of
+from .windows import Rows
+
+TOO_FEW = "the runs at steady speed are too few to fit some and to judge on others."
+MORE = "Record at least three speeds in each direction."
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Rows to fit and choose on, and rows to judge on: masks (m,) that share no sample."""
+
+    train: np.ndarray
+    test: np.ndarray
+
+    @classmethod
+    def of(cls, view: View, held_out: Sequence[Any] = ()) -> Split:
+        """``held_out``: (run, start, end), s; none: every other part, or third run of a map."""
+        rows, m = view.rows, view.motion
+        t, run = m.stamp[rows.at], m.run[rows.at]
+        held_out = held_out if len(held_out) else view.held_out
+        if not len(held_out) and view.is_map:
+            raise Refused(TOO_FEW, MORE)
+        if not len(held_out):
+            return cls._alternate(rows)
+        train, test = np.ones(len(rows), bool), np.zeros(len(rows), bool)
+        for own, start, end in held_out:
+            here = run == own
+            test |= here & (t >= start + rows.reach) & (t <= end - rows.reach)
+            train &= ~(here & (t >= start - rows.reach) & (t <= end + rows.reach))
+        enough = train.sum() >= 2 * const.LEAST_ROWS and test.sum() >= const.LEAST_ROWS
+        return cls(train, test) if view.is_map or enough else cls._alternate(rows)
+
+    @classmethod
+    def _alternate(cls, rows: Rows) -> Split:
+        length = min(
+            const.PART_TIME,
+            max((rows.t[-1] - rows.t[0]) / const.ALTERNATE, const.LONGER_REACH * rows.reach),
+        )
+        place = rows.t / max(length, 1e-12)
+        odd = place.astype(int) % 2 == 1
+        edge = np.abs(place - np.round(place)) * length < min(rows.reach, 0.1 * length)
+        return cls(~odd & ~edge, odd & ~edge)
+
+
+@dataclass(frozen=True, eq=False)
+class Unseen:
+    """What a fit to other rows leaves on held-out rows: ``r`` (m,) at ``t`` (m,), N m."""
+
+    r: np.ndarray
+    t: np.ndarray
+    error: float  # its RMS
+    stays: float  # RMS of what lasts longer than a window: torque that nothing explains
+
+    @classmethod
+    def of(cls, last: LastFit, test: View) -> Unseen:
+        """``last`` is a fit to other rows of the same log."""
+        design = Design(test, last.state)
+        return cls.left(design.y - design.X @ last.fit.b, test.rows)
+
+    @classmethod
+    def left(cls, r: np.ndarray, rows: Rows) -> Unseen:
+        r = np.clip(r, -_far(r), _far(r))
+        return cls(r, rows.t, rms(r), structured(r, rows.t, rows.step, rows.h))
+
+
+def gain(without: Unseen, other: Unseen, duration: float) -> float:
+    """By how many standard errors ``other`` predicts held-out stretches better, by log density."""
+    stretch = (without.t / max(const.BLOCK, duration / 60)).astype(int)
+    there = np.bincount(stretch) > 0
+    scale = spread(other.r) + 1e-300
+    both = [np.bincount(stretch, log_density(one.r / scale))[there] for one in (other, without)]
+    total, error = paired(*both)
+    return total / error
+
+
+def _far(r: np.ndarray) -> float:
+    """From where on a row is far off, and counts no more."""
+    return const.OUTLIER * spread(r) + 1e-300
+
+
+def lasting(r: np.ndarray, rows: Rows) -> float:
+    """RMS over all rows of those that are far off: for longer than the windows around one bad
+    sample are (contacts, bursts), or again and again (an impact at each reversal). The largest
+    stretch of them is left out: what is there once decides nothing."""
+    off = np.flatnonzero(np.abs(r) > _far(r))
+    t, size = rows.t[off], r[off] ** 2
+    ends = [0, *(np.flatnonzero(np.diff(t) > 2 * rows.step) + 1).tolist(), len(off)]
+    every = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True) if b > a]
+    if len(every) < const.AGAIN:
+        every = [at for at in every if t[at.stop - 1] - t[at.start] > const.LASTS * rows.reach]
+    power = [float(size[at].sum()) for at in every]
+    return float(np.sqrt((sum(power) - max(power, default=0.0)) / len(r)))
+
+
+def structured(r: np.ndarray, t: np.ndarray, step: float, h: float) -> float:
+    """RMS of what of a residual lasts longer than a window, by its correlation beyond one."""
+    first, found = max(4, int(np.ceil(2 * h / max(step, 1e-9)))), 0.0
+    for k in {first, int(1.5 * first), 2 * first, 3 * first}:
+        if len(r) < 4 * k:
+            continue
+        lag = t[k:] - t[:-k]
+        c = (r[k:] * r[:-k])[np.abs(lag - np.median(lag)) < 0.5 * step]
+        if len(c) > 8:
+            found = max(found, abs(float(np.mean(c))) - 2 * float(np.mean(r * r)) / np.sqrt(len(c)))
+    return float(np.sqrt(max(found, 0.0)))
+
 
 PLANT = ("J", "Fc", "Fv")  # as uncertain as the name of an effect; a scale of u multiplies them
-ALIKE_FACTORS = 0.05  # relative spread within which factors on these count as one
 GREASE_NAME = "sublinear_viscous"
 LAG_NAME = "velocity_sensor_lag"
 WHOLE_INERTIA = "elastic_coupling"  # what an inertia that is far too large is a trace of
@@ -36,15 +153,12 @@ NO_GAIN = (
     "What could be named does not lower the torque error on rows that no fit has seen, or leaves "
     "more than it explains."
 )
-SURELY = 4.0  # standard errors that a bend must have: it is any curve
-ODD = 0.05  # of friction: beside a larger unknown torque a late speed is a note
 UNTESTED = "the model has as many values as there are runs: nothing can be tested."
 MORE_SPEEDS = "Record runs at more speeds."
 TOO_SHORT = "the record is too short to judge what is missing: {} blocks of {:.3g} ms are needed."
 LONGER = "Record a longer run in which the drive moves."
 STAYS = "Torque of {:.2g} % of friction stays, and nothing explains it."
 LATE_SPEED = "w is {:.3g} ms behind dtheta/dt."
-HELD = 0.7  # of the floor: what the last fit must leave of a name's torque
 
 
 @dataclass(eq=False)
@@ -96,31 +210,29 @@ def answer(
     stretches: Sequence[Stretch],
     model: Model,
     held_out: Sequence[tuple[int, float, float]] = (),
-    least: float = FLOOR,
-    alpha: float = ALPHA,
+    least: float = const.FLOOR,
+    alpha: float = const.ALPHA,
 ) -> Answer:
     """Verdict, names and values; Refused where nothing can be learnt. ``held_out`` are (run, start,
     end), in s of the logs, ``least`` the smallest torque that is worth a name, as a share of
     friction, ``alpha`` the chance that a gain is called proven and is none."""
     view, few, width, _ = seen(stretches, model)
     refuse_dead(view, width)
-    if not view.is_map and view.motion.duration < 2 * FEWEST_BLOCKS * view.rows.h:
-        raise Refused(TOO_SHORT.format(FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
+    if not view.is_map and view.motion.duration < 2 * const.FEWEST_BLOCKS * view.rows.h:
+        raise Refused(TOO_SHORT.format(const.FEWEST_BLOCKS, 2e3 * view.rows.h), LONGER)
     if view.is_map and view.values >= len(np.unique(view.motion.run)):
         raise Refused(UNTESTED, MORE_SPEEDS)
     split = Split.of(few, held_out)
-    train, test = few.on(split.train), few.on(split.test)
-    decision = Decision(train, width, (), least, alpha)
-    judge = _Judge(few, train, test, split, decision, view)
-    if not view.is_map and judge.short():
-        judge.keep(Decision(few.on(), width, (), least, alpha))
-    made = judge.answer()
+
+    def judged(train: View, test: View) -> Answer:
+        decision = Decision(train, width, (), least, alpha)
+        return _Judge(few, train, test, split, decision, view).answer()
+
+    made = judged(few.on(split.train), few.on(split.test))
     if not view.is_map:
         return made
     # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
-    train, test, other = view.on(), view.on(), made
-    decision = Decision(train, width, (), least, alpha)
-    made = _Judge(view, train, test, split, decision, view).answer()
+    other, made = made, judged(view.on(), view.on())
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
     if made.verdict != "unexplained" and view.follows_speed(made.last.left):
@@ -142,11 +254,10 @@ class _Judge:
         self.view, self.train, self.test, self.split = view, train, test, split
         self.decision, self.all = decision, every
         self.struck: set[str] = set()
-        self.candidates: list[tuple[float, str]] = []
+        self.candidates: list[tuple[float, str]] = []  # less their share of friction
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
-        self.whole: tuple[Interval, np.ndarray] | None = None  # intervals by every description
-        self.apart: tuple[LastFit, list[dict[str, float]]] | None = None  # by others of them
+        self.apart: tuple[LastFit, list[dict[str, float]]] | None = None
 
     def answer(self) -> Answer:
         last = self._held()
@@ -154,21 +265,23 @@ class _Judge:
         without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
         verdict, named = self._verdict(last, full, plain, without)
-        if not named and (self.absent or last.state.named):
-            last = self._plain(last)
-            trained = self._on_training_rows(last.state)
         if not named:  # the declared model is what is shown
+            if self.absent or last.state.named:
+                last = self._plain(last)
+                trained = self._on_training_rows(last.state)
             without, plain = trained, Unseen.of(trained, self.test)
             full = plain
         few, last = last, self._of_all(last)
-        interval, V = self._intervals(last, few)
+        V = last.interval.covariance() + last.interval.between(self._others(few))
         d, rivals = self.decision, self._rivals(few)
         other = [apart(rival, few) for rival in rivals]
-        V = V + interval.between([{k: x for k, x in one.items() if k in PLANT} for one in other])
+        V = V + last.interval.between(
+            [{k: x for k, x in one.items() if k in PLANT} for one in other]
+        )
         left = few.left_by_declared(self.test)
         made = Answer(
-            verdict, d, self.all, self.split, last, interval, interval.values(V), V, plain, full,
-            without, trained, d.alternatives, depends_on=d.depends_on,
+            verdict, d, self.all, self.split, last, last.interval, last.interval.values(V), V,
+            plain, full, without, trained, d.alternatives, depends_on=d.depends_on,
             notes=[*d.notes, *self.notes], rivals=rivals,
             # the largest first, but what the plain answer has
             candidates=[name for _, name in sorted(self.candidates)
@@ -177,23 +290,8 @@ class _Judge:
         )  # fmt: skip
         self._late_speed(made)
         self._whole_inertia(made)
+        last.state.apply(last.view)
         return made
-
-    def short(self) -> bool:
-        """Whether names are given, of so few independent stretches that half of them mislead."""
-        d = self.decision
-        if not (d.table.chosen or d.parts):
-            return False
-        last = LastFit(d.view, state_of(d.table), d.table.scale)
-        return bool(Interval(last).blocks[0][-1] + 1 < FEW)
-
-    def keep(self, whole: Decision) -> None:
-        """Of the names of training rows those that all rows have, too."""
-        there = {*_names(whole), *(t.name for t in whole.joined)}
-        there |= {n for names in whole.alternatives.values() for n in names}
-        while own := {*_names(self.decision)} - there:
-            self.struck |= own
-            self.decision.decide(self.struck)
 
     # ---- what the last fit holds
     def _held(self) -> LastFit:
@@ -201,13 +299,11 @@ class _Judge:
         while True:
             self._share()
             last = best_law(self.view, self._found_again(self.view), self.decision.table.scale)
-            last = self._without_small_waves(last)
-            values = Interval(last).values()
-            last = self._bent(last, values)
-            lost = self._lost(last, values)
+            last = self._bent(self._without_small_waves(last))
+            lost = self._lost(last, last.interval.values())
             if not lost and last.state.named:
-                interval, V = self._intervals(last, last)
-                lost = self._lost(last, interval.values(V))
+                V = last.interval.covariance() + last.interval.between(self._others(last))
+                lost = self._lost(last, last.interval.values(V))
             if not lost:
                 return last
             self._strike(last, lost[-1])
@@ -216,7 +312,7 @@ class _Judge:
         """The chosen effects at their values on all rows: an order, an instant, a gap."""
         d, table = self.decision, Table(view, self.decision.table.scale)
         for c in d.table.chosen:
-            search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
+            search = Search(table, d.width.sure, d.never, only={c.name})
             rows = [row for row in search.rows() if row.order == c.order]
             rows.append(table.enter(search.again(c)))
             table.extend(max(rows, key=lambda row: row.gain))
@@ -227,36 +323,35 @@ class _Judge:
         names = [t.name for t in last.state.terms]
         if len(names) == len(set(names)):
             return last
-        values = Interval(last).values()
+        values = last.interval.values()
         kept = [t for i, t in enumerate(last.state.terms)
                 if t.declared or t.name not in names[:i] or holds(last, values, i)]  # fmt: skip
-        if len(kept) == len(names):
-            return last
         return LastFit(self.view, last.state.copy(terms=[t.copy() for t in kept]), last.scale)
+
+    def _stays(self, last: LastFit) -> float:
+        """What lasts longer than a window of what a fit leaves, as a share of friction."""
+        return Unseen.left(last.left, self.view.rows).stays / self.view.size
 
     def _lost(self, last: LastFit, values: dict[str, Value]) -> list[int]:
         """Effects that the fit does not hold; of further ones those explaining less than stays."""
-        stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
-        own = [i for i, t in enumerate(last.state.terms)
-               if not t.declared and t.name != GREASE_NAME]  # fmt: skip
-        names = [last.state.terms[i].name for i in own]
+        stays, terms = self._stays(last), last.state.terms
+        own = [i for i, t in enumerate(terms) if not t.declared and t.name != GREASE_NAME]
         floors = {c.name: self.decision.floor(c) for c in reversed(self.decision.table.chosen)}
+        first = {terms[i].name: i for i in reversed(own)}  # waves of one effect count once
 
         def kept(i: int) -> bool:
-            name, share = last.state.terms[i].name, last.share(i)
-            large = name not in floors or share > HELD * floors[name]
+            share = last.share(i)
+            large = share > const.HELD * floors.get(terms[i].name, 0.0)
             return holds(last, values, i) and large and (i == own[0] or share > stays)
 
-        # waves of one effect count once
-        return [i for j, i in enumerate(own) if names.index(names[j]) == j and not kept(i)]
+        return [i for i in own if first[terms[i].name] == i and not kept(i)]
 
     def _strike(self, last: LastFit, i: int) -> None:
-        name = last.state.terms[i].name
+        name, d = last.state.terms[i].name, self.decision
         self.notes.append(f"{name} is not held by the last fit.")
-        if last.share(i) > 2 * self.decision.least:  # large, but not sure, or more stays
+        if last.share(i) > 2 * d.least:  # large, but not sure, or more stays
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
-        d = self.decision
         if name in {t.name for t in d.joined}:
             for v in (self.view, self.train, self.test):
                 v.terms = [t for t in v.terms if t.name != name]
@@ -264,19 +359,17 @@ class _Judge:
         else:
             d.decide(self.struck)
 
-    def _bent(self, last: LastFit, values: dict[str, Value]) -> LastFit:
+    def _bent(self, last: LastFit) -> LastFit:
         """A bend of the friction curve that is worth a name is an effect; else it is dropped."""
         state = last.state
         if not state.grease:
             return last
-        x, bend = values["grease"], last.bend()
-        stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
-        sure = x[0] > SURELY * (x[0] - x[1]) / Z95
-        plain = state.copy(grease=0.0)
-        if not self.view.motion.one_way and sure and bend > max(self.decision.least, stays):
-            block = members("effect")[GREASE_NAME]
+        x, plain = last.interval.values()["grease"], state.copy(grease=0.0)
+        sure = x[0] > const.SURE_BEND * (x[0] - x[1]) / Z95 and not self.view.motion.one_way
+        if sure and last.bend() > max(self.decision.least, self._stays(last)):
             c = np.array([last.fit.b[last.design.names.index("grease")]])
-            plain.terms.append(Term(block, GREASE_NAME, {"exponent": state.grease}, c))
+            q = {"exponent": state.grease}
+            plain.terms.append(Term(members("effect")[GREASE_NAME], GREASE_NAME, q, c))
         return LastFit(self.view, plain, last.scale)
 
     # ---- held-out rows
@@ -290,12 +383,10 @@ class _Judge:
 
     def _on_training_rows(self, state: State) -> LastFit:
         """The same names fitted to training rows, from where the table ended."""
-        scale, names = self.decision.table.scale, {t.key for t in state.terms}
         begun = state_of(self.decision.table)
-        begun.terms = [t for t in begun.terms if t.key in names]
-        here = {t.key for t in begun.terms}
-        begun.terms += [t.copy() for t in state.terms if t.key not in here]
-        return best_law(self.train, begun, scale, straight=True)
+        here = {t.key: t for t in begun.terms}
+        begun.terms = [here.get(t.key, t.copy()) for t in state.terms]
+        return best_law(self.train, begun, self.decision.table.scale, straight=True)
 
     def _without(self, state: State) -> LastFit:
         """The same without names, and with what every drive has held to its size."""
@@ -306,42 +397,38 @@ class _Judge:
     def _verdict(
         self, last: LastFit, full: Unseen, plain: Unseen, without: LastFit
     ) -> tuple[str, bool]:
-        """The verdict with the held-out error, and whether names are shown."""
-        d, v, state = self.decision, self.view, last.state
-        named = [i for i, t in enumerate(state.terms) if not t.declared]
-        verdict = d.verdict
+        d, v = self.decision, self.view
+        named = [i for i, t in enumerate(last.state.terms) if not t.declared]
         if not named and not d.parts:
-            if verdict in ("found", "ambiguous"):
-                verdict = "adequate"
-            if d.rest > MOSTLY:
-                verdict = "unexplained"
-                self.notes.append("Most of the torque has nothing to do with the motion.")
-            if verdict == "adequate" and not v.is_map and self._left(last, v, full):
-                verdict = "unexplained"
-                d.depends_on = sorted(d.unknown[0].depends_on) if d.unknown else []
-            return verdict, False
-        joined = {t.name for t in d.joined}
-        if d.heavy and any(state.terms[i].name in joined for i in named):
+            return self._nothing(last, full), False
+        if d.heavy and {t.name for t in d.joined} & {t.name for t in last.state.named}:
             d.alternatives |= d.heavy
-            verdict = "ambiguous" if verdict == "found" else verdict
-        if verdict == "adequate":  # a bend, or a load that joined the base
-            verdict = "ambiguous" if d.alternatives else "found"
+        held = "ambiguous" if d.alternatives else "found"  # a bend, or a load in the base, too
+        verdict = "unexplained" if d.verdict == "unexplained" else held
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        few = v.is_map  # runs are too few for a standard error
-        sure = few or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
-        lower = sure and full.error < plain.error
-        much = full.error < MOSTLY * v.force
-        if not (lower and explained > stays):
+        # of a map the runs are too few for a standard error
+        sure = v.is_map or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
+        if not (sure and full.error < plain.error and explained > stays):
             return self._no_names(last, named, plain, without), False
-        if not much:
+        if full.error >= const.MOSTLY * v.force:
             return "unexplained", True
-        clear = min(shares) > CLEAR * stays and d.rest < MOSTLY
-        if verdict == "unexplained" and clear:
-            d.depends_on = []
-            verdict = "ambiguous" if d.alternatives else "found"
+        if verdict == "unexplained" and min(shares) > const.CLEAR * stays and d.rest < const.MOSTLY:
+            d.depends_on, verdict = [], held
         return verdict, True
+
+    def _nothing(self, last: LastFit, full: Unseen) -> str:
+        d = self.decision
+        if d.rest > const.MOSTLY:
+            self.notes.append("Most of the torque has nothing to do with the motion.")
+            return "unexplained"
+        if d.verdict == "unexplained":
+            return "unexplained"
+        if self.view.is_map or not self._left(last, self.view, full):
+            return "adequate"
+        d.depends_on = sorted(d.unknown[0].depends_on) if d.unknown else []
+        return "unexplained"
 
     def _left(self, fit: LastFit, of: View, full: Unseen) -> bool:
         """Whether torque stays that matters, which is said."""
@@ -369,31 +456,16 @@ class _Judge:
         return "unexplained"
 
     def _plain(self, last: LastFit) -> LastFit:
-        """The declared model alone, fitted to all rows."""
         state = last.state.without_names(absent=self.absent, constant=True)
         return best_law(self.view, state, last.scale, straight=True)
 
     # ---- all rows
     def _of_all(self, few: LastFit) -> LastFit:
-        """The fit of the same model to all rows."""
         if self.all is self.view:
             return few
-        state = few.state.copy()
         self.all.terms = [t.copy() for t in self.view.terms]
         self.all.settle_as(self.train)
-        if state.named:
-            again = {t.key: t for t in self._found_again(self.all).terms}
-            state.terms = [again.get(t.key, t) for t in state.terms]
-        return LastFit(self.all, state, few.scale, turns=2)
-
-    def _intervals(self, last: LastFit, few: LastFit) -> tuple[Interval, np.ndarray]:
-        """Intervals of the model that is shown; how much its description matters, ``few`` say."""
-        if self.whole is None or self.whole[0].last is not last:
-            interval = Interval(last)
-            V = interval.covariance() + interval.between(self._others(few))
-            last.state.apply(last.view)
-            self.whole = interval, V
-        return self.whole
+        return LastFit(self.all, few.state.copy(), few.scale)
 
     def _others(self, last: LastFit) -> list[dict[str, float]]:
         """How far the values by every other description are from those of a fit."""
@@ -404,6 +476,7 @@ class _Judge:
                 slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
                 widest = 5 / (max(orders) * slow) / self.view.rows.h
             self.apart = last, other_views(last, widest)
+            last.state.apply(last.view)
         return self.apart[1]
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
@@ -423,16 +496,16 @@ class _Judge:
             return
         sensors: Sensors = self.view.motion.sensors
         lag, error = sensors.lag, sensors.lag_error
-        late = lag > max(LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1
+        late = lag > max(const.LATE_W, 5 * error) and abs(sensors.gain - 1) < 0.1
         if not late or LAG_NAME in {t.name for t in self.view.terms}:
             return
         made.notes.append(LATE_SPEED.format(1e3 * lag))
         v, J = self.view, abs(made.values["J"][0])
         jerk = v.rows.narrow @ v.motion.slope(v.motion.acceleration)
         cost = J * lag * rms(jerk) / v.size  # what it would do to a torque
-        odd = self.decision.odd and self.decision.odd[0].share > ODD
+        odd = self.decision.odd and self.decision.odd[0].share > const.ODD_TORQUE
         own = not sensors.differenced  # else its lag is that of a computation
-        if made.verdict == "adequate" and not odd and own and cost > FLOOR:
+        if made.verdict == "adequate" and not odd and own and cost > const.FLOOR:
             made.lag = lag, lag - Z95 * error, lag + Z95 * error
             made.verdict = "found"
 
@@ -441,7 +514,7 @@ class _Judge:
         J, d = self.view.declared.get("J"), self.decision
         told = any(c.inertial for c in d.table.chosen)
         strange = made.verdict == "unexplained" and bool(d.unknown) and d.unknown[0].gain > 300
-        if not J or not made.sure or told or strange or made.values["J"][1] < GROWN * J:
+        if not J or not made.sure or told or strange or made.values["J"][1] < const.GROWN * J:
             return
         ratios = {k: made.values[k][0] / x for k in PLANT if (x := self.view.declared.get(k))}
         if common_factor(ratios):  # the scale of u is another one
@@ -454,12 +527,8 @@ class _Judge:
 def common_factor(ratios: Mapping[str, float]) -> float | None:
     """By how much J, Fc and Fv are all larger than declared, as another scale of u makes them."""
     own = np.array([ratios.get(k, 0.0) for k in PLANT])
-    alike = bool(own.all()) and np.ptp(own) < ALIKE_FACTORS * own.mean()
+    alike = bool(own.all()) and np.ptp(own) < const.ALIKE_FACTORS * own.mean()
     return float(own.mean()) if alike else None
-
-
-def _names(d: Decision) -> list[str]:
-    return [*(c.name for c in d.table.chosen), *(p.name for p in d.parts)]
 
 
 def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:

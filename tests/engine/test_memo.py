@@ -12,7 +12,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.block import P
 from lugrectl.blocks.declaration import block
-from lugrectl.torque_balance.driven_states import driven
+from lugrectl.torque_balance.columns import driven
 
 from ..cases.own import moving
 

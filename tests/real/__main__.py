@@ -91,7 +91,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(page.line(*lines[-1]), flush=True)
     print(page.closing(lines))
     if args.keep:
-        page.keep(args.keep, args.judge, page.kept(lines))
+        page.keep(args.keep, args.judge, lines)
     return 0 if lines else 2
 
 

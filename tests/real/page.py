@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -64,32 +63,9 @@ def closing(lines: Sequence[Line]) -> str:
     )
 
 
-def commit() -> str | None:
-    """The commit of the package that was judged, None outside a checkout."""
-    command = ["git", "rev-parse", "--short", "HEAD"]
-    try:
-        done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
-    except OSError:
-        return None
-    return done.stdout.strip() or None
-
-
-def kept(lines: Sequence[Line]) -> dict[str, Any]:
-    """Results of one judge as plain values."""
-    rows = {row.name: _row(row, answer, score) for row, answer, score in lines}
-    return {"commit": commit(), "total": totals(lines), "rows": rows}
-
-
-def _row(row: Row, answer: Answer, score: Score) -> dict[str, Any]:
-    said = {k: v for k, v in asdict(answer).items() if v not in ((), {}, "", None)}
-    for key in ("seconds", "cpu"):
-        said[key] = round(said[key], 2) if np.isfinite(said[key]) else None
-    return {"group": row.group, "named": score.named, "right": score.right, "why": score.why} | said
-
-
-def keep(path: Path, judge: str, made: Mapping[str, Any]) -> None:
+def keep(path: Path, judge: str, lines: Sequence[Line]) -> None:
     """Write the results of a judge into a file; those of other judges stay as they are."""
     data = json.loads(path.read_text()) if path.exists() else {}
-    data[judge] = dict(made)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(data, indent=1, default=float, allow_nan=False) + "\n")
+    rows = {row.name: asdict(answer) | asdict(score) for row, answer, score in lines}
+    data[judge] = {"total": totals(lines), "rows": rows}
+    path.write_text(json.dumps(data, indent=1, default=float) + "\n")

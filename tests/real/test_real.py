@@ -56,16 +56,6 @@ def test_every_file_of_the_rows_is_there():
     assert not [f for row in all_rows() for f in row.missing(DATA)]
 
 
-def test_a_right_answer_needs_verdict_names_values_and_residual():
-    assert judged("found", ("gravity",), left=0.129) == score(
-        PENDULUM, Answer("found", ("gravity",), parameters=KNOWN)
-    )
-    assert judged("found", ("gravity", "input_delay")).right
-    assert judged("ambiguous", ("return_spring",), ("gravity",)).named is False
-    assert judged("ambiguous", ("input_delay",), ("gravity",)).right
-    assert judged("refused").right
-
-
 @pytest.mark.parametrize(
     "answer, named, words",
     [
@@ -82,31 +72,6 @@ def test_what_is_wrong_is_said(answer, named, words):
     made = score(PENDULUM, answer)
     assert (made.named, made.right) == (named, False)
     assert words in "; ".join(made.why)
-
-
-def test_a_value_is_right_where_it_or_its_interval_reaches_the_range():
-    known = {"J": (0.2, 0.188, 0.212), "input_delay.delay": (0.01, None, None)}
-    assert not wrong_values(PENDULUM.values, Answer("found", parameters=known))
-    known["J"] = (0.2, 0.191, 0.209)
-    assert wrong_values(PENDULUM.values, Answer("found", parameters=known))
-
-
-def test_an_interval_that_must_cover_a_range_covers_all_of_it():
-    wide = (value("J", 1230, 2040, covering=True),)
-    assert not wrong_values(wide, Answer("adequate", parameters={"J": (1600, 1200, 2100)}))
-    assert wrong_values(wide, Answer("adequate", parameters={"J": (1600, 1300, 2100)}))
-
-
-def test_what_cannot_be_known_must_not_be_given():
-    row = Row("map", "map", (), {}, (way("adequate", absent=("J",)),))
-    assert score(row, Answer("adequate")).right
-    assert "J cannot be known" in score(row, Answer("adequate", parameters=KNOWN)).why
-
-
-def test_a_refusal_for_a_wrong_reason_is_wrong():
-    row = Row("law", "table", (), {}, (way("refused", not_because=("too short",)),))
-    assert score(row, Answer("refused", reason="u is a function of theta")).right
-    assert not score(row, Answer("refused", reason="The record is too short.")).named
 
 
 def test_a_judge_that_fails_or_hangs_costs_its_own_row_only():

@@ -35,26 +35,6 @@ def test_an_offset_that_may_be_0_is_not_said_and_not_subtracted():
     assert "w_offset" not in found.parameters or found.parameters["w_offset"].may_be(0.0)
 
 
-def test_a_drive_that_stands_at_zero_has_no_offset():
-    t = np.arange(0.0, 10.0, DT)
-    w = np.where(t % 5.0 < 2.5, 0.0, np.where(t < 5.0, 4.0, -4.0))
-    w = np.convolve(w, np.ones(50) / 50, "same")
-    a = np.gradient(w, DT)
-    u = J * a + np.where(w > 0, 2 * FC, -FC) * (w != 0) + FV * w  # friction of one side is larger
-    assert "w_offset" not in lg.balance(log_of(u, DT, w=w), MODEL).names
-
-
-def test_a_delay_from_few_changes_of_torque_is_not_certain():
-    dt = 0.04
-    t = np.arange(0.0, 20.0, dt)
-    w = np.select([t < 5.0, t < 10.0, t < 15.0], [0.0, 20.0, -20.0], 0.0)
-    w = np.convolve(w, np.ones(5) / 5, "same")
-    u = J * np.gradient(w, dt) + FC * np.sign(w) + FV * w
-    found = lg.balance(log_of(np.roll(u, 4), dt, w=w), MODEL)
-    delay = found.parameters.get("u_delay")
-    assert delay is None or abs(delay.value) < dt
-
-
 def test_an_offset_of_the_speed_is_no_torque():
     shifted = answered(0.5)
     truth = {"J": J, "Fc": FC, "Fv": FV, "w_offset": 0.5, "constant_torque": 0.0}

@@ -52,16 +52,6 @@ def test_one_constant_torque_is_refused_with_what_it_may_be():
         lg.read_record(held(40.0))
 
 
-def test_a_step_whose_rise_the_log_does_not_show_is_a_point_of_the_friction_curve():
-    """Without a rise nothing contradicts it: friction at that speed is certain."""
-    t = DT * np.arange(400)
-    on = t >= 0.5
-    theta = np.round(np.maximum(t - 0.5, 0.0) * 30.0 / COUNT) * COUNT
-    found = lg.balance({"t": t, "u": 0.25 * on, "theta": theta})
-    assert found.combinations or found.parameters
-    assert not any("any inertia" in said for said in found.said)
-
-
 @pytest.mark.parametrize("runs", [[held(40.0, 100)], [held(40.0, 100), held(-80.0, 100)]])
 def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
     plain = lg.balance(runs)
@@ -69,24 +59,6 @@ def test_one_torque_in_each_direction_does_not_tell_inertia_from_friction(runs):
     assert "one value in each direction (40" in plain.said[-1] and "any inertia" in plain.said[-1]
     found = lg.diagnose(runs, MODEL)
     assert found.verdict == "refused" and "two or more torques" in found.experiment
-
-
-def test_runs_at_constant_torques_are_one_data_set():
-    """None of them has a dead channel: together they show friction over the speed."""
-    runs = [held(20.0), held(40.0), held(80.0)]
-    assert lg.diagnose(runs, MODEL).verdict != "refused"
-    plain = lg.balance(runs)
-    assert plain.parameters["Fv"].value == pytest.approx(FV, rel=0.01)
-    both = next(c for c in plain.combinations if c.text == "Fc + constant_torque")
-    assert both.ci95[0] < FC < both.ci95[1]
-
-
-def test_a_steady_run_is_one_point_of_a_map_however_it_starts():
-    """The speed within a run follows its inertia: two points do not give three values."""
-    runs = [held(40.0), held(-80.0)]
-    plain = lg.balance(runs)
-    assert not plain.parameters and not plain.combinations
-    assert lg.diagnose(runs, MODEL).verdict == "refused"
 
 
 def test_what_the_steps_do_not_tell_has_no_value():

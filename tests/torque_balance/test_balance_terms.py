@@ -34,10 +34,8 @@ def test_one_direction_gives_the_sum_of_friction_and_constant_torque(one_way):
 @pytest.mark.parametrize(
     "effect, values, load",
     [
-        ("gravity", {"amplitude": 0.08, "phase": 0.3}, lambda q, w: 0.08 * np.sin(q + 0.3)),
         ("quadratic_drag", {"coefficient": 8e-4}, lambda q, w: 8e-4 * w * abs(w)),
         ("torque_ripple", {"amplitude": 0.03, "phase": 1.0}, lambda q, w: 0.03 * np.sin(6 * q + 1)),
-        ("return_spring", {"stiffness": 0.01}, lambda q, w: 0.01 * q),
     ],
 )
 def test_a_declared_effect_is_a_term(effect, values, load):
@@ -59,13 +57,6 @@ def test_friction_that_depends_on_the_load_is_a_term():
     value = found.values()["load_dependent_friction.coefficient"]
     assert value == pytest.approx(0.3, rel=0.15)
     assert found.values()["gravity.amplitude"] == pytest.approx(0.2, rel=0.03)
-
-
-def test_an_asymmetry_of_friction_is_a_ratio():
-    log = recorded(8.0, load=lambda q, w: 0.012)
-    found = lg.balance([log], lg.Model.of(effects="coulomb_asymmetry"))
-    assert found.parameters["coulomb_asymmetry.ratio"].value == pytest.approx(0.1, rel=0.05)
-    assert "constant_torque" not in found.parameters
 
 
 def test_a_held_friction_makes_one_direction_enough(one_way):

@@ -8,16 +8,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
-from tests.cases.logs import DATA
 from tests.drives.steady import EFFECTS, friction_map
-
-SCREW = DATA / "screw-drive/steady_state/0.096kg"
-NAMES = {
-    "t": "time",
-    "w": "Velocity actual value averaged",
-    "u": "Torque actual value averaged",
-}
-NOMINAL = 9.84e-3  # N m
 
 
 def case(name, seed, swing=False):
@@ -62,31 +53,6 @@ def test_files_of_many_rates_from_the_command_line(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["effects"][0]["name"] == "constant_torque"
     assert "Mean torque" in (out / "report.html").read_text()
     assert lg.read_model(out / "model.toml").effects[0].block.name == "constant_torque"
-
-
-@pytest.mark.skipif(not SCREW.exists(), reason="the measured records are not here")
-@pytest.mark.parametrize("law, names", [("coulomb", ["constant_torque", "stribeck"]),
-                                        ("lugre", ["constant_torque"])])  # fmt: skip
-@pytest.mark.slow
-@pytest.mark.sample
-def test_the_screw_drive_carries_its_load(law, names):
-    """32 files of five rates; 0.096 kg on a lead of 2 mm, lifted against the nut's friction.
-
-    The ripple over the angle is reported, and not named: the load is the larger part.
-    """
-    scale = {"u": 0.01 * NOMINAL}
-    files = sorted(SCREW.glob("*.csv"))
-    read = {"columns": NAMES, "units": {"w": "rpm", "u": "%"}, "scale": scale}
-    runs = [lg.read_record(f, **read) for f in files]
-    model = model_from_dict({"friction": {"model": law}}, "screw")
-    found = lg.diagnose(runs, model)
-    assert found.verdict in ("found", "ambiguous")  # an asymmetry does the same in a map
-    assert [e.name for e in found.effects] == names
-    assert found.error["augmented"] < found.error["refitted"] / 3
-    assert found.error["augmented"] < 1.05 * found.error["noise_floor"]
-    load = 0.096 * 9.81 * 2e-3 / (2.0 * np.pi)
-    assert load < found.effects[0].parameters["torque"].value < 1.5 * load
-    assert [order for order, _ in found.map.swing][:3] == [1, 2, 3]
 
 
 def test_what_is_left_out_for_being_small_counts_in_intervals():

@@ -44,19 +44,6 @@ def test_a_declared_torque_over_the_angle_is_fitted():
         within(found.estimates[key], true)
 
 
-def test_a_ripple_is_fitted_where_its_order_is_declared():
-    model = COULOMB.with_effect("torque_ripple", {"harmonic": 12.0})
-    found = lg.identify(arm(lambda theta: 3.0 * np.sin(12.0 * theta + 0.5)), model)
-    within(found.estimates["torque_ripple.amplitude"], 3.0)
-    within(found.estimates["Fc"], FC)
-
-
-def test_nothing_is_found_over_the_angle_where_nothing_is():
-    found = lg.diagnose(arm(np.zeros_like, top=3.0, seed=3), COULOMB)
-    assert found.verdict == "adequate"
-    within(found.estimates["Fc"], FC)
-
-
 def test_a_declared_effect_that_no_map_shows_is_not_found():
     known = {"name": "periodic_disturbance", "amplitude": 0.5, "frequency": 3.0, "phase": 0.0}
     model = lg.Model.of(friction="coulomb", effects=[known])

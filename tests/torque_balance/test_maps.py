@@ -68,21 +68,10 @@ def test_the_answer_has_the_face_of_a_map():
     assert "Mean torque of the held-out runs" in str(found)
 
 
-@pytest.mark.parametrize(
-    "added, name, values",
-    [
-        (lambda w, x: 0.06 * np.sin(3 * x + 0.4), "torque_ripple", {"amplitude": 0.06}),
-        (
-            lambda w, x: 0.08 * np.sign(w) * np.sin(2 * x + 0.4),
-            "position_dependent_friction",
-            {"ratio": 0.08 / FC},
-        ),
-    ],
-)
-def test_what_hangs_on_angle_and_speed_is_named(added, name, values):
-    found = lg.diagnose(runs(added), MODEL)
-    assert found.verdict == "found" and named(found) == [name]
-    assert all(holds(found.effects[0].parameters[k], x) for k, x in values.items())
+def test_what_hangs_on_angle_and_speed_is_named():
+    found = lg.diagnose(runs(lambda w, x: 0.08 * np.sign(w) * np.sin(2 * x + 0.4)), MODEL)
+    assert found.verdict == "found" and named(found) == ["position_dependent_friction"]
+    assert holds(found.effects[0].parameters["ratio"], 0.08 / FC)
     assert found.error["augmented"] < found.error["refitted"]
 
 
@@ -92,34 +81,12 @@ def test_a_bend_of_the_friction_curve():
     assert bend.effects[0].parameters["exponent"].may_be(0.5)
 
 
-def test_a_constant_is_an_asymmetry_as_well():
-    found = lg.diagnose(runs(lambda w, x: 0.05), MODEL)
-    names = {*named(found), *(a.name for a in found.effects[0].alternatives)}
-    assert found.verdict == "ambiguous" and len(found.effects) == 1
-    assert names == {"constant_torque", "coulomb_asymmetry"} and found.experiment
-
-
 def test_one_direction_gives_the_sum():
     found = lg.diagnose(runs(lambda w, x: 0.05, speeds=np.geomspace(0.5, 12, 7)), MODEL)
     (total,) = found.plain.combinations
     assert total.text == "Fc + constant_torque" and total.ci95[0] <= FC + 0.05 <= total.ci95[1]
     assert "direction" in total.to_separate and "Fc" not in found.estimates
     assert holds(found.estimates["Fv"], FV)
-
-
-def test_short_runs_of_a_low_rate_beside_others():
-    slow = runs(speeds=SPEEDS[:3], n=24, dt=0.25, has=("w",))
-    found = lg.diagnose([*slow, *runs(speeds=SPEEDS[3:], has=("w", "theta"))], MODEL)
-    assert found.verdict == "adequate" and len(found.map.w) == len(SPEEDS)
-    assert holds(found.estimates["Fc"], FC, 0.1) and holds(found.estimates["Fv"], FV, 0.1)
-
-
-def test_a_ripple_is_said_where_no_angle_was_recorded():
-    made = runs(lambda w, x: 0.06 * np.sin(3 * x), speeds=4 * SPEEDS, has=("w",))
-    found = lg.diagnose(made, MODEL)
-    assert found.map.swing[0][0] == 3 and holds(found.map.swing[0][1], 0.06, 0.1)
-    assert found.verdict == "ambiguous" and found.effects[0].alternatives
-    assert "phase" not in found.effects[0].parameters and not found.model.effects
 
 
 def test_what_no_effect_explains_is_unexplained():
@@ -139,17 +106,6 @@ def test_torque_of_the_wrong_sign_is_refused_with_values_of_the_other():
     assert any("-u" in m for m in found.messages)
 
 
-@pytest.mark.cases
-@pytest.mark.parametrize("differs", [lambda u: u + 0.2, lambda u: -u])
-def test_a_run_that_differs_moves_nothing_and_is_said(differs):
-    made = runs()
-    made[5] = made[5] | {"u": differs(made[5]["u"])}
-    made = [lg.read_record(run, motion="rotary") for run in made]
-    found = lg.diagnose(made, MODEL)
-    assert found.verdict == "adequate" and any("differs" in m for m in found.messages)
-    assert holds(found.estimates["Fc"], FC) and holds(found.estimates["Fv"], FV, 0.4)
-
-
 def test_identify_gives_the_declared_friction():
     """On a linear axis, which has its own units."""
     fit = lg.identify(runs(), lg.Model.of(friction="coulomb", motion="linear"))
@@ -167,12 +123,10 @@ def test_too_few_runs_have_a_plain_answer():
     assert sums or "Fc" in found.plain.parameters
 
 
-def test_other_ways_to_hold_out():
+def test_a_run_that_is_held_out():
     made = runs(lambda w, x: 0.002 * w * abs(w))
-    last = lg.diagnose(made, MODEL, holdout="last")
     apart = lg.diagnose(made[:-1], MODEL, holdout=made[-1])
-    assert named(last) == named(apart) == ["quadratic_drag"]
-    assert last.map.held_out.sum() == len(made) == len(last.map.w) // 2
+    assert named(apart) == ["quadratic_drag"]
     assert apart.map.held_out.tolist() == [False] * (len(made) - 1) + [True]
     assert apart.error["augmented"] < 0.5 * apart.error["refitted"]
     moving = {"t": made[0]["t"], "u": made[0]["u"], "theta": np.sin(5 * made[0]["t"])}

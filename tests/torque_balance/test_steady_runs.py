@@ -38,35 +38,11 @@ def test_intervals_hold_although_runs_differ_by_more_than_their_noise():
         assert sum(held) >= 5, key
 
 
-def test_longer_runs_tell_no_more_of_friction():
-    short, long = (
-        np.ptp(lg.balance(steady(SPEEDS, seed=1, scatter=0.01, samples=s)).parameters["Fc"].ci95)
-        for s in (200, 1600)
-    )
-    assert long > 0.8 * short
-
-
 def test_a_fall_at_low_speed_is_none_of_the_level():
     """Friction falls with speed below 3 rad/s: the level is that of the fast runs."""
     plain = lg.balance(steady(MORE, fall=0.15, vs=3.0, seed=2))
     assert covers(plain.parameters["Fc"], FC) and covers(plain.parameters["Fv"], FV)
     assert plain.left < 0.01
-
-
-def test_a_declared_drag_is_not_counted_twice():
-    model = lg.Model.of().with_effect("quadratic_drag", {"coefficient": 5e-3})
-    found = lg.balance(steady(MORE, drag=5e-3, seed=2), model).parameters
-    drag = found["quadratic_drag.coefficient"]
-    assert covers(drag, 5e-3) and np.ptp(drag.ci95) < 0.1 * 5e-3
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize("scatter", [4e-3, 0.0])
-def test_the_error_table_has_the_scatter_of_the_runs(scatter):
-    runs = both_ways(np.linspace(2.0, 40.0, 8), scatter=scatter)
-    error = lg.diagnose(runs, lg.Model.of(friction="coulomb", Fc=0.31, Fv=FV)).error
-    assert error["noise_floor"] <= 1.01 * max(error["augmented"], 1e-4)
-    assert error["noise_floor"] == pytest.approx(max(scatter, 1.2e-4), rel=0.5)
 
 
 SLOWEST_8 = np.linspace(8.0, 30.0, 5)
@@ -84,30 +60,6 @@ def test_a_declared_fall_that_no_run_shows_stays_as_declared():
     model = lg.Model.of(friction="stribeck", Fc=FC, Fs=FS, Fv=FV, vs=VS)
     found = lg.identify(both_ways(SLOWEST_8, fall=FS - FC), model)
     assert found.model.friction.values["Fs"] == FS and found.model.friction.values["vs"] == VS
-
-
-def test_a_value_that_was_guessed_may_be_0_without_the_fall_too():
-    found = lg.identify(both_ways(SLOWEST_8, Fv=0.0), STRIBECK)
-    assert found.estimates["Fv"].value < 1e-3
-    assert not any("limit of the range" in said for said in found.messages)
-
-
-def test_few_points_have_finite_intervals():
-    """Where Akaike's criterion is infinite for both laws neither is preferred."""
-    model = STRIBECK.with_effect("constant_torque", {"torque": 0.01})
-    runs = both_ways(np.linspace(8.0, 30.0, 3), fall=FS - FC)
-    found = lg.identify([runs[i] for i in (0, 5, 3, 2)], model)
-    ends = [end for e in found.estimates.values() for end in e.ci95 or ()]
-    assert ends and np.all(np.isfinite(ends))
-
-
-def test_means_need_no_fast_log(tmp_path):
-    """A run at steady speed may be logged at 3 Hz, with or without a unit of t in its header."""
-    for i, run in enumerate(both_ways(np.linspace(2.0, 30.0, 5), dt=0.3)):
-        table = np.c_[run["t"], run["u"], run["w"]]
-        np.savetxt(tmp_path / f"run{i}.csv", table, "%.9g", ",", header="t,u,w", comments="")
-    found = lg.balance(sorted(map(str, tmp_path.glob("*.csv"))))
-    assert found.is_map and found.parameters["Fc"].may_be(FC)
 
 
 def test_drag_is_named_beside_a_law_whose_fall_could_imitate_it():
