@@ -13,7 +13,7 @@ from ..core.errors import InputError, Refused
 from ..core.numeric import column_sizes
 from ..core.option_names import option
 from ..core.unit_names import si_unit
-from .columns.units import UNITS
+from .columns.names import UNITS
 from .record import Record
 from .samples.clock import plausible
 

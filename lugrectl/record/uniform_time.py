@@ -10,7 +10,7 @@ import numpy as np
 
 from ..core.errors import Refused
 from ..core.option_names import option
-from .columns.units import UNITS
+from .columns.names import UNITS
 from .record import Record
 from .samples import clock
 from .samples.resampling import HELD, between, how, on_grid, speed

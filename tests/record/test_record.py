@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lugrectl.core.errors import InputError
 from lugrectl.record import Record, parse_pairs, read_record
-from lugrectl.record.columns.units import UNITS, parse_unit
+from lugrectl.record.columns.names import UNITS, parse_unit
 
 from ..cases.logs import DATA, csv, machine, measured, refused
 

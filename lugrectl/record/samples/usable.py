@@ -16,10 +16,10 @@ from .sample_and_hold import keep_renewed
 def usable(log: Log) -> Stamped:
     """A copy of the usable rows of a log, which are kept with it; each finding is a sentence."""
     checksum = log.checksum()
-    if log.kept.checksum != checksum:
-        log.kept.value = _found(log)
-        log.kept.checksum = checksum
-    return log.kept.value.copy()
+    if checksum not in log.kept:
+        log.kept.clear()
+        log.kept[checksum] = _found(log)
+    return log.kept[checksum].copy()
 
 
 def _found(log: Log) -> Stamped:
