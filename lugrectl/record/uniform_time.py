@@ -13,7 +13,7 @@ from ..core.option_names import option
 from .columns.names import UNITS
 from .record import Record
 from .samples import clock
-from .samples.resampling import HELD, between, how, on_grid, speed
+from .samples.resampling import HELD, between, how, on_grid
 from .samples.rows import Stamped, count, smallest_steps
 from .signal_noise import repeats
 
@@ -134,8 +134,6 @@ def _piece(
             made[role] = values
         elif role in HELD and not resampled:
             made[role] = values[np.searchsorted(counts, grid, side="right") - 1]
-        elif role == "w":
-            made[role] = speed(at, counts, values, grid, resampled)
         else:
             made[role] = on_grid(role, at, values, grid, 1.0)
     return grid, made, resampled

@@ -12,7 +12,9 @@ from scipy.signal import lfilter
 from lugrectl.core.errors import Refused
 from lugrectl.record import Record, consistent, read_record
 from lugrectl.record.consistency import audit as checked
-from lugrectl.record.samples.position_jumps import jumps, unwrapped
+from lugrectl.record.log import log_of_arrays
+from lugrectl.record.samples.bad_samples import unwrap_positions
+from lugrectl.record.samples.rows import Stamped
 
 from ..cases.logs import DATA, driven, measured, rubbing
 
@@ -157,9 +159,10 @@ def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
 def test_unwrapping_never_invents_a_jump(steps):
     """A smooth angle that never nears half a turn in one step is left alone."""
     theta = np.cumsum(steps)
-    found = jumps(np.arange(float(len(theta))), theta)
-    seen, told = unwrapped("theta", theta, found, "rotary")
-    assert told == [] and seen is theta
+    log = log_of_arrays("log", {"t": np.arange(float(len(theta))), "theta": theta}, "rotary")
+    rows = Stamped.of(log)
+    unwrap_positions(rows)
+    assert rows.said == [] and rows.channels["theta"] is theta
 
 
 # ---- w against theta ----------------------------------------------------------------

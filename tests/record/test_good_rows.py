@@ -7,7 +7,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.record import read_log
-from lugrectl.record.samples.needed_torque import needed
+from lugrectl.record.samples.needed_torque import balance
 from lugrectl.record.samples.usable import usable
 
 from ..drives.bench import Drive, kept, ramps, speed_loop
@@ -78,6 +78,6 @@ def test_a_drive_that_never_turns_back_needs_about_the_torque_that_was_recorded(
         w[k + 1] = max(w[k] + drive / 0.16 * dt, 0.0)
     w += 0.3 * np.random.default_rng(1).standard_normal(200) * (w > 0)
     log = read_log({"t": dt * rows, "u": u, "w": w})
-    fit = needed(usable(log), (rows >= start) & (rows < start + 14))
+    fit = balance(usable(log), (rows >= start) & (rows < start + 14))
     missing = np.abs(fit.missing(u))
     assert np.nanmax(missing) < np.ptp(u) and np.nanmax(missing[fit.moving]) < 0.1 * np.ptp(u)

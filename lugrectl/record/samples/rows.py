@@ -80,9 +80,14 @@ class Stamped:
         return [role for role in REQUIRED if role in self.channels]
 
     @property
+    def motion_roles(self) -> list[str]:
+        """The position first."""
+        return [role for role in ("theta", "w") if role in self.channels]
+
+    @property
     def motion_signal(self) -> np.ndarray:
         """The position where it was recorded, else the speed."""
-        return self.channels["theta" if "theta" in self.channels else "w"]
+        return self.channels[self.motion_roles[0]]
 
     def keep(self, mask: np.ndarray) -> None:
         """Leave out the other rows; a part begins at the first of its rows that is left."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..log import Log
-from .clock import put_in_time, use_true_times
+from . import bad_samples
+from .clock import keep_renewed, put_in_time, use_true_times
 from .needed_torque import leave_out_untrue_torque, unwrap_torque
-from .outliers import leave_out_bad_samples, leave_out_huge, say_missing
-from .position_jumps import make_continuous, unwrap_positions
 from .rows import Stamped, smallest_steps
-from .sample_and_hold import keep_renewed
 
 
 def usable(log: Log) -> Stamped:
@@ -35,15 +33,17 @@ def _found(log: Log) -> Stamped:
                 del made.channels[role]
                 made.say(f"{role} has a number in {100 * share:.2g} % of the rows: left out.")
     put_in_time(made)
-    say_missing(made)
-    leave_out_huge(made)
-    unwrap_positions(made)
+    bad_samples.say_missing(made)
+    bad_samples.unwrap_positions(made)
     use_true_times(made)
-    leave_out_bad_samples(made, "theta", "w")
-    make_continuous(made)
+    for role in made.motion_roles:
+        bad_samples.leave_out_code(made, role)
+        bad_samples.leave_out_outliers(made, role)
+    bad_samples.cut_at_jumps(made)
     made.steps = smallest_steps(made.channels)  # a bad sample would hide them
     unwrap_torque(made)  # its wraps would look like bad samples
-    leave_out_bad_samples(made, "u")
+    bad_samples.leave_out_code(made, "u")
+    bad_samples.leave_out_outliers(made, "u")
     keep_renewed(made)
     leave_out_untrue_torque(made)
     return made

@@ -1,0 +1,441 @@
+"""Bad samples, found on the rows as recorded by what is beside them: marks of a missing value,
+codes, outliers, jumps of a position that are no motion, and motion that stands still by mistake."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from scipy import ndimage
+
+from ...core.unit_names import si_unit
+from ..signal_noise import quantum, repeats, resolution, spread
+from .clock import FILL, HUGE, off_cubic_in_time, usual_step
+from .needed_torque import balance
+from .resampling import how
+from .rows import Stamped, bridged, count
+
+_OFF = "far off its neighbours"
+_AROUND = 61  # rows about a sample that show what is usual there
+_FAR = 10.0  # times the usual distance from the curve through the neighbours
+_EVEN = 1e-6  # of a step: stamps that differ by less are even
+_RARE = 0.97  # share of the samples that shows how far from the curve the channel is anyway
+_REVERSAL = 0.99  # of the rows change their speed less than a reversal does
+# least distance of an outlier, as a share of the channel's range: a drive may ask for a short
+# torque, and a computed speed may jump, but a position has inertia behind it
+_SHARE = {"u": 0.06, "w": 0.03}
+_FEWEST = 5  # rows that a code fills, off the curve through the others
+_MOST = 0.3  # of all rows; a value that is held longer is one
+_BRIEF = 4  # rows that are off together; a code stands for one answer or a few
+_CUBIC = np.array([1.0, -4.0, 0.0, -4.0, 1.0]) / 6  # through two samples on either side
+_TURN = 2 * np.pi
+_TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
+_SMALL = 1 / 3  # of the period, largest step beside which a wrap (above two thirds) is plain
+_BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
+_STUCK, _LONG = 3, 20  # equal samples in a row that may be a stuck sensor; of a noisy speed
+
+
+def say_missing(log: Stamped) -> None:
+    """Say where the log itself holds no number, or one that no sensor gives."""
+    for role in log.required:
+        missing = ~np.isfinite(log.channels[role])
+        lengths = repeats(missing)
+        short = int(np.count_nonzero(missing & (lengths <= FILL)))
+        if short:
+            log.say(f"{role} is missing in {count(short, 'sample')}: filled in ({how(role)}).")
+        long = missing & (lengths > FILL)
+        if long.any():
+            first, total = int(long.argmax()), int(long.sum())
+            rows = count(int(lengths[first]), "row")
+            more = f", {total} in all" if total > lengths[first] else ""
+            log.say(
+                f"{role} has no number in {rows} from {log.place(first)} on{more}: the record is "
+                "cut there."
+            )
+        with np.errstate(invalid="ignore"):
+            huge = np.abs(log.channels[role]) >= HUGE
+        _leave_out(log, role, huge, "which no sensor gives")
+
+
+def _leave_out(log: Stamped, role: str, bad: np.ndarray, why: str = _OFF) -> None:
+    """Make samples of a channel nan and say it in one sentence with place and value."""
+    if not bad.any():
+        return
+    first = int(bad.argmax())
+    value = log.value(role, first)
+    sentence = f"{role} is {why} {log.places(bad)} ({value}): left out."
+    if np.count_nonzero(bad) == 1:
+        sentence = f"{role} at {log.place(first)} is {value}, {why}: left out."
+    log.leave_out(role, bad, sentence)
+
+
+# ---- codes --------------------------------------------------------------------------
+
+
+def leave_out_code(log: Stamped, role: str) -> None:
+    """Leave out a frequent value that stands for a few rows at a time, far off the others."""
+    x = log.channels[role]
+    bad = np.isfinite(x)
+    bad[bad] = _code(x[bad])
+    if bad.any():
+        value = log.value(role, int(bad.argmax()))
+        sentence = f"{role} is exactly {value} {log.places(bad)}, {_OFF}: left out."
+        log.leave_out(role, bad, sentence)
+
+
+def _code(x: np.ndarray) -> np.ndarray:
+    """Return where a channel (N,), all finite, holds one frequent value for a few rows, far off."""
+    values, counts = np.unique(x, return_counts=True)
+    often = values[np.argsort(-counts)[:2]] if len(values) >= 20 else []
+    for value in dict.fromkeys((0.0, *often, values[0], values[-1])) if len(often) else ():
+        at = x == value
+        if _FEWEST <= at.sum() <= _MOST * len(x):
+            found = at & (repeats(at) <= _BRIEF)
+            if found.sum() >= max(_FEWEST, 0.8 * at.sum()) and _is_off(x, found, value):
+                return found
+    return np.zeros(len(x), bool)
+
+
+def _is_off(x: np.ndarray, at: np.ndarray, value: float) -> bool:
+    """Return whether the value is mostly far outside the rows on either side."""
+    others = np.flatnonzero(~at)
+    if len(others) < 16:
+        return False
+    steps = np.abs(np.diff(x[others], append=x[others[-1]]))
+    rough = ndimage.maximum_filter1d(ndimage.median_filter(steps, 9, mode="nearest"), 9)
+    after = np.searchsorted(others, np.flatnonzero(at))
+    before, after = (after - 1).clip(0), after.clip(0, len(others) - 1)
+    low, high = np.quantile(x[others], [0.01, 0.99])
+    limit = 8 * rough[after] + 6 * resolution(x[others]) + 0.02 * (high - low)
+    far = _outside(value, x[others[before]], x[others[after]]) > limit
+    return bool(far.sum() >= _FEWEST and far.mean() > 0.5)
+
+
+# ---- outliers -----------------------------------------------------------------------
+
+
+def leave_out_outliers(log: Stamped, role: str) -> None:
+    """Leave out samples of a channel that are far off their neighbours, by more than others; in the
+    motion up to four in a row. What another signal shows stays, however rare it is."""
+    good = np.isfinite(log.channels[role])
+    x = bridged(log.channels[role], ~good)
+    if good.sum() < 16 or np.ptp(x) == 0:
+        return
+    far = _distances(log.t, x)
+    low, high = np.quantile(x, [0.01, 0.99])
+    limit = _limits(x) + 3 * np.quantile(far, _RARE) + _SHARE.get(role, 0.0) * (high - low)
+    bad = good & (far > limit)
+    if role == "u":
+        # a torque may be a pulse of a few rows; its first and last have neighbours on one side only
+        bad[[0, -1]] &= far[[0, -1]] > high - low
+        bad &= ~_felt(log, bad) if bad.any() else bad
+    else:
+        bad = good & (bad | _brief(x, limit)) & ~confirmed(log, role)
+    if role == "w":  # it may be the difference of a position over lost rows: too large
+        bad &= np.diff(log.t, prepend=log.t[:1]) <= 1.5 * usual_step(log.t)
+    _leave_out(log, role, bad)
+
+
+def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Return where two to four samples in a row lie beyond those on either side, all one way."""
+    bad = np.zeros(len(x), bool)
+    for rows in (2, 3, 4):
+        inner = sliding_window_view(x, rows)[1:-1]
+        before, after = x[: -rows - 1], x[rows + 1 :]
+        above = inner.min(1) - np.maximum(before, after)
+        below = np.minimum(before, after) - inner.max(1)
+        found = np.flatnonzero(np.maximum(above, below) > limit[1 : len(above) + 1]) + 1
+        bad[(found[:, None] + np.arange(rows)).ravel()] = True
+    return bad
+
+
+def _felt(log: Stamped, bad: np.ndarray) -> np.ndarray:
+    """Return where the motion shows the torque of these rows: a short one that did act. Of a
+    reversal that shows the inertia, the speed changes in its direction as it hardly ever does."""
+    fit, felt = balance(log, bad), np.zeros(len(bad), bool)
+    if fit is None:
+        return felt
+    u = np.nan_to_num(log.channels["u"])
+    plain = bridged(u, bad)
+    with_it, without = np.abs(fit.missing(u)), np.abs(fit.missing(plain))
+    change, way = np.nan_to_num(fit.a), np.sign(u - plain)
+    often = np.quantile(np.abs(change), _REVERSAL)
+    for row in np.flatnonzero(bad):
+        near = slice(max(row - fit.width, 0), row + fit.width + 1)
+        covered = np.isfinite(with_it[near]).sum() > fit.width
+        felt[row] = covered and np.nansum(with_it[near]) < 0.8 * np.nansum(without[near])
+        felt[row] |= np.max(way[row] * change[max(row - 2, 0) : row + 3]) > often
+    return felt
+
+
+def _distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return how far each sample is from what its neighbours say, the nearest of five statements;
+    beside a jump that stays, a sample goes on from the rows on one side."""
+    beside = np.array([1, 1, 1, 0, 1, 1, 1], bool)
+    low, high = (ndimage.rank_filter(x, k, footprint=beside, mode="mirror") for k in (2, 3))
+    far, steps = np.fmin(_outside(x, low, high), _off_cubic(x)), np.diff(t)
+    if np.ptp(steps) > _EVEN * np.abs(steps).max():  # else the stamps say the same as the rows
+        far = np.fmin(far, off_cubic_in_time(t, x))
+    far[2:] = np.fmin(far[2:], _outside(x[2:], x[1:-1], 2 * x[1:-1] - x[:-2]))
+    far[:-2] = np.fmin(far[:-2], _outside(x[:-2], x[1:-1], 2 * x[1:-1] - x[2:]))
+    for end, then, after, last in ((0, 1, 2, 3), (-1, -2, -3, -4)):
+        near = _outside(x[end], x[then], 2 * x[then] - x[after])
+        far[end] = min(near, _outside(x[end], x[after], 3 * x[after] - 2 * x[last]))
+        far[then] = _outside(x[then], x[end], x[after])
+    return far
+
+
+def _outside(x: np.ndarray | float, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return the distance from the interval between two values; 0 inside."""
+    return np.maximum(np.maximum(np.minimum(one, other) - x, x - np.maximum(one, other)), 0.0)
+
+
+def _off_cubic(x: np.ndarray) -> np.ndarray:
+    """Return the distance from the cubic through two samples on either side, with even steps."""
+    return np.abs(x + ndimage.convolve1d(x, _CUBIC, mode="mirror"))
+
+
+def _limits(x: np.ndarray) -> np.ndarray:
+    """Return how far a sample may be from its neighbours, judged by those about it."""
+    curve = _off_cubic(x)
+    around = min(_AROUND, len(x) // 2 * 2 - 1)
+    usual = ndimage.median_filter(curve, around, mode="mirror")
+    usual = np.maximum(usual, 0.3 * np.median(curve[curve > 0]) if curve.any() else 0.0)
+    steps = ndimage.median_filter(np.abs(np.diff(x, append=x[-1])), around, mode="mirror")
+    return _FAR * usual + steps + 6 * resolution(x) + 1e-9 * spread(x)
+
+
+# ---- jumps of the motion ------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Jumps:
+    """Steps of a position that are no motion: between good row ``a`` and good row ``b``, ``size``
+    beyond the motion around, known to ``margin``; ``steady``: one speed on both sides, not 0."""
+
+    a: np.ndarray
+    b: np.ndarray
+    size: np.ndarray
+    margin: np.ndarray
+    steady: np.ndarray
+
+    def only(self, which: np.ndarray) -> Jumps:
+        return replace(self, **{k: x[which] for k, x in vars(self).items()})
+
+
+def jumps(log: Stamped, role: str) -> Jumps:
+    """The jumps of a channel; searched for again only where it or its stamps changed."""
+    t, x = log.t, log.channels[role]
+    known = log.known.get(role)
+    if known is None or known[0] is not t or known[1] is not x:
+        known = log.known[role] = (t, x, _jumps(t, x))
+    return known[2]
+
+
+def _jumps(t: np.ndarray, x: np.ndarray) -> Jumps:
+    """Find the steps of a position (N,) that its speed on either side does not explain."""
+    good = np.flatnonzero(np.isfinite(x))
+    if len(good) < 16:
+        return Jumps(good[:0], good[:0], *np.zeros((2, 0)), np.zeros(0, bool))
+    values, dt = x[good], usual_step(t) or 1.0
+    elapsed = np.maximum(np.diff(t[good]) / dt, 1.0)
+    speed = np.diff(values) / elapsed
+    far = _distances(np.arange(len(speed), dtype=float), speed)
+    quiet = resolution(values)
+    at = np.flatnonzero(far > _limits(speed) + 6 * quiet + 3 * np.quantile(far, _RARE))
+    calm = speed.copy()
+    calm[at] = np.nan
+    around = sliding_window_view(np.pad(calm, 4, constant_values=np.nan), 9)[at]
+    before, after = (_medians(side) for side in (around[:, :4], around[:, 5:]))
+    usual = np.nan_to_num(_medians(np.column_stack([before, after])))
+    steady = np.abs(before - after) <= 0.3 * np.abs(usual) + quiet
+    steady &= np.abs(usual) > max(0.5 * quiet, 1e-9 * np.ptp(values))
+    size, margin = np.diff(values)[at] - usual * elapsed[at], 2 * np.abs(usual) + 4 * quiet
+    return Jumps(good[at], good[at + 1], size, margin, steady)
+
+
+def _medians(rows: np.ndarray) -> np.ndarray:
+    """The median of the numbers in each row; nan without any."""
+    some, made = np.isfinite(rows).any(1), np.full(len(rows), np.nan)
+    made[some] = np.nanmedian(rows[some], axis=1)
+    return made
+
+
+def confirmed(log: Stamped, role: str) -> np.ndarray:
+    """Return where theta and w agree that the drive moves this fast, however rare that is."""
+    agree = np.zeros(len(log.t), bool)
+    if role not in ("theta", "w") or not {"theta", "w"} <= set(log.channels):
+        return agree
+    theta, w = log.channels["theta"], log.channels["w"]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = np.diff(theta) / np.diff(log.t)
+        if role == "w":
+            before, after = (np.abs(x - slope) < 0.5 * np.abs(x) for x in (w[:-1], w[1:]))
+        else:
+            fastest = np.where(np.abs(w[1:]) > np.abs(w[:-1]), w[1:], w[:-1])
+            along, size = slope * np.sign(fastest), np.abs(fastest)
+            before = after = (along > 0.3 * size) & (along < 3 * size)
+    agree[1:] |= after
+    agree[:-1] |= before
+    return agree
+
+
+def cut_at_jumps(log: Stamped) -> None:
+    """Leave out what stands still by mistake; begin a part where a position jumps else."""
+    for role in log.motion_roles:
+        _leave_out_stuck(log, role)
+    if "theta" not in log.channels:
+        return
+    found = _unconfirmed(log, "theta")
+    at = [b for a, b in zip(found.a, found.b, strict=True) if not log.new[a + 1 : b + 1].any()]
+    if at:
+        log.new[at] = True
+        size = f"{found.size[found.b == at[0]][0]:.4g} {si_unit('theta', log.motion)}"
+        more = f" and {count(len(at) - 1, 'time')} more" if len(at) > 1 else ""
+        log.say(
+            f"theta jumps by {size} at {log.place(at[0])}{more}, which is no motion: the "
+            "parts are treated separately."
+        )
+
+
+def _unconfirmed(log: Stamped, role: str) -> Jumps:
+    """The jumps that no other signal shows."""
+    found = jumps(log, role)
+    return found.only(~confirmed(log, role)[found.b])
+
+
+def _leave_out_stuck(log: Stamped, role: str) -> None:
+    """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
+    speed that loses its noise, what jumps back after it, or a channel that stands still with all
+    others, was not read."""
+    x, found = log.channels[role], _unconfirmed(log, role)
+    bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
+    for i, (before, after) in enumerate(zip(found.a, found.b, strict=True)):
+        start = edges[np.searchsorted(edges, before, side="right") - 1]
+        stop = edges[np.searchsorted(edges, after, side="right")]
+        there, back = found.size[i], found.size[i + 1 : i + 2] * (found.a[i + 1 : i + 2] < stop)
+        returns = abs(there + back) <= 0.3 * abs(there) + 2 * found.margin[i : i + 2].sum()
+        bad[after:stop] |= bool(np.any((there * back < 0) & (returns | (role == "theta"))))
+        for run, backward in ((slice(start, before + 1), True), (slice(after, stop), False)):
+            starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
+            if not starts and run.stop - run.start >= _STUCK:
+                bad[run] |= _is_stuck(log, role, run, backward)
+    if not bad.any():
+        return
+    if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
+        kept = (x != 0) & (repeats(x) > _LONG)
+        bad |= kept & _differ(x[~kept])
+    first = int(bad.argmax())
+    log.leave_out(
+        role,
+        bad,
+        f"{role} stands at {log.value(role, first)} for {count(int(bad.sum()), 'row')} from "
+        f"{log.place(first)} on and then jumps: these rows are left out.",
+    )
+
+
+def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
+    """Return whether the rows of one value before (``backward``) or after a jump were not read."""
+    x = log.channels[role]
+    beside = x[max(run.start - 4, 0) : run.start + 1]
+    if not backward:
+        beside = x[run.stop - 1 : run.stop + 4][::-1]
+    steps = np.diff(beside[np.isfinite(beside)])
+    if len(steps) > 1:  # the motion stops or sets in at once
+        usual = abs(np.median(steps))
+        if usual > 3 * np.abs(np.diff(steps)).max() + 1e-12 and abs(steps[-1]) > 0.5 * usual:
+            return True
+    others = (log.channels[other][run] for other in log.required)
+    if all(bool((part == part[0]).all()) for part in others):
+        return True
+    noisy = _differ(np.r_[x[: run.start], x[run.stop :]])
+    return role == "w" and run.stop - run.start >= _LONG and noisy
+
+
+def _differ(x: np.ndarray) -> bool:
+    """Return whether nearly every sample differs from the one before."""
+    return len(x) > 1 and bool(np.mean(np.diff(x) == 0) < 0.05)
+
+
+# ---- wrapped positions --------------------------------------------------------------
+
+
+def unwrap_positions(log: Stamped) -> None:
+    """Undo the wraps of positions: by whole turns, a power of two of their steps, or any period of
+    all jumps that span their range in motion."""
+    for role in ("theta", "theta_load"):
+        if role not in log.channels:
+            continue
+        theta, found = log.channels[role], jumps(log, role)
+        back = (found.b[1:] - found.a[:-1] <= _BRIEF + 1) & (found.size[1:] * found.size[:-1] < 0)
+        lasting = ~(np.r_[False, back] | np.r_[back, False])[: len(found.a)]
+        period, turns = _period(theta, found, lasting, log.motion)
+        if not period and (not len(lasting) or lasting.any()):
+            period, turns = _many_wraps(theta, log.motion)
+        times = int(np.count_nonzero(turns))
+        if not times:
+            continue
+        theta = theta + period * np.cumsum(turns)
+        said = (
+            f"{role} jumps by {period:.6g} {'once' if times == 1 else f'{times} times'}: unwrapped"
+        )
+        if log.motion == "rotary" and abs(period - 360) < 1e-6:
+            theta, label = np.pi / 180 * theta, log.labels.get(role)
+            stated = f"stated in {label}" if label else "without a unit"
+            said += f", and converted from deg ({stated}, but a turn is 360)"
+        log.channels[role] = theta
+        log.say(said + ".")
+
+
+def _period(
+    theta: np.ndarray, found: Jumps, lasting: np.ndarray, motion: str
+) -> tuple[float, np.ndarray]:
+    """Return the period of a register or of whole turns (0: none), and the turns that each row
+    adds to a position (N,), by the jumps that are not taken back within a few rows."""
+    sizes, margin, turns = np.abs(found.size), found.margin, np.zeros(len(theta))
+    if not lasting.any():
+        return 0.0, turns
+    alike = [lasting & (np.abs(sizes - size) <= margin) for size in sizes[lasting]]
+    wraps = max(alike, key=lambda fits: int(fits.sum()))
+    period, usual = float(np.median(sizes[wraps])), float(np.median(margin[wraps]))
+    if period < 20 * usual:
+        return 0.0, turns
+    known = [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
+    known += _counters(theta[np.isfinite(theta)])
+    nearest = min(known, key=lambda size: abs(size - period), default=0.0)
+    if abs(nearest - period) <= 0.5 * float(margin.min()) + usual / np.sqrt(wraps.sum()):
+        period = nearest
+    else:
+        spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + float(margin[wraps].max())
+        goes_on = found.steady[wraps].mean() > 0.6
+        if not (spans and goes_on and wraps[lasting].all()):
+            return 0.0, turns
+    np.add.at(turns, found.b[wraps], -np.rint(found.size[wraps] / period))
+    return float(period), turns
+
+
+def _counters(values: np.ndarray) -> list[float]:
+    """Return the spans of counters with the step of these values."""
+    step = quantum(values) if values.size else 0.0
+    return [2.0**bits * step for bits in _BITS if step]
+
+
+def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray]:
+    """The same for a position that wraps so often that its jumps are no exception."""
+    good, turns = np.flatnonzero(np.isfinite(theta)), np.zeros(len(theta))
+    values = theta[good]
+    travel = float(np.ptp(values)) if values.size else 0.0
+    tries = [period for period in _counters(values) if travel < period < 1.1 * travel]
+    if motion == "rotary":
+        tries = [_TURN * min(max(1, round(travel / _TURN)), _TURNS), 360.0, *tries]
+    steps = np.diff(values)
+    for period in tries:
+        wraps = np.abs(steps) > period / 2
+        usual = np.abs(steps[~wraps]).max(initial=0.0)
+        # beside larger steps a wrap looks like a fast motion
+        clear = wraps.any() and travel <= 1.02 * period and usual <= _SMALL * period
+        if clear and np.all(np.abs(np.abs(steps[wraps]) - period) <= 2 * usual + 0.01 * period):
+            turns[good[1:][wraps]] = -np.sign(steps[wraps])
+            return period, turns
+    return 0.0, turns
