@@ -383,17 +383,6 @@ def _of_places(what: str, action: argparse.Action) -> str:
     return what.replace(missing, f"{missing} ({', '.join(map(str, action.choices))})")
 
 
-class Version(argparse.Action):
-    """The installed version, looked up only when it is asked for."""
-
-    def __init__(self, option_strings: Any, dest: str, **options: Any) -> None:
-        super().__init__(option_strings, dest, nargs=0, **options)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print(f"lugrectl {version()}")
-        parser.exit(0)
-
-
 def overview(top: Parser) -> str:
     """The text of ``lugrectl --help``: what each command does, in groups."""
     width = max(len(name) for group in COMMANDS.values() for name in group) + 2
@@ -403,6 +392,11 @@ def overview(top: Parser) -> str:
         parts.append("\n".join([f"{title}:", *rows]))
     options = "Options:\n  --help, -h  show this help\n  --version   show the version"
     return "\n\n".join([*parts, options, _EXAMPLE, _filled(top.epilog)]) + "\n"
+
+
+def _said(top: Parser, asked: bool) -> int:
+    print(f"lugrectl {version()}\n" if asked else top.format_help(), end="")
+    return 0
 
 
 def _filled(text: str | None) -> str:
@@ -422,8 +416,8 @@ def parser() -> argparse.ArgumentParser:
         "my.toml --out report.",
         allow_abbrev=False,
     )
-    top.add_argument("--version", action=Version, help="show the version and exit")
-    top.set_defaults(run=lambda a: print(top.format_help(), end="") or 0, parser=top)
+    top.add_argument("--version", action="store_true", help="show the version and exit")
+    top.set_defaults(run=lambda a: _said(top, a.version), parser=top)
     made = top.add_subparsers(dest="command", metavar="COMMAND")
     top.format_help = lambda: overview(top)
     for group in COMMANDS.values():

@@ -28,8 +28,7 @@ _NEAR = 0.25  # rates of runs that differ by more are not brought together
 def uniform(log: Stamped) -> Record:
     """Bring rows to uniform time: short losses filled, jitter resampled, longer losses gaps."""
     _enough(log, len(log.t))
-    _fill_optional(log)
-    _fill_missing(log)
+    _fill(log)
     clock.leave_out_scraps(log)
     whole = " in one piece" if log.new.sum() > 1 else ""
     _enough(log, max(p.stop - p.start for p in log.parts()), whole)
@@ -45,42 +44,32 @@ def _enough(log: Stamped, rows: int, whole: str = "") -> None:
         )
 
 
-def _fill_missing(log: Stamped) -> None:
-    """Fill what is missing for a few samples; a longer loss in torque or motion leaves a gap."""
+def _fill(log: Stamped) -> None:
+    """Fill what is missing for a few samples; a longer loss in torque or motion leaves a gap, and
+    a channel beside them that has one is left out."""
     some, long = np.zeros(len(log.t), bool), np.zeros(len(log.t), bool)
-    for role in log.required:
-        lost = ~np.isfinite(log.channels[role])
-        some |= lost
-        long |= lost & (repeats(lost) > clock.FILL)
-        if lost.any() and not lost.all():
-            log.channels[role] = _filled(role, log.channels[role], lost)
+    for role in [role for role in log.channels if not np.isfinite(log.channels[role]).all()]:
+        x, lost = log.channels[role], ~np.isfinite(log.channels[role])
+        apart = lost & (repeats(lost) > clock.FILL)
+        if role in log.required:
+            some |= lost
+            long |= apart
+        elif lost.all() or (role != "temperature" and (apart.any() or lost.mean() >= _FILL_SHARE)):
+            del log.channels[role]
+            log.say(f"{role} has too many missing samples and is left out.")
+            continue
+        else:
+            log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how(role)}).")
+        good, rows = np.flatnonzero(~lost), np.arange(len(x))
+        if not len(good):
+            continue
+        before = (np.searchsorted(good, rows, side="right") - 1).clip(0)
+        log.channels[role] = x[good[before]] if role in HELD else between(role, good, x[good], rows)
     log.dropped += int(some.sum())
     if long.any():
         log.new |= np.r_[False, long[:-1]] & ~long
         log.keep(~long)
         _enough(log, len(log.t))
-
-
-def _fill_optional(log: Stamped) -> None:
-    """Fill the channels beside torque and motion, or leave them out."""
-    for role in [role for role in log.channels if role not in log.required]:
-        lost = ~np.isfinite(log.channels[role])
-        longest = repeats(lost)[lost].max(initial=0)
-        isolated = longest <= clock.FILL and lost.mean() < _FILL_SHARE
-        if lost.all() or (role != "temperature" and not isolated):
-            del log.channels[role]
-            log.say(f"{role} has too many missing samples and is left out.")
-        elif lost.any():
-            log.channels[role] = _filled(role, log.channels[role], lost)
-            log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how(role)}).")
-
-
-def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
-    good, rows = np.flatnonzero(~lost), np.arange(len(values))
-    if role in HELD:
-        before = np.searchsorted(good, rows, side="right") - 1
-        return values[good[np.maximum(before, 0)]]
-    return between(role, good, values[good], rows)
 
 
 def _regular(log: Stamped) -> Record:
@@ -127,15 +116,15 @@ def _piece(
     at = (log.t[part] - log.t[part.start]) / dt
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
-    at, made = at if resampled else counts, {}
-    for role, values in log.channels.items():
-        values = values[part]
-        if not resampled and len(grid) == len(counts):
-            made[role] = values
-        elif role in HELD and not resampled:
-            made[role] = values[np.searchsorted(counts, grid, side="right") - 1]
-        else:
-            made[role] = on_grid(role, at, values, grid, 1.0)
+    made = {role: values[part] for role, values in log.channels.items()}
+    if resampled:
+        made = {role: on_grid(role, at, values, grid, 1.0) for role, values in made.items()}
+    elif len(grid) != len(counts):
+        before = np.searchsorted(counts, grid, side="right") - 1
+        made = {
+            role: values[before] if role in HELD else between(role, counts, values, grid)
+            for role, values in made.items()
+        }
     return grid, made, resampled
 
 
@@ -144,8 +133,6 @@ def _piece(
 
 def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
     """The runs at one rate, where theirs are near, with common channels; changes are messages."""
-    if len(records) < 2:
-        return tuple(records)
     rates = [float(f"{r.rate:.4g}") for r in records]
     dt = records[rates.index(Counter(rates).most_common(1)[0][0])].dt
     if not any(abs(r.dt / dt - 1) > _NEAR for r in records):

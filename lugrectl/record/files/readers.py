@@ -212,7 +212,7 @@ _READERS: tuple[tuple[bytes, str, Callable[[Path], Table]], ...] = (
     (b"\x89HDF", "HDF5", _hdf),
     (b"MATLAB 5.0", "MAT", _mat),
     (b"\x93NUMPY", "NPY", _npy),
-    (b"PK\x03\x04", "NPZ or Excel", _zip),
+    (b"PK\x03\x04", "NPZ", _zip),
     (b"PAR1", "Parquet", _parquet),
 )
 
