@@ -114,27 +114,6 @@ def test_options_without_a_part_are_named(capsys, line, names, used):
     assert f"does not depend on {names}" in err and f"--{used}:" not in err
 
 
-def test_numbers_of_the_document(capsys):
-    assert facts(capsys, "l2")["gain"] == pytest.approx(22 / 260)
-    flat = facts(capsys, "l2 --K2 0")
-    assert flat["gain"] == pytest.approx(0.0022 / 0.6) and flat["frequency"] is None
-    typed = facts(capsys, "l2 --num -1,2 --den 1,-0.5 --dt 0.01")
-    assert typed["gain"] == pytest.approx(2.0) and typed["model"] is None and typed["gains"] == {}
-    assert typed["transfer"] == {"num": [-1, 2], "den": [1, -0.5], "dt": 0.01}
-    one = facts(capsys, "bandwidth --num 1 --den 1,1 --half-power")
-    assert one["bandwidth"] == pytest.approx(1.0)
-    wspr = facts(capsys, "spr --num 0.6,260 --den 0.0003,0.13,15", 1)
-    assert wspr["classification"] == "WSPR"  # holds for these decimals, for none of their floats
-
-
-@pytest.mark.parametrize(
-    ("options", "hertz", "off"),
-    [("", 115.5, 0.05), ("--half-power", 115.8, 0.05), ("--prefilter --half-power", 0.3183, 3e-3)],
-)
-def test_prefilter_and_half_power(capsys, options, hertz, off):
-    assert facts(capsys, f"bandwidth {options}")["hertz"] == pytest.approx(hertz, abs=off)
-
-
 @pytest.mark.parametrize(
     ("options", "gains"),
     [

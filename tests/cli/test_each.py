@@ -9,7 +9,6 @@ from lugrectl import report
 from lugrectl.blocks.model import Model, table1, write_model
 from lugrectl.cli import each, main
 from lugrectl.core.errors import InputError
-from lugrectl.core.progress import Terminal
 from lugrectl.report import FILES, fleet_page
 
 from ..cases.logs import csv as log
@@ -165,34 +164,3 @@ def test_patterns_that_the_shell_left_are_expanded(files, job, capsys):
 
 def test_a_folder_stands_for_the_runs_of_one_drive_in_it(files, job, capsys):
     assert run(capsys, "left")[0] == 0 and len(job.calls) == 1
-
-
-def test_jobs_are_as_many_as_processors_or_logs(files, capsys, monkeypatch):
-    from lugrectl.diagnosis import fleet
-
-    asked = []
-
-    def noted(*_, jobs, **__):
-        asked.append(jobs)
-        return fleet.Fleet(())
-
-    monkeypatch.setattr(fleet, "run_each", noted)
-    monkeypatch.setattr(each, "processors", lambda: 2)
-    for options in ("left", "left right", "left right --jobs 5"):
-        run(capsys, f"{options} --each")
-    assert asked == [1, 2, 5]
-
-
-def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):
-    said = []
-    monkeypatch.setattr(Terminal, "__call__", lambda self, part, what="": said.append((part, what)))
-    run(capsys, "left right --each")
-    assert said[0] == (0.0, "0 of 3") and said[-1] == (1.0, "3 of 3")
-
-
-def test_help_says_what_each_does(capsys):
-    assert main(["diagnose", "--help"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    for words in ("separately", "processors", "index.html", "highest code of a single log"):
-        assert words in said
-    assert main(["identify", "--help"]) == 0 and "--each" not in capsys.readouterr().out

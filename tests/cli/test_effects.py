@@ -87,18 +87,6 @@ def test_a_record_is_diagnosed_without_loading_python_control_or_matplotlib(tmp_
 # --- help --------------------------------------------------------------------------------
 
 
-def test_the_help_has_one_line_for_each_command(capsys):
-    _, out, err = run(capsys, "--help")
-    assert run(capsys, "") == (0, out, "") and err == ""
-    lines = out.splitlines()
-    assert max(map(len, lines)) <= 80 and lines[0].startswith("usage: lugrectl COMMAND")
-    for name in "demo diagnose identify model check effects schema reproduce".split():
-        (line,) = [line for line in lines if line.startswith(f"  {name} ")]
-        assert len(line.split()) > 2
-    assert out.count("Example:") == 1 and "More:" not in out
-    assert run(capsys, "effects --help")[1].count("cogging") == 1
-
-
 @pytest.mark.parametrize("name", ["compare", "plan", "export"])
 def test_a_command_that_is_not_built_says_so(capsys, name):
     code, out, err = run(capsys, f"{name} run.csv")

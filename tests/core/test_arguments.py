@@ -320,35 +320,6 @@ def test_simulate_takes_the_names_of_python_control_and_transfer_functions():
     assert np.allclose(slow[1, 0], np.exp(-T), atol=1e-6)
 
 
-def test_the_parts_of_x0_make_up_all_states_where_they_differ_in_length():
-    parts = simulate(T, 0.1, [np.array([0.1, 0.2, 0.0]), 0.3])
-    assert np.array_equal(parts.states, simulate(T, 0.1, [0.1, 0.2, 0.0, 0.3]).states)
-
-
-def test_a_gain_of_zero_may_be_given_to_an_observer_that_has_none():
-    assert lg.velocity_loop(P, "proposed", k=0.0).params == lg.velocity_loop(P, "proposed").params
-
-
-@pytest.mark.parametrize(
-    ("num", "den", "gain", "frequency"),
-    [
-        ([1], [1, 1], 1.0, 0.0),
-        ([2, 0], [1, 1], 2.0, np.inf),
-        ([1], [1, 0.1, 1], 10 / np.sqrt(0.9975), np.sqrt(0.995)),
-        ([1, -1], [1, 1], 1.0, 0.0),
-        ([0], [1], 0.0, 0.0),
-        ([1, 0], [1], np.inf, np.inf),
-        ([1], [1, -1], np.inf, np.nan),
-        ([1, 1], [1, 1, 0], np.inf, np.nan),
-    ],
-)
-def test_the_l2_gain_of_a_transfer_function_is_its_largest_value(num, den, gain, frequency):
-    verdict = lg.l2_check(ct.tf(num, den))
-    assert verdict.gain == pytest.approx(gain) and bool(verdict) == np.isfinite(gain)
-    assert verdict.frequency == pytest.approx(frequency, nan_ok=True)
-    assert lg.l2_check((num, den)) == verdict or np.isnan(frequency)
-
-
 def test_an_array_without_names_is_told_how_to_name_its_columns():
     with pytest.raises(InputError, match=r"record is an array without names.*dict of arrays"):
         lg.diagnose(np.zeros((100, 3)), MODEL)

@@ -19,7 +19,6 @@ import lugrectl as lg
 from lugrectl.bench.loop import effects_torque
 from lugrectl.blocks.block import REGISTRY, Block, P, members
 from lugrectl.blocks.declaration import block
-from lugrectl.blocks.plant import assemble
 from lugrectl.core.errors import InputError
 from lugrectl.core.pickling import NotPicklable
 
@@ -207,14 +206,6 @@ def test_a_registered_block_comes_back_as_itself():
         assert copy.deepcopy(made) is made
 
 
-@pytest.mark.parametrize("made", [
-    assemble(model(), sensed=True),
-])  # fmt: skip
-def test_a_composed_block_comes_back_equal(made):
-    assert pickle.loads(pickle.dumps(made)) == made
-    assert copy.deepcopy(made) == made
-
-
 def drag(w, c=P(0.1, "N m s/rad", neutral=0.0)):
     """d = c w."""
     return c * w
@@ -252,25 +243,6 @@ def test_a_block_of_a_module_that_is_gone_is_named(cell_block):
     del REGISTRY["effect", "cell_drag"]
     with pytest.raises(InputError, match="run the module no_such_module that declares it"):
         pickle.loads(packed)
-
-
-def test_a_block_that_was_declared_again_says_so():
-    """The cell was run again: what was built before holds a function that has no name any more."""
-
-    def declared() -> Block:
-        def again(w, c=P(0.1, "N m s/rad", neutral=0.0)):
-            return c * w
-
-        again.__module__ = "__main__"
-        return block("effect", name="cell_again", out="d", acts="torque")(again)
-
-    try:
-        old, new = declared().system(), declared().system()
-        assert pickle.loads(pickle.dumps(new)).name == "cell_again"
-        with pytest.raises(NotPicklable, match="cell_again .* declared again since: build what"):
-            pickle.dumps(old)
-    finally:
-        REGISTRY.pop(("effect", "cell_again"), None)
 
 
 def with_lambda() -> Any:
@@ -333,9 +305,3 @@ def test_what_cannot_pickle_is_copied_all_the_same(what):
         for other in copies:
             np.testing.assert_array_equal(answer(other), answer(made))
     assert all(other.name == made.name for other in copies)
-
-
-def test_a_block_prints_in_a_line():
-    for make in (MADE["plant with effects"], MADE["sampled observer"], MADE["velocity loop"]):
-        assert len(repr(make())) < 200
-    assert "outputs of the block plant" in str(lg.plant(TABLE))

@@ -10,7 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.core import progress
 from lugrectl.core.errors import InputError
-from lugrectl.core.progress import Bar, Called, Cell, Terminal, Widget, bar_for, shows_progress
+from lugrectl.core.progress import Bar, Called, Cell, Widget, bar_for, shows_progress
 from lugrectl.paper import reproduce
 
 from ..cases.logs import csv as log
@@ -99,23 +99,6 @@ def test_only_a_kernel_is_a_notebook(monkeypatch):
         assert progress.in_notebook() == is_one
 
 
-def test_short_work_in_a_notebook_gets_no_bar(kernel):
-    with bar_for(None) as bar:
-        bar(0.0, "begin")
-        bar(1.0, "end")
-    assert isinstance(bar, (Widget, Cell)) and not bar._begun
-
-
-def test_the_bar_of_a_notebook_moves_and_goes(monkeypatch):
-    pytest.importorskip("tqdm")
-    monkeypatch.setattr(progress, "_AFTER", 0.0)
-    terminal(monkeypatch)
-    with Widget() as bar:
-        bar(0.25, "fitting")
-        assert bar._place.n == 25 and bar._place.desc == "fitting"
-    assert bar._place.disable and bar._place.n == 100
-
-
 def test_the_plain_bar_of_a_notebook_escapes_and_goes(monkeypatch):
     pytest.importorskip("IPython")
     monkeypatch.setattr(progress, "_AFTER", 0.0)
@@ -151,7 +134,3 @@ def test_one_bar_for_a_whole_fleet(kernel, monkeypatch, tmp_path):
     with ThreadPoolExecutor(2) as pool:
         fleet = lg.diagnose_each([log(tmp_path, name="short.csv")], model, executor=pool)
     assert len(fleet.outcomes) == 1 and made == [1]
-
-
-def test_a_terminal_cuts_the_line_to_its_width(monkeypatch):
-    assert len(Terminal.line(0.3, "long " * 99, 60)) == 60

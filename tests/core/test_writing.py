@@ -1,7 +1,6 @@
 """A report is written whole or not at all, whatever happens to the process or the disk."""
 
 import os
-import platform
 import signal
 import subprocess
 import sys
@@ -76,21 +75,6 @@ def test_a_process_killed_at_any_step_of_the_writing_never_mixes_two_runs(tmp_pa
     assert made[0] == (-signal.SIGKILL, False) and made[-1] == (0, True)
 
 
-def test_what_others_are_writing_is_left_alone(tmp_path):
-    host = "".join(c for c in platform.node() if c.isalnum()) or "host"
-    running = tmp_path / f".lugrectl-{host}-{os.getppid()}-0123456789ab"
-    another = tmp_path / ".lugrectl-elsewhere-1-0123456789ab"
-    named = tmp_path / ".lugrectl-mine"
-    for folder in (running, another, named):
-        folder.mkdir()
-    os.utime(named, (0, 0))
-    writing.write_together({"a": "b"}, tmp_path, "{}")
-    assert running.is_dir() and another.is_dir() and named.is_dir()
-    os.utime(another, (0, 0))
-    writing.write_together({"a": "b"}, tmp_path, "{}")
-    assert running.is_dir() and not another.exists()
-
-
 @contextmanager
 def full(size):
     """A disk on which no file can be larger than this."""
@@ -147,11 +131,6 @@ def test_a_folder_that_only_reads_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(lg.InputError, match="no permission to write there"):
         check_folder(tmp_path)
-
-
-def test_a_folder_that_is_no_path_is_refused():
-    with pytest.raises(lg.InputError, match="the folder must be a path, not None"):
-        bare().save(None)
 
 
 KILLED = """

@@ -7,7 +7,6 @@ from lugrectl.record import read_record
 
 from ..cases.damaged_drive import columns, marked, seen, sound
 from ..cases.logs import driven, rows, rubbing, write
-from ..fuzz.files import motion
 
 U_W = [("u", "theta"), ("u", "w"), ("u", "w", "theta")]
 
@@ -59,16 +58,6 @@ def test_a_file_s_bad_sample_is_named_with_its_line(tmp_path, row):
     assert record.samples == 6000 and record.dropped == 1 and record.gaps == ()
     assert record.u[row] == pytest.approx(sound()["u"][row - 1])
     assert record.log.channels["u"][row] == 2.5 and record.log.where(row) == f"line {row + 3}"
-
-
-@pytest.mark.parametrize("turn", [2 * np.pi, -2 * np.pi, 0.5])
-def test_one_reading_of_an_encoder_that_is_off_is_no_wrap_and_no_cut(turn):
-    log = columns("u", "theta")
-    log["theta"][2501] += turn
-    found, said = seen(log)
-    (sentence,) = said
-    assert "theta at row 2501" in sentence and len(found) == 1 and found[0].ok.all()
-    np.testing.assert_allclose(found[0].theta, sound()["theta"], atol=2e-2)
 
 
 @pytest.mark.parametrize("role, size", [("u", 0.5), ("w", 9.0), ("theta", 1.0)])
@@ -227,27 +216,12 @@ def test_a_clock_of_its_own_renews_a_channel_every_so_many_rows(every, held):
         assert np.ptp(np.diff(found[0].t)) < 1e-5
 
 
-def test_counts_at_one_speed_are_no_clock():
-    t = np.arange(6000) * 1e-3
-    u = 0.3 * np.sin(7.0 * t) + 0.02 * np.sin(123.0 * t)
-    theta = np.floor(np.arange(6000) / 2.5) * 2 * np.pi / 8192
-    assert seen({"t": t, "u": u, "theta": theta})[1] == []
-
-
 def test_a_torque_beside_a_slower_position_keeps_its_integral():
     log = columns("u", "theta", rate=1000.0)
     whole = log["u"].copy()
     log["theta"] = log["theta"][np.arange(6000) // 4 * 4]
     found, _ = seen(log)
     np.testing.assert_allclose(found[0].u, whole.reshape(-1, 4).mean(1), atol=1e-12)
-
-
-def test_a_slower_second_signal_is_left_out():
-    log = columns("u", "w", "theta")
-    log["w"] = log["w"][np.arange(6000) // 10 * 10]
-    found, said = seen(log)
-    assert said == ["w is renewed only every 20 ms: left out, as theta is renewed in every row."]
-    assert found[0].w is None and found[0].theta is not None
 
 
 def test_a_torque_program_of_few_levels_is_held_on_purpose():
@@ -282,14 +256,3 @@ def test_a_start_within_a_row_is_no_jump_where_two_signals_agree(rate):
     u = np.where(w != 0, 0.05 * np.sign(w), 0.0)
     found, said = seen({"t": t, "u": u, "w": w, "theta": 716 + theta})
     assert not any("left out" in s or "no motion" in s for s in said) and len(found) == 1
-
-
-@pytest.mark.parametrize("small", [1e-300, 5e-324])
-def test_a_speed_next_to_nothing_confirms_no_position(small):
-    """Read from damaged bytes, such numbers overflow a ratio."""
-    log = dict(motion())
-    log["w"], log["theta"] = log["w"].copy(), log["theta"].copy()
-    log["w"][148:153] = small
-    log["theta"][150] = 1e29
-    said = " ".join(read_record(log).messages)
-    assert "theta at row 150 is 1e+29 rad, far off its neighbours: left out." in said

@@ -25,15 +25,6 @@ def test_one_row_without_a_true_time_is_left_out(row, value):
     assert read_record(log).gaps == ()
 
 
-def test_a_few_rows_with_the_stamp_of_a_mark_are_left_out():
-    log = columns("u", "theta")
-    log["t"][[100, 101, 102, 4000]] = 0.0
-    found, said = seen(log)
-    (sentence,) = said
-    assert "in 4 rows, first at row 100 (0 s)" in sentence
-    assert sum(len(s.t) for s in found) >= 5990
-
-
 @pytest.mark.parametrize("unit, bits", [("us", 32), ("us", 16), ("ms", 16), ("ms", 8), ("us", 24)])
 def test_a_timer_that_wraps_is_unwrapped(unit, bits):
     log = columns("u", "theta")
@@ -175,25 +166,6 @@ def test_a_log_that_is_newest_first_is_read_from_its_end():
     assert "from the last to the first" in said
 
 
-@pytest.mark.parametrize("speed", [2.0, -3.0, 4.0])
-@pytest.mark.parametrize("counts", [0, 20_000])
-def test_the_motion_of_a_sample_at_one_speed_is_no_encoder(speed, counts):
-    """At 500 Hz and 2 rad/s the samples lie 1/250 apart, as of an encoder of 250 steps a turn."""
-    t = np.arange(5000) / 500
-    theta = speed * t
-    theta = np.floor(theta / (2 * np.pi) * counts) * 2 * np.pi / counts if counts else theta
-    record = read_record({"t": t, "u": 0.2 + 0.01 * np.sin(t), "theta": theta})
-    assert record.theta is not None and np.ptp(record.theta) == pytest.approx(abs(speed) * 10, 0.01)
-
-
-def test_a_first_stamp_of_another_run_is_left_out_alone():
-    t = 0.01 * np.arange(200)
-    t[0] = 1.074
-    found = read_record({"t": t, "u": np.sin(t), "theta": np.sin(3.0 * t)})
-    assert found.samples == 199
-    assert any("t at row 0 is 1.074 s" in m for m in found.messages)
-
-
 def test_rows_lost_one_by_one_are_no_rounded_stamps():
     t = 1e-3 * np.arange(4000)
     kept = np.arange(4000) % 7 != 3
@@ -220,21 +192,6 @@ def test_a_pause_of_a_logger_is_no_loss():
     assert np.abs(found.w - np.sin(6.0 * found.t)).max() < 1e-3
 
 
-def test_samples_that_are_missing_are_not_used():
-    log = bursts()
-    log["u"][100:103] = np.nan
-    (found,), _ = stretches([read_log(log)])
-    at = (found.t > log["t"][99] + found.dt) & (found.t < log["t"][103] - found.dt)
-    assert at.any() and not found.ok[at].any()
-    assert found.ok.mean() > 0.95
-
-
-def test_a_lost_row_of_an_even_clock_is_bridged_and_three_are_not():
-    t = 1e-3 * np.delete(np.arange(1000), [300, 600, 601, 602])
-    (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "w": np.sin(6.0 * t)})])
-    assert found.ok[300] and not found.ok[601]
-
-
 def test_the_step_of_an_encoder_is_that_of_the_rows_as_recorded():
     """Between uneven stamps a position lies on no count any more; its rounding is noise still."""
     t = np.cumsum(np.random.default_rng(1).uniform(6e-4, 1.4e-3, 3000))
@@ -243,9 +200,3 @@ def test_the_step_of_an_encoder_is_that_of_the_rows_as_recorded():
     (found,), _ = stretches([read_log(log)])
     assert found.count == pytest.approx(count)
     assert np.std(found.theta - count * np.round(found.theta / count)) > 0.1 * count
-
-
-def test_a_smooth_position_has_no_count():
-    t = 1e-3 * np.arange(2000)
-    (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "theta": np.sin(7.0 * t)})])
-    assert found.count == 0.0

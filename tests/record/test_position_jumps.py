@@ -8,7 +8,7 @@ import pytest
 from lugrectl.diagnosis.asked import Asked
 from lugrectl.record import Record, pooled, read_log, read_record
 
-from ..cases.damaged_drive import columns, seen, sound
+from ..cases.damaged_drive import columns, seen
 
 
 def same_motion(found, true, atol=1e-6):
@@ -70,13 +70,6 @@ def test_a_record_keeps_the_log_that_it_was_read_from():
     assert "log" not in repr(record)
 
 
-def test_the_log_of_a_record_of_arrays_is_its_own_channels():
-    record = Record(**{k: sound()[k] for k in ("t", "u", "theta")})
-    assert record.log.channels["u"] is record.u and record.log.t is record.t
-    part = record.slice(100, 200)
-    assert part.log.channels["u"] is part.u and len(part.log.t) == 100
-
-
 def test_a_record_that_was_changed_after_reading_is_its_own_log():
     from dataclasses import replace
 
@@ -118,11 +111,6 @@ def test_runs_of_nearly_one_rate_are_brought_to_the_commonest():
     true = run(500.0)
     np.testing.assert_allclose(second.theta, true.theta[: second.samples], atol=5e-3)
     assert second.log.t[1] == pytest.approx(1 / 480)  # as it was recorded
-
-
-def test_runs_of_other_rates_stay_as_they_are():
-    runs = [run(500.0), run(100.0)]
-    assert pooled(runs)[1].dt == runs[1].dt
 
 
 def test_a_channel_that_one_run_lacks_is_left_out_of_all_and_said_once():

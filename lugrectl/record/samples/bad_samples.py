@@ -3,7 +3,7 @@ codes, outliers, jumps of a position that are no motion, and motion that stands 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -31,7 +31,7 @@ _BRIEF = 4  # rows that are off together; a code stands for one answer or a few
 _CUBIC = np.array([1.0, -4.0, 0.0, -4.0, 1.0]) / 6  # through two samples on either side
 _TURN = 2 * np.pi
 _TURNS = 16  # most turns after which a counter wraps (57 turns would look like 360 deg)
-_SMALL = 1 / 3  # of the period, largest step beside which a wrap (above two thirds) is plain
+_SMALL = 1 / 3  # of the range, largest step beside which a wrap (above two thirds) is plain
 _BITS = (8, 10, 12, 14, 15, 16, 18, 20, 24, 31, 32)  # of counters
 _STUCK, _LONG = 3, 20  # equal samples in a row that may be a stuck sensor; of a noisy speed
 
@@ -126,9 +126,9 @@ def leave_out_outliers(log: Stamped, role: str) -> None:
     low, high = np.quantile(x, [0.01, 0.99])
     limit = _limits(x) + 3 * np.quantile(far, _RARE) + _SHARE.get(role, 0.0) * (high - low)
     bad = good & (far > limit)
+    # the first and the last have neighbours on one side only: a pulse or a wrap may end there
+    bad[[0, -1]] &= _outside(x[[0, -1]], x[1:-1].min(), x[1:-1].max()) > 0.0
     if role == "u":
-        # a torque may be a pulse of a few rows; its first and last have neighbours on one side only
-        bad[[0, -1]] &= far[[0, -1]] > high - low
         bad &= ~_felt(log, bad) if bad.any() else bad
     else:
         bad = good & (bad | _brief(x, limit)) & ~confirmed(log, role)
@@ -186,7 +186,7 @@ def _distances(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     return far
 
 
-def _outside(x: np.ndarray | float, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _outside(x: Any, one: Any, other: Any) -> np.ndarray:
     """Return the distance from the interval between two values; 0 inside."""
     return np.maximum(np.maximum(np.minimum(one, other) - x, x - np.maximum(one, other)), 0.0)
 
@@ -209,50 +209,39 @@ def _limits(x: np.ndarray) -> np.ndarray:
 # ---- jumps of the motion ------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Jumps:
+class Jumps(NamedTuple):
     """Steps of a position that are no motion: between good row ``a`` and good row ``b``, ``size``
-    beyond the motion around, known to ``margin``; ``steady``: one speed on both sides, not 0."""
+    beyond the motion around, known to ``margin``."""
 
     a: np.ndarray
     b: np.ndarray
     size: np.ndarray
     margin: np.ndarray
-    steady: np.ndarray
-
-    def only(self, which: np.ndarray) -> Jumps:
-        return replace(self, **{k: x[which] for k, x in vars(self).items()})
 
 
-def jumps(log: Stamped, role: str) -> Jumps:
-    """The jumps of a channel; searched for again only where it or its stamps changed."""
-    t, x = log.t, log.channels[role]
-    known = log.known.get(role)
-    if known is None or known[0] is not t or known[1] is not x:
-        known = log.known[role] = (t, x, _jumps(t, x))
-    return known[2]
-
-
-def _jumps(t: np.ndarray, x: np.ndarray) -> Jumps:
-    """Find the steps of a position (N,) that its speed on either side does not explain."""
+def _jumps(log: Stamped, role: str) -> Jumps:
+    """Find the steps of a channel that neither its speed on either side nor another signal show."""
+    x = log.channels[role]
     good = np.flatnonzero(np.isfinite(x))
     if len(good) < 16:
-        return Jumps(good[:0], good[:0], *np.zeros((2, 0)), np.zeros(0, bool))
-    values, dt = x[good], usual_step(t) or 1.0
-    elapsed = np.maximum(np.diff(t[good]) / dt, 1.0)
-    speed = np.diff(values) / elapsed
+        return Jumps(good[:0], good[:0], *np.zeros((2, 0)))
+    values, dt = x[good], usual_step(log.t) or 1.0
+    elapsed = np.maximum(np.diff(log.t[good]) / dt, 1.0)
+    speed, quiet = np.diff(values) / elapsed, resolution(values)
     far = _distances(np.arange(len(speed), dtype=float), speed)
-    quiet = resolution(values)
     at = np.flatnonzero(far > _limits(speed) + 6 * quiet + 3 * np.quantile(far, _RARE))
+    at = at[~confirmed(log, role)[good[at + 1]]]
+    usual = np.nan_to_num(_medians(np.column_stack(_beside(speed, at))))
+    size, margin = np.diff(values)[at] - usual * elapsed[at], 2 * np.abs(usual) + 4 * quiet
+    return Jumps(good[at], good[at + 1], size, margin)
+
+
+def _beside(speed: np.ndarray, at: np.ndarray) -> list[np.ndarray]:
+    """The usual speed of up to four rows before and after each of the rows ``at``, without them."""
     calm = speed.copy()
     calm[at] = np.nan
     around = sliding_window_view(np.pad(calm, 4, constant_values=np.nan), 9)[at]
-    before, after = (_medians(side) for side in (around[:, :4], around[:, 5:]))
-    usual = np.nan_to_num(_medians(np.column_stack([before, after])))
-    steady = np.abs(before - after) <= 0.3 * np.abs(usual) + quiet
-    steady &= np.abs(usual) > max(0.5 * quiet, 1e-9 * np.ptp(values))
-    size, margin = np.diff(values)[at] - usual * elapsed[at], 2 * np.abs(usual) + 4 * quiet
-    return Jumps(good[at], good[at + 1], size, margin, steady)
+    return [_medians(around[:, :4]), _medians(around[:, 5:])]
 
 
 def _medians(rows: np.ndarray) -> np.ndarray:
@@ -287,7 +276,7 @@ def cut_at_jumps(log: Stamped) -> None:
         _leave_out_stuck(log, role)
     if "theta" not in log.channels:
         return
-    found = _unconfirmed(log, "theta")
+    found = _jumps(log, "theta")
     at = [b for a, b in zip(found.a, found.b, strict=True) if not log.new[a + 1 : b + 1].any()]
     if at:
         log.new[at] = True
@@ -299,17 +288,11 @@ def cut_at_jumps(log: Stamped) -> None:
         )
 
 
-def _unconfirmed(log: Stamped, role: str) -> Jumps:
-    """The jumps that no other signal shows."""
-    found = jumps(log, role)
-    return found.only(~confirmed(log, role)[found.b])
-
-
 def _leave_out_stuck(log: Stamped, role: str) -> None:
     """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
     speed that loses its noise, what jumps back after it, or a channel that stands still with all
     others, was not read."""
-    x, found = log.channels[role], _unconfirmed(log, role)
+    x, found = log.channels[role], _jumps(log, role)
     bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
     for i, (before, after) in enumerate(zip(found.a, found.b, strict=True)):
         start = edges[np.searchsorted(edges, before, side="right") - 1]
@@ -362,24 +345,23 @@ def _differ(x: np.ndarray) -> bool:
 
 
 def unwrap_positions(log: Stamped) -> None:
-    """Undo the wraps of positions: by whole turns, a power of two of their steps, or any period of
-    all jumps that span their range in motion."""
+    """Undo the wraps of positions, which lead from one end of their range to the other."""
     for role in ("theta", "theta_load"):
         if role not in log.channels:
             continue
-        theta, found = log.channels[role], jumps(log, role)
-        back = (found.b[1:] - found.a[:-1] <= _BRIEF + 1) & (found.size[1:] * found.size[:-1] < 0)
-        lasting = ~(np.r_[False, back] | np.r_[back, False])[: len(found.a)]
-        period, turns = _period(theta, found, lasting, log.motion)
-        if not period and (not len(lasting) or lasting.any()):
-            period, turns = _many_wraps(theta, log.motion)
-        times = int(np.count_nonzero(turns))
-        if not times:
+        theta = log.channels[role]
+        good = np.flatnonzero(np.isfinite(theta))
+        steps, at = np.diff(theta[good]), good[:0]
+        if len(good) >= 16:
+            at = np.flatnonzero(np.abs(steps) > (1 - _SMALL) * np.ptp(theta[good]))
+        period = _period(theta[good], steps, at, log.motion) if len(at) else 0.0
+        if not period:
             continue
+        turns = np.zeros(len(theta))
+        turns[good[at + 1]] = -np.sign(steps[at])
         theta = theta + period * np.cumsum(turns)
-        said = (
-            f"{role} jumps by {period:.6g} {'once' if times == 1 else f'{times} times'}: unwrapped"
-        )
+        times = "once" if len(at) == 1 else f"{len(at)} times"
+        said = f"{role} jumps by {period:.6g} {times}: unwrapped"
         if log.motion == "rotary" and abs(period - 360) < 1e-6:
             theta, label = np.pi / 180 * theta, log.labels.get(role)
             stated = f"stated in {label}" if label else "without a unit"
@@ -388,54 +370,23 @@ def unwrap_positions(log: Stamped) -> None:
         log.say(said + ".")
 
 
-def _period(
-    theta: np.ndarray, found: Jumps, lasting: np.ndarray, motion: str
-) -> tuple[float, np.ndarray]:
-    """Return the period of a register or of whole turns (0: none), and the turns that each row
-    adds to a position (N,), by the jumps that are not taken back within a few rows."""
-    sizes, margin, turns = np.abs(found.size), found.margin, np.zeros(len(theta))
-    if not lasting.any():
-        return 0.0, turns
-    alike = [lasting & (np.abs(sizes - size) <= margin) for size in sizes[lasting]]
-    wraps = max(alike, key=lambda fits: int(fits.sum()))
-    period, usual = float(np.median(sizes[wraps])), float(np.median(margin[wraps]))
-    if period < 20 * usual:
-        return 0.0, turns
-    known = [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
-    known += _counters(theta[np.isfinite(theta)])
+def _period(values: np.ndarray, steps: np.ndarray, at: np.ndarray, motion: str) -> float:
+    """The period of a position that wraps in the steps ``at``: whole turns, a power of two of its
+    own steps, or any at which the motion goes on; 0 where these are no wraps."""
+    travel, step = float(np.ptp(values)), quantum(values)
+    if np.abs(np.delete(steps, at)).max(initial=0.0) > _SMALL * travel:
+        return 0.0
+    before, after = _beside(steps, at)
+    speed = np.nan_to_num(_medians(np.column_stack([before, after])))
+    sizes, quiet = np.abs(steps[at] - speed), resolution(values)
+    period, usual = float(np.median(sizes)), 2 * float(np.median(np.abs(speed))) + 4 * quiet
+    known = [2.0**bits * step for bits in _BITS if step]
+    known += [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
     nearest = min(known, key=lambda size: abs(size - period), default=0.0)
-    if abs(nearest - period) <= 0.5 * float(margin.min()) + usual / np.sqrt(wraps.sum()):
-        period = nearest
-    else:
-        spans = np.nanmax(theta) - np.nanmin(theta) <= 1.02 * period + float(margin[wraps].max())
-        goes_on = found.steady[wraps].mean() > 0.6
-        if not (spans and goes_on and wraps[lasting].all()):
-            return 0.0, turns
-    np.add.at(turns, found.b[wraps], -np.rint(found.size[wraps] / period))
-    return float(period), turns
-
-
-def _counters(values: np.ndarray) -> list[float]:
-    """Return the spans of counters with the step of these values."""
-    step = quantum(values) if values.size else 0.0
-    return [2.0**bits * step for bits in _BITS if step]
-
-
-def _many_wraps(theta: np.ndarray, motion: str) -> tuple[float, np.ndarray]:
-    """The same for a position that wraps so often that its jumps are no exception."""
-    good, turns = np.flatnonzero(np.isfinite(theta)), np.zeros(len(theta))
-    values = theta[good]
-    travel = float(np.ptp(values)) if values.size else 0.0
-    tries = [period for period in _counters(values) if travel < period < 1.1 * travel]
-    if motion == "rotary":
-        tries = [_TURN * min(max(1, round(travel / _TURN)), _TURNS), 360.0, *tries]
-    steps = np.diff(values)
-    for period in tries:
-        wraps = np.abs(steps) > period / 2
-        usual = np.abs(steps[~wraps]).max(initial=0.0)
-        # beside larger steps a wrap looks like a fast motion
-        clear = wraps.any() and travel <= 1.02 * period and usual <= _SMALL * period
-        if clear and np.all(np.abs(np.abs(steps[wraps]) - period) <= 2 * usual + 0.01 * period):
-            turns[good[1:][wraps]] = -np.sign(steps[wraps])
-            return period, turns
-    return 0.0, turns
+    alike = np.abs(sizes - period) <= 2 * np.abs(speed) + usual
+    if alike.all() and abs(nearest - period) <= 2 * quiet + usual / np.sqrt(len(at)):
+        return nearest
+    steady = np.abs(before - after) <= 0.3 * np.abs(speed) + quiet
+    steady &= np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
+    goes_on = alike.all() and steady.mean() > 0.6 and travel <= 1.02 * period + usual
+    return period if goes_on and period >= 20 * usual else 0.0

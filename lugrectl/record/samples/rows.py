@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -52,9 +51,6 @@ class Stamped:
     dropped: int = 0
     said: list[str] = field(default_factory=list)
     steps: dict[str, float] = field(default_factory=dict)  # smallest recorded ones, by role
-    # what was found in a channel, with the arrays it was found in: a step replaces an array that
-    # it changes, and never writes into it
-    known: dict[str, tuple[np.ndarray, np.ndarray, Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, log: Log) -> Stamped:
@@ -72,7 +68,7 @@ class Stamped:
         arrays = {k: getattr(self, k).copy() for k in ("t", "rows", "new")}
         channels = {role: x.copy() for role, x in self.channels.items()}
         said, steps = [*self.said], {**self.steps}
-        return replace(self, **arrays, channels=channels, said=said, steps=steps, known={})
+        return replace(self, **arrays, channels=channels, said=said, steps=steps)
 
     @property
     def required(self) -> list[str]:
