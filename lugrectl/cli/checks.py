@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-import textwrap
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -24,10 +23,6 @@ PAPER_K2 = 22.0
 _MADE = {"spr": "T", "bandwidth": "loop_tf", "stability": "L"}  # of which transfer function
 _BRISTLES = ("J", "sigma0", "sigma1")
 _NEEDED = {"l2": _BRISTLES, "spr": _BRISTLES, "passivity": ("sigma1", "Fc", "Fs", "Fv", "vs")}
-_SHOWN = (
-    *("gain", "frequency", "bandwidth", "hertz", "margin", "band_edge", "gain_margin"),
-    *("phase_margin", "modulus_margin", "delay_margin", "least_Fv", "largest_sigma1", "speed"),
-)
 _ANSWERS = {  # where the property holds, and where not
     "l2": ("finite L2 gain", "no finite L2 gain"),
     "spr": ("SPR", "not SPR"),
@@ -72,7 +67,8 @@ def check(a: Namespace) -> int:
     about = {"model": None, "gains": {}} | about
     last = {k: about.pop(k) for k in ("model", "gains")}
     facts = {"schema": 1, "check": a.property, **about, **last, **verdict.summary()}
-    answer(verdict, a, as_json(plain(facts)) if a.json else _text(facts, verdict._units))
+    words = [f"{_answer(facts)}: {_about(facts)}", *repr(verdict).splitlines()[1:]]
+    answer(verdict, a, as_json(plain(facts)) if a.json else "\n".join(words))
     return 0 if verdict else 1
 
 
@@ -164,25 +160,6 @@ def joined(words: Sequence[str]) -> list[str]:
 
 
 # --- the answer in words -------------------------------------------------------------------
-
-
-def _text(facts: dict[str, Any], units: Mapping[str, str]) -> str:
-    lines = [f"{_answer(facts)}: {_about(facts)}"]
-    for sentence in (facts[k] for k in ("reason", "meaning", "repair") if facts.get(k)):
-        said = sentence.rstrip(".") + "."
-        lines.append(textwrap.fill(said, 80, initial_indent="  ", subsequent_indent="  "))
-    for k in (k for k in _SHOWN if k in facts and not math.isnan(facts[k])):
-        more = []  # the other form in which a margin is known, and at which frequency it is
-        if k == "gain_margin" and 0 < facts[k] < math.inf:
-            more.append(f"{20 * math.log10(facts[k]):.4g} dB")
-        if k == "modulus_margin":
-            more.append(f"Ms {facts['Ms']:.6g}")
-        at = facts.get(f"{k}_frequency", math.nan)
-        if not math.isnan(at):
-            more.append(f"at {at:.6g} rad/s" if math.isfinite(at) else "as w grows")
-        value = f"  {k}: {facts[k]:.6g} {units.get(k, '')}".rstrip()
-        lines.append(value + (f" ({', '.join(more)})" if more else ""))
-    return "\n".join(lines)
 
 
 def _about(facts: dict[str, Any]) -> str:

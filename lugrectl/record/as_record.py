@@ -20,8 +20,7 @@ from .consistency import audit, fitting_speed, unit_mistake
 from .files.readers import SUFFIXES, read_table
 from .log import Kept, Log, rows_of
 from .record import Record
-from .samples.usable import usable
-from .uniform_time import uniform
+from .uniform_time import uniform, usable
 
 
 def read_record(

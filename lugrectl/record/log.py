@@ -20,7 +20,7 @@ from .columns.names import Unit, role_unit
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
 from .files.readers import read_stdin, read_table
-from .samples.resampling import held_mean
+from .samples.rows import held_mean
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 _TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they are two streams

@@ -1,21 +1,23 @@
-"""Uniform time: recorded stamps and missing samples become one step ``dt``, with gaps marked."""
+"""From the rows of a log to uniform time: bad samples are left out, recorded stamps and missing
+samples become one step ``dt``, with gaps marked."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..core.errors import Refused
 from ..core.option_names import option
 from .columns.names import UNITS
+from .log import Log
 from .record import Record
-from .samples import clock
-from .samples.resampling import HELD, between, how, on_grid
-from .samples.rows import Stamped, count, smallest_steps
-from .signal_noise import repeats
+from .samples import bad_samples, clock
+from .samples.needed_torque import leave_out_untrue_torque, unwrap_torque
+from .samples.rows import HELD, Stamped, between, count, how, on_grid, smallest_steps
+from .signal_noise import lattice_step, repeats
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
@@ -23,6 +25,50 @@ _LONGER = "Record 20 s or more without loss."
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
 _SAME = 1e-3  # rates of runs that differ by less are one
 _NEAR = 0.25  # rates of runs that differ by more are not brought together
+
+
+# ---- what can be used ---------------------------------------------------------------
+
+
+def usable(log: Log) -> Stamped:
+    """A copy of the usable rows of a log, which are kept with it; each finding is a sentence."""
+    checksum = log.checksum()
+    if checksum not in log.kept:
+        log.kept.clear()
+        log.kept[checksum] = _found(log)
+    return log.kept[checksum].copy()
+
+
+def _found(log: Log) -> Stamped:
+    made = Stamped.of(log)
+    for role in ("d", "theta_load"):
+        if role in made.channels and not made.channels[role].any():
+            del made.channels[role]
+            made.say(f"{role} is 0 in every row: left out.")
+    for role, other in (("w", "theta"), ("theta", "w"), ("d", "u")):
+        if {role, other} <= set(made.channels):
+            share, usual = (np.isfinite(made.channels[r]).mean() for r in (role, other))
+            if share < 0.5 * usual:  # it holds next to no number
+                del made.channels[role]
+                made.say(f"{role} has a number in {100 * share:.2g} % of the rows: left out.")
+    clock.put_in_time(made)
+    bad_samples.say_missing(made)
+    for role in made.motion_roles:
+        bad_samples.leave_out_code(made, role)
+        bad_samples.leave_out_outliers(made, role)
+    bad_samples.unwrap_positions(made)
+    clock.use_true_times(made)
+    bad_samples.cut_at_jumps(made)
+    made.steps = smallest_steps(made.channels)  # a bad sample would hide them
+    unwrap_torque(made)  # its wraps would look like bad samples
+    bad_samples.leave_out_code(made, "u")
+    bad_samples.leave_out_outliers(made, "u")
+    clock.keep_renewed(made)
+    leave_out_untrue_torque(made)
+    return made
+
+
+# ---- a record -----------------------------------------------------------------------
 
 
 def uniform(log: Stamped) -> Record:
@@ -126,6 +172,71 @@ def _piece(
             for role, values in made.items()
         }
     return grid, made, resampled
+
+
+# ---- stretches: stamps interpolated, no more ----------------------------------------
+
+
+def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
+    """The stretches of uniform time in the logs of one drive, and what was noticed, as sentences;
+    one ends where rows are lost, where time starts again and where the position jumps."""
+    found, said = [], []
+    for run, log in enumerate(logs):
+        rows = usable(log)
+        said += [f"{log.source}: {s}" if len(logs) > 1 else s for s in rows.said]
+        for part in rows.parts():
+            made = _stretch(run, rows, part)
+            if made is not None and made.ok.sum() >= clock.FEWEST:
+                found.append(made)
+    return found, said
+
+
+def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
+    """One part on its own even grid; None without two samples of each channel. An instant is ``ok``
+    between good samples of which at most one is missing."""
+    t = rows.t[part]
+    used = [*rows.required, *(["d"] if "d" in rows.channels else [])]
+    values = {role: rows.channels[role][part] for role in used}
+    if len(t) < clock.FEWEST or any(np.isfinite(x).sum() < clock.FEWEST for x in values.values()):
+        return None
+    dt = clock.typical_step(np.diff(t))
+    steps = max(round((t[-1] - t[0]) / dt), 1)
+    grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
+    made, ok = {}, np.ones(len(grid), bool)
+    # of the clock: rows that a logger writes in bursts come at long and at short steps
+    ticks = np.r_[0, np.cumsum(clock.multiples(np.diff(t), dt))]
+    for role, x in values.items():
+        good = np.isfinite(x)
+        at, tick = t[good], ticks[good]
+        made[role] = on_grid(role, at, x[good], grid, dt)
+        after = np.searchsorted(at, grid - 1e-6 * dt)
+        ok &= (after < len(at)) & (grid > at[0] - 1e-6 * dt)
+        after = after.clip(0, len(at) - 1)
+        before = (after - (at[after] > grid + 1e-6 * dt)).clip(0)
+        ok &= tick[after] - tick[before] <= 2
+    sound = np.flatnonzero(ok)
+    if not len(sound):
+        return None
+    cut = slice(int(sound[0]), int(sound[-1]) + 1)
+    channels = {role: x[cut] for role, x in made.items()}
+    raw = values.get("theta")  # between the stamps theta is on no count any more
+    step = 0.0 if raw is None else lattice_step(raw[np.isfinite(raw)])
+    return Stretch(run=run, dt=dt, t=grid[cut], ok=ok[cut], count=step, **channels)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stretch:
+    """Uniform time, nothing filtered: at most the stamps are interpolated."""
+
+    run: int  # index of the log that it comes from
+    dt: float  # s
+    t: np.ndarray  # (M,) s
+    u: np.ndarray  # N m or N
+    theta: np.ndarray | None = None  # rad or m
+    w: np.ndarray | None = None  # rad/s or m/s
+    ok: np.ndarray  # False where a sample is missing, bad or bridged over more than a sample
+    d: np.ndarray | None = None  # measured load torque
+    count: float = 0.0  # step of the encoder, rad; 0 where there is none to see
 
 
 # ---- runs made alike ----------------------------------------------------------------

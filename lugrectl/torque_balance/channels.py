@@ -16,7 +16,7 @@ import numpy as np
 
 from ..blocks.friction import free_level
 from ..core.regression import Prior, log_density, paired, robust
-from ..record.stretches import Stretch
+from ..record import Stretch
 from .constants import AT_REST, LATE_STEP, SCREEN, VERY_LATE, WHOLE
 from .friction import View
 from .search import Search, golden

@@ -14,7 +14,7 @@ from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
-from ..record.stretches import Stretch
+from ..record import Stretch
 from .constants import FAR_W, FLOOR, SCALE
 from .friction import View
 from .held_out import Split, Unseen

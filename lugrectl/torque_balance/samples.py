@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import Refused
-from ..record.stretches import Stretch
+from ..record import Stretch
 
 SHORTEST = 40  # samples: a shorter piece is left out
 SAME_RATE = 0.01  # relative difference of two sample times that are one

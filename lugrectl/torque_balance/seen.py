@@ -17,7 +17,7 @@ from ..blocks.declared_values import Stated
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
-from ..record.stretches import Stretch
+from ..record import Stretch
 from .channels import as_acted, logged_late, speed_offset
 from .columns import columns, linear, searched
 from .constants import BLOCK, ENOUGH, FLOOR, MOSTLY, PARTS, STRANGE

@@ -15,7 +15,7 @@ from ..blocks.block import members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
-from ..record.stretches import Stretch
+from ..record import Stretch
 from .constants import ALPHA, CLEAR, FEW, FEWEST_BLOCKS, FLOOR, GROWN, LATE_W, MOSTLY
 from .decision import Decision
 from .friction import OFFSET, Term, View

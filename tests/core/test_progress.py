@@ -10,7 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.core import progress
 from lugrectl.core.errors import InputError
-from lugrectl.core.progress import Bar, Called, Cell, Widget, bar_for, shows_progress
+from lugrectl.core.progress import Bar, Called, Cell, bar_for, shows_progress
 from lugrectl.paper import reproduce
 
 from ..cases.logs import csv as log
@@ -82,11 +82,13 @@ def test_the_paper_and_a_compensation_report():
     assert len(said) == 3 and all(what.startswith("simulating the loop ") for what in said)
 
 
-def test_a_notebook_gets_a_bar_without_asking(kernel, monkeypatch):
-    for has, kind in ((True, Widget), (None, Cell)):
-        monkeypatch.setattr(progress, "find_spec", lambda name, has=has: has)
-        assert type(bar_for(None)) is type(bar_for(True)) is kind
-        assert type(bar_for(False)) is Bar
+def test_a_notebook_gets_a_bar_without_asking(kernel):
+    assert type(bar_for(None)) is type(bar_for(True)) is Cell
+    assert type(bar_for(False)) is Bar
+    with bar_for(None) as bar:  # short work gets none
+        bar(0.0, "begin")
+        bar(1.0, "end")
+    assert not bar._begun
 
 
 def test_only_a_kernel_is_a_notebook(monkeypatch):
@@ -128,8 +130,7 @@ def test_one_bar_for_a_whole_fleet(kernel, monkeypatch, tmp_path):
     from concurrent.futures import ThreadPoolExecutor
 
     made = []
-    monkeypatch.setattr(progress, "Widget", lambda: made.append(1) or Bar())
-    monkeypatch.setattr(progress, "find_spec", lambda name: True)
+    monkeypatch.setattr(progress, "Cell", lambda: made.append(1) or Bar())
     model = lg.Model.of(lg.table1())
     with ThreadPoolExecutor(2) as pool:
         fleet = lg.diagnose_each([log(tmp_path, name="short.csv")], model, executor=pool)

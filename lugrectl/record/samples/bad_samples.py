@@ -13,8 +13,7 @@ from ...core.unit_names import si_unit
 from ..signal_noise import quantum, repeats, resolution, spread
 from .clock import FILL, HUGE, off_cubic_in_time, usual_step
 from .needed_torque import balance
-from .resampling import how
-from .rows import Stamped, bridged, count
+from .rows import Stamped, bridged, count, how
 
 _OFF = "far off its neighbours"
 _AROUND = 61  # rows about a sample that show what is usual there

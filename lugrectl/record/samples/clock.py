@@ -9,8 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...core.option_names import option
-from .resampling import HELD
-from .rows import Stamped, bridged, count, means_from
+from .rows import HELD, Stamped, bridged, count, means_from
 
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
