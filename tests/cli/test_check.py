@@ -10,7 +10,6 @@ from lugrectl.blocks.model import Model, table1, write_model
 from ..cases.quick_work import typed
 
 run = partial(typed, command="check")
-KINDS = "(l2, spr, bandwidth, stability, passivity)"
 
 
 @pytest.fixture(autouse=True)
@@ -83,12 +82,12 @@ REFUSED = [
     ("l2 --model coulomb.toml", 'coulomb\'; set model = "lugre"'),
     ("passivity --model coulomb.toml", "passivity is about LuGre friction"),
     ("l2 --model part.toml", "J and sigma1"),
-    ("", f"are required: property {KINDS}"),
-    ("--kp 3", f"are required: property {KINDS}"),
-    ("foo", "no property 'foo' (choose from 'l2', 'spr', 'bandwidth', 'stability', 'passivity')"),
+    ("", "are required: property"),
+    ("--kp 3", "are required: property"),
+    ("foo", "no property 'foo' (known: l2, spr, bandwidth, stability, passivity)"),
     ("bandwith", "there is no property 'bandwith' (did you mean bandwidth?)"),
     ("SPR", "there is no property 'SPR' (did you mean spr?)"),
-    ("l2 --k2 3", "unrecognized arguments: --k2 3 (did you mean --K2?)"),
+    ("l2 --k2 3", "no option '--k2' (did you mean --K2?)"),
 ]
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl import report
 from lugrectl.blocks.model import Model, table1, write_model
-from lugrectl.cli import each, main
+from lugrectl.cli import commands, main
 from lugrectl.core.errors import InputError
 from lugrectl.report import FILES, fleet_page
 
@@ -28,7 +28,7 @@ def job(monkeypatch):
     fake.calls, fake.answers = [], {}
     for home in ("fleet", "diagnose"):
         monkeypatch.setattr(f"lugrectl.diagnosis.{home}.diagnose", work)
-    monkeypatch.setattr(each, "processors", lambda: 1)
+    monkeypatch.setattr(commands, "processors", lambda: 1)
     return fake
 
 

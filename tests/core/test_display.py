@@ -140,13 +140,6 @@ def test_plots_draw_into_the_axes_given(drawable):
     assert not plt.get_fignums()
 
 
-def test_a_diagnosis_returns_an_array_of_axes_or_the_only_one():
-    axes = diagnosis().plot()
-    assert isinstance(axes, np.ndarray) and axes.shape == (4,)
-    assert [ax.get_xlabel() for ax in axes[:2]] == ["t [s]", "t [s]"]
-    assert diagnosis(traces=None).plot().get_title(loc="left") == "Torque budget"
-
-
 def test_what_cannot_be_drawn_leaves_no_figure_behind(compensation):
     empty = lg.sweep(lg.pi(1.6, 0.16), T, np.sin(T), {"pi.kp": [1.0]}, reduce=lambda t, y: 1.0)
     for thing in (empty, Diagnosis("adequate"), diagnosis("refused")):

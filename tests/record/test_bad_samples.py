@@ -244,15 +244,3 @@ def test_a_short_torque_that_the_motion_shows_is_no_outlier():
     u[3000] = 3.0  # this one moved nothing
     (sentence,) = seen({"t": t, "u": u, "theta": np.round(theta / 1e-4) * 1e-4})[1]
     assert sentence == "u at row 3000 is 3 N m, far off its neighbours: left out."
-
-
-@pytest.mark.parametrize("rate", [200.0, 60.0])
-def test_a_start_within_a_row_is_no_jump_where_two_signals_agree(rate):
-    """A light motor that is kicked and stops at once, logged slowly."""
-    t = np.arange(0, 8, 1 / rate)
-    w = np.where((t > 2.0) & (t < 2.0 + 1.5 / rate), 4.0, 0.0)
-    w += np.where((t > 5.0) & (t < 5.0 + 3.5 / rate), -3.0, 0.0)
-    theta = np.round(np.cumsum(w) / rate / 7e-4) * 7e-4
-    u = np.where(w != 0, 0.05 * np.sign(w), 0.0)
-    found, said = seen({"t": t, "u": u, "w": w, "theta": 716 + theta})
-    assert not any("left out" in s or "no motion" in s for s in said) and len(found) == 1

@@ -118,29 +118,6 @@ def test_lost_rows_with_exact_stamps_keep_the_stamps():
         assert not s.ok[inner][long_lost[inner]].any()
 
 
-@pytest.mark.parametrize("role", ["u", "theta"])
-@pytest.mark.parametrize("missing", [5, 60])
-def test_a_run_without_numbers_in_one_channel_is_not_ok_there(role, missing):
-    log = columns("u", "theta")
-    log[role][3000 : 3000 + missing] = np.nan
-    found, said = seen(log)
-    (s,) = found
-    assert len(s.t) == 6000 and not s.ok[3000 : 3000 + missing].any()
-    assert s.ok.sum() == 6000 - missing
-    record = read_record(log)
-    assert record.gaps == (3000,) and record.samples == 6000 - missing
-    sentence = f"{role} has no number in {missing} rows from row 3000 on: the record is cut there."
-    assert said == [sentence] and record.messages == (sentence,)
-
-
-def test_many_short_runs_are_stretches_of_their_runs():
-    log = columns("u", "theta")
-    logs = [read_log({k: x[a : a + 380] for k, x in log.items()}) for a in range(0, 5700, 380)]
-    found, said = stretches(logs)
-    assert [s.run for s in found] == list(range(15)) and said == []
-    assert all(len(s.t) == 380 and s.ok.all() for s in found)
-
-
 def test_what_is_said_of_several_logs_names_the_log():
     bad = columns("u", "theta")
     bad["u"][77] = 9.0

@@ -58,7 +58,7 @@ ASKED = [
     ("t,motor_current_mA,w,theta", {}, ['scale="u=FACTOR"'], {"scale": {"u": 1.0}}),
     ("t,u [counts],w,theta", {}, ['scale="u=FACTOR"'], {"scale": {"u": 1.0}}),
     ({"t": T, "u": U, "w [eRPM]": 7 * 30 / np.pi * W}, {},
-     ["pole pairs", 'units="w=rpm"', 'scale="w=1/PAIRS"'], {"units": "w=rpm", "scale": "w=1/7"}),
+     ["pole pairs", 'scale="w=FACTOR"', "pi/30/7"], {"scale": "w=pi/30/7"}),
     ({"t": T, "current [A]": U, "theta [counts]": COUNTS}, {},  # all at once
      ['scale="u=FACTOR"', 'scale="theta=FACTOR"'], {"scale": "u=0.5,theta=1e-3"}),
     ({"t": T, "iq": U, "position": COUNTS}, {},  # names and numbers say so
@@ -154,7 +154,7 @@ def test_a_misspelt_file_is_named(tmp_path):
     ("line", "said"),
     [
         ("diagnos run.csv", "there is no command 'diagnos' (did you mean diagnose?)"),
-        ("diagnose run.csv --modle my.toml", "there is no option --modle (did you mean --model?)"),
+        ("diagnose run.csv --modle my.toml", "there is no option '--modle' (did you mean --model?)"),
         ("diagnose run.csv", "required: --model (lugrectl model > my.toml writes one"),
     ],
 )

@@ -99,13 +99,6 @@ def test_unit_spellings(text):
     assert unit is not None and unit.factor == pytest.approx(SI[text], rel=1e-12)
 
 
-def test_a_doubtful_range_without_unit_is_said():
-    log = machine()
-    fast = {"t": log["t"], "u": log["u"], "w": 60 * log["w"]}
-    assert any("w has no unit" in m for m in read_record(fast).messages)
-    assert read_record(fast, units="w=rad/s").messages == ()
-
-
 # ---- real files ---------------------------------------------------------------------
 
 

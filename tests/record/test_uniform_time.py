@@ -126,16 +126,6 @@ def test_longer_losses_are_gaps(tmp_path):
     assert record.dropped == 5  # the stretch 1260..1264 is too short to be of use
 
 
-def test_pieces_too_short_to_judge_are_read(tmp_path):
-    scraps = np.flatnonzero(np.arange(3000) % 200 < 150)
-    record = read_record(csv(tmp_path, keep=scraps))
-    assert len(record.gaps) == 14 and record.samples == len(scraps)
-    with pytest.raises(Refused, match="in its longest piece"):
-        long_enough_to_judge(record)
-    specks = np.flatnonzero(np.arange(3000) % 200 < 8)
-    refused(Refused, csv(tmp_path, keep=specks), "too short", "in one piece")
-
-
 def test_jitter_is_resampled_without_delay(tmp_path):
     """Held torque keeps its time integral; motion is read off where it was measured."""
     rng = np.random.default_rng(3)

@@ -168,19 +168,24 @@ def _over(parts: Sequence[slice], x: np.ndarray, kernel: np.ndarray) -> np.ndarr
 # ---- readings that stand still ------------------------------------------------------
 
 
+def _in_doubt(u: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows in runs of one value: on an end of the range, and in long ones elsewhere."""
+    usual = float(np.median(lengths))  # of the run that the typical row lies in
+    limit, ends = np.zeros(len(u), bool), (np.nanmin(u), np.nanmax(u))
+    for end in ends:
+        at_end = (u == end) & (lengths >= _AT_LIMIT)
+        limit |= at_end & (at_end.sum() >= 5 * usual)  # a held torque has an extreme, too
+    stuck = (lengths >= max(_LONG, 5 * usual)) & ~np.isin(u, ends)
+    return limit, stuck & ((limit | stuck).mean() <= _MOST)
+
+
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
     u, unit = log.channels["u"], si_unit("u", log.motion)
     if not np.isfinite(u).any():
         return
-    lengths, ends = repeats(u), (np.nanmin(u), np.nanmax(u))
-    usual = float(np.median(lengths))  # of the run that the typical row lies in
-    limit = np.zeros(len(u), bool)
-    for end in ends:
-        at_end = (u == end) & (lengths >= _AT_LIMIT)
-        limit |= at_end & (at_end.sum() >= 5 * usual)  # a held torque has an extreme, too
-    stuck = (lengths >= max(_LONG, 5 * usual)) & ~np.isin(u, ends)
-    stuck &= (limit | stuck).mean() <= _MOST
+    lengths = repeats(u)
+    limit, stuck = _in_doubt(u, lengths)
     unknown = limit | stuck
     if not 0 < unknown.mean() <= _MOST:
         return
@@ -193,10 +198,13 @@ def leave_out_untrue_torque(log: Stamped) -> None:
         return
     missing = fit.missing(np.nan_to_num(u))
     beside = np.nan_to_num(_over(fit.parts, unknown.astype(float), _kernel(fit.width, 0)), nan=1.0)
-    clean = np.abs(missing)[fit.moving & np.isfinite(missing) & ~unknown & (beside < 0.02)]
+    away = fit.moving & np.isfinite(missing) & ~unknown
+    if away.sum() < 30:
+        return
+    clean = np.abs(missing)[away & (beside < 0.02)]
     least = max(_FAR * fit.scale, _SHARE * large)
     least = max(least, float(np.quantile(clean, 0.95))) if len(clean) > 30 else least
-    for value, beyond in zip(ends, (-missing, missing), strict=True):
+    for value, beyond in ((np.nanmin(u), -missing), (np.nanmax(u), missing)):
         beyond = beyond[limit & (u == value) & fit.judged]
         if len(beyond) >= 5 and np.quantile(beyond, 0.7) > least:
             at = log.channels["u"] == value
