@@ -3,7 +3,6 @@ samples become one step ``dt``, with gaps marked."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -23,8 +22,6 @@ _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel a
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
 _LONGER = "Record 20 s or more without loss."
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
-_SAME = 1e-3  # rates of runs that differ by less are one
-_NEAR = 0.25  # rates of runs that differ by more are not brought together
 
 
 # ---- what can be used ---------------------------------------------------------------
@@ -243,12 +240,8 @@ class Stretch:
 
 
 def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
-    """The runs at one rate, where theirs are near, with common channels; changes are messages."""
-    rates = [float(f"{r.rate:.4g}") for r in records]
-    dt = records[rates.index(Counter(rates).most_common(1)[0][0])].dt
-    if not any(abs(r.dt / dt - 1) > _NEAR for r in records):
-        records = [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
-    for role, other in (("w", "theta"), ("theta", "w")):  # left out where a run has the other only
+    """The runs with common channels: what a run lacks that has another is left out, and said."""
+    for role, other in (("w", "theta"), ("theta", "w")):
         without = [r for r in records if getattr(r, role) is None]
         if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
             first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
@@ -257,29 +250,6 @@ def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
             made[first] = made[first].with_messages(said)
             return tuple(made)
     return tuple(records)
-
-
-def _resampled(record: Record, dt: float) -> Record:
-    """Return the record with another step: u held with its time integral, motion by splines."""
-    pieces = []
-    for part in record.segments():
-        start, stamps = record.t[part.start], record.t[part] - record.t[part.start]
-        grid = dt * np.arange(int(stamps[-1] / dt + 1e-6) + 1)
-        others = {k: x[part] for k, x in record.channels().items() if k != "t"}
-        made = {k: on_grid(k, stamps, x, grid, dt) for k, x in others.items()}
-        pieces.append({"t": start + grid, **made})
-    made = replace(
-        record,
-        **{role: np.concatenate([p[role] for p in pieces]) for role in pieces[0]},
-        dt=dt,
-        gaps=tuple(int(g) for g in np.cumsum([len(p["t"]) for p in pieces])[:-1]),
-        resolution=record.resolution or smallest_steps(record.channels()),
-        log=None,
-    )
-    return made.read_from(record.log).with_messages(
-        f"{record.source} has {record.rate:.6g} samples per second: resampled to {1 / dt:.6g}, "
-        "the rate of the other runs."
-    )
 
 
 # ---- what time says of a log --------------------------------------------------------

@@ -101,18 +101,6 @@ def run(rate, roles=("u", "theta"), seed=1):
     return Record(t, dt=1 / rate, source=f"{rate:g} Hz", **made)
 
 
-def test_runs_of_nearly_one_rate_are_brought_to_the_commonest():
-    first, second, third = pooled([run(500.0), run(480.0), run(500.0, seed=2)])
-    assert first.dt == second.dt == third.dt == pytest.approx(2e-3)
-    assert second.messages == (
-        "480 Hz has 480 samples per second: resampled to 500, the rate of the other runs.",
-    )
-    assert first.messages == third.messages == ()
-    true = run(500.0)
-    np.testing.assert_allclose(second.theta, true.theta[: second.samples], atol=5e-3)
-    assert second.log.t[1] == pytest.approx(1 / 480)  # as it was recorded
-
-
 def test_a_channel_that_one_run_lacks_is_left_out_of_all_and_said_once():
     made = pooled([run(500.0, ("u", "w", "theta")), run(500.0), run(500.0, ("u", "w", "theta"))])
     assert all(r.w is None and r.theta is not None for r in made)

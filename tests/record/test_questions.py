@@ -154,7 +154,10 @@ def test_a_misspelt_file_is_named(tmp_path):
     ("line", "said"),
     [
         ("diagnos run.csv", "there is no command 'diagnos' (did you mean diagnose?)"),
-        ("diagnose run.csv --modle my.toml", "there is no option '--modle' (did you mean --model?)"),
+        (
+            "diagnose run.csv --modle my.toml",
+            "there is no option '--modle' (did you mean --model?)",
+        ),
         ("diagnose run.csv", "required: --model (lugrectl model > my.toml writes one"),
     ],
 )
