@@ -50,10 +50,11 @@ def _found(log: Log) -> Stamped:
                 made.say(f"{role} has a number in {100 * share:.2g} % of the rows: left out.")
     clock.put_in_time(made)
     bad_samples.say_missing(made)
+    bad_samples.unwrap_positions(made)
     for role in made.motion_roles:
         bad_samples.leave_out_code(made, role)
         bad_samples.leave_out_outliers(made, role)
-    bad_samples.unwrap_positions(made)
+    bad_samples.unwrap_positions(made)  # an outlier hides them
     clock.use_true_times(made)
     bad_samples.cut_at_jumps(made)
     made.steps = smallest_steps(made.channels)  # a bad sample would hide them

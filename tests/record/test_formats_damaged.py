@@ -74,8 +74,8 @@ def test_a_library_that_dies_leaves_a_sentence(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("name", "data", "word"),
     [
-        ("a.csv", b"\x89PNG\r\n\x1a\n" + b"\0" * 50, "an image"),
-        ("a.pdf", b"%PDF-1.7 abc", "PDF"),
+        ("a.csv", b"\x89PNG\r\n\x1a\n" + b"\0" * 50, "neither text nor"),
+        ("a.bag", b"SQLite format 3\0", "ROS 2 bag"),
         ("a.npy", b"\x93NUMPY\x01\x00" + b"\xff" * 40, "not a readable NPY"),
         ("a.json", b'{"t": [0, 1, 2', "not a readable JSON"),
         ("a.csv.gz", b"\x1f\x8b\x08" + b"\0" * 30, "not a readable gzip"),

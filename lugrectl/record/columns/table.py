@@ -71,7 +71,8 @@ def joined_stamps(table: Table) -> Table:
         for ending, fine in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"))
         if name.endswith(ending) and (rest := name.removesuffix(ending) + fine) in places
     )
-    own, seconds, rest = next(pairs, ("", 0, 0))
+    found: tuple[str, int, int] = next(pairs, ("", 0, 0))
+    own, seconds, rest = found
     if not own or own in places:
         return table
 

@@ -29,16 +29,12 @@ from .text import is_stamp, lines_table, read_text, seconds
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
 MODEL = ".toml"
-# Beginnings of files that are no log.
-_OTHERS = (
-    (b"\x89PNG", "an image"), (b"\xff\xd8\xff", "an image"), (b"GIF8", "an image"),
-    (b"BM", "an image"), (b"II*\0", "an image"), (b"%PDF", "a PDF document"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel or Word file; save it as .xlsx or CSV"),
-    (b"SQLite format 3", "a database, as a ROS 2 bag is; export its topics as CSV"),
-    (b"7z\xbc\xaf", "an archive; unpack it first"),
-    (b"Rar!", "an archive; unpack it first"), (b"\x7fELF", "a program"),
-    (b"\x89MCAP", "an MCAP file; export its topics as CSV, for instance with PlotJuggler"),
-)  # fmt: skip
+# Beginnings of files that others may take for a log, and what to do.
+_OTHERS = {
+    b"\xd0\xcf\x11\xe0": "an old Excel file; save it as .xlsx or CSV",
+    b"SQLite format 3": "a database, as a ROS 2 bag is; export its topics as CSV",
+    b"\x89MCAP": "an MCAP file; export its topics as CSV, for instance with PlotJuggler",
+}
 _LONG = 160  # characters of what a library says that a sentence repeats
 _LONGEST, _SLOWEST = 18.0, 4e6  # s, and bytes/s beyond, that a library may take for a file
 _MOST = 200  # columns of one matrix
@@ -63,8 +59,8 @@ def read_table(path: str | Path) -> Table:
         raise InputError(f"{path.name} is empty.")
     if path.suffix.lower() == MODEL:
         raise InputError(f"{path.name} is a model file, not a log: give it as the model.")
-    for start, what in _OTHERS:
-        if head.startswith(start) and (start != b"BM" or b"\0" in head):
+    for start, what in _OTHERS.items():
+        if head.startswith(start):
             raise InputError(f"{path.name} is no log that can be read: it is {what}.")
     is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
     kind, read = next(

@@ -388,4 +388,5 @@ def _period(values: np.ndarray, steps: np.ndarray, at: np.ndarray, motion: str) 
     steady = np.abs(before - after) <= 0.3 * np.abs(speed) + quiet
     steady &= np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
     goes_on = alike.all() and steady.mean() > 0.6 and travel <= 1.02 * period + usual
+    goes_on &= not np.any((np.diff(at) <= _BRIEF) & (np.diff(np.sign(steps[at])) != 0))
     return period if goes_on and period >= 20 * usual else 0.0
