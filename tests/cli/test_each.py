@@ -150,13 +150,6 @@ def test_wrong_usage_is_a_sentence_and_no_work(files, job, capsys, line, word):
     assert not job.calls and listed(files) == before
 
 
-def test_a_model_in_the_way_of_a_report_is_spared(files, job, capsys):
-    (files / "made" / "run").mkdir(parents=True)
-    write_model(Model.of(table1()), files / "made" / "run" / "model.toml")
-    code = main("diagnose left --model made/run/model.toml --each --out made".split())
-    assert code == 2 and "overwrite" in capsys.readouterr().err and not job.calls
-
-
 def test_patterns_that_the_shell_left_are_expanded(files, job, capsys):
     assert run(capsys, "r*/*.csv --each")[1].startswith("2 logs")
     assert run(capsys, "right/a*.csv")[0] == 0 and len(job.calls) == 3

@@ -15,7 +15,6 @@ from lugrectl.diagnosis.asked import Asked
 P = lg.table1()
 MODEL = lg.Model.of(P)
 LOOP = lg.velocity_loop(P)
-LAG = ct.tf([1], [1, 1])
 T = np.arange(0, 0.02, 1e-3)
 LONG = np.arange(4000) * 1e-3
 COLUMNS = {

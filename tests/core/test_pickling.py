@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import pickle
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import control as ct
@@ -19,7 +18,6 @@ from lugrectl.blocks.declaration import block
 from lugrectl.core.errors import InputError
 from lugrectl.core.pickling import NotPicklable
 
-ROOT = Path(__file__).parents[2]
 TABLE = lg.table1()
 DT = 1e-3
 

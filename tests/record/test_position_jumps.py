@@ -45,21 +45,6 @@ def test_an_angle_of_any_period_is_unwrapped(period):
     same_motion(found, true)
 
 
-@pytest.mark.parametrize("jump", [2.3, -0.4, 11.0])
-@pytest.mark.parametrize("cut", [1500, 3500])
-def test_two_runs_pasted_together_are_cut_where_the_position_jumps(jump, cut):
-    log, other = columns("u", "theta"), columns("u", "theta", seed=3)
-    step = log["theta"][cut - 1] + jump - other["theta"][0]
-    log["theta"] = np.r_[log["theta"][:cut], other["theta"][: 6000 - cut] + step]
-    log["u"] = np.r_[log["u"][:cut], other["u"][: 6000 - cut]]
-    found, said = seen(log)
-    (sentence,) = said
-    assert f"at row {cut}" in sentence and "no motion" in sentence
-    assert float(sentence.split(" by ")[1].split()[0]) == pytest.approx(jump, abs=0.05)
-    assert [len(s.t) for s in found] == [cut, 6000 - cut]
-    assert read_record(log).gaps == (cut,)
-
-
 def test_a_record_keeps_the_log_that_it_was_read_from():
     log = columns("u", "theta")
     log["u"][50] = 9.0

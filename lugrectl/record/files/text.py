@@ -95,6 +95,11 @@ def number(cell: str) -> float:
     return float(_FORTRAN.sub("e", cell))
 
 
+def with_remark(cell: str) -> bool:
+    """Whether a cell was typed over by hand: a number and words beside it, "-1200, was -8.9"."""
+    return bool(_TYPED_OVER.fullmatch(cell.strip()))
+
+
 def is_number(cell: str) -> bool:
     """Whether a cell holds a number, with a point or commas, or a stamp of time."""
     cell = cell.strip()
@@ -258,7 +263,7 @@ class _Text:
             try:
                 values[k] = number(cell)
             except ValueError:
-                if not _TYPED_OVER.fullmatch(cell.strip()):
+                if not with_remark(cell):
                     what = "number with a decimal point" if is_number(cell) else "number"
                     raise self.no_number(i, numbers[k], cell, what) from None
                 place = f"line {numbers[k]}, column '{self.names[i]}'"
