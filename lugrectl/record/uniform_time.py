@@ -15,7 +15,7 @@ from .log import Log
 from .record import Record
 from .samples import bad_samples, clock
 from .samples.needed_torque import leave_out_untrue_torque, unwrap_torque
-from .samples.rows import HELD, Stamped, between, count, how, on_grid, smallest_steps
+from .samples.rows import HELD, Stamped, between, count, how, on_grid, smallest_steps, speed
 from .signal_noise import lattice_step, repeats
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
@@ -161,14 +161,17 @@ def _piece(
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
     made = {role: values[part] for role, values in log.channels.items()}
-    if resampled:
-        made = {role: on_grid(role, at, values, grid, 1.0) for role, values in made.items()}
-    elif len(grid) != len(counts):
-        before = np.searchsorted(counts, grid, side="right") - 1
-        made = {
-            role: values[before] if role in HELD else between(role, counts, values, grid)
-            for role, values in made.items()
-        }
+    if not resampled and len(grid) == len(counts):
+        return grid, made, resampled
+    before = np.searchsorted(counts, grid, side="right") - 1
+    at = at if resampled else counts
+    for role, values in made.items():
+        if role in HELD and not resampled:
+            made[role] = values[before]
+        elif role == "w":
+            made[role] = speed(at, counts, values, grid, resampled)
+        else:
+            made[role] = on_grid(role, at, values, grid, 1.0)
     return grid, made, resampled
 
 

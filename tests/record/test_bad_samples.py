@@ -43,6 +43,16 @@ def test_one_bad_sample_is_named_with_its_row_and_value(role, row, value):
     assert all(low <= x <= high for s in found for x in getattr(s, role)[s.ok])
 
 
+@pytest.mark.parametrize("turn", [2 * np.pi, -2 * np.pi, 0.5])
+def test_one_reading_of_an_encoder_that_is_off_is_no_wrap_and_no_cut(turn):
+    log = columns("u", "theta")
+    log["theta"][2501] += turn
+    found, said = seen(log)
+    (sentence,) = said
+    assert "theta at row 2501" in sentence and len(found) == 1 and found[0].ok.all()
+    np.testing.assert_allclose(found[0].theta, sound()["theta"], atol=2e-2)
+
+
 @pytest.mark.parametrize("role, size", [("u", 0.5), ("w", 9.0), ("theta", 1.0)])
 @pytest.mark.parametrize("many", [10, 60])
 def test_scattered_outliers_are_counted(role, size, many):

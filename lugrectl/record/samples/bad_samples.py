@@ -126,8 +126,10 @@ def leave_out_outliers(log: Stamped, role: str) -> None:
     limit = _limits(x) + 3 * np.quantile(far, _RARE) + _SHARE.get(role, 0.0) * (high - low)
     bad = good & (far > limit)
     # the first and the last have neighbours on one side only: a pulse or a wrap may end there
-    bad[[0, -1]] &= _outside(x[[0, -1]], x[1:-1].min(), x[1:-1].max()) > 0.0
+    ends = [0, -1]
+    bad[ends] &= _outside(x[ends], x[1:-1].min(), x[1:-1].max()) > 0.0
     if role == "u":
+        bad[ends] &= far[ends] > high - low
         bad &= ~_felt(log, bad) if bad.any() else bad
     else:
         bad = good & (bad | _brief(x, limit)) & ~confirmed(log, role)
@@ -383,10 +385,12 @@ def _period(values: np.ndarray, steps: np.ndarray, at: np.ndarray, motion: str) 
     known += [_TURN * n for n in range(1, _TURNS + 1)] + [360.0] if motion == "rotary" else []
     nearest = min(known, key=lambda size: abs(size - period), default=0.0)
     alike = np.abs(sizes - period) <= 2 * np.abs(speed) + usual
-    if alike.all() and abs(nearest - period) <= 2 * quiet + usual / np.sqrt(len(at)):
+    back = (np.diff(at) <= _BRIEF) & (np.diff(np.sign(steps[at])) != 0)
+    if not alike.all() or (np.r_[False, back] | np.r_[back, False]).all():
+        return 0.0
+    if abs(nearest - period) <= 2 * quiet + usual / np.sqrt(len(at)):
         return nearest
     steady = np.abs(before - after) <= 0.3 * np.abs(speed) + quiet
     steady &= np.abs(speed) > max(0.5 * quiet, 1e-9 * travel)
-    goes_on = alike.all() and steady.mean() > 0.6 and travel <= 1.02 * period + usual
-    goes_on &= not np.any((np.diff(at) <= _BRIEF) & (np.diff(np.sign(steps[at])) != 0))
+    goes_on = not back.any() and steady.mean() > 0.6 and travel <= 1.02 * period + usual
     return period if goes_on and period >= 20 * usual else 0.0
