@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
 from argparse import Namespace
-from collections.abc import Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -16,7 +14,6 @@ from ..core.errors import InputError
 from .inputs import given
 from .output import answer, as_json, say
 
-SIGNED = ("--num", "--den")  # options whose value may begin with a minus sign
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
 PAPER_K2 = 22.0
@@ -147,44 +144,20 @@ def _coefficients(text: str, option: str) -> list[Fraction]:
     return found
 
 
-def joined(words: Sequence[str]) -> list[str]:
-    """``--num -1 2`` as ``--num=-1 2``: argparse takes "-1" for an option."""
-    out: list[str] = []
-    for word in words:
-        option, known, _ = out[-1].partition("=") if out else ("", "", "")
-        if option in SIGNED and re.match(r"[-+]?[0-9.]", word):
-            out[-1] += f" {word}" if known else f"={word}"
-        else:
-            out.append(word)
-    return out
-
-
 # --- the answer in words -------------------------------------------------------------------
 
 
 def _about(facts: dict[str, Any]) -> str:
     """The loop with its gains, or T(s) = ... or T(z) = ... in one line."""
     if T := facts.get("transfer"):
-        name = "s" if T["dt"] is None else "z"
-        of = f"T({name}) = ({_polynomial(T['num'], name)})/({_polynomial(T['den'], name)})"
+        num, den = (", ".join(f"{c:g}" for c in T[k]) for k in ("num", "den"))
+        of = f"T({'s' if T['dt'] is None else 'z'}) = [{num}]/[{den}]"
         of += f" exp(-{T['dead_time']:g} s)" if T.get("dead_time") else ""
         return of if T["dt"] is None else f"{of}, dt = {T['dt']:g} s"
     loop = f"{facts['loop']} loop of " if "loop" in facts else ""
     gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
     gains += ", prefilter 2/(s + 2)" if facts.get("prefilter") else ""
     return loop + ", ".join(filter(None, (facts["model"], gains)))
-
-
-def _polynomial(p: Sequence[float], name: str) -> str:
-    terms = []
-    for power, c in zip(range(len(p) - 1, -1, -1), p, strict=True):
-        if not c:
-            continue
-        x = "" if not power else name if power == 1 else f"{name}^{power}"
-        size = x if x and abs(c) == 1 else f"{abs(c):g} {x}".strip()
-        sign = ("-" if c < 0 else "") if not terms else (" - " if c < 0 else " + ")
-        terms.append(sign + size)
-    return "".join(terms) or "0"
 
 
 def _answer(facts: dict[str, Any]) -> str:

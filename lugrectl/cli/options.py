@@ -333,7 +333,7 @@ class Parser(argparse.ArgumentParser):
     _hint = ""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        words = checks.joined(sys.argv[1:] if args is None else args)
+        words = sys.argv[1:] if args is None else list(args)
         (commands,) = (a.choices or {} for a in self._actions if a.dest == "command")
         if words and not words[0].startswith("-"):
             if words[0] in UNBUILT:

@@ -50,10 +50,10 @@ SAID = [  # the line, its exit code, how the answer begins, and more of it
     ("stability", 0, "stable loop", ""),
     ("stability --model coulomb.toml --kp 1.6 --ki 0.16", 0, "stable loop", ""),
     # a transfer function that is typed; its decimals are exact
-    ("spr --num 1,10 --den 1,2,0.5", 1, "not SPR: T(s) = (s + 10)/(s^2 + 2 s + 0.5)\n", ""),
-    ("bandwidth --num 1 --den 1,0", 1, "no bandwidth: T(s) = (1)/(s)\n",
+    ("spr --num 1,10 --den 1,2,0.5", 1, "not SPR: T(s) = [1, 10]/[1, 2, 0.5]\n", ""),
+    ("bandwidth --num 1 --den 1,0", 1, "no bandwidth: T(s) = [1]/[1, 0]\n",
      "T(0) is infinite, so there is no DC gain"),
-    ("bandwidth --num=1 --den=1,-1", 1, "unstable T: T(s) = (1)/(s - 1)", ""),
+    ("bandwidth --num=1 --den=1,-1", 1, "unstable T: T(s) = [1]/[1, -1]", ""),
     ("stability --num 100 --den 1,0 --dead-time 0.01", 0, "stable loop", "exp(-0.01 s)"),
 ]  # fmt: skip
 
