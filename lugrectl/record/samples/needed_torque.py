@@ -179,6 +179,17 @@ def _in_doubt(u: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return limit, stuck & ((limit | stuck).mean() <= _MOST)
 
 
+def _least(fit: Balance, missing: np.ndarray, unknown: np.ndarray) -> float:
+    """The least missing torque that is no error of the rough balance."""
+    away = fit.moving & np.isfinite(missing) & ~unknown
+    if away.sum() < 30:
+        return np.inf
+    beside = np.nan_to_num(_over(fit.parts, unknown.astype(float), _kernel(fit.width, 0)), nan=1.0)
+    clean = np.abs(missing)[away & (beside < 0.02)]
+    usual = float(np.quantile(clean, 0.95)) if len(clean) > 30 else 0.0
+    return max(_FAR * fit.scale, usual)
+
+
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
     u, unit = log.channels["u"], si_unit("u", log.motion)
@@ -197,13 +208,7 @@ def leave_out_untrue_torque(log: Stamped) -> None:
     if fit is None:
         return
     missing = fit.missing(np.nan_to_num(u))
-    beside = np.nan_to_num(_over(fit.parts, unknown.astype(float), _kernel(fit.width, 0)), nan=1.0)
-    away = fit.moving & np.isfinite(missing) & ~unknown
-    if away.sum() < 30:
-        return
-    clean = np.abs(missing)[away & (beside < 0.02)]
-    least = max(_FAR * fit.scale, _SHARE * large)
-    least = max(least, float(np.quantile(clean, 0.95))) if len(clean) > 30 else least
+    least = max(_least(fit, missing, unknown), _SHARE * large)
     for value, beyond in ((np.nanmin(u), -missing), (np.nanmax(u), missing)):
         beyond = beyond[limit & (u == value) & fit.judged]
         if len(beyond) >= 5 and np.quantile(beyond, 0.7) > least:
