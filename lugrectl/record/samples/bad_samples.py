@@ -142,10 +142,13 @@ def _brief(x: np.ndarray, limit: np.ndarray) -> np.ndarray:
     """Return where two to four samples in a row lie beyond those on either side, all one way."""
     bad = np.zeros(len(x), bool)
     for rows in (2, 3, 4):
-        inner = sliding_window_view(x, rows)[1:-1]
         before, after = x[: -rows - 1], x[rows + 1 :]
-        above = inner.min(1) - np.maximum(before, after)
-        below = np.minimum(before, after) - inner.max(1)
+        least = most = x[1:-rows]
+        for k in range(1, rows):  # far quicker than a reduction over so few samples
+            own = x[1 + k : len(x) - rows + k]
+            least, most = np.minimum(least, own), np.maximum(most, own)
+        above = least - np.maximum(before, after)
+        below = np.minimum(before, after) - most
         found = np.flatnonzero(np.maximum(above, below) > limit[1 : len(above) + 1]) + 1
         bad[(found[:, None] + np.arange(rows)).ravel()] = True
     return bad
@@ -273,11 +276,10 @@ def confirmed(log: Stamped, role: str) -> np.ndarray:
 
 def cut_at_jumps(log: Stamped) -> None:
     """Leave out what stands still by mistake; begin a part where a position jumps else."""
-    for role in log.motion_roles:
-        _leave_out_stuck(log, role)
-    if "theta" not in log.channels:
+    jumps = {role: _leave_out_stuck(log, role) for role in log.motion_roles}
+    if "theta" not in jumps:
         return
-    found = _jumps(log, "theta")
+    found = jumps["theta"]
     at = [b for a, b in zip(found.a, found.b, strict=True) if not log.new[a + 1 : b + 1].any()]
     if at:
         log.new[at] = True
@@ -289,10 +291,10 @@ def cut_at_jumps(log: Stamped) -> None:
         )
 
 
-def _leave_out_stuck(log: Stamped, role: str) -> None:
-    """Leave out runs of one value that end or begin at a jump: a position that stops at once, a
-    speed that loses its noise, what jumps back after it, or a channel that stands still with all
-    others, was not read."""
+def _leave_out_stuck(log: Stamped, role: str) -> Jumps:
+    """The jumps of a channel, after leaving out runs of one value that end or begin at one: a
+    position that stops at once, a speed that loses its noise, what jumps back after it, or a
+    channel that stands still with all others, was not read."""
     x, found = log.channels[role], _jumps(log, role)
     bad, edges = np.zeros(len(x), bool), np.r_[0, np.flatnonzero(np.diff(x) != 0) + 1, len(x)]
     for i, (before, after) in enumerate(zip(found.a, found.b, strict=True)):
@@ -306,7 +308,7 @@ def _leave_out_stuck(log: Stamped, role: str) -> None:
             if not starts and run.stop - run.start >= _STUCK:
                 bad[run] |= _is_stuck(log, role, run, backward)
     if not bad.any():
-        return
+        return found
     if role == "w":  # a speed that keeps its last value now and then stands, whatever ends that
         kept = (x != 0) & (repeats(x) > _LONG)
         bad |= kept & _differ(x[~kept])
@@ -317,6 +319,7 @@ def _leave_out_stuck(log: Stamped, role: str) -> None:
         f"{role} stands at {log.value(role, first)} for {count(int(bad.sum()), 'row')} from "
         f"{log.place(first)} on and then jumps: these rows are left out.",
     )
+    return _jumps(log, role)
 
 
 def _is_stuck(log: Stamped, role: str, run: slice, backward: bool) -> bool:
