@@ -202,7 +202,9 @@ def test_a_record_is_taken_in_every_form(run):
 def test_records_are_read_for_the_motion_of_the_model():
     linear = lg.Model.of(J=2.0, motion="linear")
     assert Asked.of(COLUMNS, linear).records()[0].motion == "linear"
-    with pytest.raises(InputError, match='does not fit motion.*the model needs motion = "rotary"'):
+    with pytest.raises(
+        InputError, match="w is in rpm, but motion is 'linear'.*whose model has motion"
+    ):
         Asked.of({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear)
 
 

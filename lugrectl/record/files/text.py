@@ -115,9 +115,11 @@ def is_number(cell: str) -> bool:
 
 def decimals(cells: Iterable[str]) -> tuple[dict[str, str], list[str]]:
     """What points and commas in these cells are to be replaced by, and how they were read."""
-    marked = [c.strip() for c in cells if "," in c or "." in c]
-    marked = [c for c in marked if _FIGURES.fullmatch(c)]
+    marked = [c for c in cells if "," in c or "." in c]
     if not any("," in c for c in marked):
+        return {}, []
+    marked = [c.strip() for c in marked if _FIGURES.fullmatch(c.strip())]
+    if not marked:
         return {}, []
     points = any("." in c for c in marked)
     english, german = (all(map(kind.fullmatch, marked)) for kind in (_ENGLISH, _GERMAN))
@@ -319,8 +321,9 @@ def _cells(line: str, delimiter: str) -> list[str]:
     if delimiter == "|":
         line = line.strip().strip("|")
     found = line.split(delimiter) if line else []
-    with suppress(csv.Error):
-        found = next(csv.reader([line], delimiter=delimiter), []) if '"' in line else found
+    if '"' in line:
+        with suppress(csv.Error):
+            found = next(csv.reader([line], delimiter=delimiter), [])
     cells = [cell.strip() for cell in found]
     if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
         cells[-1] = cells[-1].rstrip(",; ")

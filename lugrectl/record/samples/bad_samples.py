@@ -302,7 +302,8 @@ def _leave_out_stuck(log: Stamped, role: str) -> Jumps:
         stop = edges[np.searchsorted(edges, after, side="right")]
         there, back = found.size[i], found.size[i + 1 : i + 2] * (found.a[i + 1 : i + 2] < stop)
         returns = abs(there + back) <= 0.3 * abs(there) + 2 * found.margin[i : i + 2].sum()
-        bad[after:stop] |= bool(np.any((there * back < 0) & (returns | (role == "theta"))))
+        if stop - after >= _STUCK and np.any((there * back < 0) & (returns | (role == "theta"))):
+            bad[after:stop] = True
         for run, backward in ((slice(start, before + 1), True), (slice(after, stop), False)):
             starts = role == "w" and x[run.start] == 0  # a drive at rest may start within a row
             if not starts and run.stop - run.start >= _STUCK:
