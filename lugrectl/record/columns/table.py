@@ -66,13 +66,12 @@ def joined_stamps(table: Table) -> Table:
     """The table with a column of t for whole seconds and nanoseconds in two columns."""
     places, many = {name: i for i, name in enumerate(table.names)}, len(table.names)
     pairs = (
-        (name.removesuffix(ending).strip("._/ ") or "stamp", i, places[rest])
+        (name.removesuffix(ending).strip("._/ ") or "stamp", i, places[other])
         for name, i in places.items()
         for ending, fine in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"))
-        if name.endswith(ending) and (rest := name.removesuffix(ending) + fine) in places
+        if name.endswith(ending) and (other := name.removesuffix(ending) + fine) in places
     )
-    found: tuple[str, int, int] = next(pairs, ("", 0, 0))
-    own, seconds, rest = found
+    own, seconds, rest = next(pairs, ("", 0, 0))
     if not own or own in places:
         return table
 
