@@ -17,7 +17,7 @@ ROOT = Path(lugrectl.__file__).parent
 SPLIT = ("engine",)  # rooms with rooms of their own
 WAY = (  # in the order in which `diagnose` comes to them
     "record.as_record.read_record",
-    "record.stretches.stretches",
+    "record.uniform_time.stretches",
     "torque_balance.motion.Motion",
     "torque_balance.windows.Rows",
     "torque_balance.plain.base_row",

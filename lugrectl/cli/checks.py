@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import re
-import textwrap
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -17,17 +14,12 @@ from ..core.errors import InputError
 from .inputs import given
 from .output import answer, as_json, say
 
-SIGNED = ("--num", "--den")  # options whose value may begin with a minus sign
 # The source paper's gains, by loop; K2 of the proposed observer.
 PAPER = {"velocity": {"kp": 1.6, "ki": 0.16}, "position": {"kp": 15.0, "ki": 1.55}}
 PAPER_K2 = 22.0
 _MADE = {"spr": "T", "bandwidth": "loop_tf", "stability": "L"}  # of which transfer function
 _BRISTLES = ("J", "sigma0", "sigma1")
 _NEEDED = {"l2": _BRISTLES, "spr": _BRISTLES, "passivity": ("sigma1", "Fc", "Fs", "Fv", "vs")}
-_SHOWN = (
-    *("gain", "frequency", "bandwidth", "hertz", "margin", "band_edge", "gain_margin"),
-    *("phase_margin", "modulus_margin", "delay_margin", "least_Fv", "largest_sigma1", "speed"),
-)
 _ANSWERS = {  # where the property holds, and where not
     "l2": ("finite L2 gain", "no finite L2 gain"),
     "spr": ("SPR", "not SPR"),
@@ -72,7 +64,8 @@ def check(a: Namespace) -> int:
     about = {"model": None, "gains": {}} | about
     last = {k: about.pop(k) for k in ("model", "gains")}
     facts = {"schema": 1, "check": a.property, **about, **last, **verdict.summary()}
-    answer(verdict, a, as_json(plain(facts)) if a.json else _text(facts, verdict._units))
+    words = [f"{_answer(facts)}: {_about(facts)}", *repr(verdict).splitlines()[1:]]
+    answer(verdict, a, as_json(plain(facts)) if a.json else "\n".join(words))
     return 0 if verdict else 1
 
 
@@ -151,63 +144,20 @@ def _coefficients(text: str, option: str) -> list[Fraction]:
     return found
 
 
-def joined(words: Sequence[str]) -> list[str]:
-    """``--num -1 2`` as ``--num=-1 2``: argparse takes "-1" for an option."""
-    out: list[str] = []
-    for word in words:
-        option, known, _ = out[-1].partition("=") if out else ("", "", "")
-        if option in SIGNED and re.match(r"[-+]?[0-9.]", word):
-            out[-1] += f" {word}" if known else f"={word}"
-        else:
-            out.append(word)
-    return out
-
-
 # --- the answer in words -------------------------------------------------------------------
-
-
-def _text(facts: dict[str, Any], units: Mapping[str, str]) -> str:
-    lines = [f"{_answer(facts)}: {_about(facts)}"]
-    for sentence in (facts[k] for k in ("reason", "meaning", "repair") if facts.get(k)):
-        said = sentence.rstrip(".") + "."
-        lines.append(textwrap.fill(said, 80, initial_indent="  ", subsequent_indent="  "))
-    for k in (k for k in _SHOWN if k in facts and not math.isnan(facts[k])):
-        more = []  # the other form in which a margin is known, and at which frequency it is
-        if k == "gain_margin" and 0 < facts[k] < math.inf:
-            more.append(f"{20 * math.log10(facts[k]):.4g} dB")
-        if k == "modulus_margin":
-            more.append(f"Ms {facts['Ms']:.6g}")
-        at = facts.get(f"{k}_frequency", math.nan)
-        if not math.isnan(at):
-            more.append(f"at {at:.6g} rad/s" if math.isfinite(at) else "as w grows")
-        value = f"  {k}: {facts[k]:.6g} {units.get(k, '')}".rstrip()
-        lines.append(value + (f" ({', '.join(more)})" if more else ""))
-    return "\n".join(lines)
 
 
 def _about(facts: dict[str, Any]) -> str:
     """The loop with its gains, or T(s) = ... or T(z) = ... in one line."""
     if T := facts.get("transfer"):
-        name = "s" if T["dt"] is None else "z"
-        of = f"T({name}) = ({_polynomial(T['num'], name)})/({_polynomial(T['den'], name)})"
+        num, den = (", ".join(f"{c:g}" for c in T[k]) for k in ("num", "den"))
+        of = f"T({'s' if T['dt'] is None else 'z'}) = [{num}]/[{den}]"
         of += f" exp(-{T['dead_time']:g} s)" if T.get("dead_time") else ""
         return of if T["dt"] is None else f"{of}, dt = {T['dt']:g} s"
     loop = f"{facts['loop']} loop of " if "loop" in facts else ""
     gains = ", ".join(f"{k} {v:g}" for k, v in facts["gains"].items())
     gains += ", prefilter 2/(s + 2)" if facts.get("prefilter") else ""
     return loop + ", ".join(filter(None, (facts["model"], gains)))
-
-
-def _polynomial(p: Sequence[float], name: str) -> str:
-    terms = []
-    for power, c in zip(range(len(p) - 1, -1, -1), p, strict=True):
-        if not c:
-            continue
-        x = "" if not power else name if power == 1 else f"{name}^{power}"
-        size = x if x and abs(c) == 1 else f"{abs(c):g} {x}".strip()
-        sign = ("-" if c < 0 else "") if not terms else (" - " if c < 0 else " + ")
-        terms.append(sign + size)
-    return "".join(terms) or "0"
 
 
 def _answer(facts: dict[str, Any]) -> str:

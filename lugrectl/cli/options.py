@@ -330,68 +330,44 @@ _EXAMPLE = """Example:
 class Parser(argparse.ArgumentParser):
     """A parser whose complaints are one sentence, with what was probably meant."""
 
-    _given: Sequence[str] = ()
+    _hint = ""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        found, left = self.parse_known_args(args, namespace)
-        if left:
-            found.parser.error(f"unrecognized arguments: {' '.join(left)}")
-        return found
+        words = sys.argv[1:] if args is None else list(args)
+        (commands,) = (a.choices or {} for a in self._actions if a.dest == "command")
+        if words and not words[0].startswith("-"):
+            if words[0] in UNBUILT:
+                self.error(f"{words[0]} is not built yet")
+            self._known("command", words[0], list(commands))
+            commands[words[0]].check(words[1:])  # type: ignore[index]
+        return super().parse_args(words, namespace)
 
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        self._given = checks.joined(sys.argv[1:] if args is None else args)
-        return super().parse_known_args(self._given, namespace)
+    def check(self, words: Sequence[str]) -> None:
+        """Leave with code 2 where a word is no option, or no choice, of this command."""
+        for action in self._actions:
+            if action.choices and not action.option_strings and words and words[0][:1] != "-":
+                self._known(action.dest, words[0], [*action.choices])
+        for word in (w.partition("=")[0] for w in words if w.startswith("--")):
+            self._known("option", word, [*self._option_string_actions])
+        toml = next((word for word in words if word.lower().endswith(".toml")), None)
+        self._hint = " (lugrectl model > my.toml writes one to start from)"
+        self._hint = f" (give --model {toml})" if toml else self._hint
+
+    def _known(self, what: str, word: str, known: list[str]) -> None:
+        if word in known:
+            return
+        from ..core.validation import nearest  # loads NumPy, which help does without
+
+        bare = {name.lstrip("-"): name for name in known}
+        near = nearest(word.lstrip("-"), bare)
+        hint = f"did you mean {bare[near]}?" if near else f"known: {', '.join(known)}"
+        self.error(f"there is no {what} '{word}' ({hint})")
 
     def error(self, message: str) -> NoReturn:
         """Leave with code 2 after one sentence; no usage in front of it."""
-        if "invalid choice" in message and (new := {*UNBUILT} & {*self._given[:1]}):
-            said = f"{new.pop()} is not built yet; {self.prog} --help shows what there is.\n"
-            self.exit(2, f"{self.prog}: error: {said}")
-        typed, near = next(filter(None, map(self._meant, self._given)), ("", ""))
-        hint = f" (did you mean {near}?)" if near else ""
-        if "--model" in message and not hint:
-            model = next((word for word in self._given if word.lower().endswith(".toml")), None)
-            hint = " (lugrectl model > my.toml writes one to start from)"
-            hint = f" (give --model {model})" if model else hint
-        what = message.split(" (choose from")[0] if hint and "choose from" in message else message
-        for action in self._actions if not near or "invalid choice" in message else ():
-            what = _of_places(what, action)
-        if "are required" in message and near:  # the option that is missing is the misspelt one
-            what = f"there is no option {typed}"
-        said = f"{what.removesuffix('.')}{hint}; {self.prog} --help shows what there is.\n"
+        hint = self._hint if message.endswith("--model") else ""
+        said = f"{message.removesuffix('.')}{hint}; {self.prog} --help shows what there is.\n"
         self.exit(2, f"{self.prog}: error: {said}")
-
-    def _meant(self, word: str) -> tuple[str, str] | None:
-        """A word that is no option, and no command, of this parser, and what it resembles."""
-        from ..core.validation import nearest  # loads NumPy, which help does without
-
-        known = list(self._option_string_actions)
-        if not word.startswith("-"):
-            known = [c for a in self._actions if not a.option_strings for c in a.choices or ()]
-        typed, bare = word.partition("=")[0], {k.lstrip("-").lower(): k for k in known}
-        near = nearest(typed.lstrip("-"), bare)
-        return (typed, bare[near]) if near and typed not in known else None
-
-
-def _of_places(what: str, action: argparse.Action) -> str:
-    """A complaint about the place of a command or property, in words, and with its choices."""
-    if action.option_strings or not action.choices:
-        return what
-    name = str(action.metavar or action.dest)
-    what = what.replace(f"argument {name}: invalid choice:", f"there is no {name.lower()}")
-    missing = f"required: {name}"
-    return what.replace(missing, f"{missing} ({', '.join(map(str, action.choices))})")
-
-
-class Version(argparse.Action):
-    """The installed version, looked up only when it is asked for."""
-
-    def __init__(self, option_strings: Any, dest: str, **options: Any) -> None:
-        super().__init__(option_strings, dest, nargs=0, **options)
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
-        print(f"lugrectl {version()}")
-        parser.exit(0)
 
 
 def overview(top: Parser) -> str:
@@ -403,6 +379,11 @@ def overview(top: Parser) -> str:
         parts.append("\n".join([f"{title}:", *rows]))
     options = "Options:\n  --help, -h  show this help\n  --version   show the version"
     return "\n\n".join([*parts, options, _EXAMPLE, _filled(top.epilog)]) + "\n"
+
+
+def _said(top: Parser, asked: bool) -> int:
+    print(f"lugrectl {version()}\n" if asked else top.format_help(), end="")
+    return 0
 
 
 def _filled(text: str | None) -> str:
@@ -422,8 +403,8 @@ def parser() -> argparse.ArgumentParser:
         "my.toml --out report.",
         allow_abbrev=False,
     )
-    top.add_argument("--version", action=Version, help="show the version and exit")
-    top.set_defaults(run=lambda a: print(top.format_help(), end="") or 0, parser=top)
+    top.add_argument("--version", action="store_true", help="show the version and exit")
+    top.set_defaults(run=lambda a: _said(top, a.version), parser=top)
     made = top.add_subparsers(dest="command", metavar="COMMAND")
     top.format_help = lambda: overview(top)
     for group in COMMANDS.values():

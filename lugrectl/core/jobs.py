@@ -49,6 +49,8 @@ class JobError:
             return cls(index, str(error), code)
         words = " ".join(str(error).split()) or "no message"
         sentence = f"{type(error).__name__}: {words}"
+        if isinstance(error, BrokenExecutor):
+            sentence = "its worker process died (out of memory, or a crash in compiled code)."
         return cls(index, sentence, 2 if isinstance(error, OSError) else UNEXPECTED)
 
 
@@ -132,22 +134,15 @@ def _on_processes(
     function: Callable[[Any], Any], numbered: Iterator[Job], jobs: int
 ) -> Generator[tuple[int, Any]]:
     """Results from our own processes. If one dies, the lost jobs are run again one by one."""
-    lost: list[Job] = []
     while True:
+        lost: list[Job] = []
         with _processes(jobs) as pool:
             yield from _spread(function, numbered, pool, _AHEAD * jobs, lost)
+        for job in lost:
+            with _processes(1) as pool:
+                yield from _spread(function, iter([job]), pool, 1)
         if not lost:
             return
-        left = list(lost)
-        lost.clear()
-        while left:
-            died: list[Job] = []
-            with _processes(1) as pool:
-                while left and not died:
-                    yield from _spread(function, iter([left.pop(0)]), pool, 1, died)
-            for index, _ in died:
-                sentence = "its worker process died (out of memory, or a crash in compiled code)."
-                yield index, JobError(index, sentence)
 
 
 @contextlib.contextmanager

@@ -28,22 +28,10 @@ def carried(what: str, value: Any, cure: str = "") -> None:
             if home[0] == "copy" or any(name in home for name in BY_VALUE):
                 return
             frame = frame.f_back
-        is_what, usual = _described(value)
-        said = f"{what} is {is_what}, which cannot be pickled: {cure or usual}."
+        name = str(getattr(value, "__qualname__", f"an object of the class {type(value).__name__}"))
+        usual = "define what it is with def or class at the top level of a module or notebook cell"
+        said = f"{what} is {name}, which cannot be pickled: {cure or usual}."
         raise NotPicklable(said) from None
-
-
-def _described(value: Any) -> tuple[str, str]:
-    """What it is, and what to do about it."""
-    where = "at the top level of a module or of a notebook cell"
-    name = str(getattr(value, "__qualname__", ""))
-    if str(getattr(value, "__module__", "")).startswith("control."):
-        return "a function that python-control made", "give the block a function of your own"
-    if "<lambda>" in name:
-        return "a lambda", f"write it with def {where}"
-    if name:
-        return f"the function {name.split('.')[-1]}", f"define it {where}, under this name"
-    return f"an object of the class {type(value).__name__}", f"define what it holds {where}"
 
 
 def rebuilt(function: Any) -> Any:

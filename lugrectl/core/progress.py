@@ -9,7 +9,6 @@ import shutil
 import sys
 import time
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import Any, ParamSpec, TextIO, TypeVar
 
 from .errors import InputError
@@ -43,10 +42,7 @@ def bar_for(wanted: Wanted) -> Bar:
         raise InputError(f"progress must be a function, True, False or None, not {wanted!r}.")
     if wanted is False or (wanted is None and not in_notebook()):
         return Bar()
-    if in_notebook():
-        rich = all(find_spec(name) is not None for name in ("tqdm", "ipywidgets"))
-        return Widget() if rich else Cell()
-    return Terminal(sys.stderr)
+    return Cell() if in_notebook() else Terminal(sys.stderr)
 
 
 def reporter(wanted: Wanted) -> Progress:
@@ -133,26 +129,8 @@ class Terminal(Bar):
             self._stream.flush()
 
 
-class Widget(Bar):
-    """The bar of tqdm in a notebook."""
-
-    def _draw(self, fraction: float, what: str) -> None:
-        if self._place is None:
-            from tqdm.auto import tqdm  # pyright: ignore[reportMissingModuleSource]
-
-            layout = "{percentage:3.0f} % {bar} {desc} [{elapsed}]"
-            self._place = tqdm(total=100, leave=False, bar_format=layout)
-        self._place.n = round(100 * fraction)
-        self._place.set_description_str(what)
-
-    def close(self) -> None:
-        if self._place is not None:
-            self._place.n = self._place.total  # else tqdm leaves a red bar behind
-            self._place.close()
-
-
 class Cell(Bar):
-    """A bar of plain HTML in a notebook, where tqdm or ipywidgets is not installed."""
+    """A bar of plain HTML in a notebook."""
 
     def _draw(self, fraction: float, what: str) -> None:
         words = f"{100 * fraction:.0f} % {html.escape(what)}"

@@ -1,11 +1,9 @@
-"""Files written whole or not at all; what a killed process leaves is removed by the next one."""
+"""Files written whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import os
-import platform
-import re
 import secrets
 import shutil
 import time
@@ -14,7 +12,7 @@ from pathlib import Path
 
 from .errors import InputError
 
-_OLD = 86_400.0  # s after which what another machine left behind is removed
+_OLD = 3600.0  # s after which what a killed process left behind is removed
 _PREFIX = ".lugrectl-"
 
 
@@ -46,9 +44,23 @@ def write_whole(path: Path, content: bytes, option: str = "") -> None:
 
 def write_together(content: Mapping[str, str], folder: Path, complaint: str) -> list[Path]:
     """Write texts by file name into a folder, all or none; InputError's ``complaint`` takes why."""
+    created = [p for p in (folder.absolute(), *folder.absolute().parents) if not p.exists()]
     try:
-        _together(content, folder.absolute())
-    except OSError as error:
+        folder.mkdir(parents=True, exist_ok=True)
+        staged = unfinished(folder)
+        staged.mkdir()
+        try:
+            for name, body in content.items():
+                (staged / name).write_text(body, encoding="utf-8", errors="replace")
+            _exchange(staged, folder, list(content))
+        finally:
+            shutil.rmtree(staged, ignore_errors=True)
+    except BaseException as error:
+        for parent in created:
+            with contextlib.suppress(OSError):
+                parent.rmdir()
+        if not isinstance(error, OSError):
+            raise
         raise InputError(f"{folder}: {complaint.format(error.strerror or error)}") from None
     return [folder / name for name in content]
 
@@ -56,34 +68,6 @@ def write_together(content: Mapping[str, str], folder: Path, complaint: str) -> 
 def nearest(path: Path) -> Path:
     """The path itself, or the nearest parent that exists."""
     return next(p for p in (path, *path.parents) if os.path.lexists(p))
-
-
-def _together(content: Mapping[str, str], folder: Path) -> None:
-    base = nearest(folder)
-    staged = unfinished(base)
-    staged.mkdir()
-    try:
-        for name, body in content.items():
-            (staged / name).write_text(body, encoding="utf-8", errors="replace")
-        if base == folder:
-            _exchange(staged, folder, list(content))
-        else:
-            _settle(staged, folder)
-    finally:
-        shutil.rmtree(staged, ignore_errors=True)
-
-
-def _settle(staged: Path, folder: Path) -> None:
-    """Rename to a folder that does not exist; on failure parents created for it are removed."""
-    created = [p for p in folder.parents if not p.exists()]
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        staged.rename(folder)
-    except BaseException:
-        for parent in created:
-            if parent.exists():
-                parent.rmdir()
-        raise
 
 
 def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
@@ -105,30 +89,9 @@ def _exchange(staged: Path, folder: Path, names: list[str]) -> None:
 
 
 def unfinished(folder: Path) -> Path:
-    """Return a new hidden name in a folder; what processes that ended left there is removed."""
-    mine = _names_of(os.getpid())
-    for left in folder.glob(f"{_PREFIX}*"):
-        known = re.fullmatch(r"\.lugrectl-\w+-(\d+)-[0-9a-f]{12}", left.name)
+    """Return a new hidden name in a folder; what was left there long ago is removed."""
+    for left in folder.glob(f"{_PREFIX}{'[0-9a-f]' * 16}"):
         with contextlib.suppress(OSError):  # another process may have removed it
-            pid = int(known[1]) if known else 0
-            old = time.time() - left.stat().st_mtime > _OLD
-            if known and (old or (left.name.startswith(_names_of(pid)) and not _runs(pid))):
+            if time.time() - left.stat().st_mtime > _OLD:
                 shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink()
-    return folder / f"{mine}{secrets.token_hex(6)}"
-
-
-def _names_of(pid: int) -> str:
-    """What the hidden names of a process of this machine begin with."""
-    host = "".join(c for c in platform.node() if c.isalnum()) or "host"
-    return f"{_PREFIX}{host}-{pid}-"
-
-
-def _runs(pid: int) -> bool:
-    """Whether a process of this machine runs; where that cannot be asked, it may."""
-    with contextlib.suppress(OSError, OverflowError):
-        if os.name == "posix":
-            try:
-                os.kill(pid, 0)
-            except ProcessLookupError:
-                return False
-    return True
+    return folder / f"{_PREFIX}{secrets.token_hex(8)}"

@@ -14,8 +14,7 @@ from ..core.errors import InputError
 from ..core.regression import spread
 from ..estimates.findings import Candidate, Estimate, Finding, FrictionMap
 from ..estimates.fitted import Fitted
-from ..record import stretches
-from ..record.stretches import Stretch
+from ..record import Stretch, stretches
 from ..torque_balance.constants import FLOOR
 from ..torque_balance.last_fit import Design, LastFit
 from ..torque_balance.maps import MapView, Nodes, Run, is_map

@@ -13,7 +13,7 @@ from scipy.signal import savgol_filter
 from ..core.display import Row, between, estimated, noticed
 from ..core.result import Fields, Result, library, picked
 from ..core.views import view
-from ..record.stretches import Stretch
+from ..record import Stretch
 from .bench_test import BenchTest
 from .findings import Estimate
 

@@ -5,8 +5,13 @@ from .columns.roles import parse_pairs
 from .consistency import refuse_dead
 from .log import Log
 from .record import Record
-from .stretches import Stretch, stretches
-from .uniform_time import long_enough_to_judge, pooled, refuse_open_time
+from .uniform_time import (
+    Stretch,
+    long_enough_to_judge,
+    pooled,
+    refuse_open_time,
+    stretches,
+)
 
 __all__ = [
     "Log",

@@ -20,8 +20,7 @@ from .consistency import audit, fitting_speed, unit_mistake
 from .files.readers import SUFFIXES, read_table
 from .log import Kept, Log, rows_of
 from .record import Record
-from .samples.usable import usable
-from .uniform_time import uniform
+from .uniform_time import uniform, usable
 
 
 def read_record(
@@ -91,7 +90,10 @@ def read_record(
 
 def read_log(path: Any, **reading: Any) -> Log:
     """The rows of a log, read as by :func:`read_record`; a mixed-up unit of w, theta corrected."""
-    log = rows_of(path, **reading)
+    return _in_true_units(rows_of(path, **reading))
+
+
+def _in_true_units(log: Log) -> Log:
     if not {"w", "theta"} <= set(log.channels):
         return log
     try:
@@ -113,7 +115,7 @@ def record_of(log: Log | Record, *, alone: bool = True) -> Record:
     """A log on uniform time, without bad samples; ``alone``: it is the drive's only run."""
     if isinstance(log, Record):
         return log
-    made = audit(_uniform(log), log.labels, alone=alone)
+    made = audit(_uniform(log), alone=alone)
     return replace(made, file=log.file).read_from(log)
 
 
@@ -136,6 +138,7 @@ def consistent(record: Record) -> Record:
     assert log is not None  # a record always has one
     made = record
     if log.channels["u"] is record.u:  # it was never read
+        log = _in_true_units(log)
         found = _uniform(log)
         if found.messages:
             messages = (*record.messages, *found.messages)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -13,12 +13,11 @@ from ..core.errors import InputError, Refused
 from ..core.numeric import column_sizes
 from ..core.option_names import option
 from ..core.unit_names import si_unit
-from .columns.units import UNITS
+from .columns.names import UNITS
 from .record import Record
 from .samples.clock import plausible
 
-_BAND = 30.0  # Hz; the motion below this frequency is compared
-_SLOW_BAND = 5.0  # Hz
+_BAND, _SLOW_BAND = 30.0, 5.0  # Hz; the motion below this frequency is compared
 _BLOCKS = 20  # of time, whose spread gives the error of what is estimated
 _SURE = 8.0  # standard errors
 _STEADY = 0.1  # least change of a speed, as a share of it, by which signals can be compared
@@ -33,33 +32,29 @@ _IGNORED = "w is ignored and the velocity is computed from theta."
 Labels = Mapping[str, str | None]
 
 
-def audit(record: Record, labels: Labels | None = None, *, alone: bool = True) -> Record:
+def audit(record: Record, *, alone: bool = True) -> Record:
     """Correct faults of a record that have one possible cause, report others; Refused if dead."""
-    return _saturation(_torque_sign(fitting_speed(_alive(record, alone), labels)))
+    return _saturation(_torque_sign(fitting_speed(_alive(record, alone))))
 
 
 # ---- slow signals -------------------------------------------------------------------
 
 
-def _longest(record: Record, band: float = _BAND) -> Record | None:
-    """Return the longest stretch; None where, without its ends, it is too short for a band."""
+def _longest(record: Record, band: float = _BAND) -> tuple[Record, float] | None:
+    """The longest stretch, and its band below ``band``, Hz; None where, without a period of that at
+    each end, which the filter spoils, it is too short."""
+    edge = min(band, record.rate / 20)
     part = max(record.segments(), key=lambda s: s.stop - s.start)
-    least = 2 * (int(record.rate / _edge(record, band)) + _BLOCKS)
-    return record.slice(part.start, part.stop) if part.stop - part.start > least else None
-
-
-def _edge(record: Record, band: float) -> float:
-    """Return the cut-off frequency, Hz; the filter spoils a period of it at each end."""
-    return min(band, record.rate / 20)
+    if part.stop - part.start <= 2 * (int(record.rate / edge) + _BLOCKS):
+        return None
+    return record.slice(part.start, part.stop), edge
 
 
 def _low_passed(
-    record: Record, *signals: np.ndarray, band: float = _BAND, keep_ends: bool = False
+    rate: float, edge: float, *signals: np.ndarray, ends: bool = False
 ) -> list[np.ndarray]:
-    """Return low-pass filtered signals (the band of the motion), without their ends."""
-    edge = _edge(record, band)
-    sos = butter(3, edge, fs=record.rate, output="sos")
-    cut = 0 if keep_ends else int(record.rate / edge)
+    """Low-pass filtered signals (the band of the motion), with or without their ends."""
+    sos, cut = butter(3, edge, fs=rate, output="sos"), 0 if ends else int(rate / edge)
     return [sosfiltfilt(sos, signal)[cut : len(signal) - cut] for signal in signals]
 
 
@@ -135,8 +130,7 @@ def _alive(record: Record, alone: bool) -> Record:
     theta, w = record.theta, record.w
     moves = theta is not None and not (_is_constant(theta) or _is_steady(record))
     if w is not None and moves and _is_constant(w):
-        said = f"w is not d theta/dt but constant ({w[0]:.6g}): {_IGNORED}"
-        record = replace(record, w=None).with_messages(said)
+        record = _without_w(record, f"constant ({w[0]:.6g})")
     for role in _DEAD:
         values = getattr(record, role)
         if values is None or not _is_constant(values):
@@ -145,131 +139,132 @@ def _alive(record: Record, alone: bool) -> Record:
         on_a_curve = role != "theta" and values[0] != 0 and _is_steady(record)
         if not on_a_curve and (alone or role != "u"):
             raise _dead(record.source, role, values[0], "reverses")
-    if theta is not None and len(np.unique(theta)) < 4:
-        raise Refused(
-            f"{record.source}: theta takes {len(np.unique(theta))} values only: "
-            "nothing moves by more than the sensor's step.",
-            "Record a motion of many sensor steps.",
-        )
+    if theta is not None and (few := len(np.unique(theta))) < 4:
+        why = f"theta takes {few} values only: nothing moves by more than the sensor's step."
+        raise Refused(f"{record.source}: {why}", "Record a motion of many sensor steps.")
     if theta is None and w is not None and _is_noise(w):
-        raise Refused(
-            f"{record.source}: w is noise about zero: nothing moves.",
-            "Record a motion well above the sensor's noise.",
-        )
+        why = "w is noise about zero: nothing moves."
+        raise Refused(f"{record.source}: {why}", "Record a motion well above the sensor's noise.")
     return record
+
+
+def _without_w(record: Record, what: str) -> Record:
+    said = f"w is not d theta/dt but {what}: {_IGNORED}"
+    return replace(record, w=None).with_messages(said)
 
 
 # ---- the speed against the position's: unit, sign, offset and lag -------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Speeds:
-    """``w`` and d theta/dt (N,), ``slope``, of the longest piece, low-passed."""
+class _Speeds(NamedTuple):
+    """``w`` and d theta/dt (N,), ``slope``, of the longest piece, low-passed; their ratio, 1 or -1
+    where it may be that, how far they agree, and the lag of w in s with the least one."""
 
     w: np.ndarray
     slope: np.ndarray
     dt: float
-
-    @classmethod
-    def of(cls, record: Record) -> _Speeds | None:
-        """Return both; None where one is missing, too short, or does not change."""
-        if record.w is None or record.theta is None or (part := _longest(record)) is None:
-            return None
-        if not (np.ptp(record.w) > 0 and np.ptp(record.theta) > 0):
-            return None
-        assert part.w is not None and part.theta is not None
-        w, slope = _low_passed(part, part.w, np.gradient(part.theta, part.dt))
-        return cls(w, slope, part.dt)
-
-    def fitted(self, target: np.ndarray, source: np.ndarray) -> tuple[float, float, float, float]:
-        """Fit target = g (source + T d source/dt) + ... + c: g, T, c and the error of c."""
-        first = np.gradient(source, self.dt)
-        columns = [source, first, np.gradient(first, self.dt), np.ones_like(source)]
-        found, error = _jackknifed(columns, target, lambda p: p[3:])
-        g, T = found[0], found[1] / found[0] if found[0] else 0.0
-        return float(g), float(T), float(found[3]), float(error[0])
-
-    def compared(self) -> _Compared:
-        """Compare both: noise biases a ratio towards 0, so two regressions bracket the true one."""
-        w, slope = self.w, self.slope
-        (ratio, lead, *_), (inverse, lag, *_) = self.fitted(w, slope), self.fitted(slope, w)
-        agreement = ratio * inverse
-        if agreement < 0.25:
-            return _Compared(0.0, agreement)
-        swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
-        margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
-        low, high = sorted((abs(ratio), abs(1 / inverse)))
-        same = low <= 1 + margin and high >= 1 - margin
-        size = 1.0 if same else float(np.sqrt(ratio / inverse))
-        return _Compared(size * float(np.sign(ratio)), agreement, lag, min(lag, -lead))
-
-    def steady_ratio(self) -> float:
-        """Mean w over mean d theta/dt if the speed varies too little to compare them; else 0."""
-        w, slope = float(self.w.mean()), float(self.slope.mean())
-        ratio = w / slope if slope else 0.0
-        alike = np.std(self.w - ratio * self.slope) < _STEADY * abs(w)
-        return ratio if alike and np.std(self.slope) < _STEADY * abs(slope) else 0.0
-
-    def offset(self) -> float:
-        """The offset of w against d theta/dt, beside gain and lag; 0 where it may be none."""
-        *_, offset, error = self.fitted(self.w, self.slope)
-        least = max(_SURE * error, _LEAST_OFFSET * float(np.sqrt(np.mean(self.slope**2))))
-        return offset if abs(offset) > least and np.ptp(self.slope) > 0 else 0.0
-
-
-class _Compared(NamedTuple):
-    """w over d theta/dt, 1 or -1 where it may be that; its lag and the least one, in s."""
-
-    ratio: float
-    agreement: float
+    ratio: float = 0.0
+    agreement: float = 0.0
     lag: float = 0.0
     least_lag: float = 0.0
 
 
-def fitting_speed(record: Record, labels: Labels | None = None) -> Record:
+def _speeds(record: Record) -> _Speeds | None:
+    """Compare both; None where one is missing, too short, or does not change."""
+    if record.w is None or record.theta is None or (found := _longest(record)) is None:
+        return None
+    part, edge = found
+    if not (np.ptp(record.w) > 0 and np.ptp(record.theta) > 0):
+        return None
+    assert part.w is not None and part.theta is not None
+    w, slope = _low_passed(part.rate, edge, part.w, np.gradient(part.theta, part.dt))
+    made = _Speeds(w, slope, part.dt)
+    # noise biases a ratio towards 0, so two regressions bracket the true one
+    (ratio, lead, *_), (inverse, lag, *_) = _fitted(made, w, slope), _fitted(made, slope, w)
+    agreement = ratio * inverse
+    if agreement < 0.25:
+        return made._replace(agreement=agreement)
+    swings = 1 + np.count_nonzero(np.diff(np.sign(slope - slope.mean())))
+    margin = _OFF + 3 * np.sqrt(max(1 - agreement, 0.0) / swings)
+    low, high = sorted((abs(ratio), abs(1 / inverse)))
+    same = low <= 1 + margin and high >= 1 - margin
+    size = 1.0 if same else float(np.sqrt(ratio / inverse))
+    sign = float(np.sign(ratio))
+    return _Speeds(w, slope, part.dt, size * sign, agreement, lag, min(lag, -lead))
+
+
+def _fitted(
+    speeds: _Speeds, target: np.ndarray, source: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Fit target = g (source + T d source/dt) + ... + c: g, T, c and the error of c."""
+    first = np.gradient(source, speeds.dt)
+    columns = [source, first, np.gradient(first, speeds.dt), np.ones_like(source)]
+    found, error = _jackknifed(columns, target, lambda p: p[3:])
+    g, T = found[0], found[1] / found[0] if found[0] else 0.0
+    return float(g), float(T), float(found[3]), float(error[0])
+
+
+def _steady_ratio(speeds: _Speeds) -> float:
+    """Mean w over mean d theta/dt if the speed varies too little to compare them; else 0."""
+    w, slope = float(speeds.w.mean()), float(speeds.slope.mean())
+    ratio = w / slope if slope else 0.0
+    alike = np.std(speeds.w - ratio * speeds.slope) < _STEADY * abs(w)
+    return ratio if alike and np.std(speeds.slope) < _STEADY * abs(slope) else 0.0
+
+
+def fitting_speed(record: Record) -> Record:
     """The record with a w that fits d theta/dt, or without one; each change is a message."""
-    speeds = _Speeds.of(record)
+    speeds = _speeds(record)
     if speeds is None:
         return record
-    found = speeds.compared()
-    if not found.ratio:
-        return _unrelated(record, speeds, labels or {}, found.agreement)
-    if found.ratio != 1.0:
-        record = _converted(record, labels or {}, found.ratio)
-        if record.w is None:
-            return record
-        speeds = _Speeds.of(record)
-    offset = speeds.offset() if speeds is not None else 0.0
-    if offset:
+    ratio = speeds.ratio or _steady_ratio(speeds)
+    if not ratio:
+        return _unrelated(record, speeds.agreement)
+    if ratio != 1.0 and not (abs(ratio - 1) <= _OFF and not speeds.ratio):
+        if ratio != -1.0:
+            return _other_speed(record, ratio)
+        assert record.w is not None
+        said = "w has the opposite sign of d theta/dt: its sign was changed."
+        record = replace(record, w=-record.w).with_messages(said)
+        speeds = speeds._replace(w=-speeds.w)
+    if not speeds.ratio:
+        return record
+    *_, offset, error = _fitted(speeds, speeds.w, speeds.slope)
+    least = max(_SURE * error, _LEAST_OFFSET * float(np.sqrt(np.mean(speeds.slope**2))))
+    if abs(offset) > least and np.ptp(speeds.slope) > 0:
         size = f"{abs(offset):.3g} {si_unit('w', record.motion)}"
         return replace(record, w=None).with_messages(
             f"w is {size} too {'high' if offset > 0 else 'low'} against d theta/dt: {_IGNORED}"
         )
-    if found.least_lag > _LAG * record.dt:
+    if speeds.least_lag > _LAG * record.dt:
         record = record.with_messages(
-            f"w lags theta by {1e3 * found.lag:.3g} ms, as a filtered velocity does: not changed."
+            f"w lags theta by {1e3 * speeds.lag:.3g} ms, as a filtered velocity does: not changed."
         )
     return record
 
 
-def _unrelated(record: Record, speeds: _Speeds, labels: Labels, agreement: float) -> Record:
-    """Return a record whose w does not vary with d theta/dt, as far as it is understood."""
-    steady = speeds.steady_ratio()
-    if steady:
-        return record if abs(steady - 1) <= _OFF else _converted(record, labels, steady)
+def _unrelated(record: Record, agreement: float) -> Record:
+    """A record whose w does not vary with d theta/dt: the two are exchanged, or w is left out."""
     swapped = replace(record, theta=record.w, w=record.theta)
-    other = _Speeds.of(swapped)
-    if other is not None:
-        ratio = other.fitted(other.w, other.slope)[0]
-        inverse = other.fitted(other.slope, other.w)[0]
-        if ratio * inverse > _SAME and abs(np.sqrt(ratio / inverse) - 1.0) < _OFF:
-            return swapped.with_messages("theta is d w/dt: the two were exchanged.")
-    why = f"has little in common with it (R2 = {max(agreement, 0.0):.2f})"
-    return replace(record, w=None).with_messages(f"w is not d theta/dt but {why}: {_IGNORED}")
+    other = _speeds(swapped)
+    if other is not None and other.agreement > _SAME and other.ratio == 1.0:
+        return swapped.with_messages("theta is d w/dt: the two were exchanged.")
+    return _without_w(record, f"has little in common with it (R2 = {max(agreement, 0.0):.2f})")
 
 
-@dataclass(frozen=True)
-class Mistake:
+def _other_speed(record: Record, ratio: float) -> Record:
+    size, gear = abs(ratio), ""
+    if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
+        joint, motor = option("scale", f"w={1 / size:.4g}"), option("scale", f"theta={size:.4g}")
+        gives = f"{joint} gives the joint's motion, {motor} the motor's"
+        gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
+    return _without_w(record, f"{ratio:.4g} times it{gear}")
+
+
+# ---- units --------------------------------------------------------------------------
+
+
+class Mistake(NamedTuple):
     """A channel in another unit than it was taken in; ``factor`` is on its values in SI."""
 
     role: str
@@ -279,28 +274,21 @@ class Mistake:
 
 
 def unit_mistake(record: Record, labels: Labels) -> Mistake | None:
-    """The mix-up by which w is not d theta/dt, else None; InputError if the unit of t is wrong."""
-    speeds = _Speeds.of(record)
-    if speeds is None:
+    """The likeliest mix-up by which w is not d theta/dt, else None (units in SI are often stated by
+    habit); InputError if the unit of t is wrong."""
+    speeds = _speeds(record)
+    ratio = abs(speeds.ratio or _steady_ratio(speeds)) if speeds else 0.0
+    if not ratio or abs(ratio - 1) <= _OFF:
         return None
-    ratio = speeds.compared().ratio or speeds.steady_ratio()
-    if not ratio or abs(abs(ratio) - 1) <= _OFF:
-        return None
-    _check_time(record, labels, abs(ratio))
-    return _mistake(record, labels, abs(ratio))
-
-
-def _mistake(record: Record, labels: Labels, ratio: float) -> Mistake | None:
-    """The likeliest mix-up of units at this ratio; units in SI are often stated by habit."""
-    found = []
+    _check_time(record, labels, ratio)
+    found: list[tuple[int, str, Any, Any]] = []
     for role in ("w", "theta"):
         label = labels.get(role)
         taken = UNITS[label or si_unit(role, record.motion)]
         order = 0 if label is None else 1 if taken.factor == 1 else 2
         for meant in UNITS.values():
             same = (meant.quantity, meant.motion) == (taken.quantity, record.motion)
-            expected = taken.factor / meant.factor
-            expected = expected if role == "w" else 1 / expected
+            expected = (taken.factor / meant.factor) ** (1 if role == "w" else -1)
             if same and meant is not taken and abs(ratio / expected - 1) <= _CLOSE:
                 found.append((order, role, taken, meant))
     if not found:
@@ -326,30 +314,11 @@ def _check_time(record: Record, labels: Labels, ratio: float) -> None:
             continue
         if (clear or not plausible(record.dt)) and plausible(record.dt * finer):
             how = f"is stated in {taken.name} and" if stated else "has no unit and"
+            other = "" if stated else f", or {option('units', 't=s')} if that is right"
             raise InputError(
-                f"{record.source}: t {how} does not look like {taken.name} (w is "
-                f"{ratio:.4g} times d theta/dt): give {option('units', f't={unit.name}')}"
-                + ("." if stated else f", or {option('units', 't=s')} if that is right.")
+                f"{record.source}: t {how} does not look like {taken.name} (w is {ratio:.4g} "
+                f"times d theta/dt): give {option('units', f't={unit.name}')}{other}."
             )
-
-
-def _converted(record: Record, labels: Labels, ratio: float) -> Record:
-    """Return the record corrected where a wrong unit or sign explains the ratio, else without w."""
-    size, said = abs(ratio), "w has the opposite sign of d theta/dt: its sign was changed."
-    found = _mistake(record, labels, size) if size != 1.0 else None
-    if found is not None:
-        values = getattr(record, found.role) * found.factor
-        record = replace(record, **{found.role: values}).with_messages(found.said)
-    if found is not None or size == 1.0:
-        assert record.w is not None
-        return replace(record, w=-record.w).with_messages(said) if ratio < 0 else record
-    gear = ""
-    if 2.0 < size < _GEARS:  # w may be the motor's and theta the joint's
-        joint, motor = option("scale", f"w={1 / size:.4g}"), option("scale", f"theta={size:.4g}")
-        gives = f"{joint} gives the joint's motion, {motor} the motor's"
-        gear = f" (a motor with a gear of {size:.4g}? Then {gives})"
-    said = f"w is not d theta/dt but {ratio:.4g} times it{gear}: {_IGNORED}"
-    return replace(record, w=None).with_messages(said)
 
 
 # ---- sign of the torque -------------------------------------------------------------
@@ -358,15 +327,16 @@ def _converted(record: Record, labels: Labels, ratio: float) -> Record:
 def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, float] | None:
     """Fit ``u = J dw/dt + Fv w + Fc sign(w) + ...`` to the longest stretch, up to ``band`` Hz: J
     and the mean friction power over their standard errors, and the share of u that is explained."""
-    part = _longest(record, band)
-    if part is None or _is_constant(record.u):
+    found = _longest(record, band)
+    if found is None or _is_constant(record.u):
         return None
+    part, edge = found
     angle, speed = part.theta, part.w
     if speed is None:
         assert angle is not None
         speed = np.gradient(angle, part.dt)
     angle = np.cumsum(speed) * part.dt if angle is None else angle
-    (slow,) = _low_passed(part, speed, band=band, keep_ends=True)
+    (slow,) = _low_passed(part.rate, edge, speed, ends=True)
     still = 0.02 * np.std(slow)
     if not still > 0:
         return None
@@ -374,7 +344,7 @@ def _torque_fit(record: Record, band: float = _BAND) -> tuple[float, float, floa
     terms = [np.gradient(slow, part.dt), *friction, np.ones_like(slow), angle - angle.mean()]
     if part.motion == "rotary":
         terms += [np.sin(angle), np.cos(angle)]
-    u, *terms = _low_passed(part, part.u, *terms, band=band)
+    u, *terms = _low_passed(part.rate, edge, part.u, *terms)
     power = np.array([terms[1] @ terms[1], terms[1] @ terms[2]])
 
     def inertia_and_power(p: np.ndarray) -> np.ndarray:

@@ -16,22 +16,19 @@ from ..core.provenance import SourceFile
 from ..core.unit_names import si_unit
 from ..core.validation import as_path, positive, shown
 from .columns import roles
+from .columns.names import Unit, role_unit
 from .columns.raw_numbers import check_angles, signed
 from .columns.table import FORMS, Table, is_table, row_number, table_of
-from .columns.units import Unit, parse_unit, role_unit
 from .files.readers import read_stdin, read_table
-from .samples.resampling import held_mean
+from .samples.rows import held_mean
 
 _FAST = {"rotary": 400.0, "linear": 20.0}  # rad/s, m/s: above, a w without unit may not be in SI
 _TOGETHER = 0.5  # share of the rows with motion that hold u, too; below, they are two streams
+Units = Mapping[str, Unit | None]  # by role; None where nothing says one
 
 
-class Kept:
-    """What was computed from the rows of a log, with their checksum; it is not pickled."""
-
-    def __init__(self) -> None:
-        self.checksum: object = None
-        self.value: Any = None
+class Kept(dict[Any, Any]):
+    """What was computed from the rows of a log, by their checksum; it is not pickled."""
 
     def __reduce__(self) -> tuple[type[Kept], tuple[()]]:
         return Kept, ()
@@ -80,37 +77,46 @@ def rows_of(
     motion: str | None = None,
 ) -> Log:
     """The rows of a log in units stated or assumed; arguments as of :func:`read_record`."""
-    named, stated = roles.texts(columns, "columns"), roles.texts(units, "units")
+    named, stated = roles.by_role(columns, "columns"), roles.by_role(units, "units")
     scaled = roles.factors(scale)
     rate = None if rate is None else _rate(rate, named)
     table, file = _opened(path, named)
     choices, said = roles.choose_columns(table, named, need_time=rate is None)
-    time = next((c for c in choices if c.role == "t"), None)
-    if rate and time is not None:
-        choices.remove(time)
-        name = table.names[time.index]
-        said = [*said, f"The given rate was used in place of the column '{name}'."]
-    roles.check_used(table.source, [c.role for c in choices], units=stated, scale=scaled)
-    reading = _Reading(table, tuple(choices), stated, scaled)
-    reading.find_units(motion)
+    if rate and choices[0].role == "t":
+        time = table.names[choices.pop(0).index]
+        said = [*said, f"The given rate was used in place of the column '{time}'."]
+    found, asked = _units(table, choices, stated, scaled)
+    motion = _motion(table.source, found, motion)
     raw, more = table.load([c.index for c in choices])
     if not len(raw[0]):
         raise InputError(f"{table.source} holds column names but no data.")
     raw, merging = _merged([c.role for c in choices], raw)
-    taken = {r: unit for r in reading.unstated - {"t"} if (unit := si_unit(r, reading.motion))}
+    unstated = {role for role, unit in found.items() if unit is None and role not in scaled}
+    taken = {role: unit for role in unstated - {"t"} if (unit := si_unit(role, motion))}
     said = [*more, *roles.usual_said(table, choices, named, taken), *said, *merging]
-    channels, more = reading.channels(raw)
-    said += [*reading.overridden(), *more]
-    said += [] if "u" in named else roles.idle_said(table, choices, channels["u"])
-    if reading.motion == "rotary":
-        check_angles(table.source, channels, rate, reading.unstated)
+    channels = {}
+    for choice, column in zip(choices, raw, strict=True):
+        role, unit = choice.role, found[choice.role]
+        values, more = signed(role, column)
+        said += more
+        if role in scaled or (unit is None and role not in asked):
+            name = table.names[choice.index]
+            question, note = _doubt(role, name, values, motion, found, scaled)
+            said += note
+            asked |= {role: f"{table.source}, column '{name}': {question}"} if question else {}
+        factor = scaled.get(role, 1.0) * (unit.factor if unit else 1.0)
+        # a mark of a missing value may be as large as a float goes, or a NaN that signals
+        with np.errstate(over="ignore", invalid="ignore"):
+            channels[role] = values * factor
+    if asked:
+        raise InputError(" ".join(asked.values()))
+    if motion == "rotary":
+        check_angles(table.source, channels, rate, unstated)
     t = channels.pop("t", None)
     if t is None:
         t = np.arange(len(raw[0])) / float(rate or 1.0)
-    labels = {role: unit.name if unit else None for role, unit in reading.units.items()}
-    return Log(
-        table.source, t, channels, table.where, labels, reading.motion, tuple(said), file=file
-    )
+    labels = {role: unit.name if unit else None for role, unit in found.items()}
+    return Log(table.source, t, channels, table.where, labels, motion, tuple(said), file=file)
 
 
 def _opened(path: Any, named: Mapping[str, str]) -> tuple[Table, SourceFile | None]:
@@ -174,127 +180,82 @@ def _at_rows(role: str, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> np.nd
     grid = t[rows]
     dt = float(np.median(np.diff(grid)))
     made = held_mean(t[at], x[at], grid, dt) if role == "u" else np.interp(grid, t[at], x[at])
+    before = np.searchsorted(t[at], grid, side="right") - 1
+    made, before = np.where(before < 0, x[at][0], made), before.clip(0)
     step = 1.5 * max(float(np.median(np.diff(t[at]))), dt)
-    near = np.searchsorted(t[at], grid, side="right")
-    since = grid - t[at][np.maximum(near - 1, 0)]
-    made = np.where(near == 0, x[at][0], made)  # before its first message, the value of that
-    return np.where((since < step) & (since > -step), made, np.nan)
+    return np.where(np.abs(grid - t[at][before]) < step, made, np.nan)
 
 
 # ---- units --------------------------------------------------------------------------
 
 
-@dataclass
-class _Reading:
-    """The columns of a table that were chosen, and their units by role: stated by the user, in the
-    header, or implied by a name. ``questions`` must be asked of them, all at once."""
-
-    table: Table
-    choices: tuple[roles.Choice, ...]
-    stated: Mapping[str, str]
-    scaled: Mapping[str, float]
-    units: dict[str, Unit | None] = field(default_factory=dict)
-    questions: dict[str, str] = field(default_factory=dict)
-    motion: str = "rotary"
-
-    @property
-    def unstated(self) -> set[str]:
-        """The roles whose unit nothing says."""
-        found = self.units.items()
-        return {role for role, unit in found if unit is None and role not in self.scaled}
-
-    def find_units(self, motion: str | None) -> None:
-        """Find the unit of each column, the user's first; None where nothing says one."""
-        for role, index, implied in ((c.role, c.index, c.implied) for c in self.choices):
-            header, scaled = self.table.units[index], role in self.scaled
-            text = self.stated.get(role) or header or implied
-            self.units[role] = None
-            if text is None or (text == implied and scaled):
-                continue
-            where = f"{self.table.source}, column '{self.table.names[index]}'"
-            named = role not in self.stated and not header
-            try:
-                self.units[role] = role_unit(role, text, scaled=scaled, where=where, named=named)
-            except InputError as error:
-                self.questions[role] = str(error)
-        self.motion = _motion(self.table.source, self.units, motion)
-
-    def overridden(self) -> list[str]:
-        """A note on each unit that the user gave in place of another one in the header."""
-        said = []
-        for choice in self.choices:
-            given, header = self.stated.get(choice.role), self.table.units[choice.index]
-            here = parse_unit(header) if given and header else None
-            if given and header and (here is None or here != parse_unit(given)):
-                said.append(
-                    f"The header says {choice.role} [{header}]; "
-                    f"{option('units', f'{choice.role}={given}')} was used in its place."
+def _units(
+    table: Table,
+    choices: Sequence[roles.Choice],
+    stated: Mapping[str, str],
+    scaled: Mapping[str, float],
+) -> tuple[dict[str, Unit | None], dict[str, str]]:
+    """The unit of each column, the user's before the header's before the name's; and what must be
+    asked of them, all at once."""
+    known = [c.role for c in choices]
+    for what, given in (("units", stated), ("scale", scaled)):
+        for role in (r for r in given if r not in known):
+            none = f"names {role}, but {table.source} has no column for it"
+            raise InputError(f"{option(what)} {none}.")
+    found: dict[str, Unit | None] = {}
+    asked: dict[str, str] = {}
+    for role, index, implied in ((c.role, c.index, c.implied) for c in choices):
+        written = stated.get(role) or table.units[index]
+        text = written or (None if role in scaled else implied)
+        where, found[role] = f"{table.source}, column '{table.names[index]}'", None
+        try:
+            if text is not None:
+                found[role] = role_unit(
+                    role, text, scaled=role in scaled, where=where, named=not written
                 )
-        return said
-
-    def channels(self, raw: Sequence[np.ndarray]) -> tuple[dict[str, np.ndarray], list[str]]:
-        """The columns in SI units by role, and notes on how their numbers were interpreted."""
-        channels, said = {}, []
-        for choice, column in zip(self.choices, raw, strict=True):
-            values, more = signed(choice.role, column)
-            said += more
-            if choice.role not in self.questions:
-                said += self._remarks(choice, values)
-            unit = self.units[choice.role]
-            factor = self.scaled.get(choice.role, 1.0) * (unit.factor if unit else 1.0)
-            # a mark of a missing value may be as large as a float goes, or a NaN that signals
-            with np.errstate(over="ignore", invalid="ignore"):
-                channels[choice.role] = values * factor
-        if self.questions:
-            raise InputError(" ".join(self.questions.values()))
-        return channels, said
-
-    def _remarks(self, choice: roles.Choice, values: np.ndarray) -> list[str]:
-        """Notes on the numbers of a channel, or the question that they raise."""
-        role, name = choice.role, self.table.names[choice.index]
-        unit, assumed = self.units[role], si_unit(role, self.motion)
-        if role in self.scaled:
-            per = f" (in {unit.name})" if unit else ""
-            return [f"{role} is {self.scaled[role]:g} times column '{name}'{per}."]
-        if unit is not None or role not in ("u", "w", "theta"):
-            return []
-        values = values[np.isfinite(values)]
-        largest = np.abs(values).max(initial=0)
-        whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
-        factor, other = option("scale", f"{role}=FACTOR"), option("units", f"{role}=UNIT")
-        if role == "theta" and whole:
-            self.questions[role] = (
-                f"{self.table.source}, column '{name}': theta has no unit and holds whole numbers "
-                f"only, as encoder counts do: give {factor} (SI value per count) or {other}."
-            )
-        elif whole:
-            return [
-                f"{role} has no unit and holds whole numbers only: {assumed} was assumed; if these "
-                f"are counts or another unit, give {factor} or {other}."
-            ]
-        elif role == "w" and "theta" not in self.units and largest > _FAST[self.motion]:
-            return [
-                f"w has no unit and reaches {largest:.4g}: {assumed} was assumed; "
-                f"if that is wrong, give {other}."
-            ]
-        return []
+        except InputError as error:
+            asked[role] = str(error)
+    return found, asked
 
 
-def _motion(source: str, found: Mapping[str, Unit | None], given: str | None) -> str:
+def _motion(source: str, found: Units, given: str | None) -> str:
     """Return the kind of drive that the units belong to; units of both kinds are an error."""
     if not (given is None or (isinstance(given, str) and given in _FAST)):
         raise InputError(f"motion must be 'rotary' or 'linear', not {shown(given)}.")
     kinds = {role: unit for role, unit in found.items() if unit and unit.motion}
-    for role, unit in kinds.items():
-        for other, its in kinds.items():
-            if its.motion != unit.motion:
-                raise InputError(
-                    f"{source}: {role} is in {unit.name} but {other} in {its.name}; "
-                    "give all of them for a rotary drive or all for a linear one."
-                )
-        if given not in (None, unit.motion):
-            raise InputError(
-                f"{source}: {role} is in {unit.name}, which does not fit motion = '{given}'; for a "
-                f'{unit.motion} drive the model needs motion = "{unit.motion}".'
-            )
-    return given or next((str(unit.motion) for unit in kinds.values()), "rotary")
+    motions = {str(unit.motion) for unit in kinds.values()}
+    if len(motions | ({given} if given else set())) > 1:
+        listed = ", ".join(f"{role} is in {unit.name}" for role, unit in kinds.items())
+        how = f"motion is '{given}'" if len(motions) == 1 else "these are of two kinds of drive"
+        raise InputError(
+            f"{source}: {listed}, but {how}; give all of them for a rotary drive or all for a "
+            'linear one, whose model has motion = "linear".'
+        )
+    return given or next(iter(motions), "rotary")
+
+
+def _doubt(
+    role: str, name: str, values: np.ndarray, motion: str, found: Units, scaled: Mapping[str, float]
+) -> tuple[str, list[str]]:
+    """What must be asked of a column without a unit by its numbers, or a note on it."""
+    unit = found[role]
+    if role in scaled:
+        per = f" (in {unit.name})" if unit else ""
+        return "", [f"{role} is {scaled[role]:g} times column '{name}'{per}."]
+    values = values[np.isfinite(values)]
+    largest = np.abs(values).max(initial=0)
+    whole = bool(values.size) and np.ptp(values) >= 100 and not np.any(values % 1)
+    factor, other = option("scale", f"{role}=FACTOR"), option("units", f"{role}=UNIT")
+    if role == "theta" and whole:
+        return (
+            "theta has no unit and holds whole numbers only, as encoder counts do: give "
+            f"{factor} (SI value per count) or {other}."
+        ), []
+    fast = role == "w" and "theta" not in found and largest > _FAST[motion]
+    if role not in ("u", "w") or not (whole or fast):
+        return "", []
+    why = "holds whole numbers only" if whole else f"reaches {largest:.4g}"
+    return "", [
+        f"{role} has no unit and {why}: {si_unit(role, motion)} was assumed; if these are counts "
+        f"or another unit, give {factor} or {other}."
+    ]

@@ -1,35 +1,78 @@
-"""Uniform time: recorded stamps and missing samples become one step ``dt``, with gaps marked."""
+"""From the rows of a log to uniform time: bad samples are left out, recorded stamps and missing
+samples become one step ``dt``, with gaps marked."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..core.errors import Refused
 from ..core.option_names import option
-from .columns.units import UNITS
+from .columns.names import UNITS
+from .log import Log
 from .record import Record
-from .samples import clock
-from .samples.resampling import HELD, between, how, on_grid, speed
-from .samples.rows import Stamped, count, smallest_steps
-from .signal_noise import repeats
+from .samples import bad_samples, clock
+from .samples.needed_torque import leave_out_untrue_torque, unwrap_torque
+from .samples.rows import HELD, Stamped, between, count, how, on_grid, smallest_steps, speed
+from .signal_noise import lattice_step, repeats
 
 _FILL_SHARE = 0.01  # of the samples: more missing ones of an optional channel are not filled
 _EXACT = 0.01  # stamps this close to the grid (in dt) count as on it
 _LONGER = "Record 20 s or more without loss."
 _TO_JUDGE = 200, 1.0  # samples and s in one piece that the comparison of models needs
-_SAME = 1e-3  # rates of runs that differ by less are one
-_NEAR = 0.25  # rates of runs that differ by more are not brought together
+
+
+# ---- what can be used ---------------------------------------------------------------
+
+
+def usable(log: Log) -> Stamped:
+    """A copy of the usable rows of a log, which are kept with it; each finding is a sentence."""
+    checksum = log.checksum()
+    if checksum not in log.kept:
+        log.kept.clear()
+        log.kept[checksum] = _found(log)
+    return log.kept[checksum].copy()
+
+
+def _found(log: Log) -> Stamped:
+    made = Stamped.of(log)
+    for role in ("d", "theta_load"):
+        if role in made.channels and not made.channels[role].any():
+            del made.channels[role]
+            made.say(f"{role} is 0 in every row: left out.")
+    for role, other in (("w", "theta"), ("theta", "w"), ("d", "u")):
+        if {role, other} <= set(made.channels):
+            share, usual = (np.isfinite(made.channels[r]).mean() for r in (role, other))
+            if share < 0.5 * usual:  # it holds next to no number
+                del made.channels[role]
+                made.say(f"{role} has a number in {100 * share:.2g} % of the rows: left out.")
+    clock.put_in_time(made)
+    bad_samples.say_missing(made)
+    bad_samples.unwrap_positions(made)
+    for role in made.motion_roles:
+        bad_samples.leave_out_code(made, role)
+        bad_samples.leave_out_outliers(made, role)
+    bad_samples.unwrap_positions(made)  # an outlier hides them
+    clock.use_true_times(made)
+    bad_samples.cut_at_jumps(made)
+    made.steps = smallest_steps(made.channels)  # a bad sample would hide them
+    unwrap_torque(made)  # its wraps would look like bad samples
+    bad_samples.leave_out_code(made, "u")
+    bad_samples.leave_out_outliers(made, "u")
+    clock.keep_renewed(made)
+    leave_out_untrue_torque(made)
+    return made
+
+
+# ---- a record -----------------------------------------------------------------------
 
 
 def uniform(log: Stamped) -> Record:
     """Bring rows to uniform time: short losses filled, jitter resampled, longer losses gaps."""
     _enough(log, len(log.t))
-    _fill_optional(log)
-    _fill_missing(log)
+    _fill(log)
     clock.leave_out_scraps(log)
     whole = " in one piece" if log.new.sum() > 1 else ""
     _enough(log, max(p.stop - p.start for p in log.parts()), whole)
@@ -45,42 +88,32 @@ def _enough(log: Stamped, rows: int, whole: str = "") -> None:
         )
 
 
-def _fill_missing(log: Stamped) -> None:
-    """Fill what is missing for a few samples; a longer loss in torque or motion leaves a gap."""
+def _fill(log: Stamped) -> None:
+    """Fill what is missing for a few samples; a longer loss in torque or motion leaves a gap, and
+    a channel beside them that has one is left out."""
     some, long = np.zeros(len(log.t), bool), np.zeros(len(log.t), bool)
-    for role in log.required:
-        lost = ~np.isfinite(log.channels[role])
-        some |= lost
-        long |= lost & (repeats(lost) > clock.FILL)
-        if lost.any() and not lost.all():
-            log.channels[role] = _filled(role, log.channels[role], lost)
+    for role in [role for role in log.channels if not np.isfinite(log.channels[role]).all()]:
+        x, lost = log.channels[role], ~np.isfinite(log.channels[role])
+        apart = lost & (repeats(lost) > clock.FILL)
+        if role in log.required:
+            some |= lost
+            long |= apart
+        elif lost.all() or (role != "temperature" and (apart.any() or lost.mean() >= _FILL_SHARE)):
+            del log.channels[role]
+            log.say(f"{role} has too many missing samples and is left out.")
+            continue
+        else:
+            log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how(role)}).")
+        good, rows = np.flatnonzero(~lost), np.arange(len(x))
+        if not len(good):
+            continue
+        before = (np.searchsorted(good, rows, side="right") - 1).clip(0)
+        log.channels[role] = x[good[before]] if role in HELD else between(role, good, x[good], rows)
     log.dropped += int(some.sum())
     if long.any():
         log.new |= np.r_[False, long[:-1]] & ~long
         log.keep(~long)
         _enough(log, len(log.t))
-
-
-def _fill_optional(log: Stamped) -> None:
-    """Fill the channels beside torque and motion, or leave them out."""
-    for role in [role for role in log.channels if role not in log.required]:
-        lost = ~np.isfinite(log.channels[role])
-        longest = repeats(lost)[lost].max(initial=0)
-        isolated = longest <= clock.FILL and lost.mean() < _FILL_SHARE
-        if lost.all() or (role != "temperature" and not isolated):
-            del log.channels[role]
-            log.say(f"{role} has too many missing samples and is left out.")
-        elif lost.any():
-            log.channels[role] = _filled(role, log.channels[role], lost)
-            log.say(f"{role} is missing in {count(lost.sum(), 'sample')}: filled in ({how(role)}).")
-
-
-def _filled(role: str, values: np.ndarray, lost: np.ndarray) -> np.ndarray:
-    good, rows = np.flatnonzero(~lost), np.arange(len(values))
-    if role in HELD:
-        before = np.searchsorted(good, rows, side="right") - 1
-        return values[good[np.maximum(before, 0)]]
-    return between(role, good, values[good], rows)
 
 
 def _regular(log: Stamped) -> Record:
@@ -127,13 +160,14 @@ def _piece(
     at = (log.t[part] - log.t[part.start]) / dt
     resampled = bool(np.abs(at - counts).max() > _EXACT)
     grid = np.arange(int(at[-1] + _EXACT if resampled else counts[-1]) + 1)
-    at, made = at if resampled else counts, {}
-    for role, values in log.channels.items():
-        values = values[part]
-        if not resampled and len(grid) == len(counts):
-            made[role] = values
-        elif role in HELD and not resampled:
-            made[role] = values[np.searchsorted(counts, grid, side="right") - 1]
+    made = {role: values[part] for role, values in log.channels.items()}
+    if not resampled and len(grid) == len(counts):
+        return grid, made, resampled
+    before = np.searchsorted(counts, grid, side="right") - 1
+    at = at if resampled else counts
+    for role, values in made.items():
+        if role in HELD and not resampled:
+            made[role] = values[before]
         elif role == "w":
             made[role] = speed(at, counts, values, grid, resampled)
         else:
@@ -141,18 +175,77 @@ def _piece(
     return grid, made, resampled
 
 
+# ---- stretches: stamps interpolated, no more ----------------------------------------
+
+
+def stretches(logs: Sequence[Log]) -> tuple[list[Stretch], list[str]]:
+    """The stretches of uniform time in the logs of one drive, and what was noticed, as sentences;
+    one ends where rows are lost, where time starts again and where the position jumps."""
+    found, said = [], []
+    for run, log in enumerate(logs):
+        rows = usable(log)
+        said += [f"{log.source}: {s}" if len(logs) > 1 else s for s in rows.said]
+        for part in rows.parts():
+            made = _stretch(run, rows, part)
+            if made is not None and made.ok.sum() >= clock.FEWEST:
+                found.append(made)
+    return found, said
+
+
+def _stretch(run: int, rows: Stamped, part: slice) -> Stretch | None:
+    """One part on its own even grid; None without two samples of each channel. An instant is ``ok``
+    between good samples of which at most one is missing."""
+    t = rows.t[part]
+    used = [*rows.required, *(["d"] if "d" in rows.channels else [])]
+    values = {role: rows.channels[role][part] for role in used}
+    if len(t) < clock.FEWEST or any(np.isfinite(x).sum() < clock.FEWEST for x in values.values()):
+        return None
+    dt = clock.typical_step(np.diff(t))
+    steps = max(round((t[-1] - t[0]) / dt), 1)
+    grid, dt = np.linspace(t[0], t[-1], steps + 1), float(t[-1] - t[0]) / steps
+    made, ok = {}, np.ones(len(grid), bool)
+    # of the clock: rows that a logger writes in bursts come at long and at short steps
+    ticks = np.r_[0, np.cumsum(clock.multiples(np.diff(t), dt))]
+    for role, x in values.items():
+        good = np.isfinite(x)
+        at, tick = t[good], ticks[good]
+        made[role] = on_grid(role, at, x[good], grid, dt)
+        after = np.searchsorted(at, grid - 1e-6 * dt)
+        ok &= (after < len(at)) & (grid > at[0] - 1e-6 * dt)
+        after = after.clip(0, len(at) - 1)
+        before = (after - (at[after] > grid + 1e-6 * dt)).clip(0)
+        ok &= tick[after] - tick[before] <= 2
+    sound = np.flatnonzero(ok)
+    if not len(sound):
+        return None
+    cut = slice(int(sound[0]), int(sound[-1]) + 1)
+    channels = {role: x[cut] for role, x in made.items()}
+    raw = values.get("theta")  # between the stamps theta is on no count any more
+    step = 0.0 if raw is None else lattice_step(raw[np.isfinite(raw)])
+    return Stretch(run=run, dt=dt, t=grid[cut], ok=ok[cut], count=step, **channels)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Stretch:
+    """Uniform time, nothing filtered: at most the stamps are interpolated."""
+
+    run: int  # index of the log that it comes from
+    dt: float  # s
+    t: np.ndarray  # (M,) s
+    u: np.ndarray  # N m or N
+    theta: np.ndarray | None = None  # rad or m
+    w: np.ndarray | None = None  # rad/s or m/s
+    ok: np.ndarray  # False where a sample is missing, bad or bridged over more than a sample
+    d: np.ndarray | None = None  # measured load torque
+    count: float = 0.0  # step of the encoder, rad; 0 where there is none to see
+
+
 # ---- runs made alike ----------------------------------------------------------------
 
 
 def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
-    """The runs at one rate, where theirs are near, with common channels; changes are messages."""
-    if len(records) < 2:
-        return tuple(records)
-    rates = [float(f"{r.rate:.4g}") for r in records]
-    dt = records[rates.index(Counter(rates).most_common(1)[0][0])].dt
-    if not any(abs(r.dt / dt - 1) > _NEAR for r in records):
-        records = [r if abs(r.dt / dt - 1) < _SAME else _resampled(r, dt) for r in records]
-    for role, other in (("w", "theta"), ("theta", "w")):  # left out where a run has the other only
+    """The runs with common channels: what a run lacks that has another is left out, and said."""
+    for role, other in (("w", "theta"), ("theta", "w")):
         without = [r for r in records if getattr(r, role) is None]
         if 0 < len(without) < len(records) and all(getattr(r, other) is not None for r in records):
             first = next(i for i, r in enumerate(records) if getattr(r, role) is not None)
@@ -161,29 +254,6 @@ def pooled(records: Sequence[Record]) -> tuple[Record, ...]:
             made[first] = made[first].with_messages(said)
             return tuple(made)
     return tuple(records)
-
-
-def _resampled(record: Record, dt: float) -> Record:
-    """Return the record with another step: u held with its time integral, motion by splines."""
-    pieces = []
-    for part in record.segments():
-        start, stamps = record.t[part.start], record.t[part] - record.t[part.start]
-        grid = dt * np.arange(int(stamps[-1] / dt + 1e-6) + 1)
-        others = {k: x[part] for k, x in record.channels().items() if k != "t"}
-        made = {k: on_grid(k, stamps, x, grid, dt) for k, x in others.items()}
-        pieces.append({"t": start + grid, **made})
-    made = replace(
-        record,
-        **{role: np.concatenate([p[role] for p in pieces]) for role in pieces[0]},
-        dt=dt,
-        gaps=tuple(int(g) for g in np.cumsum([len(p["t"]) for p in pieces])[:-1]),
-        resolution=record.resolution or smallest_steps(record.channels()),
-        log=None,
-    )
-    return made.read_from(record.log).with_messages(
-        f"{record.source} has {record.rate:.6g} samples per second: resampled to {1 / dt:.6g}, "
-        "the rate of the other runs."
-    )
 
 
 # ---- what time says of a log --------------------------------------------------------

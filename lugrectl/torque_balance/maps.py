@@ -21,7 +21,7 @@ from ..blocks.block import Block, members
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.regression import Blocks
-from ..record.stretches import Stretch
+from ..record import Stretch
 from . import constants as const
 from .columns import needs_inertia
 from .friction import View, declared_terms, places

@@ -31,7 +31,7 @@ from scipy.linalg import solveh_banded
 from ..core.errors import Refused
 from ..core.numeric import rms
 from ..core.regression import Prior, robust, weight
-from ..record.stretches import Stretch
+from ..record import Stretch
 from . import constants as const
 
 

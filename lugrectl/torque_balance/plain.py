@@ -15,7 +15,7 @@ from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..estimates.balance import Balance, Combination, CurvePoint, Residual
 from ..estimates.findings import Estimate
-from ..record.stretches import Stretch
+from ..record import Stretch
 from . import constants as const
 from .friction import View
 from .last_fit import Interval, LastFit, Value, best_law, other_views, state_of, tells

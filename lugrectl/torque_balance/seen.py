@@ -28,7 +28,7 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
 from ..core.regression import Prior, paired, robust
-from ..record.stretches import Stretch
+from ..record import Stretch
 from . import constants as const
 from .columns import columns, linear, searched
 from .friction import Term, View, declared_terms, places

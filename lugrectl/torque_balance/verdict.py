@@ -19,7 +19,7 @@ from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import log_density, paired, spread
-from ..record.stretches import Stretch
+from ..record import Stretch
 from . import constants as const
 from .decision import Decision
 from .friction import OFFSET, Term, View

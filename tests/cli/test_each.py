@@ -7,9 +7,8 @@ import pytest
 
 from lugrectl import report
 from lugrectl.blocks.model import Model, table1, write_model
-from lugrectl.cli import each, main
+from lugrectl.cli import commands, main
 from lugrectl.core.errors import InputError
-from lugrectl.core.progress import Terminal
 from lugrectl.report import FILES, fleet_page
 
 from ..cases.logs import csv as log
@@ -29,7 +28,7 @@ def job(monkeypatch):
     fake.calls, fake.answers = [], {}
     for home in ("fleet", "diagnose"):
         monkeypatch.setattr(f"lugrectl.diagnosis.{home}.diagnose", work)
-    monkeypatch.setattr(each, "processors", lambda: 1)
+    monkeypatch.setattr(commands, "processors", lambda: 1)
     return fake
 
 
@@ -151,13 +150,6 @@ def test_wrong_usage_is_a_sentence_and_no_work(files, job, capsys, line, word):
     assert not job.calls and listed(files) == before
 
 
-def test_a_model_in_the_way_of_a_report_is_spared(files, job, capsys):
-    (files / "made" / "run").mkdir(parents=True)
-    write_model(Model.of(table1()), files / "made" / "run" / "model.toml")
-    code = main("diagnose left --model made/run/model.toml --each --out made".split())
-    assert code == 2 and "overwrite" in capsys.readouterr().err and not job.calls
-
-
 def test_patterns_that_the_shell_left_are_expanded(files, job, capsys):
     assert run(capsys, "r*/*.csv --each")[1].startswith("2 logs")
     assert run(capsys, "right/a*.csv")[0] == 0 and len(job.calls) == 3
@@ -165,34 +157,3 @@ def test_patterns_that_the_shell_left_are_expanded(files, job, capsys):
 
 def test_a_folder_stands_for_the_runs_of_one_drive_in_it(files, job, capsys):
     assert run(capsys, "left")[0] == 0 and len(job.calls) == 1
-
-
-def test_jobs_are_as_many_as_processors_or_logs(files, capsys, monkeypatch):
-    from lugrectl.diagnosis import fleet
-
-    asked = []
-
-    def noted(*_, jobs, **__):
-        asked.append(jobs)
-        return fleet.Fleet(())
-
-    monkeypatch.setattr(fleet, "run_each", noted)
-    monkeypatch.setattr(each, "processors", lambda: 2)
-    for options in ("left", "left right", "left right --jobs 5"):
-        run(capsys, f"{options} --each")
-    assert asked == [1, 2, 5]
-
-
-def test_one_bar_over_all_logs(files, job, capsys, monkeypatch):
-    said = []
-    monkeypatch.setattr(Terminal, "__call__", lambda self, part, what="": said.append((part, what)))
-    run(capsys, "left right --each")
-    assert said[0] == (0.0, "0 of 3") and said[-1] == (1.0, "3 of 3")
-
-
-def test_help_says_what_each_does(capsys):
-    assert main(["diagnose", "--help"]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    for words in ("separately", "processors", "index.html", "highest code of a single log"):
-        assert words in said
-    assert main(["identify", "--help"]) == 0 and "--each" not in capsys.readouterr().out

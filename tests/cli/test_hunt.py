@@ -21,12 +21,6 @@ def files(tmp_path, monkeypatch):
     lg.write_model(lg.Model.of(friction="coulomb", **own), "smooth.toml")
 
 
-def test_a_loop_that_hunts_exits_1(files, capsys):
-    code, out, _ = run(capsys, f"--model sticks.toml {GAINS}")
-    assert code == 1 and out.startswith("the loop hunts\n")
-    assert "+-0.06692 rad, period 23.73 s, stable, 2 stops" in out
-
-
 def test_the_document_has_what_is_promised(files, capsys):
     line = f"--model sticks.toml {GAINS} --json --plot hunt.png"
     code, out, err = run(capsys, line)

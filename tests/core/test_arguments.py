@@ -15,7 +15,6 @@ from lugrectl.diagnosis.asked import Asked
 P = lg.table1()
 MODEL = lg.Model.of(P)
 LOOP = lg.velocity_loop(P)
-LAG = ct.tf([1], [1, 1])
 T = np.arange(0, 0.02, 1e-3)
 LONG = np.arange(4000) * 1e-3
 COLUMNS = {
@@ -41,28 +40,18 @@ WRONG = [
     (lambda: lg.diagnose(RECORD, "no.toml"), "no.toml: no such model file"),
     (lambda: lg.diagnose(RECORD, MODEL, horizon=-1), "horizon must be"),
     (lambda: lg.diagnose(RECORD, MODEL, seed="x"), "seed must be"),
-    (lambda: lg.diagnose(RECORD, MODEL, seed=-1), "seed must be"),
     (lambda: lg.diagnose(RECORD, MODEL, holdout=0.3), "holdout must be"),
-    (lambda: lg.diagnose(RECORD, MODEL, holdout="first"), "first: no such file"),
     (lambda: lg.diagnose(RECORD, MODEL, holdout=COLUMNS), "holdout holds the same samples"),
-    (lambda: lg.diagnose(RECORD, MODEL, progress=3), "progress must be"),
-    (lambda: lg.identify(RECORD, None), "model must be"),
     (lambda: lg.diagnose_each("no-such-folder", MODEL), "no-such-folder: no such file or folder"),
     (lambda: lg.diagnose_each(3, MODEL), "records must be"),
     (lambda: lg.diagnose_each([3], MODEL), "each log must be"),
-    (lambda: lg.diagnose_each([RECORD], 3), "model must be"),
-    (lambda: lg.diagnose_each([RECORD], MODEL, jobs="x"), "jobs must be"),
     (lambda: lg.diagnose_each([RECORD], MODEL, executor=3), "executor must be"),
     (lambda: lg.read_record(3), "record must be"),
     (lambda: lg.read_record(np.ones((4, 3))), "record must be"),
-    (lambda: lg.read_record(""), "directory"),
     (lambda: lg.read_record("x" * 5000), "cannot be read"),
     (lambda: lg.read_record({}), "has no columns"),
     (lambda: lg.read_record(COLUMNS, columns=["t", "u"]), "columns must be a dict"),
-    (lambda: lg.read_record(COLUMNS, units=3), "units must be a dict"),
-    (lambda: lg.read_record(COLUMNS, scale=[1]), "scale must be a dict"),
     (lambda: lg.read_record(COLUMNS, rate="1k"), "rate must be"),
-    (lambda: lg.read_record(COLUMNS, motion=["rotary"]), "motion must be"),
     (lambda: lg.read_record(RECORD, rate=3), "rate is for a log that is still to be read"),
     (lambda: lg.read_record({**COLUMNS, "u": 1j * LONG}), "column 'u' must be real"),
     (lambda: lg.read_record({**COLUMNS, "u": ["a"] * 4000}), "'u' holds 'a' at sample 1"),
@@ -70,96 +59,56 @@ WRONG = [
     (lambda: lg.read_record({**COLUMNS, "u": 3}), "'u' must hold one number for each sample"),
     (lambda: lg.Record(t=LONG, u="x", w=LONG), "u must be real numbers"),
     (lambda: lg.Model.of(None), "model must be"),
-    (lambda: lg.Model.of(J="x"), "J must be a number"),
     (lambda: lg.Model.of(Fd=1), "unknown key 'Fd'"),
-    (lambda: lg.Model.of(friction=3), "no friction model named 3"),
     (lambda: lg.Model.of(effects=3), "effects must be"),
-    (lambda: lg.Model.of(effects=["gravty"]), "did you mean 'gravity'"),
     (lambda: MODEL.with_effect("typo"), "no effect named 'typo'"),
     (lambda: lg.Parameters(J=1), "sigma0, sigma1, Fc, Fs, Fv, vs missing"),
-    (lambda: replace(P, J=1j), "J must be a number"),
-    (lambda: lg.plant("my.toml"), "my.toml: no such model file"),
     (lambda: lg.plant(P, inputs=3), "inputs must be"),
     (lambda: lg.plant(P, name="a.b"), "name must be"),
     (lambda: lg.sensor(3), "model must be"),
     (lambda: lg.effect("typo"), "no effect named 'typo'"),
-    (lambda: lg.effect(["gravity"]), "no effect named"),
     (lambda: lg.effect("gravity", amplitude="x"), "amplitude must be a number"),
     (lambda: lg.friction("lugre", sigma0=0), "sigma0 = 0 must be above 0"),
     (lambda: lg.pi("a"), "pi.kp must be a number"),
-    (lambda: lg.pi(np.inf), "pi.kp must be finite"),
     (lambda: lg.feedforward(3), "p must be"),
-    (lambda: lg.natural_observer("no.toml"), "no such model file"),
     (lambda: lg.tabulated("theta", "ab", "cd"), "points must be real numbers"),
     (lambda: lg.deflection("x", 1e-3, P), "w must be real numbers"),
-    (lambda: lg.deflection([1, 2], "x", P), "dt, the sample time, must be"),
     (lambda: lg.sampled(3, 1e-3), "system must be"),
-    (lambda: lg.sampled(lg.pi(), 1e-3, held=3), "held must be"),
     (lambda: lg.block("observer", out=3), "out must be a name or a list of names"),
     (lambda: lg.block("effect", out="d")(3), "declared of a function"),
     (lambda: lg.velocity_loop(P, "x"), "no observer named 'x'"),
     (lambda: lg.velocity_loop(P, "natural", K1=10, k=3), "K1 = 10: the observer 'natural'"),
-    (lambda: lg.velocity_loop(P, k=3), "k = 3: without an observer"),
     (lambda: lg.velocity_loop(P, "proposed", K1=None, K2=None), "K1 = None is no gain"),
-    (lambda: lg.velocity_loop(P, "disturbance", gains=3), "gains must be"),
-    (lambda: lg.velocity_loop(P, load="yes"), "load must be"),
-    (lambda: lg.velocity_loop(P, prefilter="a"), "prefilter must be"),
     (lambda: lg.velocity_loop(P, observer_parameters=3), "observer_parameters must be"),
     (lambda: lg.compensate(3), "model must be"),
     (lambda: lg.compensate(P, loop=["velocity"]), "unknown loop"),
     (lambda: lg.compensate(P, kp="x"), "kp must be"),
-    (lambda: lg.compensate(P, K1="x", K2="y"), "K1 must be"),
     (lambda: lg.compensate(P, record=3), "record must be"),
-    (lambda: lg.compensate(P, declared=3), "declared must be"),
     (lambda: lg.compensate(P, reference=("a", "b")), "reference: t must be"),
-    (lambda: lg.compensate(P, table=3), "table must be"),
     (lambda: lg.simulate(None, T, 0.1), "system must be"),
     (lambda: lg.simulate(ct.tf([1, 0], [1]), T), "no state-space form"),
     (lambda: lg.simulate([lg.plant(P), 3], T), "a block must be"),
-    (lambda: simulate("1s", 0.1), "t must be"),
     (lambda: simulate(T, timepts=T), "t or timepts"),
-    (lambda: simulate(T, x0=0.0, initial_state=0.0), "x0 or initial_state"),
     (lambda: simulate(T, "sin"), "inputs must be"),
-    (lambda: simulate(T, lambda t: 0.1), "inputs must be .* the function"),
     (lambda: simulate(T, 1j * T), "inputs must be .*complex"),
     (lambda: simulate(T, {"r": "x"}), "input r must be"),
     (lambda: simulate(T, 0.1, [0.0, np.eye(2)]), "has 4 states, x0 has 5"),
     (lambda: simulate(T, 0.1, "zero"), "x0 must be"),
-    (lambda: simulate(T, 0.1, {"plant.w": 1.0}), "x0 must be"),
-    (lambda: simulate(T, 0.1, np.nan), "x0 must be finite"),
     (lambda: simulate(T, 0.1, rtol=-1), "rtol must be"),
-    (lambda: simulate(T, 0.1, rtol=1e-300), "rtol must lie"),
     (lambda: simulate(T, 0.1, method="RK99"), "method must be"),
     (lambda: simulate(T, 0.1, hold="zoh"), "hold must be"),
-    (lambda: simulate(T, 0.1, squeeze="x"), "squeeze must be"),
-    (lambda: simulate(T, 0.1, params=[1, 2]), "params must be a dict"),
     (lambda: simulate(T, 0.1, params={"plant.Fc": "high"}), "plant.Fc must be a number"),
-    (lambda: simulate(T, 0.1, params={"plant.Fc": [0.1, 0.2]}), "plant.Fc must be a number"),
     (lambda: simulate(T, 0.1, params={"plant.J": -1.0}), "plant.J = -1 must be above 0"),
     (lambda: lg.simulate_sampled(lg.plant(P), T, 0.1), "drive must be"),
     (lambda: lg.simulate_sampled(None, [], T), "plant must be"),
-    (lambda: lg.simulate_sampled(lg.plant(P), [lg.compensation()], T, delay="x"), "delay must be"),
     (lambda: lg.sweep(None, T, 0.1, TABLE), "system must be"),
-    (lambda: lg.sweep(LOOP, T, 0.1, TABLE, jobs="x"), "jobs must be"),
-    (lambda: lg.sweep(LOOP, T, 0.1, TABLE, x0="zero"), "x0 must be"),
     (lambda: lg.sweep(LOOP, T, 0.1, TABLE, reduce="max"), "reduce must be"),
-    (lambda: lg.sweep(LOOP, T, 0.1, TABLE, outputs=3), "outputs must be"),
-    (lambda: lg.sweep_chunks(LOOP, T, 0.1, TABLE, executor=4), "executor must be"),
     (lambda: lg.l2_check(P), "needs K2"),
-    (lambda: lg.l2_check(LAG, 3), "K2 goes with"),
     (lambda: lg.spr_check("x"), "T is 'x'"),
     (lambda: lg.spr_check(([1, 1j], [1, 1])), "a coefficient of the numerator is 1j"),
-    (lambda: lg.l2_check(([10**400], [1, 1])), "a coefficient of the numerator is 1000"),
-    (lambda: lg.stability_check(LAG, np.eye(2)), "open_poles must be a whole number"),
-    (lambda: lg.spr_repair("x"), "T is 'x'"),
-    (lambda: lg.bandwidth(3), "T is 3"),
     (lambda: lg.position_T(P, kp="x"), "kp is 'x'"),
-    (lambda: lg.check_designs(P, kp=1j, K2=1), "kp must be real numbers"),
     (lambda: lg.certify(P, np.complex128(1), 22), "K1 must be a number"),
     (lambda: lg.design_gains(P, ["constant"]), "unknown method"),
-    (lambda: lg.design_gains(P, alpha="x"), "alpha must be"),
-    (lambda: lg.excitation([1, 2j], [0, 1]), "w must be real numbers"),
-    (lambda: lg.natural_decay(P, "x", [0, 1]), "w must be real numbers"),
 ]
 
 
@@ -253,7 +202,9 @@ def test_a_record_is_taken_in_every_form(run):
 def test_records_are_read_for_the_motion_of_the_model():
     linear = lg.Model.of(J=2.0, motion="linear")
     assert Asked.of(COLUMNS, linear).records()[0].motion == "linear"
-    with pytest.raises(InputError, match='does not fit motion.*the model needs motion = "rotary"'):
+    with pytest.raises(
+        InputError, match="w is in rpm, but motion is 'linear'.*whose model has motion"
+    ):
         Asked.of({**COLUMNS, "w [rpm]": COLUMNS["theta"]}, linear)
 
 
@@ -298,55 +249,7 @@ def test_a_model_is_taken_in_every_form(tmp_path):
     assert np.array_equal(lg.position_T(nested, kp=1).den[0][0], lg.position_T(P, kp=1).den[0][0])
 
 
-def test_numbers_of_numpy_are_numbers():
-    made = replace(P, J=np.float32(0.5), Fv=np.int64(1))
-    assert made.J == 0.5 and type(made.J) is float and type(made.Fv) is float
-    assert lg.Model.of(J=np.array(0.5)).J == 0.5
-    assert lg.pi(np.float32(0.5)).params["pi.kp"] == 0.5
-
-
 # ---- systems ------------------------------------------------------------------------
-
-
-def test_simulate_takes_the_names_of_python_control_and_transfer_functions():
-    usual = simulate(T, 0.1, 0.01)
-    named = simulate(timepts=T, inputs=0.1, initial_state=0.01)
-    assert np.array_equal(usual.outputs, named.outputs)
-    found = lg.simulate(LAG, T, 1.0, rtol=1e-9).outputs
-    assert np.allclose(found, 1 - np.exp(-T), atol=1e-8)
-    start = lg.simulate(ct.ss(-1, 1, 1, 0), timepts=T, initial_state=[0.5]).outputs
-    assert np.allclose(start, 0.5 * np.exp(-T), atol=1e-6)
-    slow = lg.sweep(LAG, T, 0.0, x0=[[0.0], [1.0]]).y
-    assert np.allclose(slow[1, 0], np.exp(-T), atol=1e-6)
-
-
-def test_the_parts_of_x0_make_up_all_states_where_they_differ_in_length():
-    parts = simulate(T, 0.1, [np.array([0.1, 0.2, 0.0]), 0.3])
-    assert np.array_equal(parts.states, simulate(T, 0.1, [0.1, 0.2, 0.0, 0.3]).states)
-
-
-def test_a_gain_of_zero_may_be_given_to_an_observer_that_has_none():
-    assert lg.velocity_loop(P, "proposed", k=0.0).params == lg.velocity_loop(P, "proposed").params
-
-
-@pytest.mark.parametrize(
-    ("num", "den", "gain", "frequency"),
-    [
-        ([1], [1, 1], 1.0, 0.0),
-        ([2, 0], [1, 1], 2.0, np.inf),
-        ([1], [1, 0.1, 1], 10 / np.sqrt(0.9975), np.sqrt(0.995)),
-        ([1, -1], [1, 1], 1.0, 0.0),
-        ([0], [1], 0.0, 0.0),
-        ([1, 0], [1], np.inf, np.inf),
-        ([1], [1, -1], np.inf, np.nan),
-        ([1, 1], [1, 1, 0], np.inf, np.nan),
-    ],
-)
-def test_the_l2_gain_of_a_transfer_function_is_its_largest_value(num, den, gain, frequency):
-    verdict = lg.l2_check(ct.tf(num, den))
-    assert verdict.gain == pytest.approx(gain) and bool(verdict) == np.isfinite(gain)
-    assert verdict.frequency == pytest.approx(frequency, nan_ok=True)
-    assert lg.l2_check((num, den)) == verdict or np.isnan(frequency)
 
 
 def test_an_array_without_names_is_told_how_to_name_its_columns():

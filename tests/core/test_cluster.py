@@ -1,4 +1,4 @@
-"""A cluster of two worker processes carries sweeps and fleets; a killed worker costs no member."""
+"""A cluster of two worker processes carries sweeps; a killed worker costs no member."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import os
 import signal
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -76,45 +75,3 @@ def test_a_worker_killed_during_a_sweep_loses_no_member(client: Any) -> None:
     assert killer.really()
     assert found.done.all() and not found.failed
     assert np.allclose(found["y"], step_response(GAINS, TAUS), atol=1e-4)
-
-
-def logs(folder: Path) -> list[Path]:
-    """Coulomb friction, viscous friction and inertia, each with its own level."""
-    rng, dt = np.random.default_rng(0), 0.004
-    t = dt * np.arange(1500)
-    files = []
-    for k in range(4):
-        w = 2.0 * np.sin(2 * np.pi * (0.5 + 0.1 * k) * t) + np.sin(2 * np.pi * 1.3 * t)
-        F = (0.2 + 0.05 * k) * np.tanh(w / 1e-3) + 0.02 * w
-        u = 0.002 * np.gradient(w, dt) + F
-        rows = np.column_stack([t, u, w + rng.normal(0.0, 1e-3, len(t))])
-        files.append(folder / f"axis{k}.csv")
-        np.savetxt(files[-1], rows, delimiter=",", header="t,u,w", comments="", fmt="%.9g")
-    return files
-
-
-def answers(fleet: Any) -> list[tuple[str, str, Any]]:
-    """What must be the same wherever a log is diagnosed."""
-    return [
-        (Path(o.file).name, o.verdict, (o.document or {}).get("plain", {}).get("parameters"))
-        for o in fleet.outcomes
-    ]
-
-
-@pytest.mark.parametrize("share", [None, 0.25])
-def test_a_fleet_on_two_processes_is_that_of_this_process_even_if_one_is_killed(
-    client: Any, tmp_path: Path, share: float | None
-) -> None:
-    files = logs(tmp_path)
-    model = lg.Model.of(J=0.002, friction="coulomb", Fc=0.25, Fv=0.02)
-    killer = Killer(client, 2.0 if share is None else share)
-    options: dict[str, Any] = {"time_limit": 20.0}
-    there = lg.diagnose_each(
-        files, model, executor=client.get_executor(), progress=killer, **options
-    )
-    here = lg.diagnose_each(files[:1], model, **options)
-    assert share is None or killer.really()
-    assert not there.failed and not there.unfinished and len(there.outcomes) == 4
-    assert answers(there)[0] == answers(here)[0]
-    levels = [entry[2]["Fc"]["value"] for entry in answers(there)]
-    assert levels == pytest.approx([0.2, 0.25, 0.3, 0.35], rel=0.05)

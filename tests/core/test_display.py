@@ -102,24 +102,6 @@ def test_values_stand_with_their_units(things, key, lines):
     assert not set(lines) - set(said)
 
 
-def test_a_diagnosis_in_short_says_verdict_effects_and_error():
-    said = " ".join(repr(diagnosis()).split())
-    assert said.startswith("Diagnosis: found: torque_ripple")
-    assert "torque_ripple.amplitude 0.0501 N m (0.0489 to 0.0513)" in said
-    assert "error of w 0.210 -> 0.0210 rad/s (refitted -> augmented)" in said
-    assert str(diagnosis()) != repr(diagnosis())
-
-
-def test_a_value_to_be_identified_is_said():
-    model = lg.Model.of(P).with_values({"Fc": None})
-    assert "Fc to be identified" in " ".join(repr(model).split())
-
-
-def test_linear_drives_have_linear_units():
-    model = replace(lg.Model.of(P), motion="linear")
-    assert "J 0.0022 kg sigma0 260 N/m" in " ".join(repr(model).split())
-
-
 def test_arrays_are_shown_by_size_and_range():
     assert brief(np.arange(12000.0)) == "12000 values, 0 to 11999"
     assert brief(np.array([np.nan, np.inf])) == "2 values"
@@ -156,19 +138,6 @@ def test_plots_draw_into_the_axes_given(drawable):
     ax = Figure().subplots()
     assert drawable.plot(ax=ax) is ax and ax.has_data()
     assert not plt.get_fignums()
-
-
-def test_a_diagnosis_returns_an_array_of_axes_or_the_only_one():
-    axes = diagnosis().plot()
-    assert isinstance(axes, np.ndarray) and axes.shape == (4,)
-    assert [ax.get_xlabel() for ax in axes[:2]] == ["t [s]", "t [s]"]
-    assert diagnosis(traces=None).plot().get_title(loc="left") == "Torque budget"
-
-
-def test_an_identification_draws_what_it_simulated():
-    axes = identification().plot()
-    labels = [line.get_label() for line in axes[0].lines]
-    assert labels == ["measured", "simulated, refitted"] and len(axes) == 3
 
 
 def test_what_cannot_be_drawn_leaves_no_figure_behind(compensation):
@@ -241,19 +210,6 @@ def test_a_result_prints_what_was_noticed_and_where_the_rest_is():
     few, many = noticed(["one."], "said"), noticed([f"{i}." for i in range(6)], "said")
     assert [row.text() for row in few] == ["one."]
     assert [row.text() for row in many] == ["0.", "1.", "2.", "3.", "in .said"]
-
-
-def test_a_balance_prints_its_sentences():
-    t = 1e-2 * np.arange(400)
-    found = lg.balance({"t": t, "u": np.zeros(400), "w": np.sin(t)}, lg.table1())
-    assert "the torque channel is dead" in repr(found) and "notes" not in repr(found)
-
-
-def test_a_refusal_prints_why_and_what_to_record():
-    t = 1e-2 * np.arange(400)
-    found = lg.diagnose({"t": t, "u": np.zeros(400), "w": np.sin(t)}, lg.table1())
-    assert "u is constant (0)" in repr(found) and "record next  Record a motion" in repr(found)
-    assert found.to_dict()["headline"] == found.reason
 
 
 def test_a_level_is_not_zero_for_being_uncertain():

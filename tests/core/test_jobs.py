@@ -10,7 +10,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import pytest
 
-from lugrectl.core.errors import InputError, Refused
+from lugrectl.core.errors import Refused
 from lugrectl.core.jobs import JobError, run_jobs
 
 
@@ -115,10 +115,3 @@ def test_a_shut_down_executor_is_reported_for_each_job() -> None:
         pass
     found = dict(run_jobs(float, range(3), executor=pool))
     assert [found[i].sentence.startswith("RuntimeError") for i in range(3)] == [True] * 3
-
-
-def test_wrong_usage() -> None:
-    with pytest.raises(InputError, match="jobs must be a whole number"):
-        run_jobs(float, [], jobs=0)
-    with pytest.raises(InputError, match="sent to another process"):
-        run_jobs(lambda x: x, [1], jobs=2)

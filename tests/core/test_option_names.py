@@ -12,8 +12,6 @@ from lugrectl.cli import main
 from lugrectl.core.jobs import run_jobs
 from lugrectl.core.option_names import on_command_line, option
 
-from ..cases.logs import machine
-
 PACKAGE = Path(lg.__file__).parent
 TYPED = re.compile(r"(?<![\w-])--[a-z]")
 
@@ -35,18 +33,6 @@ def test_an_option_has_the_name_that_its_reader_can_give(given, typed, argument)
     with on_command_line():
         assert option(*given) == typed
     assert option(*given) == argument
-
-
-def test_what_python_is_asked_to_give_can_be_given():
-    """The sentence is tried out: what it says is an argument of the function that was called."""
-    log = {role: x for role, x in machine().items() if role != "w"}
-    log["t"] = 1e3 * log["t"]
-    with pytest.raises(lg.Refused) as no:
-        lg.identify(log, {"J": 0.002})
-    asked = re.search(r"give (units=\"t=ms\"), or units=\"t=s\" if that is right", str(no.value))
-    assert asked, no.value
-    record = eval(f"lg.read_record(log, {asked[1]})", {"lg": lg, "log": log})
-    assert record.rate == 1000.0
 
 
 def test_the_command_line_names_what_can_be_typed(tmp_path, capsys):

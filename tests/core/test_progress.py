@@ -10,7 +10,7 @@ import pytest
 import lugrectl as lg
 from lugrectl.core import progress
 from lugrectl.core.errors import InputError
-from lugrectl.core.progress import Bar, Called, Cell, Terminal, Widget, bar_for, shows_progress
+from lugrectl.core.progress import Bar, Called, Cell, bar_for, shows_progress
 from lugrectl.paper import reproduce
 
 from ..cases.logs import csv as log
@@ -82,11 +82,13 @@ def test_the_paper_and_a_compensation_report():
     assert len(said) == 3 and all(what.startswith("simulating the loop ") for what in said)
 
 
-def test_a_notebook_gets_a_bar_without_asking(kernel, monkeypatch):
-    for has, kind in ((True, Widget), (None, Cell)):
-        monkeypatch.setattr(progress, "find_spec", lambda name, has=has: has)
-        assert type(bar_for(None)) is type(bar_for(True)) is kind
-        assert type(bar_for(False)) is Bar
+def test_a_notebook_gets_a_bar_without_asking(kernel):
+    assert type(bar_for(None)) is type(bar_for(True)) is Cell
+    assert type(bar_for(False)) is Bar
+    with bar_for(None) as bar:  # short work gets none
+        bar(0.0, "begin")
+        bar(1.0, "end")
+    assert not bar._begun
 
 
 def test_only_a_kernel_is_a_notebook(monkeypatch):
@@ -97,23 +99,6 @@ def test_only_a_kernel_is_a_notebook(monkeypatch):
         fake = SimpleNamespace(get_ipython=lambda shell=shell: shell)
         monkeypatch.setitem(sys.modules, "IPython", fake)
         assert progress.in_notebook() == is_one
-
-
-def test_short_work_in_a_notebook_gets_no_bar(kernel):
-    with bar_for(None) as bar:
-        bar(0.0, "begin")
-        bar(1.0, "end")
-    assert isinstance(bar, (Widget, Cell)) and not bar._begun
-
-
-def test_the_bar_of_a_notebook_moves_and_goes(monkeypatch):
-    pytest.importorskip("tqdm")
-    monkeypatch.setattr(progress, "_AFTER", 0.0)
-    terminal(monkeypatch)
-    with Widget() as bar:
-        bar(0.25, "fitting")
-        assert bar._place.n == 25 and bar._place.desc == "fitting"
-    assert bar._place.disable and bar._place.n == 100
 
 
 def test_the_plain_bar_of_a_notebook_escapes_and_goes(monkeypatch):
@@ -145,13 +130,8 @@ def test_one_bar_for_a_whole_fleet(kernel, monkeypatch, tmp_path):
     from concurrent.futures import ThreadPoolExecutor
 
     made = []
-    monkeypatch.setattr(progress, "Widget", lambda: made.append(1) or Bar())
-    monkeypatch.setattr(progress, "find_spec", lambda name: True)
+    monkeypatch.setattr(progress, "Cell", lambda: made.append(1) or Bar())
     model = lg.Model.of(lg.table1())
     with ThreadPoolExecutor(2) as pool:
         fleet = lg.diagnose_each([log(tmp_path, name="short.csv")], model, executor=pool)
     assert len(fleet.outcomes) == 1 and made == [1]
-
-
-def test_a_terminal_cuts_the_line_to_its_width(monkeypatch):
-    assert len(Terminal.line(0.3, "long " * 99, 60)) == 60

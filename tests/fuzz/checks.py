@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import signal
 import sys
+import traceback
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -39,20 +40,9 @@ def wrong_with(number: int, folder: Path) -> tuple[str, list[str], str | None]:
     except TooLong:
         wrong = f"longer than {LONGEST} s"
     except BaseException as error:
-        wrong = f"{type(error).__name__}: {error} [{_place(error)}]"
+        wrong = "".join(traceback.format_exception(error)[-2:])
     path.unlink()
     return kind, ways, wrong
-
-
-def _place(error: BaseException) -> str:
-    """The last line of the package that was reached."""
-    frame, place = error.__traceback__, ""
-    while frame is not None:
-        code = frame.tb_frame.f_code
-        if "lugrectl/" in code.co_filename:
-            place = f"{code.co_filename.rsplit('lugrectl/')[-1]}:{frame.tb_lineno}"
-        frame = frame.tb_next
-    return place
 
 
 @contextmanager

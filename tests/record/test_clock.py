@@ -25,15 +25,6 @@ def test_one_row_without_a_true_time_is_left_out(row, value):
     assert read_record(log).gaps == ()
 
 
-def test_a_few_rows_with_the_stamp_of_a_mark_are_left_out():
-    log = columns("u", "theta")
-    log["t"][[100, 101, 102, 4000]] = 0.0
-    found, said = seen(log)
-    (sentence,) = said
-    assert "in 4 rows, first at row 100 (0 s)" in sentence
-    assert sum(len(s.t) for s in found) >= 5990
-
-
 @pytest.mark.parametrize("unit, bits", [("us", 32), ("us", 16), ("ms", 16), ("ms", 8), ("us", 24)])
 def test_a_timer_that_wraps_is_unwrapped(unit, bits):
     log = columns("u", "theta")
@@ -48,14 +39,6 @@ def test_a_timer_that_wraps_is_unwrapped(unit, bits):
     assert len(found) == 1 and len(found[0].t) == 6000 and found[0].dt == pytest.approx(2e-3)
 
 
-def test_a_clock_past_midnight_goes_on():
-    log = columns("u", "theta")
-    log["t"] = (log["t"] + 86395.0) % 86400.0
-    found, said = seen(log)
-    assert len(said) == 1 and "t wraps by 86400 s at row 2500" in said[0]
-    assert len(found) == 1 and len(found[0].t) == 6000
-
-
 @pytest.mark.parametrize("cut", [2000, 3500])
 @pytest.mark.parametrize("roles", [("u", "theta"), ("u", "w")])
 def test_a_clock_that_starts_again_begins_another_run(cut, roles):
@@ -66,24 +49,6 @@ def test_a_clock_that_starts_again_begins_another_run(cut, roles):
     assert [len(s.t) for s in found] == [cut, 5000 - cut]
     record = read_record(log)
     assert record.gaps == (cut,) and (np.diff(record.t) > 0).all()
-
-
-def test_stamps_of_a_host_are_used_as_they_are_and_their_jitter_is_said():
-    """Polled by a computer: late by a little, at times by a lot; each sample is of its stamp."""
-    rng = np.random.default_rng(3)
-    due = np.arange(5500) * 2e-3 + 0.3
-    late = rng.exponential(2e-4, 5500) + 4e-3 * (rng.random(5500) < 0.01)
-    t = np.maximum.accumulate(due + late) + 1e-6 * np.arange(5500)
-    fine = columns("u", "w", "theta", counts=65536)
-    log = {"t": t, "u": np.interp(t, fine["t"], fine["u"])}
-    log["theta"] = np.interp(t, fine["t"], fine["theta"])
-    found, said = seen(log)
-    assert len(said) == 1 and "t jitters by up to" in said[0] and "RMS" in said[0]
-    assert len(found) == 1 and found[0].ok.mean() > 0.95
-    true = np.interp(found[0].t, fine["t"], fine["theta"])
-    assert np.abs(found[0].theta - true)[found[0].ok].max() < 0.01
-    record = read_record(log)
-    assert record.dt == pytest.approx(2e-3, rel=1e-3) and record.gaps == ()
 
 
 @pytest.mark.parametrize("roles", [("u", "theta"), ("u", "w")])
@@ -127,29 +92,6 @@ def test_lost_rows_with_exact_stamps_keep_the_stamps():
         assert not s.ok[inner][long_lost[inner]].any()
 
 
-@pytest.mark.parametrize("role", ["u", "theta"])
-@pytest.mark.parametrize("missing", [5, 60])
-def test_a_run_without_numbers_in_one_channel_is_not_ok_there(role, missing):
-    log = columns("u", "theta")
-    log[role][3000 : 3000 + missing] = np.nan
-    found, said = seen(log)
-    (s,) = found
-    assert len(s.t) == 6000 and not s.ok[3000 : 3000 + missing].any()
-    assert s.ok.sum() == 6000 - missing
-    record = read_record(log)
-    assert record.gaps == (3000,) and record.samples == 6000 - missing
-    sentence = f"{role} has no number in {missing} rows from row 3000 on: the record is cut there."
-    assert said == [sentence] and record.messages == (sentence,)
-
-
-def test_many_short_runs_are_stretches_of_their_runs():
-    log = columns("u", "theta")
-    logs = [read_log({k: x[a : a + 380] for k, x in log.items()}) for a in range(0, 5700, 380)]
-    found, said = stretches(logs)
-    assert [s.run for s in found] == list(range(15)) and said == []
-    assert all(len(s.t) == 380 and s.ok.all() for s in found)
-
-
 def test_what_is_said_of_several_logs_names_the_log():
     bad = columns("u", "theta")
     bad["u"][77] = 9.0
@@ -173,25 +115,6 @@ def test_a_log_that_is_newest_first_is_read_from_its_end():
         np.testing.assert_allclose(getattr(turned, role), getattr(known, role), atol=1e-12)
     (said,) = turned.messages
     assert "from the last to the first" in said
-
-
-@pytest.mark.parametrize("speed", [2.0, -3.0, 4.0])
-@pytest.mark.parametrize("counts", [0, 20_000])
-def test_the_motion_of_a_sample_at_one_speed_is_no_encoder(speed, counts):
-    """At 500 Hz and 2 rad/s the samples lie 1/250 apart, as of an encoder of 250 steps a turn."""
-    t = np.arange(5000) / 500
-    theta = speed * t
-    theta = np.floor(theta / (2 * np.pi) * counts) * 2 * np.pi / counts if counts else theta
-    record = read_record({"t": t, "u": 0.2 + 0.01 * np.sin(t), "theta": theta})
-    assert record.theta is not None and np.ptp(record.theta) == pytest.approx(abs(speed) * 10, 0.01)
-
-
-def test_a_first_stamp_of_another_run_is_left_out_alone():
-    t = 0.01 * np.arange(200)
-    t[0] = 1.074
-    found = read_record({"t": t, "u": np.sin(t), "theta": np.sin(3.0 * t)})
-    assert found.samples == 199
-    assert any("t at row 0 is 1.074 s" in m for m in found.messages)
 
 
 def test_rows_lost_one_by_one_are_no_rounded_stamps():
@@ -220,21 +143,6 @@ def test_a_pause_of_a_logger_is_no_loss():
     assert np.abs(found.w - np.sin(6.0 * found.t)).max() < 1e-3
 
 
-def test_samples_that_are_missing_are_not_used():
-    log = bursts()
-    log["u"][100:103] = np.nan
-    (found,), _ = stretches([read_log(log)])
-    at = (found.t > log["t"][99] + found.dt) & (found.t < log["t"][103] - found.dt)
-    assert at.any() and not found.ok[at].any()
-    assert found.ok.mean() > 0.95
-
-
-def test_a_lost_row_of_an_even_clock_is_bridged_and_three_are_not():
-    t = 1e-3 * np.delete(np.arange(1000), [300, 600, 601, 602])
-    (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "w": np.sin(6.0 * t)})])
-    assert found.ok[300] and not found.ok[601]
-
-
 def test_the_step_of_an_encoder_is_that_of_the_rows_as_recorded():
     """Between uneven stamps a position lies on no count any more; its rounding is noise still."""
     t = np.cumsum(np.random.default_rng(1).uniform(6e-4, 1.4e-3, 3000))
@@ -243,9 +151,3 @@ def test_the_step_of_an_encoder_is_that_of_the_rows_as_recorded():
     (found,), _ = stretches([read_log(log)])
     assert found.count == pytest.approx(count)
     assert np.std(found.theta - count * np.round(found.theta / count)) > 0.1 * count
-
-
-def test_a_smooth_position_has_no_count():
-    t = 1e-3 * np.arange(2000)
-    (found,), _ = stretches([read_log({"t": t, "u": np.cos(t), "theta": np.sin(7.0 * t)})])
-    assert found.count == 0.0

@@ -12,7 +12,9 @@ from scipy.signal import lfilter
 from lugrectl.core.errors import Refused
 from lugrectl.record import Record, consistent, read_record
 from lugrectl.record.consistency import audit as checked
-from lugrectl.record.samples.position_jumps import jumps, unwrapped
+from lugrectl.record.log import log_of_arrays
+from lugrectl.record.samples.bad_samples import unwrap_positions
+from lugrectl.record.samples.rows import Stamped
 
 from ..cases.logs import DATA, driven, measured, rubbing
 
@@ -66,23 +68,6 @@ def test_measured_records_keep_their_sign_and_lose_a_wrong_one(number, without):
     assert "sign was changed" in said(turned) and len(turned.messages) == 1
 
 
-@measured
-def test_emps_keeps_its_sign_and_loses_a_wrong_one():
-    path = DATA / "emps" / "DATA_EMPS.mat"
-    right = read_record(path, scale="u=35.15", units="theta=m")
-    wrong = read_record(path, scale="u=-35.15", units="theta=m")
-    assert "sign" not in said(right) and "sign was changed" in said(wrong)
-    np.testing.assert_array_equal(right.u, wrong.u)
-
-
-@measured
-@pytest.mark.parametrize(
-    "path", sorted((DATA / "screw-drive").rglob("*.csv")), ids=lambda p: p.stem
-)
-def test_steady_runs_of_a_screw_drive_keep_their_sign(path):
-    assert "sign" not in said(read_record(path, scale={"u": 9.84e-5}))
-
-
 # ---- sign of the torque -------------------------------------------------------------
 
 
@@ -121,35 +106,10 @@ def test_a_sensor_beyond_a_soft_coupling_does_not_turn_the_torque():
 # ---- wrapped angles -----------------------------------------------------------------
 
 
-@pytest.mark.parametrize("low", [0.0, -np.pi])
-@pytest.mark.parametrize("turns", [1, 2])
-def test_wrapped_angles_are_unwrapped(low, turns):
-    span = turns * TURN
-    assert np.ptp(PLAIN.theta) > span
-    wrapped = (PLAIN.theta - low) % span + low
-    seen = audit(replace(PLAIN, theta=wrapped))
-    assert "theta jumps" in said(seen) and len(seen.messages) == 1
-    shift = seen.theta - PLAIN.theta
-    np.testing.assert_allclose(shift, shift[0], atol=1e-9)
-    assert shift[0] / span == pytest.approx(round(shift[0] / span), abs=1e-9)
-
-
 def test_wrapped_degrees_without_a_unit_are_converted():
     seen = audit(replace(PLAIN, w=None, theta=np.rad2deg(PLAIN.theta) % 360))
     np.testing.assert_allclose(seen.theta, PLAIN.theta - PLAIN.theta[0], atol=1e-9)
     assert len(seen.messages) == 1 and "converted from deg" in said(seen)
-
-
-def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
-    rng = np.random.default_rng(2)
-    t = np.arange(4000) * 1e-3
-    stamps = t + 1e-3 * rng.uniform(-0.04, 0.04, len(t))
-    angle = 1 + 6 * np.sin(3 * stamps)
-    wrapped = np.where(np.arange(4000) == 1500, np.nan, angle % TURN)
-    np.savez(tmp_path / "a.npz", t=stamps, u=np.cos(3 * stamps), theta=wrapped)
-    record = read_record(tmp_path / "a.npz")
-    assert record.theta is not None and record.dropped == 1
-    np.testing.assert_allclose(record.theta, 1 + 6 * np.sin(3 * record.t), atol=1e-4)
 
 
 @settings(max_examples=25)
@@ -157,9 +117,10 @@ def test_wrapped_angles_are_unwrapped_before_they_are_resampled(tmp_path):
 def test_unwrapping_never_invents_a_jump(steps):
     """A smooth angle that never nears half a turn in one step is left alone."""
     theta = np.cumsum(steps)
-    found = jumps(np.arange(float(len(theta))), theta)
-    seen, told = unwrapped("theta", theta, found, "rotary")
-    assert told == [] and seen is theta
+    log = log_of_arrays("log", {"t": np.arange(float(len(theta))), "theta": theta}, "rotary")
+    rows = Stamped.of(log)
+    unwrap_positions(rows)
+    assert rows.said == [] and rows.channels["theta"] is theta
 
 
 # ---- w against theta ----------------------------------------------------------------
@@ -248,20 +209,6 @@ def test_theta_and_w_in_each_other_s_place_are_exchanged():
     assert seen.messages == ("theta is d w/dt: the two were exchanged.",)
 
 
-def test_an_unrelated_w_is_ignored():
-    other = run(seed=9, J=4e-3).w[::-1]
-    assert audit(replace(PLAIN, w=other.copy())).w is None
-
-
-@settings(max_examples=6)
-@given(st.floats(0.98, 1.02), st.floats(0, 0.5))
-def test_small_errors_and_noise_of_w_are_left_alone(factor, noise):
-    rng = np.random.default_rng(0)
-    w = factor * PLAIN.w + noise * np.std(PLAIN.w) * rng.standard_normal(PLAIN.samples)
-    seen = audit(replace(PLAIN, w=w))
-    assert seen.messages == () and seen.w is not None
-
-
 def lag_in(sentence):
     return float(sentence.split("lags theta by ")[1].split(" ms")[0])
 
@@ -277,22 +224,7 @@ def test_a_filtered_velocity_is_said_and_left(tau):
     assert lag_in(sentence) == pytest.approx(1e3 * PLAIN.dt * a / (1 - a), rel=0.05)
 
 
-@pytest.mark.parametrize("late", [1, 3])
-def test_a_late_velocity_is_said_from_one_and_a_half_samples(late):
-    seen = audit(replace(PLAIN, w=np.r_[np.zeros(late), PLAIN.w[:-late]]))
-    assert len(seen.messages) == (late == 3)
-    assert late == 1 or lag_in(said(seen)) == pytest.approx(3.0, rel=0.05)
-
-
 # ---- dead and saturated channels ----------------------------------------------------
-
-
-def test_white_torque_that_moves_the_machine_is_not_noise():
-    rng = np.random.default_rng(0)
-    u = 40 * rng.standard_normal(4000)
-    w, _ = driven(u, 1e-3, rubbing(1.0, 0.1, 0.5, 0.01), 1)
-    t = np.arange(4000) * 1e-3
-    assert audit(Record(t, u, w, np.cumsum(w) * 1e-3, dt=1e-3)).messages == ()
 
 
 NOISE = np.random.default_rng(0).standard_normal(8000)
@@ -331,12 +263,3 @@ def test_a_drive_at_its_limit_is_said_and_left():
     assert "saturates" in said(seen) and seen.samples == 8000
     levels = np.where(np.sin(7 * PLAIN.t) > 0, 0.6, -0.6)
     assert "saturates" not in said(audit(replace(PLAIN, u=levels)))
-
-
-def test_sentences_are_sentences(tmp_path):
-    wrong = replace(PLAIN, w=-PLAIN.w / RPM, u=-np.minimum(PLAIN.u, 0.5), theta=PLAIN.theta % TURN)
-    seen = audit(wrong)
-    assert len(seen.messages) == 5, seen.messages
-    for sentence in seen.messages:
-        assert sentence.endswith(".") and "\n" not in sentence and len(sentence) < 200
-        assert sentence.split()[0] in ("u", "w", "theta")

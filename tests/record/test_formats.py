@@ -105,14 +105,6 @@ def test_columns_are_taken_by_number_and_one_that_is_there_twice_once(tmp_path):
     )
 
 
-def test_two_joints_are_listed_by_the_names_that_columns_takes(tmp_path):
-    head = "__time,/js/hip/position,/js/knee/position,/js/hip/effort,/js/knee/effort"
-    path = write(tmp_path / "a.csv", table(head, T, THETA, W, U, W))
-    refused(InputError, path, "'/js/hip/effort'", "'/js/knee/effort'", 'columns="u=NAME"')
-    named = "u=/js/hip/effort,theta=/js/hip/position"
-    same(read_record(path, columns=named))
-
-
 # ---- time ---------------------------------------------------------------------------
 
 
@@ -156,12 +148,6 @@ def test_so_they_are_in_memory(head, made):
     ms = 1_764_322_498_123 + np.rint(1e3 * T).astype(np.int64)
     record = same(read_record(made({head: ms, "u": U, "theta": THETA})))
     assert f"'{head}' holds ms since 1970 (its unit is not stated)." in record.messages
-
-
-def test_a_rate_takes_the_place_of_t(tmp_path):
-    path = write(tmp_path / "a.csv", table("t,u,theta", 7 * T, U, THETA))
-    said = same(read_record(path, rate=1000)).messages
-    assert any("in place of the column 't'" in m for m in said)
 
 
 def test_a_rate_that_may_be_the_step_in_ms_is_asked_about(tmp_path):

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.record import read_log
-from lugrectl.record.samples.needed_torque import needed
-from lugrectl.record.samples.usable import usable
 
 from ..drives.bench import Drive, kept, ramps, speed_loop
 
@@ -43,11 +40,6 @@ def test_the_torque_of_a_reversal_stays_and_shows_the_inertia(scan):
     assert J is None or J.may_be(drive.J)
 
 
-def test_a_lag_of_w_is_told_by_changes_of_speed(scan):
-    """At a constant speed but for two reversals."""
-    assert scan[1].parameters["w_lag"].value == pytest.approx(4.5e-3, abs=1e-3)
-
-
 def test_a_speed_that_keeps_its_last_value_is_left_out_to_the_end_of_the_log():
     """Pulses and coasts of J 0.005, Fc 0.4, Fv 0.01; below 2 rad/s the speed is not renewed."""
     t, dt = 4e-3 * np.arange(6000), 4e-3
@@ -66,18 +58,3 @@ def test_a_speed_that_keeps_its_last_value_is_left_out_to_the_end_of_the_log():
     found = lg.balance({"t": t, "u": u, "w": np.round(kept, 5)})
     for key, value in (("J", 0.005), ("Fc", 0.4), ("Fv", 0.01)):
         assert found.parameters[key].value == pytest.approx(value, rel=0.02)
-
-
-def test_a_drive_that_never_turns_back_needs_about_the_torque_that_was_recorded():
-    """In one direction Coulomb friction and a constant are one: a start does not separate them."""
-    dt, start, rows = 3.3e-3, 49, np.arange(200)
-    u = np.where(rows < start, 0.0, 60.0 + 25.0 * np.sin(9.0 * dt * (rows - start)))
-    w = np.zeros(200)
-    for k in range(199):
-        drive = u[k] - 0.95 * w[k] - (32.0 if w[k] > 0 or u[k] > 32.0 else u[k])
-        w[k + 1] = max(w[k] + drive / 0.16 * dt, 0.0)
-    w += 0.3 * np.random.default_rng(1).standard_normal(200) * (w > 0)
-    log = read_log({"t": dt * rows, "u": u, "w": w})
-    fit = needed(usable(log), (rows >= start) & (rows < start + 14))
-    missing = np.abs(fit.missing(u))
-    assert np.nanmax(missing) < np.ptp(u) and np.nanmax(missing[fit.moving]) < 0.1 * np.ptp(u)

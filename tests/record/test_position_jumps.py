@@ -8,7 +8,7 @@ import pytest
 from lugrectl.diagnosis.asked import Asked
 from lugrectl.record import Record, pooled, read_log, read_record
 
-from ..cases.damaged_drive import columns, seen, sound
+from ..cases.damaged_drive import columns, seen
 
 
 def same_motion(found, true, atol=1e-6):
@@ -45,21 +45,6 @@ def test_an_angle_of_any_period_is_unwrapped(period):
     same_motion(found, true)
 
 
-@pytest.mark.parametrize("jump", [2.3, -0.4, 11.0])
-@pytest.mark.parametrize("cut", [1500, 3500])
-def test_two_runs_pasted_together_are_cut_where_the_position_jumps(jump, cut):
-    log, other = columns("u", "theta"), columns("u", "theta", seed=3)
-    step = log["theta"][cut - 1] + jump - other["theta"][0]
-    log["theta"] = np.r_[log["theta"][:cut], other["theta"][: 6000 - cut] + step]
-    log["u"] = np.r_[log["u"][:cut], other["u"][: 6000 - cut]]
-    found, said = seen(log)
-    (sentence,) = said
-    assert f"at row {cut}" in sentence and "no motion" in sentence
-    assert float(sentence.split(" by ")[1].split()[0]) == pytest.approx(jump, abs=0.05)
-    assert [len(s.t) for s in found] == [cut, 6000 - cut]
-    assert read_record(log).gaps == (cut,)
-
-
 def test_a_record_keeps_the_log_that_it_was_read_from():
     log = columns("u", "theta")
     log["u"][50] = 9.0
@@ -68,13 +53,6 @@ def test_a_record_keeps_the_log_that_it_was_read_from():
     again = pickle.loads(pickle.dumps(record))
     assert again.log.channels["u"][50] == 9.0 and again.log.where(50) == "row 50"
     assert "log" not in repr(record)
-
-
-def test_the_log_of_a_record_of_arrays_is_its_own_channels():
-    record = Record(**{k: sound()[k] for k in ("t", "u", "theta")})
-    assert record.log.channels["u"] is record.u and record.log.t is record.t
-    part = record.slice(100, 200)
-    assert part.log.channels["u"] is part.u and len(part.log.t) == 100
 
 
 def test_a_record_that_was_changed_after_reading_is_its_own_log():
@@ -106,23 +84,6 @@ def run(rate, roles=("u", "theta"), seed=1):
     t = np.arange(0, 11.9, 1 / rate)
     made = {role: np.interp(t, log["t"], x) for role, x in log.items() if role != "t"}
     return Record(t, dt=1 / rate, source=f"{rate:g} Hz", **made)
-
-
-def test_runs_of_nearly_one_rate_are_brought_to_the_commonest():
-    first, second, third = pooled([run(500.0), run(480.0), run(500.0, seed=2)])
-    assert first.dt == second.dt == third.dt == pytest.approx(2e-3)
-    assert second.messages == (
-        "480 Hz has 480 samples per second: resampled to 500, the rate of the other runs.",
-    )
-    assert first.messages == third.messages == ()
-    true = run(500.0)
-    np.testing.assert_allclose(second.theta, true.theta[: second.samples], atol=5e-3)
-    assert second.log.t[1] == pytest.approx(1 / 480)  # as it was recorded
-
-
-def test_runs_of_other_rates_stay_as_they_are():
-    runs = [run(500.0), run(100.0)]
-    assert pooled(runs)[1].dt == runs[1].dt
 
 
 def test_a_channel_that_one_run_lacks_is_left_out_of_all_and_said_once():

@@ -80,19 +80,6 @@ def test_comments_blank_lines_quotes_and_unused_text(tmp_path):
     np.testing.assert_allclose(record.u, log["u"], rtol=1e-8)
 
 
-@pytest.mark.parametrize("effort, said", [(0.0, True), (1.0, False)])
-def test_a_torque_column_of_zeros_is_said_with_the_columns_that_are_left(tmp_path, effort, said):
-    """As of a driver that publishes no effort, beside the command in a column of its own."""
-    log = machine()
-    body = rows([log["t"], effort * log["u"], log["w"], log["u"]])
-    path = write(tmp_path / "a.csv", "time,joint/effort,joint/velocity,volts/data\n" + body)
-    found = read_log(path).messages
-    words = "'joint/effort' is 0 in every row; not used: 'volts/data'"
-    assert any(words in message for message in found) == said
-    given = read_log(path, columns={"u": "volts/data"}).messages
-    assert not any("0 in every row" in m for m in given)
-
-
 def test_a_last_line_cut_off_is_left_out(tmp_path):
     path = csv(tmp_path, change=lambda lines: [*lines[:-1], "2.999,0.1"])
     record = read_record(path)
@@ -147,13 +134,3 @@ def test_extra_formats_name_their_extra(tmp_path, monkeypatch, name, start, modu
     monkeypatch.setitem(__import__("sys").modules, module, None)
     (tmp_path / name).write_bytes(start + b" " * 600)
     refused(InputError, tmp_path / name, 'pip install "lugrectl[files]"', name)
-
-
-def test_decimal_commas_between_commas_are_named_where_the_first_rows_are_whole_numbers(tmp_path):
-    """A row 0,0,0 has three cells, 0,5,0,25,0,75 has six: the header seems to belong to none."""
-    lines = ["t,u,theta", "0,0,0", *(f"0,{k:03d},0,5{k:02d},0,{k:02d}1" for k in range(1, 60))]
-    with pytest.raises(InputError, match=r"line 3 has 6 cells but the header names 3.*semicolons"):
-        read_record(write(tmp_path / "a.csv", "\n".join(lines) + "\n"))
-    words = ["recorded by hand", *lines[1:]]
-    with pytest.raises(InputError, match="has no header"):
-        read_record(write(tmp_path / "b.csv", "\n".join(words) + "\n"))

@@ -5,12 +5,10 @@ import re
 import numpy as np
 import pytest
 import scipy.io
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from lugrectl.core.errors import InputError
 from lugrectl.record import Record, parse_pairs, read_record
-from lugrectl.record.columns.units import UNITS, parse_unit
+from lugrectl.record.columns.names import parse_unit
 
 from ..cases.logs import DATA, csv, machine, measured, refused
 
@@ -87,11 +85,6 @@ def test_a_motion_signal_lost_to_a_slip_in_its_name_is_said(tmp_path):
     assert not any("ww" in m for m in named.messages)
 
 
-def test_an_own_name_goes_before_a_usual_one(tmp_path):
-    record = read_record(csv(tmp_path, "t,u,torque,theta"))
-    np.testing.assert_allclose(record.u, machine()["u"], rtol=1e-8)
-
-
 SI = {  # written down again on purpose: factor to SI of what a user may write
     "ms": 1e-3, "µs": 1e-6, "sec": 1.0, "deg": 0.017453292519943295, "°": 0.017453292519943295,
     "rev": 6.283185307179586, "rpm": 0.10471975511965977, "RPM": 0.10471975511965977,
@@ -104,43 +97,6 @@ SI = {  # written down again on purpose: factor to SI of what a user may write
 def test_unit_spellings(text):
     unit = parse_unit(text)
     assert unit is not None and unit.factor == pytest.approx(SI[text], rel=1e-12)
-
-
-@pytest.mark.parametrize("text", ["", "MN m", "nm", "kg", "m/s2", "Rad s"])
-def test_units_not_understood(text):
-    assert parse_unit(text) is None
-
-
-@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(data=st.data())
-def test_units_and_names_come_back(tmp_path, data):
-    """Whatever units and names the columns carry, the SI values are those of the machine."""
-    log, one_of = machine(1200), st.sampled_from
-    motion = data.draw(one_of(["rotary", "linear"]))
-    quantities = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
-    order = data.draw(st.permutations(list(quantities)))
-    word = st.from_regex(r"[A-Z][a-z]{0,5}", fullmatch=True)
-    names = data.draw(st.lists(word, min_size=4, max_size=4, unique=True))
-    fits = [u for u in UNITS.values() if u.motion in (None, motion)]
-    units = {
-        k: data.draw(one_of([u for u in fits if u.quantity == q])) for k, q in quantities.items()
-    }
-    arrays = {
-        f"{name} [{units[role].name}]": log[role] / units[role].factor
-        for role, name in zip(order, names, strict=True)
-    }
-    np.savez(tmp_path / "a.npz", **arrays)
-    record = read_record(tmp_path / "a.npz", columns=dict(zip(order, names, strict=True)))
-    assert record.motion == motion and record.messages == ()
-    for role in order:
-        np.testing.assert_allclose(getattr(record, role), log[role], rtol=1e-9, atol=1e-12)
-
-
-def test_a_doubtful_range_without_unit_is_said():
-    log = machine()
-    fast = {"t": log["t"], "u": log["u"], "w": 60 * log["w"]}
-    assert any("w has no unit" in m for m in read_record(fast).messages)
-    assert read_record(fast, units="w=rad/s").messages == ()
 
 
 # ---- real files ---------------------------------------------------------------------

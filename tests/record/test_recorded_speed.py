@@ -3,12 +3,10 @@
 import numpy as np
 import pytest
 
-import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.record import read_log, read_record, stretches
 
 from ..cases.logs import machine
-from ..fuzz.files import motion
 
 DEG = np.pi / 180
 
@@ -33,15 +31,6 @@ def test_a_mistaken_unit_is_converted_in_the_log_itself(head):
     assert read_record(made).messages == made.messages
 
 
-def test_the_plain_balance_reads_a_mistaken_unit_as_the_fit_does():
-    """In the wrong unit the balance contradicted a declared inertia, and the answer was refused."""
-    wrong = log("t,u,w [rad/s],theta") | {"theta": machine()["theta"] / DEG}
-    right, plain = (lg.balance(one, {"J": 0.002}) for one in (log(), wrong))
-    for key, value in right.values().items():
-        assert plain.values()[key] == pytest.approx(value, rel=1e-6, abs=1e-9)
-    assert not any("left out" in note for note in plain.notes)
-
-
 @pytest.mark.parametrize("unit, factor", [("ms", 1e3), ("us", 1e6)])
 def test_a_time_without_unit_is_asked_for_where_w_and_theta_show_it(unit, factor):
     with pytest.raises(InputError, match=rf't has no unit .* give units="t={unit}", or'):
@@ -62,19 +51,3 @@ def test_a_speed_in_thousandths_is_no_wrong_time():
     """At a rate that logs have, w in mm/s beside theta in m is more likely."""
     made = read_log(log(w=1e3), motion="linear")
     assert made.labels["w"] == "mm/s" and made.labels["t"] is None
-
-
-def test_a_unit_that_overrides_the_header_is_said():
-    said = read_log(log("t,u [mN m],w,theta"), units="u=N m").messages
-    assert said == ('The header says u [mN m]; units="u=N m" was used in its place.',)
-    assert read_log(log("t,u [mN m],w,theta"), units="u=mNm").messages == ()
-
-
-@pytest.mark.parametrize("role", ["theta", "w"])
-def test_a_signal_that_ends_in_zeros_is_compared_like_any_other(role):
-    """The longest stretch has nothing but zeros in it, which a fit cannot be scaled by."""
-    log = dict(motion())
-    late = np.arange(len(log["t"])) >= 120
-    gap = (np.arange(len(log["t"])) >= 100) & ~late
-    log[role] = np.where(gap, np.nan, np.where(late, 0.0, log[role]))
-    assert "little in common with it (R2 = 0.00)" in " ".join(read_record(log).messages)

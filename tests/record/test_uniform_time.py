@@ -18,11 +18,6 @@ from lugrectl.record import (
 from ..cases.logs import cell, csv, machine, refused
 
 
-def test_time_starts_where_it_starts(tmp_path):
-    record = read_record(csv(tmp_path, keep=slice(500, None)))
-    assert record.t[0] == 0.5 and record.samples == 2500
-
-
 def test_fewer_than_a_dozen_rows_show_no_motion(tmp_path):
     refused(Refused, csv(tmp_path, keep=slice(11)), "too short", "run.csv", "11 rows")
 
@@ -131,16 +126,6 @@ def test_longer_losses_are_gaps(tmp_path):
     assert record.dropped == 5  # the stretch 1260..1264 is too short to be of use
 
 
-def test_pieces_too_short_to_judge_are_read(tmp_path):
-    scraps = np.flatnonzero(np.arange(3000) % 200 < 150)
-    record = read_record(csv(tmp_path, keep=scraps))
-    assert len(record.gaps) == 14 and record.samples == len(scraps)
-    with pytest.raises(Refused, match="in its longest piece"):
-        long_enough_to_judge(record)
-    specks = np.flatnonzero(np.arange(3000) % 200 < 8)
-    refused(Refused, csv(tmp_path, keep=specks), "too short", "in one piece")
-
-
 def test_jitter_is_resampled_without_delay(tmp_path):
     """Held torque keeps its time integral; motion is read off where it was measured."""
     rng = np.random.default_rng(3)
@@ -166,20 +151,6 @@ def _jittered(n=4000, dt=1e-3):
     return dt * np.arange(n) + np.r_[0.0, dt * rng.uniform(-0.06, 0.06, n - 1)]
 
 
-@pytest.mark.parametrize("count", [0.0, 1e-3], ids=["fine", "counts as large as the jitter"])
-def test_a_speed_that_took_each_step_for_the_same_is_the_position_s(tmp_path, count):
-    """A PLC divides by its cycle time, whatever the stamps say."""
-    t = _jittered()
-    theta = np.sin(7 * np.r_[-1e-3, t])
-    theta = np.round(theta / count) * count if count else theta
-    w = np.diff(theta) / 1e-3
-    np.savez(tmp_path / "a.npz", t=t, u=np.sin(9 * t), w=w)
-    record = read_record(tmp_path / "a.npz")
-    summed = np.cumsum(record.w) * record.dt
-    off = summed - np.sin(7 * record.t)
-    assert np.max(np.abs(off - off[0])) < 2e-6 + 1.5 * count
-
-
 @pytest.mark.parametrize("rough", [0.0, 3e-4], ids=["fine", "rough"])
 @pytest.mark.parametrize("before", [True, False], ids=["before the loss", "after it"])
 def test_a_position_s_difference_beside_lost_samples(tmp_path, before, rough):
@@ -197,15 +168,6 @@ def test_a_position_s_difference_beside_lost_samples(tmp_path, before, rough):
         np.testing.assert_allclose(record.w[1:], whole[1:], atol=1e-5)
     lag = np.cumsum(record.w - whole) * 1e-3  # a step of 7e-3 at each loss otherwise
     assert np.ptp(lag) < 1e-5 + 40 * rough
-
-
-def test_a_speed_of_its_own_stays_what_was_sensed(tmp_path):
-    t, rng = _jittered(), np.random.default_rng(7)
-    np.savez(
-        tmp_path / "a.npz", t=t, u=np.sin(9 * t), w=7 * np.cos(7 * t) + rng.normal(0, 0.01, 4000)
-    )
-    record = read_record(tmp_path / "a.npz")
-    assert np.std(record.w - 7 * np.cos(7 * record.t)) < 0.01
 
 
 @pytest.mark.parametrize("lost", [True, False], ids=["lost", "jittered"])
@@ -238,16 +200,6 @@ def test_a_record_of_arrays_is_brought_to_uniform_time_like_a_file(how):
     if how == "backwards":
         assert made.gaps == (300,) and (np.diff(made.t) > 0).all()
         assert any("starts again at row 300" in m for m in made.messages)
-
-
-def test_irregular_stamps_are_read_as_they_are(tmp_path):
-    rng = np.random.default_rng(4)
-    t = np.cumsum(rng.exponential(1e-3, 3000))
-    np.savez(tmp_path / "a.npz", t=t, u=np.sin(9 * t), theta=np.sin(7 * t))
-    record = read_record(tmp_path / "a.npz")
-    assert any("jitters" in m and "RMS" in m for m in record.messages)
-    assert record.dt == pytest.approx(1e-3, rel=0.05)
-    np.testing.assert_allclose(record.theta, np.sin(7 * record.t), atol=1e-6)
 
 
 def test_stamps_in_single_precision_are_a_grid(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 
 from lugrectl.record import log, record_of, stretches
 
-usable = import_module("lugrectl.record.samples.usable")  # the name in the package is the function
+usable = import_module("lugrectl.record.uniform_time")
 T = np.arange(3000) * 1e-3
 SPEED = 5 * np.sin(9 * T) + 2 * np.sin(23 * T)
 

@@ -35,45 +35,38 @@ def check_angles(
     theta = channels.get("theta")
     if theta is None or "theta" not in unstated or len(theta) < _CELLS:
         return
-    slope, speed = _slope(channels, rate), "w" in unstated
-
-    def ask(why: str, angle: str, per_second: str) -> None:
-        given = f"theta={angle}" + (f",w={per_second}" if speed else "")
-        usual = "theta=rad" + (",w=rad/s" if speed else "")
-        raise InputError(
-            f"{source}: theta has no unit and does not look like rad ({why}): give "
-            f"{option('units', given)}, or {option('units', usual)} if that is right."
-        )
-
-    ratio = None if slope is None or "w" not in channels else _ratio(channels["w"], slope)
-    if ratio is not None:
-        for expected, angle, per_second in _BOTH if speed else ():
-            if abs(abs(ratio) / expected - 1) < 0.03:
-                why = f"w is {abs(ratio):.4g} times d theta/dt, as with {per_second} and {angle}"
-                ask(why, angle, per_second)
-        if abs(abs(ratio) - 1) > 0.1 or not speed:  # the audit converts one of them
-            return
-    found = encoder_unit(theta)
-    if found is not None:
-        unit, steps = found
-        why = f"its step is 1/{steps} of a turn in {unit}, and no round part of one in rad"
-        ask(why, unit, f"{unit}/s")
-    if _wraps(theta):
-        ask("it wraps after 1", "rev", "rev/s")
-    known = np.abs(slope[np.isfinite(slope)]) if slope is not None else np.empty(0)
-    fastest = float(np.quantile(known, 0.9)) if known.size else 0.0
-    if fastest > _FASTEST:
-        ask(f"read as rad it would turn at {fastest * 30 / np.pi:.3g} rpm", "deg", "deg/s")
-
-
-def _slope(channels: Mapping[str, np.ndarray], rate: float | None) -> np.ndarray | None:
-    """d theta/dt over a few samples, (N - k,); None where the time is no time."""
-    theta = channels["theta"]
     t = channels["t"] if rate is None else np.arange(len(theta)) / rate
     k = max(1, len(theta) // 2000)
     step = t[k:] - t[:-k]
     forward = np.all(np.isfinite(step)) and np.all(step > 0)
-    return (theta[k:] - theta[:-k]) / step if forward else None
+    slope = (theta[k:] - theta[:-k]) / step if forward else np.full(len(step), np.nan)
+    ratio = _ratio(channels["w"], slope) if "w" in channels else 0.0
+    speed = "w" in unstated
+    for expected, angle, per_second in _BOTH if speed else ():
+        if abs(abs(ratio) / expected - 1) < 0.03:
+            why = f"w is {abs(ratio):.4g} times d theta/dt, as with {per_second} and {angle}"
+            raise _asked(source, why, angle, per_second)
+    if ratio and (abs(abs(ratio) - 1) > 0.1 or not speed):  # the audit converts one of them
+        return
+    found, fast = encoder_unit(theta), np.abs(slope[np.isfinite(slope)])
+    if found is not None:
+        why = f"its step is 1/{found[1]} of a turn in {found[0]}, and no round part of one in rad"
+        raise _asked(source, why, found[0], f"{found[0]}/s" if speed else "")
+    if _wraps(theta):
+        raise _asked(source, "it wraps after 1", "rev", "rev/s" if speed else "")
+    fastest = float(np.quantile(fast, 0.9)) if fast.size else 0.0
+    if fastest > _FASTEST:
+        why = f"read as rad it would turn at {fastest * 30 / np.pi:.3g} rpm"
+        raise _asked(source, why, "deg", "deg/s" if speed else "")
+
+
+def _asked(source: str, why: str, angle: str, per_second: str) -> InputError:
+    given = f"theta={angle}" + (f",w={per_second}" if per_second else "")
+    usual = "theta=rad" + (",w=rad/s" if per_second else "")
+    return InputError(
+        f"{source}: theta has no unit and does not look like rad ({why}): give "
+        f"{option('units', given)}, or {option('units', usual)} if that is right."
+    )
 
 
 def encoder_unit(theta: np.ndarray) -> tuple[str, int] | None:
@@ -119,18 +112,16 @@ def _wraps(theta: np.ndarray) -> bool:
     return bool(np.all(np.abs(np.abs(steps[jumps]) - 1) <= 2 * usual + 0.01))
 
 
-def _ratio(w: np.ndarray, slope: np.ndarray) -> float | None:
-    """w over d theta/dt; None where the two have little in common."""
+def _ratio(w: np.ndarray, slope: np.ndarray) -> float:
+    """w over d theta/dt; 0 where the two have little in common."""
     total, k = np.cumsum(np.r_[0.0, w]), len(w) - len(slope)
     mean = (total[k:] - total[:-k])[: len(slope)] / k
     good = np.isfinite(mean) & np.isfinite(slope)
     x, y = slope[good], mean[good]
-    if len(x) < _CELLS or not x.any() or not y.any():
-        return None
-    both = float(x @ y)
-    if both**2 < 0.6 * float(x @ x) * float(y @ y):
-        return None
-    return both / abs(both) * float(np.sqrt((y @ y) / (x @ x)))
+    both, sizes = float(x @ y), (float(x @ x), float(y @ y))
+    if len(x) < _CELLS or not all(sizes) or both**2 < 0.6 * sizes[0] * sizes[1]:
+        return 0.0
+    return float(np.sign(both) * np.sqrt(sizes[1] / sizes[0]))
 
 
 # ---- registers without a sign ----------------------------------------------------
@@ -141,10 +132,14 @@ def signed(role: str, values: np.ndarray) -> tuple[np.ndarray, list[str]]:
     complement leaves the middle half of its range empty and has values on both sides."""
     x = values[np.isfinite(values)] if role in ("u", "w") else values[:0]
     for whole, bits in ((2.0**16, 16), (2.0**32, 32)) if len(x) and x.min() >= 0 else ():
-        low = x < 0.25 * whole
-        if not (0.75 * whole <= x.max() < whole and low.any()) or np.any(x % 1):
-            continue
-        if not np.any(~low & (x < 0.75 * whole)):
+        low, high = x < 0.25 * whole, x >= 0.75 * whole
+        if (
+            x.max() < whole
+            and low.any()
+            and high.any()
+            and np.all(low | high)
+            and not np.any(x % 1)
+        ):
             said = (
                 f"{role} is written as an unsigned number of {bits} bit: its values above "
                 f"{int(whole / 2) - 1} are read as negative (minus {int(whole)})."

@@ -3,7 +3,6 @@ and what the user says of the columns: names, units and factors by role."""
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -15,9 +14,8 @@ import numpy as np
 from ...core.errors import InputError
 from ...core.option_names import option
 from ...core.validation import nearest, shown
-from .column_names import fitting, split_unit, usual_names, usual_unit
+from .names import ROLES, did_you_mean, fitting, split_unit, usual_names, usual_unit
 from .table import Table
-from .units import ROLES, did_you_mean
 
 _WORDS = {"t": "time", "u": "torque", "w": "velocity", "theta": "position"}
 
@@ -39,20 +37,21 @@ def choose_columns(
         if taken[choice.index] > 1:
             twice = f"column '{named[role]}' is given to more than one role"
             raise InputError(f"{option('columns')}: {twice}.")
-    doubtful: dict[str, list[int]] = {}
+    doubtful: dict[str, str] = {}  # what to say of roles that several columns may be
     said: list[str] = []
     for role in (r for r in ROLES if r not in named):
         free = [i for i in range(len(table.names)) if i not in taken]
         fits, implied = fitting(table.plain, role, free)
-        if len(fits) > 1 and _same(table, fits):
-            said.append(f"{_among(table, role, fits)}; they hold the same values.")
-            fits = fits[:1]
-        if len(fits) == 1:
+        if len(fits) > 1:
+            among = _among(table, role, fits)
+            if not _same(table, fits):
+                doubtful[role] = among
+                continue
+            said.append(f"{among}; they hold the same values.")
+        if fits:
             choices[role] = Choice(role, fits[0], implied)
-        elif fits:
-            doubtful[role] = fits
     _complete(table, choices, doubtful, need_time)
-    said += [f"{_among(table, role, fits)}; it was left out." for role, fits in doubtful.items()]
+    said += [f"{among}; it was left out." for among in doubtful.values()]
     missing = next((r for r in ("w", "theta") if r not in {*choices, *doubtful, *named}), None)
     unused = _unused(table, choices.values())
     if not {"w", "theta"} & set(named) and missing and unused:  # its name may be misspelt
@@ -87,10 +86,7 @@ def _named(table: Table, role: str, name: str) -> Choice:
 
 
 def _complete(
-    table: Table,
-    choices: Mapping[str, Choice],
-    doubtful: Mapping[str, list[int]],
-    need_time: bool,
+    table: Table, choices: Mapping[str, Choice], doubtful: Mapping[str, str], need_time: bool
 ) -> None:
     """Raise InputError if a required role has no column."""
     needed = [("u",), ("w", "theta"), *([("t",)] if need_time else [])]
@@ -102,27 +98,20 @@ def _complete(
         raise InputError(_nothing_known(table, need_time))
     role = next((r for r in roles if r in doubtful), roles[-1])
     how = f": name the column with {option('columns', f'{role}=NAME')}"
-    if role in doubtful:
-        start = _among(table, role, doubtful[role])
-    else:
+    start = doubtful.get(role, "")
+    if not start:
         words = " or ".join(f"{r} ({_WORDS[r]})" for r in roles)
         start = f"{table.source} has no column for {words}"
         taken = {choice.index for choice in choices.values()}
         free = [name for i, name in enumerate(table.names) if i not in taken and name]
-        known = ((r, name) for r in roles for name in (r, *usual_names(r)) if len(name) > 2)
-        near = [(k, r, c) for r, k in known if (c := nearest(k, free)) is not None]
-        if near:
-            _, meant, name = max(near, key=_likeness)
-            given = option("columns", f"{meant}={name}")
-            how = f". If '{name}' is {meant}, rename it, or give {given}"
+        known = {name: r for r in roles for name in (r, *usual_names(r)) if len(name) > 2}
+        near = ((known[n], c) for c in free if (n := nearest(c, known)) is not None)
+        if found := next(near, None):
+            given = option("columns", "=".join(found))
+            how = f". If '{found[1]}' is {found[0]}, rename it, or give {given}"
     how += f", or give {option('rate', 'HZ')}" if role == "t" else ""
-    raise InputError(
-        f"{start}; its columns are {table.listed()}{how}.{' ' * bool(table.hint)}{table.hint}"
-    )
-
-
-def _likeness(pair: tuple[str, str, str]) -> float:
-    return difflib.SequenceMatcher(None, pair[0].lower(), pair[2].lower()).ratio()
+    said = f"{start}; its columns are {table.listed()}{how}."
+    raise InputError(f"{said} {table.hint}".rstrip())
 
 
 def _nothing_known(table: Table, need_time: bool) -> str:
@@ -136,14 +125,12 @@ def _nothing_known(table: Table, need_time: bool) -> str:
     if table.headed:
         said = f"{table.source}: its columns are {table.listed()}, which say nothing of torque and "
         said += "motion: name them"
-    said = f"{said}, for instance {option('columns', pairs)}."
-    return f"{said} {table.hint}".rstrip()
+    return f"{said}, for instance {option('columns', pairs)}. {table.hint}".rstrip()
 
 
 def _among(table: Table, role: str, fits: list[int]) -> str:
-    alike = {table.names[i] for i in fits}
-    twice = len(alike) < len(fits)
-    names = ", ".join(f"'{table.names[i]}'" + f" ({i + 1})" * twice for i in fits)
+    twice = len({table.names[i] for i in fits}) < len(fits)
+    names = ", ".join(f"'{table.names[i]}'" + f" (column {i + 1})" * twice for i in fits)
     return f"{role} could be any of the columns {names} of {table.source}"
 
 
@@ -157,16 +144,6 @@ def usual_said(
         if c.role not in named and table.names[c.index] != c.role
     ]
     return [f"Columns were identified by usual names: {', '.join(found)}."] if found else []
-
-
-def idle_said(table: Table, choices: Sequence[Choice], u: np.ndarray) -> list[str]:
-    """A note where the column that was taken for u is 0 throughout: another may hold it."""
-    names = _unused(table, choices)
-    if np.any(u[np.isfinite(u)]) or not names:
-        return []
-    name = next(table.names[choice.index] for choice in choices if choice.role == "u")
-    start = f"'{name}' is 0 in every row; not used: {names}."
-    return [f"{start} If u is among them, give {option('columns', 'u=NAME')}."]
 
 
 def _unused(table: Table, choices: Collection[Choice]) -> str:
@@ -192,21 +169,37 @@ def parse_pairs(text: str, what: str) -> dict[str, str]:
         if role in pairs:
             raise InputError(f"{option(what)}: {role} is given twice.")
         pairs[role] = value
-    return _known_roles(pairs, what)
+    return by_role(pairs, what)
 
 
-def texts(given: Any, what: str) -> dict[str, str]:
-    """An option that gives a text by role, as a dict; InputError names ``what``."""
-    return {role: str(value) for role, value in _by_role(given, what).items()}
+def by_role(given: Any, what: str) -> dict[str, str]:
+    """An option that gives a text by role, as a dict; InputError names ``what``, and the role that
+    may be meant by one that does not exist."""
+    if isinstance(given, str):
+        return parse_pairs(given, what)
+    if not (given is None or isinstance(given, Mapping)):
+        raise InputError(
+            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
+            f"not {shown(given)}."
+        )
+    made = {str(role): str(value) for role, value in (given or {}).items()}
+    for role in made:
+        if role not in ROLES:
+            known = next((r for r in ROLES if role.lower() in usual_names(r)), None)
+            meant = f" ({role} is '{known}')" if known else did_you_mean(role, ROLES)
+            raise InputError(
+                f"{option(what)}: there is no role '{role}'{meant}; roles are {', '.join(ROLES)}."
+            )
+    return made
 
 
 def factors(given: Any) -> dict[str, float]:
     """The option ``scale``, a number other than 0 by role, such as 0.35, 2pi/16384 or 1/7."""
     found = {}
-    for role, text in _by_role(given, "scale").items():
+    for role, text in by_role(given, "scale").items():
         value = 1.0
         try:
-            for k, part in enumerate(str(text).replace(" ", "").lower().split("/")):
+            for k, part in enumerate(text.replace(" ", "").lower().split("/")):
                 for factor in re.sub(r"(?<=[\d.])pi", "*pi", part).split("*"):
                     number = np.pi if factor == "pi" else float(factor)
                     value = value / number if k else value * number
@@ -218,34 +211,3 @@ def factors(given: Any) -> dict[str, float]:
             )
         found[role] = value
     return found
-
-
-def _by_role(given: Any, what: str) -> dict[str, Any]:
-    if isinstance(given, str):
-        return parse_pairs(given, what)
-    if not (given is None or isinstance(given, Mapping)):
-        raise InputError(
-            f"{what} must be a dict by role, such as {{'u': ...}}, or a text, u=..., "
-            f"not {shown(given)}."
-        )
-    return _known_roles({str(role): value for role, value in (given or {}).items()}, what)
-
-
-def check_used(source: str, present: Sequence[str], **options: Mapping[str, object]) -> None:
-    """Raise InputError for an option about a role that the log does not have."""
-    for what, given in options.items():
-        for role in given:
-            if role not in present:
-                raise InputError(f"{option(what)} names {role}, but {source} has no column for it.")
-
-
-def _known_roles(given: dict[str, Any], what: str) -> dict[str, Any]:
-    """The same; InputError for a role that does not exist, with the one that may be meant."""
-    for role in given:
-        if role not in ROLES:
-            known = next((r for r in ROLES if role.lower() in usual_names(r)), None)
-            meant = f" ({role} is '{known}')" if known else did_you_mean(role, ROLES)
-            raise InputError(
-                f"{option(what)}: there is no role '{role}'{meant}; roles are {', '.join(ROLES)}."
-            )
-    return given

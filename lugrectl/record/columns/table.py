@@ -14,9 +14,10 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.validation import array, real, shown
-from .column_names import fitting, rank, split_unit, stamp_pair, unit_in_name
+from .names import fitting, rank, split_unit, unit_in_name
 
 Columns = tuple[list[np.ndarray], list[str]]  # the columns, and notes on how they were read
+Header = tuple[str, str, str | None]  # name, plain name (without a unit behind it), unit
 _SHOWN = 30  # names that a sentence lists at most
 # Seconds since 1970 in the years from 2001 to 2096, in s, ms, us and ns.
 _EPOCH = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}
@@ -43,16 +44,15 @@ class Table:
 
     def listed(self) -> str:
         """The names as ``--columns`` takes them, in a sentence."""
-        twice = {name for name in self.names if self.names.count(name) > 1}
         names = [
-            f"'{name}' (column {i + 1})" if name in twice else f"'{name}'"
-            for i, name in enumerate(self.names)
+            f"'{name}'" + f" (column {i + 1})" * (self.names.count(name) > 1)
+            for i, name in enumerate(self.names[:_SHOWN])
         ]
-        rest = len(names) - _SHOWN
-        return ", ".join(names[:_SHOWN]) + (f" and {rest} more" if rest > 0 else "")
+        rest = len(self.names) - _SHOWN
+        return ", ".join(names) + (f" and {rest} more" if rest > 0 else "")
 
 
-def heads(headers: Sequence[str]) -> list[tuple[str, str, str | None]]:
+def heads(headers: Sequence[str]) -> list[Header]:
     """Name, plain name (without a unit behind it, as in torque_mNm) and unit of each header."""
     made = []
     for header in headers:
@@ -64,46 +64,41 @@ def heads(headers: Sequence[str]) -> list[tuple[str, str, str | None]]:
 
 def joined_stamps(table: Table) -> Table:
     """The table with a column of t for whole seconds and nanoseconds in two columns."""
-    pairs = stamp_pair(table.names)
-    if not pairs or set(pairs) & set(table.names):
+    places, many = {name: i for i, name in enumerate(table.names)}, len(table.names)
+    pairs = (
+        (name.removesuffix(ending).strip("._/ ") or "stamp", i, places[other])
+        for name, i in places.items()
+        for ending, fine in (("secs", "nsecs"), ("sec", "nanosec"), ("sec", "nsec"))
+        if name.endswith(ending) and (other := name.removesuffix(ending) + fine) in places
+    )
+    own, seconds, rest = next(pairs, ("", 0, 0))
+    if not own or own in places:
         return table
-    many, places = len(table.names), list(pairs.values())
 
     def load(indices: Sequence[int]) -> Columns:
-        more = [places[i - many][:2] for i in indices if i >= many]
-        every = dict.fromkeys(
-            [*(i for i in indices if i < many), *(i for two in more for i in two)]
-        )
-        columns, said = table.load(list(every))
-        by = dict(zip(every, columns, strict=True))
-        return [by[i] if i < many else together(by, *places[i - many]) for i in indices], said
+        every = [k for i in indices for k in ((i,) if i < many else (seconds, rest))]
+        columns, said = table.load(every)
+        left = iter(columns)
+        return [next(left) if i < many else together(next(left), next(left)) for i in indices], said
 
-    def together(by: dict[int, np.ndarray], seconds: int, rest: int, unit: float) -> np.ndarray:
-        known = by[seconds][np.isfinite(by[seconds])]
-        return (by[seconds] - (known[0] if known.size else 0.0)) + unit * by[rest]
+    def together(whole: np.ndarray, fine: np.ndarray) -> np.ndarray:
+        known = whole[np.isfinite(whole)]
+        return (whole - (known[0] if known.size else 0.0)) + 1e-9 * fine
 
-    used = {i for seconds, rest, _ in places for i in (seconds, rest)}
-    return replace(
-        table,
-        names=(*table.names, *pairs),
-        plain=(*("" if i in used else p for i, p in enumerate(table.plain)), *pairs),
-        units=(*table.units, *("s" for _ in pairs)),
-        load=load,
-    )
+    plain = ["" if i in (seconds, rest) else name for i, name in enumerate(table.plain)]
+    units, names = (*table.units, "s"), (*table.names, own)
+    return replace(table, names=names, plain=(*plain, own), units=units, load=load)
 
 
 def epoch_unit(first: float, last: float) -> str | None:
     """The unit in which two numbers are seconds since 1970, None if they are not."""
-    for unit, per in _EPOCH.items():
-        if 1e9 * per <= first <= last < 4e9 * per:
-            return unit
-    return None
+    return next((u for u, per in _EPOCH.items() if 1e9 * per <= first <= last < 4e9 * per), None)
 
 
 def time_columns(plain: Sequence[str], units: Sequence[str | None]) -> list[int]:
     """The columns without a unit that may be t."""
     free = [i for i in range(len(plain)) if units[i] is None]
-    return [i for i in free if fitting([plain[i]], "t", [0])[0]]
+    return [i for i in free if rank(plain[i], "t") is not None]
 
 
 def array_table(
@@ -113,7 +108,7 @@ def array_table(
     headed: bool = True,
     number_of: Callable[[int], np.ndarray] | None = None,
 ) -> Table:
-    """The table of (name, plain name, unit, values); ``number_of`` replaces :func:`as_float`."""
+    """The table of (name, plain name, unit, values); ``number_of`` makes numbers of a column."""
     names, plain, units, values = (list(part) for part in zip(*columns, strict=True))
     arrays = [_as_array(one).ravel() for one in values]
     epoch = {}  # columns of seconds since 1970, and their unit
@@ -127,7 +122,7 @@ def array_table(
 
     def load(indices: Sequence[int]) -> Columns:
         chosen = [
-            as_float(arrays[i]) if number_of is None or i in epoch else number_of(i)
+            _as_float(arrays[i]) if number_of is None or i in epoch else number_of(i)
             for i in indices
         ]
         if len({one.size for one in chosen}) > 1:
@@ -147,20 +142,17 @@ def _as_array(values: Any) -> np.ndarray:
         return np.zeros(0)
 
 
-def epoch_said(names: Sequence[str], epoch: dict[int, str], indices: Sequence[int]) -> list[str]:
-    """Notes on the columns that were taken for seconds since 1970."""
-    return [
-        f"'{names[i]}' holds {epoch[i]} since 1970 (its unit is not stated)."
-        for i in indices
-        if epoch.get(i, "s") != "s"
-    ]
-
-
-def as_float(values: np.ndarray) -> np.ndarray:
+def _as_float(values: np.ndarray) -> np.ndarray:
     """Numbers as float64; large whole numbers, as of a clock, relative to the first of them."""
     if values.dtype.kind in "iu" and values.size and int(np.max(values)) > 2**53:
         values = values.astype(np.int64) - np.int64(values[0])
     return np.asarray(values, dtype=np.float64)
+
+
+def epoch_said(names: Sequence[str], epoch: dict[int, str], indices: Sequence[int]) -> list[str]:
+    """Notes on the columns that were taken for seconds since 1970."""
+    found = [i for i in indices if epoch.get(i, "s") != "s"]
+    return [f"'{names[i]}' holds {epoch[i]} since 1970 (its unit is not stated)." for i in found]
 
 
 # ---- in memory -------------------------------------------------------------------
@@ -249,7 +241,7 @@ def _is_dated(values: Any) -> bool:
 def _numbers(where: str, values: Any) -> np.ndarray:
     """A column as (N,) float64; InputError names the first value that is no number."""
     if _is_dated(values):
-        return _seconds(values)
+        return seconds_of(values)
     try:  # pandas knows how its own missing values become nan
         made = np.asarray(values.to_numpy(dtype=float, na_value=np.nan))
     except (AttributeError, TypeError, ValueError):
@@ -267,7 +259,7 @@ def _numbers(where: str, values: Any) -> np.ndarray:
     return made.ravel()
 
 
-def _seconds(values: Any) -> np.ndarray:
+def seconds_of(values: Any) -> np.ndarray:
     """Instants as seconds from the first of them, durations in seconds; nan where there is none."""
     if not hasattr(values, "dtype"):
         return np.array([(value - values[0]).total_seconds() for value in values])
@@ -275,7 +267,7 @@ def _seconds(values: Any) -> np.ndarray:
     if hasattr(values, "to_numpy"):
         values = values.to_numpy(dtype=kind)  # one with a time zone, too
     stamps = np.asarray(values).astype(kind)
-    if values.dtype.kind == "M":
+    if stamps.dtype.kind == "M":
         known = stamps[~np.isnat(stamps)]
         stamps = stamps - (known[0] if known.size else stamps[:1])
     return stamps / np.timedelta64(1, "s")

@@ -1,4 +1,4 @@
-"""MAT files up to version 7, read with every length checked: no damage ends the process."""
+"""MAT files of version 5 to 7, read with every length checked: no damage ends the process."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8"} | {
     12: "i8", 13: "u8", 16: "u1", 17: "u2", 18: "u4"}  # fmt: skip
 _MATRIX, _COMPRESSED = 14, 15
-_CELL, _STRUCT, _OBJECT, _CHAR, _OPAQUE = 1, 2, 3, 4, 17
+_CELL, _STRUCT, _CHAR, _OPAQUE = 1, 2, 4, 17
 _DEPTH = 30
 
 
@@ -27,16 +27,16 @@ class Opaque:
 
 def read_mat(data: bytes) -> dict[str, Any]:
     """Variables by name: arrays, dicts of structs, lists of cells; Damaged."""
+    if data[126:128] not in (b"IM", b"MI"):
+        raise Damaged("it is not of version 5 to 7; save it in MATLAB with the option '-v7'")
     try:
-        if data[126:128] in (b"IM", b"MI"):
-            return _version5(data)
-        return _version4(data)
+        return _variables(data)
     except (struct.error, zlib.error, IndexError, ValueError, OverflowError, MemoryError,
             RecursionError) as error:  # fmt: skip
         raise Damaged(str(error) or type(error).__name__) from None
 
 
-def _version5(data: bytes) -> dict[str, Any]:
+def _variables(data: bytes) -> dict[str, Any]:
     order = "<" if data[126:128] == b"IM" else ">"
     found = {}
     for kind, payload in _elements(data[128:], order):
@@ -84,8 +84,7 @@ def _matrix(data: bytes, order: str, depth: int) -> tuple[str, Any]:
         raise Damaged("a dimension below 0")
     if kind == _CELL:
         return name, _inner(rest[:many], order, depth)
-    if kind in (_STRUCT, _OBJECT):
-        rest = rest[1:] if kind == _OBJECT else rest
+    if kind == _STRUCT:
         return name, _structs(rest, many, order, depth)
     if kind == _CHAR:
         return name, _numbers(rest[0], order).astype("u4").tobytes().decode("utf-32-le", "replace")
@@ -127,24 +126,3 @@ def _numbers(part: tuple[int, bytes], order: str) -> np.ndarray:
 
 def _text(data: bytes) -> str:
     return data.split(b"\0")[0].decode("latin-1")
-
-
-def _version4(data: bytes) -> dict[str, Any]:
-    found, at = {}, 0
-    order = "<" if data[:4] and struct.unpack_from("<i", data)[0] in range(0, 5000) else ">"
-    while at < len(data):
-        kind, rows, columns, imaginary, length = struct.unpack_from(order + "5i", data, at)
-        code = kind // 10 % 10
-        if not (0 <= kind < 5000 and 0 < length < 256 and rows >= 0 and columns >= 0 and code < 6):
-            raise Damaged("it has no header of a MAT file")
-        dtype = np.dtype(order + ("f8", "f4", "i4", "i2", "u2", "u1")[code])
-        at += 20
-        name, at = _text(data[at : at + length]), at + length
-        size = rows * columns * dtype.itemsize
-        if at + size > len(data):
-            raise Damaged("a variable is longer than the file")
-        values = np.frombuffer(data[at : at + size], dtype).reshape((rows, columns), order="F")
-        at += size * (2 if imaginary else 1)
-        if kind % 10 == 0 and not imaginary:
-            found[name] = values.astype(dtype.newbyteorder("="))
-    return found

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import zipfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,28 +21,26 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.validation import like_it
-from ..columns.table import Table, array_table
+from ..columns.table import Table, array_table, heads, seconds_of
 from . import child_process
 from .mat_file import Opaque, read_mat
-from .nested import columns_of
-from .text import lines_table, read_text
+from .text import is_stamp, lines_table, read_text, seconds
 
 # Endings of the files that can be read; in a folder, files of others are passed over.
 SUFFIXES = (".csv .tsv .txt .dat .lvm .json .mat .npy .npz .h5 .hdf5 .parquet .xlsx").split()
 MODEL = ".toml"
-# Beginnings of files that are no log.
-_OTHERS = (
-    (b"\x89PNG", "an image"), (b"\xff\xd8\xff", "an image"), (b"GIF8", "an image"),
-    (b"BM", "an image"), (b"II*\0", "an image"), (b"%PDF", "a PDF document"),
-    (b"\xd0\xcf\x11\xe0", "an old Excel or Word file; save it as .xlsx or CSV"),
-    (b"SQLite format 3", "a database, as a ROS 2 bag is; export its topics as CSV"),
-    (b"7z\xbc\xaf", "an archive; unpack it first"),
-    (b"Rar!", "an archive; unpack it first"), (b"\x7fELF", "a program"),
-    (b"\x89MCAP", "an MCAP file; export its topics as CSV, for instance with PlotJuggler"),
-)  # fmt: skip
+# Beginnings of files that others may take for a log, and what to do.
+_OTHERS = {
+    b"\xd0\xcf\x11\xe0": "an old Excel file; save it as .xlsx or CSV",
+    b"SQLite format 3": "a database, as a ROS 2 bag is; export its topics as CSV",
+    b"\x89MCAP": "an MCAP file; export its topics as CSV, for instance with PlotJuggler",
+}
 _LONG = 160  # characters of what a library says that a sentence repeats
 _LONGEST, _SLOWEST = 18.0, 4e6  # s, and bytes/s beyond, that a library may take for a file
-_EXTRA = 'install it with pip install "lugrectl[files]"'
+_MOST = 200  # columns of one matrix
+_DEPTH = 12  # of nested content
+_SHORT = 0.01  # of the longest column; shorter ones are parameters, no samples
+Flat = Iterator[tuple[str, str, np.ndarray]]  # path, label, values
 
 
 def read_table(path: str | Path) -> Table:
@@ -61,16 +59,22 @@ def read_table(path: str | Path) -> Table:
         raise InputError(f"{path.name} is empty.")
     if path.suffix.lower() == MODEL:
         raise InputError(f"{path.name} is a model file, not a log: give it as the model.")
-    for start, what in _OTHERS:
-        if head.startswith(start) and (start != b"BM" or b"\0" in head):
-            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
-    for start, reader in _READERS:
+    for start, what in _OTHERS.items():
         if head.startswith(start):
-            return reader(path)
-    if path.suffix.lower() == ".mat":
-        return _read_mat(path)
+            raise InputError(f"{path.name} is no log that can be read: it is {what}.")
     is_json = head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
-    return _read_json(path) if is_json else read_text(path)
+    kind, read = next(
+        ((kind, read) for start, kind, read in _READERS if head.startswith(start)),
+        ("MAT", _mat)
+        if path.suffix.lower() == ".mat"
+        else ("JSON", _json if is_json else read_text),
+    )
+    try:  # libraries raise many kinds of errors on a damaged file
+        return read(path)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{path.name} is not a readable {kind} file: {_why(error)}.") from None
 
 
 def read_stdin() -> tuple[Table, bytes]:
@@ -86,86 +90,71 @@ def _of_bytes(name: str, data: bytes) -> Table:
         return read_table(path)
 
 
-@contextmanager
-def _readable(path: Path, kind: str) -> Iterator[None]:
-    """One sentence where a library fails on a damaged file: libraries raise many kinds."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise _damaged(path, kind, error) from None
+def _why(error: Any) -> str:
+    """What a library says of a damaged file, in a short clause without the bytes that it quotes."""
+    text = "".join(c if c.isprintable() else " " for c in str(error))
+    text = " ".join(re.sub(r"(\\\\x[0-9a-f]{2})+", " ", text).split()) or type(error).__name__
+    return (text if len(text) <= _LONG else f"{text[: _LONG - 4]} ...").rstrip(".")
 
 
-def _damaged(path: Path, kind: str, error: Any) -> InputError:
-    return InputError(f"{path.name} is not a readable {kind} file: {_why(error)}.")
+# ---- formats ------------------------------------------------------------------------
 
 
-def _read_gzip(path: Path) -> Table:
-    with _readable(path, "gzip"):
-        data = gzip.decompress(path.read_bytes())
-    return _of_bytes(path.name.removesuffix(".gz"), data)
+def _gzip(path: Path) -> Table:
+    return _of_bytes(path.name.removesuffix(".gz"), gzip.decompress(path.read_bytes()))
 
 
-# ---- arrays by name -----------------------------------------------------------------
-
-
-def _read_mat(path: Path) -> Table:
-    with _readable(path, "MAT"):
-        content = read_mat(path.read_bytes())
+def _mat(path: Path) -> Table:
+    content = read_mat(path.read_bytes())
     hidden = [name for name, value in content.items() if isinstance(value, Opaque)]
     hint = "" if not hidden else (
         f"'{hidden[0]}' is an object such as a timeseries or a table, which only MATLAB can "
         f"read: save its numbers, for instance x = {hidden[0]}.Data; save('x.mat', 'x')."
     )  # fmt: skip
-    return _array_table(path, content, hint)
+    return nested_table(path.name, content, hint)
 
 
-def _read_npy(path: Path) -> Table:
-    with _readable(path, "NPY"):
-        return _array_table(path, np.load(path, allow_pickle=False))
+def _npy(path: Path) -> Table:
+    return nested_table(path.name, np.load(path, allow_pickle=False))
 
 
-def _read_zip(path: Path) -> Table:
-    with _readable(path, "NPZ"):
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-        if "[Content_Types].xml" in names:
-            return _read_sheet(path)
-        if not any(name.endswith(".npy") for name in names):
-            raise InputError(
-                f"{path.name} is an archive of files; unpack it and name the log in it."
-            )
-        with np.load(path, allow_pickle=False) as arrays:
-            return _array_table(path, {name: arrays[name] for name in arrays.files})
+def _zip(path: Path) -> Table:
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+    if "[Content_Types].xml" in names:
+        return _sheet(path)
+    if not any(name.endswith(".npy") for name in names):
+        raise InputError(f"{path.name} is an archive of files; unpack it and name the log in it.")
+    with np.load(path, allow_pickle=False) as arrays:
+        return nested_table(path.name, {name: arrays[name] for name in arrays.files})
 
 
-def _read_json(path: Path) -> Table:
+def _json(path: Path) -> Table:
     data = path.read_bytes()
     try:
         content = json.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as whole:
+    except (ValueError, RecursionError):
         try:  # one document in each line
             content = [json.loads(line) for line in data.splitlines() if line.strip()]
         except (ValueError, RecursionError):
             if path.suffix.lower() in (".json", ".jsonl", ".ndjson"):
-                raise InputError(f"{path.name} is not readable JSON: {_why(whole)}.") from None
+                raise
             return read_text(path)
-    return _array_table(path, content)
+    return nested_table(path.name, content)
 
 
-def _read_hdf(path: Path) -> Table:
+def _hdf(path: Path) -> Table:
     what = f"{path.name} is a MATLAB v7.3 (HDF5) file"
     _needed("h5py", what, "save it in MATLAB with the option '-v7'")
-    return _array_table(path, _by_child("hdf", path, "HDF5"))
+    return nested_table(path.name, _by_child("hdf", path))
 
 
-def _read_parquet(path: Path) -> Table:
+def _parquet(path: Path) -> Table:
     _needed("pyarrow.parquet", f"{path.name} is a Parquet file", "save it as CSV")
-    return _array_table(path, _by_child("parquet", path, "Parquet"))
+    return nested_table(path.name, _by_child("parquet", path))
 
 
-def _read_sheet(path: Path) -> Table:
+def _sheet(path: Path) -> Table:
     """The first sheet that holds a table, read as the lines of a text."""
     _needed("openpyxl", f"{path.name} is an Excel file", "save it as CSV")
     import openpyxl  # pyright: ignore[reportMissingImports, reportMissingModuleSource]
@@ -173,13 +162,12 @@ def _read_sheet(path: Path) -> Table:
     def cell(value: Any) -> str:
         return "" if value is None else str(value).replace("\t", " ").replace("\n", " ")
 
-    with _readable(path, "Excel"):
-        book = openpyxl.load_workbook(path, read_only=True, data_only=True)
-        sheets = [
-            ["\t".join(map(cell, row)) for row in sheet.iter_rows(values_only=True)]
-            for sheet in book.worksheets
-        ]
-        book.close()
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    sheets = [
+        ["\t".join(map(cell, row)) for row in sheet.iter_rows(values_only=True)]
+        for sheet in book.worksheets
+    ]
+    book.close()
     problem = InputError(f"{path.name} holds no sheet.")
     for lines in sheets:
         try:
@@ -189,21 +177,16 @@ def _read_sheet(path: Path) -> Table:
     raise problem
 
 
-def _why(error: Any) -> str:
-    """What a library says of a damaged file, in a short clause without the bytes that it quotes."""
-    text = "".join(c if c.isprintable() else " " for c in str(error))
-    text = " ".join(re.sub(r"(\\\\x[0-9a-f]{2})+", " ", text).split()) or type(error).__name__
-    return (text if len(text) <= _LONG else f"{text[: _LONG - 4]} ...").rstrip(".")
-
-
 def _needed(module: str, what: str, instead: str) -> None:
     """InputError that names the extra if a library is not installed."""
     hidden = module in sys.modules and sys.modules[module] is None
-    if hidden or importlib.util.find_spec(module.split(".")[0]) is None:
-        raise InputError(f"{what}, which needs {module.split('.')[0]}: {_EXTRA}, or {instead}.")
+    name = module.split(".")[0]
+    if hidden or importlib.util.find_spec(name) is None:
+        extra = 'install it with pip install "lugrectl[files]"'
+        raise InputError(f"{what}, which needs {name}: {extra}, or {instead}.")
 
 
-def _by_child(how: str, path: Path, kind: str) -> Any:
+def _by_child(how: str, path: Path) -> Any:
     """What the library reads in a process of its own, which a damaged file may bring down."""
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     command = [sys.executable, "-P", child_process.__file__, how, str(path.resolve())]
@@ -215,30 +198,126 @@ def _by_child(how: str, path: Path, kind: str) -> Any:
         with suppress(Exception):  # it ended before it could answer
             good, answer = pickle.loads(done.stdout)
     if not good:
-        raise _damaged(path, kind, answer)
+        raise ValueError(answer)
     return answer
 
 
-def _array_table(path: Path, content: Any, hint: str = "") -> Table:
-    columns = columns_of(content)
+_READERS: tuple[tuple[bytes, str, Callable[[Path], Table]], ...] = (
+    (b"\x1f\x8b", "gzip", _gzip),
+    (b"MATLAB 7.3", "HDF5", _hdf),
+    (b"\x89HDF", "HDF5", _hdf),
+    (b"MATLAB 5.0", "MAT", _mat),
+    (b"\x93NUMPY", "NPY", _npy),
+    (b"PK\x03\x04", "NPZ", _zip),
+    (b"PAR1", "Parquet", _parquet),
+)
+
+
+# ---- columns out of nested content --------------------------------------------------
+
+
+def nested_table(source: str, content: Any, hint: str = "") -> Table:
+    """The columns of structs, dicts, lists of dicts, matrices and structured arrays: ``rec.x[2]``
+    is column 2 of the matrix x in rec."""
+    found = list(_flat("", content, "", _DEPTH))
+    longest = max((len(values) for *_, values in found), default=0)
+    columns = []
+    for path, label, values in found:
+        if len(values) <= max(1, _SHORT * longest):
+            continue
+        (name, _, unit), (_, plain, other) = heads([path, label or heads([path])[0][0]])
+        if values.dtype.kind in "US":
+            unit, values = "s", seconds(list(values))
+        columns.append((name, plain, unit or other, values))
     if len(columns) < 2:
-        found = ", ".join(name for name, *_ in columns) or "none"
+        listed = ", ".join(name for name, *_ in columns) or "none"
         raise InputError(
-            f"{path.name} needs at least two one-dimensional numeric arrays of equal length "
-            f"(found: {found}).{' ' * bool(hint)}{hint}"
+            f"{source} needs at least two one-dimensional numeric arrays of equal length "
+            f"(found: {listed}). {hint}".rstrip()
         )
     headed = not all(name.isdecimal() for name, *_ in columns)
     if not headed:
         columns = [(name, "", unit, values) for name, _, unit, values in columns]
-    return array_table(path.name, columns, hint, headed)
+    return array_table(source, columns, hint, headed)
 
 
-_READERS: tuple[tuple[bytes, Callable[[Path], Table]], ...] = (
-    (b"\x1f\x8b", _read_gzip),
-    (b"MATLAB 7.3", _read_hdf),
-    (b"\x89HDF", _read_hdf),
-    (b"MATLAB 5.0", _read_mat),
-    (b"\x93NUMPY", _read_npy),
-    (b"PK\x03\x04", _read_zip),
-    (b"PAR1", _read_parquet),
-)
+def _plain(value: Any) -> Any:
+    """The same content as a dict of columns, a list or an array, however it is arranged."""
+    kind = getattr(value, "dtype", None)
+    if kind is not None and kind.names:
+        return {name: value[name] for name in kind.names}
+    if kind is not None and kind.kind == "O":
+        value = list(np.ravel(value))
+    if isinstance(value, dict):
+        columns, data = value.get("columns"), value.get("data")
+        if isinstance(columns, list) and isinstance(data, list):  # pandas, orient="split"
+            rows = [row for row in data if isinstance(row, list) and len(row) == len(columns)]
+            return {name: [row[i] for row in rows] for i, name in enumerate(columns)}
+        if len(value) > 20 and all(str(key).isdecimal() for key in value):  # orient="columns"
+            value = list(value.values())
+    if isinstance(value, (list, tuple)) and len(value) >= 20 and isinstance(value[0], dict):
+        rows = [_one_row(item) if isinstance(item, dict) else {} for item in value]
+        return {key: [row.get(key) for row in rows] for key in rows[0]}
+    return value
+
+
+def _one_row(item: dict[Any, Any], prefix: str = "") -> dict[str, Any]:
+    """The numbers of one sample by dotted name, those of a list by index from 1."""
+    row: dict[str, Any] = {}
+    for key, value in item.items():
+        if isinstance(value, dict):
+            row |= _one_row(value, f"{prefix}{key}.")
+        elif isinstance(value, list):
+            row |= {f"{prefix}{key}[{i + 1}]": v for i, v in enumerate(value)}
+        else:
+            row[f"{prefix}{key}"] = value
+    return row
+
+
+def _flat(name: str, value: Any, label: str, depth: int) -> Flat:
+    """(name, label, values) of each column below a value."""
+    value = _plain(value)
+    if depth == 0 or value is None:
+        return
+    if isinstance(value, dict):
+        own = value.get("label", value.get("Name", ""))
+        for key, inner in value.items():
+            if not str(key).startswith("__"):
+                named = own if isinstance(own, str) and str(key) in ("values", "Data") else ""
+                below = f"{name}.{key}" if name else str(key)
+                yield from _flat(below, inner, named, depth - 1)
+    elif not isinstance(value, (list, tuple)):
+        yield from _of_array(name, np.asarray(value), label)
+    elif any(isinstance(item, (str, bytes)) for item in value):
+        cells = ["" if item is None else item for item in value]
+        if all(isinstance(item, str) for item in cells):
+            if sum(map(is_stamp, cells)) > len(cells) / 2:
+                yield name, label or "time", np.array(cells)
+    else:
+        try:
+            made = np.array([np.nan if item is None else item for item in value])
+        except (ValueError, TypeError):  # of unequal lengths: arrays of their own
+            made = np.empty(0, dtype=object)
+        if made.dtype != object:
+            yield from _of_array(name, made, label)
+        elif len(value) < 20:
+            for i, item in enumerate(value):
+                yield from _flat(f"{name}[{i + 1}]", item, "", depth - 1)
+
+
+def _of_array(name: str, array: np.ndarray, label: str) -> Flat:
+    if array.dtype.kind == "M":
+        array, label = seconds_of(array.ravel()), label or "time"
+    array = np.squeeze(array)
+    if array.dtype.kind not in "fiub":
+        return
+    if array.ndim == 1:
+        yield name, label, array
+    if array.ndim != 2 or min(array.shape) > _MOST or max(array.shape) < 20:
+        return
+    if array.shape[0] < array.shape[1]:
+        array = array.T
+    labels = [part.strip() for part in label.split(",")]
+    for i in range(array.shape[1]):
+        named = labels[i] if len(labels) == array.shape[1] else ""
+        yield (f"{name}[{i + 1}]" if name else str(i + 1)), named, array[:, i]

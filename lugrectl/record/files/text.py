@@ -6,10 +6,9 @@ import csv
 import re
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from datetime import date
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...core.errors import InputError
-from ..columns.column_names import split_unit
+from ..columns.names import parse_unit, split_unit
 from ..columns.table import (
     Columns,
     Table,
@@ -27,7 +26,6 @@ from ..columns.table import (
     joined_stamps,
     time_columns,
 )
-from ..columns.units import parse_unit
 
 # ---- dates and times of day ------------------------------------------------------
 
@@ -45,7 +43,8 @@ def is_stamp(cell: str) -> bool:
 
 def seconds(cells: Sequence[str]) -> np.ndarray:
     """Seconds (N,) from the first stamp, nan for an empty cell; ValueError with the index of
-    the first cell that is no stamp. A time of day that falls by half a day passed midnight."""
+    the first cell that is no stamp. Each further date, or a time that falls by half a day without
+    one, is the next day."""
     days: dict[str, float] = {}
     made = np.full(len(cells), np.nan)
     for k, cell in enumerate(cells):
@@ -59,31 +58,16 @@ def seconds(cells: Sequence[str]) -> np.ndarray:
             hour = int(hour) % 12 + 12 * (match["half"].lower() == "pm")
         made[k] = 3600 * int(hour) + 60 * int(minute) + float(re.sub("[,:]", ".", rest))
         if match["date"]:
-            if match["date"] not in days:
-                days[match["date"]] = _day(match["date"], list(days))
-            made[k] += _DAY * days[match["date"]]
+            made[k] += _DAY * days.setdefault(match["date"], len(days))
     known = np.flatnonzero(np.isfinite(made))
     if not days and known.size:
         made[known] += _DAY * np.r_[0, np.cumsum(np.diff(made[known]) < -_DAY / 2)]
     return made - (made[known[0]] if known.size else 0.0)
 
 
-def _day(text: str, before: Sequence[str]) -> float:
-    """The number of a day from the first date on; a date of unclear order is the next day."""
-    dates = [[int(part) for part in re.split("[-/.]", day)] for day in (text, *before[:1])]
-    for y, m, d in ((0, 1, 2), (2, 1, 0), (2, 0, 1)):
-        with suppress(ValueError):
-            days = [date(parts[y], parts[m], parts[d]) for parts in dates]
-            if 0 <= (days[0] - days[-1]).days <= 31:
-                return float((days[0] - days[-1]).days)
-    return float(len(before))
-
-
 # ---- numbers ---------------------------------------------------------------------
 
 DECIMAL_COMMAS = "Decimal commas were read as decimal points."
-THOUSANDS = "Commas were read as separators of thousands."
-_POINTS = "Points were read as separators of thousands, commas as decimal points."
 _MISSING = frozenset(
     "nan na n/a n.a. #n/a #na #value! #div/0! #num! #ref! nat null none - -- --- ? missing "
     "undefined -nan nan(ind) -nan(ind) 1.#qnan -1.#ind".split()
@@ -92,8 +76,9 @@ _EXPONENT = r"(?:[eEdD][+-]?\d+)?"
 # Numbers with commas: of groups of thousands, or of decimals.
 _ENGLISH = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:,\d{{3}})+|\d*)(?:\.\d*)?{_EXPONENT}")
 _GERMAN = re.compile(rf"[+-]?(?:[1-9]\d{{0,2}}(?:\.\d{{3}})+|\d*)(?:,\d*)?{_EXPONENT}")
+_FIGURES = re.compile(r"[\d+.,eEdD-]*\d[\d+.,eEdD-]*")
 _TYPED_OVER = re.compile(rf"[+-]?\d+(?:\.\d*)?{_EXPONENT}[\s,;(]+[A-Za-z].*")
-FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
+_FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 
 
 def is_missing(cell: str) -> bool:
@@ -103,22 +88,11 @@ def is_missing(cell: str) -> bool:
 
 def number(cell: str) -> float:
     """Return the number in a cell, nan for a missing one; raise ValueError for text."""
-    cell = cell.strip()
     if is_missing(cell):
         return np.nan
     if "_" in cell:
         raise ValueError(cell)
-    if "," in cell:
-        if "." not in cell and cell.count(",") == 1:
-            cell = cell.replace(",", ".")
-        elif _ENGLISH.fullmatch(cell):
-            cell = cell.replace(",", "")
-        elif _GERMAN.fullmatch(cell):
-            cell = cell.replace(".", "").replace(",", ".")
-    try:
-        return float(cell)
-    except ValueError:
-        return float(FORTRAN.sub("e", cell))
+    return float(_FORTRAN.sub("e", cell))
 
 
 def with_remark(cell: str) -> bool:
@@ -127,46 +101,34 @@ def with_remark(cell: str) -> bool:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell holds a number or a stamp of time."""
+    """Whether a cell holds a number, with a point or commas, or a stamp of time."""
+    cell = cell.strip()
+    if "," in cell and not is_stamp(cell):
+        return bool(
+            _FIGURES.fullmatch(cell) and (_ENGLISH.fullmatch(cell) or _GERMAN.fullmatch(cell))
+        )
     try:
         return is_stamp(cell) or not np.isnan(number(cell))
     except ValueError:
         return False
 
 
-def without_commas(
-    source: str, rows: Sequence[tuple[int, list[str]]]
-) -> tuple[list[list[str]], list[str]]:
-    """The cells of (line, cells) with decimal points only, and what commas were taken for."""
-    cells = [row for _, row in rows]
-    marked = [c for row in cells for c in row if "," in c or "." in c]
-    marked = [c for c in marked if not (is_missing(c) or is_stamp(c))]
+def decimals(cells: Iterable[str]) -> tuple[dict[str, str], list[str]]:
+    """What points and commas in these cells are to be replaced by, and how they were read."""
+    marked = [c for c in cells if "," in c or "." in c]
     if not any("," in c for c in marked):
-        return cells, []
+        return {}, []
+    marked = [c.strip() for c in marked if _FIGURES.fullmatch(c.strip())]
+    if not marked:
+        return {}, []
     points = any("." in c for c in marked)
     english, german = (all(map(kind.fullmatch, marked)) for kind in (_ENGLISH, _GERMAN))
-    if german and not (english and points):
-        said, marks = _POINTS if points else DECIMAL_COMMAS, {".": "", ",": "."}
-    elif english and not german:
-        said, marks = THOUSANDS, {",": ""}
-    else:
-        return cells, _mixed(source, rows)
-    table = str.maketrans(marks)
-    return [[c if is_stamp(c) else c.translate(table) for c in row] for row in cells], [said]
-
-
-def _mixed(source: str, rows: Sequence[tuple[int, list[str]]]) -> list[str]:
-    """InputError at the line where points and commas have both occurred; text is named later."""
-    points = commas = False
-    for line, row in rows:
-        plain = [c for c in row if not is_stamp(c) and re.fullmatch(r"[\d+.,eEdD-]*", c.strip())]
-        points = points or any("." in cell for cell in plain)
-        commas = commas or any("," in cell for cell in plain)
-        if points and commas:
-            raise InputError(
-                f"{source}: line {line} mixes decimal points and decimal commas; use one."
-            )
-    return [DECIMAL_COMMAS] if commas else []
+    if german and not points:
+        return {",": "."}, [DECIMAL_COMMAS]
+    if german and not english:
+        said = "Points were read as separators of thousands, commas as decimal points."
+        return {".": "", ",": "."}, [said]
+    return ({",": ""}, ["Commas were read as separators of thousands."]) if english else ({}, [])
 
 
 # ---- the table -------------------------------------------------------------------
@@ -205,9 +167,8 @@ class _Text:
         for c, name in enumerate(self.names):
             cells = [row[c] for row in rows if len(row) == len(self.names)]
             channels = list(dict.fromkeys(cells))
-            if c in self.stamped or any(map(is_number, channels)):
-                continue
-            if 2 <= len(channels) <= len(cells) / 4:
+            words = c not in self.stamped and not any(map(is_number, channels))
+            if words and 2 <= len(channels) <= len(cells) / 4:
                 return (
                     f"It holds one value in a row, and '{name}' says of which channel: "
                     f"{', '.join(channels[:4])}. Give each channel a column of its own, in pandas "
@@ -231,32 +192,34 @@ class _Text:
             if "." in text:
                 return None
             text, said = text.replace(",", "."), [DECIMAL_COMMAS]
-        data, width = self.parsed(text, indices), len(self.names)
-        if data is None and self.delimiter != _BLANKS:  # perhaps only because of empty cells
-            gap = re.escape(self.delimiter)
-            text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
-            data = self.parsed(text, indices)
-        if data is None:
-            return None
-        if self.delimiter == _BLANKS:
-            whole = len(text.split()) == len(data) * width
-        else:
-            whole = text.count(self.delimiter) == len(data) * (width - 1)
-        return (list(np.ascontiguousarray(data.T)), said) if whole else None
-
-    def parsed(self, text: str, indices: Sequence[int]) -> np.ndarray | None:
-        between = None if self.delimiter == _BLANKS else self.delimiter
-        try:
-            return np.loadtxt(
-                text.split("\n"), delimiter=between, usecols=indices, comments=None, ndmin=2
+        blank, width = self.delimiter == _BLANKS, len(self.names)
+        gap = re.escape(self.delimiter)
+        for again in (False, True):
+            if again:  # perhaps only because of empty cells
+                text = re.sub(rf"(?<={gap})(?={gap}|$)|^(?={gap})", "nan", text, flags=re.MULTILINE)
+            try:
+                data = np.loadtxt(
+                    text.split("\n"),
+                    delimiter=None if blank else self.delimiter,
+                    usecols=indices,
+                    comments=None,
+                    ndmin=2,
+                )
+            except ValueError:
+                if blank:
+                    return None
+                continue
+            cells = len(text.split()) if blank else text.count(self.delimiter) + len(data)
+            return (
+                (list(np.ascontiguousarray(data.T)), said) if cells == len(data) * width else None
             )
-        except ValueError:
-            return None
+        return None
 
     def by_cells(self, indices: Sequence[int]) -> Columns:
         """The columns cell by cell: one empty or typed over is missing; InputError for text."""
         said: list[str] = []
-        rows: list[tuple[int, list[str]]] = []
+        numbers: list[int] = []  # of the lines
+        rows: list[list[str]] = []
         width = len(self.names)
         last = max(k for k, line in enumerate(self.lines, 1) if line.strip())
         for k, line in enumerate(self.lines[self.first :], self.first + 1):
@@ -267,21 +230,21 @@ class _Text:
                 said.append(f"The last line ({k}) is cut off and was left out.")
                 continue
             if len(cells) != width:
-                raise InputError(
-                    f"{self.source}: line {k} has {len(cells)} cells, "
-                    f"the header names {width} columns."
-                )
-            rows.append((k, [cells[i] for i in indices]))
-        cleaned, commas = without_commas(self.source, rows)
-        numbers = [k for k, _ in rows]
+                raise _mismatch(self.source, k - 1, len(cells), width, self.delimiter)
+            rows.append([cells[i] for i in indices])
+            numbers.append(k)
+        marks, commas = decimals(cell for row in rows for cell in row)
+        table = str.maketrans(marks)
+        if marks:
+            rows = [[c if is_stamp(c) else c.translate(table) for c in row] for row in rows]
         columns = [
             self.column(i, numbers, cells, said)
-            for i, cells in zip(indices, zip(*cleaned, strict=True), strict=True)
+            for i, cells in zip(indices, zip(*rows, strict=True), strict=True)
         ]
         return columns, [*commas, *said]
 
     def column(
-        self, i: int, numbers: Sequence[int], cells: Sequence[str], said: list[str]
+        self, i: int, numbers: list[int], cells: Sequence[str], said: list[str]
     ) -> np.ndarray:
         """The values of a column, whose cells stand in the lines of these ``numbers``."""
         if i in self.stamped:
@@ -303,7 +266,8 @@ class _Text:
                 values[k] = number(cell)
             except ValueError:
                 if not with_remark(cell):
-                    raise self.no_number(i, numbers[k], cell, "number") from None
+                    what = "number with a decimal point" if is_number(cell) else "number"
+                    raise self.no_number(i, numbers[k], cell, what) from None
                 place = f"line {numbers[k]}, column '{self.names[i]}'"
                 said.append(f"The cell in {place} was typed over: '{cell}' is left out.")
         return values
@@ -356,12 +320,10 @@ def _cells(line: str, delimiter: str) -> list[str]:
         return line.split()
     if delimiter == "|":
         line = line.strip().strip("|")
-    try:
-        found = next(csv.reader([line], delimiter=delimiter), []) if '"' in line else None
-    except csv.Error:
-        return []
-    if found is None:
-        found = line.split(delimiter) if line else []
+    found = line.split(delimiter) if line else []
+    if '"' in line:
+        with suppress(csv.Error):
+            found = next(csv.reader([line], delimiter=delimiter), [])
     cells = [cell.strip() for cell in found]
     if cells and delimiter in ";,\t":  # a delimiter of another kind at the end of the line
         cells[-1] = cells[-1].rstrip(",; ")
@@ -376,34 +338,29 @@ def lines_table(source: str, lines: list[str]) -> Table:
     sniffed = [(i, line) for i, line in enumerate(lines[:_SNIFF]) if not _is_comment(line)]
     if not sniffed:
         raise InputError(f"{source} is empty: it has no line of data.")
-    delimiter, width, tail = _delimiter(source, sniffed)
+    delimiter, width, tail = _delimiter(source, [line for _, line in sniffed])
     numeric = [_is_numeric([row[c] for row in tail]) for c in range(width)]
-    rows = [(i, _cells(line, delimiter)) for i, line in sniffed]
-    likes = [_like_data(cells, numeric) for _, cells in rows]
-    runs = ((0.89, _STEADY), (0.6, 6))  # some preambles hold rows of numbers, too
+    likes = [_like_data(_cells(line, delimiter), numeric) for _, line in sniffed]
     starts = (
         k
-        for share, length in runs
-        for k in range(len(rows))
+        for share, length in ((0.89, _STEADY), (0.6, 6))  # some preambles hold rows of numbers, too
+        for k in range(len(likes))
         if likes[k] and np.mean(likes[k : k + length]) > share
     )
     start = next(starts, -1)
     if start < 0:
         raise InputError(f"{source} has no row of numbers in its first {_SNIFF} lines.")
-    found, first = _headers(lines, rows, start, delimiter, width), rows[start][0]
-    if found is None:
-        above = _names_above(rows[:start]) if delimiter == "," else 0
-        if 0 < above < width:
-            raise _mismatch(source, first, width, above, delimiter)
-        names, plain, units = tuple(map(str, range(1, width + 1))), ("",) * width, (None,) * width
-    else:
-        names, plain, units = _name_columns(*found)
+    first, above = sniffed[start][0], [line for _, line in sniffed[:start]]
+    found = _header(above, lines[:first], delimiter, width)
+    headed = found is not None
+    names, plain, units = zip(*found or [(str(k + 1), "", None) for k in range(width)], strict=True)
     if len(names) == width - 1 and not any(row[-1] for row in tail):
         names, plain, units = (*names, ""), (*plain, ""), (*units, None)
     if len(names) != width:
         raise _mismatch(source, first, width, len(names), delimiter)
-    plainly = _Text(source, lines, delimiter, first, names, plain, units, found is not None)
-    return _with_times(plainly, tail).table()
+    return _with_times(
+        _Text(source, lines, delimiter, first, names, plain, units, headed), tail
+    ).table()
 
 
 def _with_times(text: _Text, tail: list[list[str]]) -> _Text:
@@ -415,7 +372,9 @@ def _with_times(text: _Text, tail: list[list[str]]) -> _Text:
     names = tuple(n or plain[c] for c, n in enumerate(text.names))
     epoch = {}
     for c in time_columns(plain, units):
-        present = [number(x) for x in columns[c] if is_number(x) and not is_stamp(x)]
+        present = [
+            number(x) for x in columns[c] if "," not in x and is_number(x) and not is_stamp(x)
+        ]
         unit = epoch_unit(present[0], present[-1]) if present else None
         if unit is not None:
             epoch[c] = units[c] = unit
@@ -423,23 +382,12 @@ def _with_times(text: _Text, tail: list[list[str]]) -> _Text:
                    stamped=frozenset(stamped), epoch=epoch)  # fmt: skip
 
 
-def _names_above(rows: Sequence[tuple[int, list[str]]]) -> int:
-    """The number of names in a header that only rows of numbers separate from the data; 0 if none.
-    Decimal commas between commas make rows of many lengths: 0,5 but 0."""
-    words = [k for k, (_, cells) in enumerate(rows) if not any(map(is_number, cells))]
-    last = words[-1] if words else len(rows)
-    names = rows[last][1] if last + 1 < len(rows) else []
-    return len(names) if len(names) > 1 and all(names) else 0
-
-
 def _mismatch(source: str, line: int, width: int, names: int, delimiter: str) -> InputError:
-    hint = (
-        "if these are decimal commas, separate the columns by semicolons"
-        if delimiter == "," and width > names
-        else "name every column once"
-    )
+    hint = "name every column once"
+    if delimiter == "," and width > names:
+        hint = "if these are decimal commas, separate the columns by semicolons"
     return InputError(
-        f"{source}: line {line + 1} has {width} cells but the header names {names}; {hint}."
+        f"{source}: line {line + 1} has {width} cells but the header names {names} columns; {hint}."
     )
 
 
@@ -448,9 +396,9 @@ def _is_numeric(cells: Sequence[str]) -> bool:
     return 2 * sum(map(is_number, present)) > len(present)
 
 
-def _delimiter(source: str, sniffed: list[tuple[int, str]]) -> tuple[str, int, list[list[str]]]:
+def _delimiter(source: str, lines: list[str]) -> tuple[str, int, list[list[str]]]:
     """Return the delimiter, the usual number of cells, and the last rows of that many."""
-    tail = [line for _, line in sniffed[-max(3, len(sniffed) // 4) :]]
+    tail = lines[-max(3, len(lines) // 4) :]
     found = []
     for delimiter in "\t;|," + _BLANKS:
         rows = [_cells(line, delimiter) for line in tail]
@@ -480,40 +428,33 @@ def _like_data(cells: list[str], numeric: list[bool]) -> bool:
     return wrong <= max(1, len(cells) // 4)
 
 
-def _headers(
-    lines: list[str],
-    rows: list[tuple[int, list[str]]],
-    start: int,
-    delimiter: str,
-    width: int,
-) -> tuple[list[str], list[str] | None] | None:
-    """The cells of the header and of the line of units, if there is one; None without a header."""
-    first = rows[start][0]
-    if start == 0:
-        remarks = [line.lstrip(" \t#%/") for line in lines[:first] if line.strip()]
-        rows_of_names = [_header_cells(remark, delimiter, width) for remark in remarks]
-        fit = [c for c in rows_of_names if len(c) == width and not any(map(is_number, c))]
-        if (
-            len(fit) > 1
-            and 2 * sum(parse_unit(c.strip("[]()")) is not None for c in fit[-1]) > width
-        ):
-            return fit[-2], fit[-1]
-        return (fit[-1], None) if fit else None
-    by_turns = keyed([row for _, row in rows[:start]], width)
-    if by_turns is not None:
-        return by_turns
-    last = _header_cells(lines[rows[start - 1][0]], delimiter, width)
-    if all(is_missing(cell) or is_number(cell) for cell in last):
+# ---- the header ------------------------------------------------------------------
+
+
+def _header(
+    above: list[str], before: list[str], delimiter: str, width: int
+) -> list[tuple[str, str, str | None]] | None:
+    """Name, plain name and unit of each column, by the lines ``above`` the numbers, or by remarks
+    if all lines ``before`` them are such; None without a header."""
+    rows = [_names(line, delimiter, width) for line in above]
+    if not rows:
+        rows = [_names(line.lstrip(" \t#%/"), delimiter, width) for line in before if line.strip()]
+        rows = [row for row in rows if len(row) == width and not any(map(is_number, row))]
+    keyed = _keyed(rows, width)
+    if keyed is not None:
+        return _columns(*keyed)
+    names = rows.pop() if rows else []
+    if all(is_missing(cell) or is_number(cell) for cell in names):
         return None
-    known = [parse_unit(cell.strip("[]()")) for cell in last if cell]
-    if start > 1 and any(known):
-        above = _header_cells(lines[rows[start - 2][0]], delimiter, width)
-        if len(above) == len(last):
-            return above, last
-    return last, preamble_units([row for _, row in rows[: start - 1]], last)
+    known = [parse_unit(cell.strip("[]()")) is not None for cell in names if cell]
+    if rows and len(rows[-1]) == len(names) and 2 * sum(known) > len(known):
+        return _columns(rows[-1], names)
+    labels = (row for row in rows if len(row) == len(names) and "unit" in row[0].lower())
+    below = next((row[1:] for row in labels if all(map(parse_unit, filter(None, row[1:])))), [])
+    return _columns(names, ["", *below] if any(below) else [""] * len(names))
 
 
-def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
+def _names(line: str, delimiter: str, width: int) -> list[str]:
     """The names in a header, whose units may hold blanks."""
     if delimiter != _BLANKS:
         return _cells(line, delimiter)
@@ -529,45 +470,30 @@ def _header_cells(line: str, delimiter: str, width: int) -> list[str]:
     return line.split()
 
 
-def _name_columns(
-    headers: list[str], unit_line: list[str] | None
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str | None, ...]]:
-    found = heads(headers)
-    if unit_line is not None:
-        below = [cell.strip("[]() ") or None for cell in unit_line]
-        found = [(n, p, unit or b) for (n, p, unit), b in zip(found, below, strict=True)]
+def _columns(names: list[str], below: list[str]) -> list[tuple[str, str, str | None]]:
+    """The columns of a header and of the units below it, without unnamed ones at the end."""
+    found = [
+        (name, plain, unit or cell.strip("[]() ") or None)
+        for (name, plain, unit), cell in zip(heads(names), below, strict=True)
+    ]
     while found and found[-1][0] == "" and found[-1][2] is None:
         found.pop()
-    if not found:
-        return (), (), ()
-    name, _, unit = found[0]
-    known = parse_unit(unit) if unit else None
-    if not name and known is not None and known.quantity == "time":
-        found[0] = ("time", "time", unit)  # some recorders leave the first name empty
-    names, plain, units = zip(*found, strict=True)
-    return names, plain, units
+    unit = parse_unit(found[0][2] or "") if found else None
+    if unit is not None and unit.quantity == "time" and not found[0][0]:
+        found[0] = ("time", "time", found[0][2])  # some recorders leave the first name empty
+    return found
 
 
-def keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str] | None] | None:
+def _keyed(rows: list[list[str]], width: int) -> tuple[list[str], list[str]] | None:
     """A header of key and value by turns, as automation scopes write it: a time per channel."""
-    found = {}
-    for row in rows:
-        if len(row) == width and width % 2 == 0 and row[0] and len(set(row[::2])) == 1:
-            found[row[0]] = row[1::2]
+    found = {
+        row[0]: row[1::2]
+        for row in rows
+        if len(row) == width and width % 2 == 0 and row[0] and len(set(row[::2])) == 1
+    }
     if "Name" not in found:
         return None
-    key = next((key for key in found if "time" in key.lower()), "")
-    time = split_unit(key)[1] or "ms"
+    time = split_unit(next((key for key in found if "time" in key.lower()), ""))[1] or "ms"
     below = next((found[key] for key in found if key.lower().startswith("unit")), [""] * width)
     names = [name for value in found["Name"] for name in (f"{value}.time", value)]
     return names, [unit for value in below for unit in (time, value)]
-
-
-def preamble_units(rows: list[list[str]], header: list[str]) -> list[str] | None:
-    """Units in a line of the preamble whose first cell is a word such as Y_Unit_Label."""
-    for row in rows:
-        cells = row[1:]
-        if len(row) == len(header) and "unit" in row[0].lower() and any(cells):
-            if all(parse_unit(cell) for cell in cells if cell):
-                return ["", *cells]
-    return None

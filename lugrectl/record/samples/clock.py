@@ -1,15 +1,15 @@
-"""Stamps as data: rows without a true time, timers that wrap, jitter, time that starts again."""
+"""Stamps as data: rows without a true time, timers that wrap, jitter, time that starts again, and
+channels that are renewed only every k-th row."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from scipy import ndimage
 
 from ...core.option_names import option
-from .resampling import HELD
-from .rows import Stamped, bridged, count, means_from
+from .rows import HELD, Stamped, bridged, count, means_from
 
 HUGE = 1e30  # in SI units; larger numbers stand for a missing value
 FEWEST = 12  # rows in one piece; fewer show no motion
@@ -20,6 +20,7 @@ _BESIDE = 25  # rows on either side of a gap that show whether time was lost
 _WILD = 200  # most rows in a row whose stamps are wrong while the rows around them go on
 _RATES = (5.0, 5e5)  # Hz; outside, the unit of time may be wrong
 _TICKS = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # s, of timers that count up to a power of two
+_DAY = 86400.0  # s
 _WIDTH = 51  # rows over which the true clock is even
 _SMOOTHER = 1.5  # times, to believe the count of rows more than the stamps
 
@@ -82,12 +83,11 @@ def _wild(log: Stamped) -> None:
         wild[_off_line(log.t, int(k), dt)] = True
     if not wild.any():
         return
-    first, around = int(wild.argmax()), "go on from the rows around it"
-    t = f"{log.t[first]:.9g} s"
+    around, t = "go on from the rows around it", f"{log.t[int(wild.argmax())]:.9g} s"
+    said = f"t does not {around} {log.places(wild)} ({t}): left out."
     if wild.sum() == 1:
-        log.say(f"t at {log.place(first)} is {t}, which does not {around}: left out.")
-    else:
-        log.say(f"t does not {around} {log.places(wild)} ({t}): left out.")
+        said = f"t at {log.place(int(wild.argmax()))} is {t}, which does not {around}: left out."
+    log.say(said)
     log.keep(~wild)
 
 
@@ -104,45 +104,25 @@ def _off_line(t: np.ndarray, k: int, dt: float) -> slice:
 
 def _back(log: Stamped) -> None:
     """Where time goes back for good, a timer wrapped or another run begins."""
-    dt = usual_step(log.t)
-    shift = np.zeros(len(log.t))
-    wraps: list[tuple[int, float]] = []
-    for k in map(int, np.flatnonzero(np.diff(log.t) < 0)):
-        period = float(log.t[k] + dt - log.t[k + 1])
+    t, dt, wraps = log.t, usual_step(log.t), []
+    for k in map(int, np.flatnonzero(np.diff(t) < 0)):
+        jump = float(t[k] + dt - t[k + 1])
         # a timer counts up to a power of two of its ticks
-        timers = (
-            tick * 2.0 ** max(np.rint(np.log2(max(period / tick, 1.0))), 8) for tick in _TICKS
-        )
-        near = (p for p in timers if p > 20 * dt and abs(p - period) <= 2 * dt)
-        period = float(next(near, period * _goes_on(log, k)))
-        shift[k + 1 :] += period
+        timers = (tick * 2.0 ** max(np.rint(np.log2(max(jump / tick, 1.0))), 8) for tick in _TICKS)
+        near = (p for p in (_DAY, *timers) if p > 20 * dt and abs(p - jump) <= 2 * dt)
+        period = float(next(near, 0.0))
         if period:
-            wraps.append((k + 1, period))
+            log.t = log.t + period * (np.arange(len(t)) > k)
+            wraps.append(f"{period:.10g} s at {log.place(k + 1)}")
             continue
         log.new[k + 1] = True
         log.say(
-            f"Time starts again at {log.place(k + 1)} (from {log.t[k]:.9g} s to "
-            f"{log.t[k + 1]:.9g} s): the parts are treated separately."
+            f"Time starts again at {log.place(k + 1)} (from {t[k]:.9g} s to "
+            f"{t[k + 1]:.9g} s): the parts are treated separately."
         )
-    log.t = log.t + shift
     if wraps:
-        row, period = wraps[0]
-        log.say(
-            f"t wraps by {period:.10g} s at {log.place(row)}"
-            f"{f' and {len(wraps) - 1} times more' if len(wraps) > 1 else ''}: unwrapped."
-        )
-
-
-def _goes_on(log: Stamped, k: int) -> bool:
-    """Whether the motion goes on from row k to the next as it does around them."""
-    x = log.motion_signal if "theta" in log.channels else np.cumsum(log.motion_signal)
-    before, after = np.diff(x[max(k - 10, 0) : k + 1]), np.diff(x[k + 1 : k + 12])
-    if not len(before) or not len(after):
-        return False
-    own, sides = x[k + 1] - x[k], (np.median(before), np.median(after))
-    usual = float(np.mean(sides))  # at rest nothing shows
-    far = max(abs(own - usual), abs(sides[0] - sides[1]))
-    return bool(np.isfinite(usual) and usual != 0 and far <= 0.3 * abs(usual))
+        more = f" and {len(wraps) - 1} times more" if len(wraps) > 1 else ""
+        log.say(f"t wraps by {wraps[0]}{more}: unwrapped.")
 
 
 # ---- the step -----------------------------------------------------------------------
@@ -151,8 +131,7 @@ def _goes_on(log: Stamped, k: int) -> bool:
 def multiples(steps: np.ndarray, dt: float) -> np.ndarray:
     """How many steps of the clock each step of the stamps is; 1 where they only jitter."""
     whole = np.maximum(np.rint(steps / dt), 1).astype(int)
-    off = np.abs(steps / dt - whole)
-    jitters = len(steps) > 0 and np.quantile(off, 0.99) > _JITTER
+    jitters = len(steps) > 0 and np.quantile(np.abs(steps / dt - whole), 0.99) > _JITTER
     return np.ones(len(steps), int) if jitters else whole
 
 
@@ -227,14 +206,13 @@ def _merge_doubles(log: Stamped) -> None:
 
 def _gaps(log: Stamped) -> None:
     """Begin a new part after a longer loss of rows, say it, and leave out parts of a few rows."""
-    for part in log.parts():
-        t = log.t[part]
-        if len(t) < 2:
-            continue
-        dt = typical_step(np.diff(t))
+    for part, t, dt in _timed(log):
         for k in np.flatnonzero(np.diff(t) > (FILL + 1.5) * dt):
-            if _missing(t, int(k), dt) > FILL + 0.5:
-                log.new[part.start + k + 1] = True
+            # stamps that are only late are made up for soon
+            before, after = t[max(k - _BESIDE + 1, 0) : k + 1], t[k + 1 : k + 1 + _BESIDE]
+            start = np.median(before - dt * np.arange(1 - len(before), 1))
+            end = np.median(after - dt * np.arange(1, len(after) + 1))
+            log.new[part.start + k + 1] |= end - start > (FILL + 0.5) * dt
     leave_out_scraps(log)
     parts, dt = log.parts(), usual_step(log.t)
     ends = [(log.t[a.stop - 1], log.t[b.start]) for a, b in zip(parts, parts[1:], strict=False)]
@@ -245,6 +223,13 @@ def _gaps(log: Stamped) -> None:
             f"About {lost} samples are lost in {count(len(gaps), 'gap')}, the first at "
             f"t = {gaps[0][0]:.6g} s; the parts are treated separately."
         )
+
+
+def _timed(log: Stamped) -> Iterator[tuple[slice, np.ndarray, float]]:
+    """Each part of two rows or more, its stamps and their step."""
+    for part in log.parts():
+        if part.stop - part.start > 1:
+            yield part, log.t[part], typical_step(np.diff(log.t[part]))
 
 
 def leave_out_scraps(log: Stamped) -> None:
@@ -261,24 +246,12 @@ def leave_out_scraps(log: Stamped) -> None:
         log.keep(~scraps)
 
 
-def _missing(t: np.ndarray, k: int, dt: float) -> float:
-    """The number of rows lost after row k: stamps that are only late are made up for soon."""
-    before, after = t[max(k - _BESIDE + 1, 0) : k + 1], t[k + 1 : k + 1 + _BESIDE]
-    start = np.median(before - dt * np.arange(1 - len(before), 1))
-    end = np.median(after - dt * np.arange(1, len(after) + 1))
-    return float(end - start) / dt
-
-
 def _jitter(log: Stamped) -> None:
     """Say how much the stamps jitter."""
     worst, rms, step = 0.0, 0.0, 0.0
-    for part in log.parts():
-        steps = np.diff(log.t[part])
-        if len(steps) < 2:
-            continue
-        dt = typical_step(steps)
-        off = steps - dt * multiples(steps, dt)
-        if np.abs(np.cumsum(off)).max() > _EXACT * dt and np.abs(off).max() > _EXACT * dt:
+    for _, t, dt in _timed(log):
+        off = np.diff(t) - dt * multiples(np.diff(t), dt)
+        if min(np.abs(np.cumsum(off)).max(), np.abs(off).max()) > _EXACT * dt:
             worst, rms, step = max(worst, np.abs(off).max()), max(rms, np.std(off)), dt
     if worst:
         log.say(
@@ -291,10 +264,9 @@ def use_true_times(log: Stamped) -> None:
     """Replace stamps by a smooth clock where that makes the motion much smoother."""
     x, t = log.motion_signal, log.t.copy()
     for part in log.parts():
-        values = x[part]
-        good = np.isfinite(values)
+        good = np.isfinite(x[part])
         if part.stop - part.start > 2 * _WIDTH and good.mean() > 0.5:
-            t[part] = _believed(log.t[part], bridged(values, ~good))
+            t[part] = _believed(log.t[part], bridged(x[part], ~good))
     if not np.array_equal(t, log.t):
         rms = float(np.std(t - log.t))
         log.say(
@@ -335,3 +307,94 @@ def off_cubic_in_time(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 def _roughness(t: np.ndarray, x: np.ndarray) -> float:
     """The usual distance of a sample from the cubic in time through its neighbours."""
     return float(np.nanmean(np.sqrt(off_cubic_in_time(t, x))) ** 2)
+
+
+# ---- channels that are renewed only every k-th row ----------------------------------
+
+_SLOWEST = 64  # rows; a channel held for longer is one that stands
+_ON_BEAT = 0.97  # of its changes come every k-th row
+_CHANGES = 20  # that show it
+_ROUNDED = 1e-6  # rows, for rounding
+
+
+def _renewed_every(x: np.ndarray) -> tuple[float, float]:
+    """Every how many rows (2.5, if it has a clock of its own) a channel (N,) changes, and the place
+    below that where; (1, 0) if it may change in any row. NaN counts as no change."""
+    good = np.flatnonzero(np.isfinite(x))
+    changes = np.diff(x[good])
+    at = good[1:][changes != 0]
+    # each change off the beat spoils two distances at most
+    if len(at) < _CHANGES or np.sum(np.diff(at) == 1) > 2 * (1 - _ON_BEAT) * len(at) + 1:
+        return 1, 0
+    for every in range(_SLOWEST, 1, -1):
+        shares = np.bincount(at % every, minlength=every) / len(at)
+        if shares.max() >= _ON_BEAT and len(at) >= max(_CHANGES, 0.1 * len(x) / every):
+            return every, int(shares.argmax())
+    every, first = _beat(at, len(x))
+    held = np.mean((at - first) % every < 1.0) >= _ON_BEAT and 1 < every <= _SLOWEST
+    size = np.abs(changes[changes != 0])  # nearly all of one: an encoder at one speed, no beat
+    counts = np.mean(np.abs(size - np.median(size)) < 1e-6 * np.median(size)) >= _ON_BEAT
+    enough = len(at) >= max(_CHANGES, 0.1 * len(x) / every)
+    return (every, first) if held and enough and not counts else (1, 0)
+
+
+def _beat(at: np.ndarray, rows: int) -> tuple[float, float]:
+    """The even beat that most changes, in the rows ``at``, are the first row of or after."""
+    steps = np.diff(at)
+    least = np.quantile(steps, 1 - _ON_BEAT, method="higher")  # one of them: there may be few
+    rough = float(np.mean(steps[(steps >= least) & (steps <= least + 1)]))
+    size = int(2 ** np.ceil(np.log2(4 * rows)))
+    spectrum = np.abs(np.fft.rfft(np.bincount(at, minlength=rows), size))
+    low, high = (int(round(size / (rough + off))) for off in (0.5, -0.5))
+    every = size / (low + int(np.argmax(spectrum[low : high + 1])))
+    start = np.angle(np.mean(np.exp(2j * np.pi * at / every))) * every / (2 * np.pi)
+    for _ in range(2):
+        beat = np.rint((at - start) / every)
+        every, start = np.polyfit(beat, at, 1)
+    after = at - every * np.rint((at - start) / every)
+    first = float(np.quantile(after, 0.5 * (1 - _ON_BEAT)) - _ROUNDED)
+    return float(every), first % float(every)
+
+
+def keep_renewed(log: Stamped) -> None:
+    """Keep the rows that were sampled; leave out a second motion signal that is slower. A torque
+    that is stepped between a few levels stays; one that is renewed more often is averaged."""
+    found = {role: _renewed_every(log.channels[role]) for role in log.required}
+    found = {role: (every, row) for role, (every, row) in found.items() if every > 1}
+    if not found:
+        return
+    dt = typical_step(np.diff(log.t)[~log.new[1:]])
+    slow = [role for role in ("theta", "w") if role in found]
+    if {"theta", "w"} <= set(log.channels) and len(slow) == 1:
+        other, every = "theta" if slow[0] == "w" else "w", found.pop(slow[0])[0]
+        log.say(
+            f"{slow[0]} is renewed only every {1e3 * every * dt:.4g} ms: left out, as {other} is "
+            "renewed in every row."
+        )
+        del log.channels[slow.pop()]
+    if "u" in found and not slow:
+        values = log.channels["u"][_rows(*found["u"], len(log.t))]
+        values = values[np.isfinite(values)]
+        if len(np.unique(values)) < 0.3 * len(values):  # the same again and again: a program
+            del found["u"]
+    if not found:
+        return
+    every, first = max(found.values())
+    verb = "are" if len(found) > 1 else "is"
+    log.say(
+        f"{' and '.join(found)} {verb} renewed only every {1e3 * every * dt:.4g} ms: only these "
+        "rows are used."
+    )
+    rows = _rows(every, first, len(log.t))
+    if "u" not in found:
+        means = np.full(len(log.t), np.nan)
+        means[rows] = means_from(rows, log.channels["u"])  # its integral is kept
+        log.channels["u"] = means
+    log.keep(np.isin(np.arange(len(log.t)), rows))
+    if slow and every % 1:  # its clock is even, the rows in which it was seen first are not
+        use_true_times(log)
+
+
+def _rows(every: float, first: float, rows: int) -> np.ndarray:
+    """The rows at a beat, or the first ones after it."""
+    return np.ceil(np.arange(first, rows - 1 + _ROUNDED, every)).astype(int)

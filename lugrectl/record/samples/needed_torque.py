@@ -6,8 +6,7 @@ log says.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -24,8 +23,7 @@ _REST = 0.03  # of the top speed; below, friction is not known from the motion
 _QUICK = 0.3  # of the top speed; above, a law is known that has been fitted to the motion
 _SEEN = 10.0  # times as far as the usual row: beyond it, the fit extrapolates
 _ROUNDS = 12  # of the robust fit
-_ENOUGH = 64_000  # rows that choose the width: of a longer log, stretches all along it
-_STRETCH = 16 * _WIDTHS[-1]  # rows
+_ENOUGH = 64_000  # rows that choose the width
 _LONG = 6  # equal samples in a row that may be a stuck reading
 _AT_LIMIT = 2  # the same on the end of the channel's range
 _MOST = 0.6  # of the rows: a torque that stands longer is held on purpose
@@ -38,99 +36,71 @@ _SEGMENTS = 4000  # between jumps of a register; with more, its jumps are noise
 
 
 @dataclass(frozen=True, eq=False)
-class Needed:
+class Balance:
     """The balance ``u = J a + Fc sign(w) + Fv w + T0 + load(theta)``, averaged over windows."""
 
     torque: np.ndarray  # (N,) what the motion needs about each row, NaN where it is not known
     scale: float  # usual difference to the recorded torque
     moving: np.ndarray  # (N,) where the drive moves
     width: int  # half-width of the windows, rows
-    parts: tuple[slice, ...]
+    parts: list[slice]
     error: np.ndarray  # (N,) usual difference: at rest, friction may be anything up to its level
     judged: np.ndarray  # (N,) such motion was seen, and not at low speed with another friction
     a: np.ndarray  # (N,) acceleration
     share: float  # of the torque that is left
 
-    def averaged(self, u: np.ndarray) -> np.ndarray:
-        """Return a torque (N,) averaged as the balance is; NaN at the ends of the parts."""
-        return _over(self.parts, u, _kernel(self.width, 0))
-
     def missing(self, u: np.ndarray) -> np.ndarray:
         """Return what the motion needs beyond a torque (N,), averaged."""
-        return self.torque - self.averaged(u)
+        return self.torque - _over(self.parts, u, _kernel(self.width, 0))
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Torque and motion (N,) in parts of even time; ``skip`` marks rows where u is unknown."""
-
-    parts: tuple[slice, ...]
-    u: np.ndarray
-    motion: np.ndarray
-    skip: np.ndarray
-    dt: float
-    is_position: bool
-    is_rotary: bool
-
-    def thinned(self) -> _Rows:
-        """Return stretches of about as many rows as are enough, all along a long log."""
-        every = sum(p.stop - p.start for p in self.parts) / _ENOUGH
-        if every <= 1.0:
-            return self
-        step = round(every * _STRETCH)
-        starts = [(a, p.stop) for p in self.parts for a in range(p.start, p.stop, step)]
-        cut = [np.arange(a, min(a + _STRETCH, stop)) for a, stop in starts]
-        cut = [rows for rows in cut if len(rows) >= 4 * FEWEST]
-        ends = np.cumsum([0, *map(len, cut)]).tolist()
-        at = np.concatenate([np.zeros(0, dtype=int), *cut])
-        some = {k: getattr(self, k)[at] for k in ("u", "motion", "skip")}
-        return replace(self, parts=tuple(map(slice, ends, ends[1:])), **some)
-
-
-def needed(log: Stamped, unknown: np.ndarray | None = None) -> Needed | None:
+def balance(log: Stamped, unknown: np.ndarray | None = None) -> Balance | None:
     """Fit the balance to the rows not ``unknown``; None if it explains less than half of u."""
-    u, motion = log.channels["u"], log.motion_signal
-    parts = tuple(p for p in log.parts() if p.stop - p.start >= 4 * FEWEST)
-    if not parts or not np.isfinite(u).any() or np.isfinite(motion).sum() < FEWEST:
+    parts = [p for p in log.parts() if p.stop - p.start >= 4 * FEWEST]
+    known = np.isfinite(log.channels["u"])
+    if not parts or not known.any() or np.isfinite(log.motion_signal).sum() < FEWEST:
         return None
-    skip = ~np.isfinite(u) if unknown is None else ~np.isfinite(u) | unknown
-    motion = bridged(motion, ~np.isfinite(motion))
-    dt = typical_step(np.concatenate([np.diff(log.t[p]) for p in parts]))
-    is_position, is_rotary = "theta" in log.channels, log.motion == "rotary"
-    rows = _Rows(parts, bridged(u, skip), motion, skip, dt, is_position, is_rotary)
+    skip = ~known if unknown is None else ~known | unknown
     longest = max(p.stop - p.start for p in parts)
+    dt = typical_step(np.concatenate([np.diff(log.t[p]) for p in parts]))
     widths = [w for w in _WIDTHS if w * dt <= max(_LONGEST, _WIDTHS[0] * dt) and 6 * w < longest]
-    some = rows.thinned()
-    best = None if some is rows else _best(some, widths)
-    return _best(rows, widths if best is None else [best.width])
+    some = [slice(p.start, min(p.stop, p.start + _ENOUGH)) for p in parts if p.start < _ENOUGH]
+    best = _best(log, skip, some, widths)
+    if some == parts:
+        return best
+    return _best(log, skip, parts, widths if best is None else [best.width])
 
 
-def _best(rows: _Rows, widths: Sequence[int]) -> Needed | None:
+def _best(
+    log: Stamped, skip: np.ndarray, parts: list[slice], widths: Sequence[int]
+) -> Balance | None:
     """Return the balance that explains most of the torque; None if it is less than half."""
-    tried = [fit for width in widths if (fit := _fit(rows, width)) is not None]
+    tried = [fit for width in widths if (fit := _fit(log, skip, parts, width)) is not None]
     best = min(tried, key=lambda fit: fit.share, default=None)
     return best if best is not None and best.share < 0.5 else None
 
 
-def _fit(rows: _Rows, width: int) -> Needed | None:
+def _fit(log: Stamped, skip: np.ndarray, parts: list[slice], width: int) -> Balance | None:
     """Return the balance with windows of one width; None where the motion is too little."""
-    over = partial(_over, rows.parts)
 
-    k0, k1, k2 = (_kernel(width, order) for order in range(3))
-    first, second = (k1 / rows.dt, k2 / rows.dt**2) if rows.is_position else (k0, k1 / rows.dt)
-    w, a = over(rows.motion, first), over(rows.motion, second)
-    mean, unknown = over(rows.u, k0), np.nan_to_num(over(rows.skip.astype(float), k0))
+    def over(x: np.ndarray, kernel: np.ndarray) -> np.ndarray:
+        return _over(parts, x, kernel)
+
+    motion = bridged(log.motion_signal, ~np.isfinite(log.motion_signal))
+    dt = typical_step(np.concatenate([np.diff(log.t[p]) for p in parts]))
+    is_position = "theta" in log.channels
+    k0, k1, k2 = (_kernel(width, order) / dt**order for order in range(3))
+    w, a = (over(motion, kernel) for kernel in ((k1, k2) if is_position else (k0, k1)))
+    mean = over(bridged(log.channels["u"], skip), k0)
+    unknown, speed = np.nan_to_num(over(skip.astype(float), k0)), np.abs(np.nan_to_num(w))
     known = np.isfinite(a) & np.isfinite(mean)
     top = top_speed(w[known]) if known.sum() >= 4 * FEWEST else 0.0
     if not top > 0:
         return None
-    speed = np.abs(np.nan_to_num(w))
     rest = (speed <= _REST * top).astype(float)
     sign = over(np.where(rest, 0.0, np.sign(np.nan_to_num(w))), k0)
-    x, load = rows.motion, []
-    if rows.is_position:
-        load = [np.sin(x), np.cos(x)] if rows.is_rotary else [x - x.mean()]
-    x = np.column_stack([a, w, np.ones(len(w)), sign, *load])
+    load = [np.sin(motion), np.cos(motion)] if log.motion == "rotary" else [motion - motion.mean()]
+    x = np.column_stack([a, w, np.ones(len(w)), sign, *(load if is_position else [])])
     known &= np.isfinite(sign)
     moving = known & (np.nan_to_num(over(rest, k0)) < 0.02) & (np.abs(np.nan_to_num(sign)) > 0.98)
     used = np.flatnonzero(moving & (unknown < 0.02))[:: max(1, width // 3)]
@@ -141,13 +111,13 @@ def _fit(rows: _Rows, width: int) -> Needed | None:
         return None
     p, scale = _robust(x[used], mean[used])
     usual = spread(mean[used] - np.median(mean[used]))
-    level = 0.0 if one_way else abs(p[3])
     # at most so much of the mean is of rows at rest
+    level = 0.0 if one_way else abs(p[3])
     error = scale + level * np.nan_to_num(over(rest, np.abs(k0)), nan=1.0)
     judged = moving & (speed > _QUICK * top)
     judged[judged] &= _far(x[judged], x[used]) < _SEEN
     torque, share = np.where(known, x @ p, np.nan), scale / max(usual, 1e-300)
-    return Needed(torque, scale, moving, width, rows.parts, error, judged, a, share)
+    return Balance(torque, scale, moving, width, parts, error, judged, a, share)
 
 
 def _far(x: np.ndarray, seen: np.ndarray) -> np.ndarray:
@@ -198,34 +168,55 @@ def _over(parts: Sequence[slice], x: np.ndarray, kernel: np.ndarray) -> np.ndarr
 # ---- readings that stand still ------------------------------------------------------
 
 
+def _in_doubt(u: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rows in runs of one value: on an end of the range, and in long ones elsewhere."""
+    usual = float(np.median(lengths))  # of the run that the typical row lies in
+    limit, ends = np.zeros(len(u), bool), (np.nanmin(u), np.nanmax(u))
+    for end in ends:
+        at_end = (u == end) & (lengths >= _AT_LIMIT)
+        limit |= at_end & (at_end.sum() >= 5 * usual)  # a held torque has an extreme, too
+    stuck = (lengths >= max(_LONG, 5 * usual)) & ~np.isin(u, ends)
+    return limit, stuck & ((limit | stuck).mean() <= _MOST)
+
+
+def _least(fit: Balance, missing: np.ndarray, unknown: np.ndarray) -> float:
+    """The least missing torque that is no error of the rough balance."""
+    away = fit.moving & np.isfinite(missing) & ~unknown
+    if away.sum() < 30:
+        return np.inf
+    beside = np.nan_to_num(_over(fit.parts, unknown.astype(float), _kernel(fit.width, 0)), nan=1.0)
+    clean = np.abs(missing)[away & (beside < 0.02)]
+    usual = float(np.quantile(clean, 0.95)) if len(clean) > 30 else 0.0
+    return max(_FAR * fit.scale, usual)
+
+
 def leave_out_untrue_torque(log: Stamped) -> None:
     """Leave out torques that stand at one value while the motion needs another."""
     u, unit = log.channels["u"], si_unit("u", log.motion)
     if not np.isfinite(u).any():
         return
     lengths = repeats(u)
-    limit, stuck = _suspects(u, lengths)
-    if (limit | stuck).mean() > _MOST:
-        stuck[:] = False
+    limit, stuck = _in_doubt(u, lengths)
     unknown = limit | stuck
     if not 0 < unknown.mean() <= _MOST:
         return
     # fitted with the rows in doubt where that leaves little of the torque, else without: rests and
     # coasts are in doubt, too, and without them it may rest on little
-    fit = needed(log)
-    if fit is None or fit.scale >= _SHARE * float(np.nanquantile(np.abs(u), 0.9)):
-        fit = needed(log, unknown)
+    large, fit = float(np.nanquantile(np.abs(u), 0.9)), balance(log)
+    if fit is None or fit.scale >= _SHARE * large:
+        fit = balance(log, unknown)
     if fit is None:
         return
-    least, missing = _least(fit, u, unknown), fit.missing(np.nan_to_num(u))
+    missing = fit.missing(np.nan_to_num(u))
+    least = max(_least(fit, missing, unknown), _SHARE * large)
     for value, beyond in ((np.nanmin(u), -missing), (np.nanmax(u), missing)):
         beyond = beyond[limit & (u == value) & fit.judged]
         if len(beyond) >= 5 and np.quantile(beyond, 0.7) > least:
-            ends = log.channels["u"] == value
+            at = log.channels["u"] == value
             log.leave_out(
                 "u",
-                ends,
-                f"u stays at the end of its register, {value:.6g} {unit}, {log.places(ends)}, "
+                at,
+                f"u stays at the end of its register, {value:.6g} {unit}, {log.places(at)}, "
                 f"while the motion needs up to {np.max(beyond):.3g} {unit} more: left out.",
             )
     for a in np.flatnonzero(stuck & (np.diff(u, prepend=np.nan) != 0)).tolist():
@@ -240,48 +231,35 @@ def leave_out_untrue_torque(log: Stamped) -> None:
             )
 
 
-def _suspects(u: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the rows in runs of one value: on an end of the range, and in long ones elsewhere."""
-    usual = float(np.median(lengths))  # of the run that the typical row lies in
-    ends, limit = (np.nanmin(u), np.nanmax(u)), np.zeros(len(u), bool)
-    for end in ends:
-        at_end = (u == end) & (lengths >= _AT_LIMIT)
-        if at_end.sum() >= 5 * usual:  # a held torque has an extreme, too
-            limit |= at_end
-    return limit, (lengths >= max(_LONG, 5 * usual)) & ~np.isin(u, ends)
-
-
-def _least(fit: Needed, u: np.ndarray, unknown: np.ndarray) -> float:
-    """Return the least missing torque that is no error of the rough balance."""
-    missing = np.abs(fit.missing(u))
-    away = fit.moving & np.isfinite(missing) & ~unknown
-    if away.sum() < 30:
-        return np.inf
-    clean = away & (fit.averaged(unknown.astype(float)) < 0.02)
-    usual = float(np.quantile(missing[clean], 0.95)) if clean.sum() > 30 else 0.0
-    return max(_FAR * fit.scale, usual, _SHARE * float(np.nanquantile(np.abs(u), 0.9)))
-
-
 # ---- registers that wrap ------------------------------------------------------------
 
 
 def unwrap_torque(log: Stamped) -> None:
     """Add the multiples of a register's span that bring u to what the motion needs."""
     u = log.channels["u"]
-    span = _span(u[np.isfinite(u)]) if np.isfinite(u).any() else 0.0
-    values = np.nan_to_num(u)
+    values, span = np.nan_to_num(u), _span(u[np.isfinite(u)])
     steps = np.abs(np.diff(values))
     if not span or not (steps > span / 2).any():
         return
     # a jump of the torque that wraps may come out as a smaller one
     edges = np.flatnonzero(steps > max(span / 16, 10 * np.median(steps))) + 1
-    ends = [0, *edges.tolist(), len(u)]
-    segments = [slice(a, b) for a, b in zip(ends, ends[1:], strict=False)]
-    fit = needed(log) if 1 < len(segments) <= _SEGMENTS else None
+    starts = np.r_[0, edges]
+    fit = balance(log) if 1 < len(starts) <= _SEGMENTS else None
     if fit is None:
         return
-    turns = _turns(fit.torque - values, segments, values, span)
-    moved = values + span * np.repeat(turns, np.diff(ends))
+    missing = np.split((fit.torque - values) / span, edges)
+    middle = np.array(
+        [np.median(x[np.isfinite(x)]) if np.isfinite(x).any() else np.nan for x in missing]
+    )
+    known = np.isfinite(middle)
+    jumps = np.r_[0.0, np.cumsum(np.rint((values[edges - 1] - values[edges]) / span))]
+    near = np.interp(starts, starts[known], (np.rint(middle) - jumps)[known])
+    turns = np.where(
+        known, np.rint(middle), jumps + np.rint(near)
+    )  # beyond the windows: the smallest jump
+    lengths = np.diff(np.r_[starts, len(u)])
+    turns -= turns[int(np.argmax(lengths))]
+    moved = values + span * np.repeat(turns, lengths)
     changed = moved != values
     left, before = (np.nansum(np.abs(fit.missing(x)) / fit.error) for x in (moved, values))
     if not 0 < changed.mean() <= 0.5 or left > before:
@@ -295,25 +273,9 @@ def unwrap_torque(log: Stamped) -> None:
 
 def _span(values: np.ndarray) -> float:
     """Return the span of the register of a power of two steps that values fill; 0 for none."""
-    step = quantum(values)
+    step = quantum(values) if len(values) else 0.0
     if not step:
         return 0.0
     span = float(np.ptp(values)) + step
     power = step * 2.0 ** np.rint(np.log2(span / step))
     return float(power) if -1e-6 * span < power - span < 0.02 * span else 0.0
-
-
-def _turns(
-    missing: np.ndarray, segments: Sequence[slice], u: np.ndarray, span: float
-) -> np.ndarray:
-    """Return the multiple of the span that each segment misses against the longest of them."""
-    turns = np.zeros(len(segments), int)
-    jumps = [np.rint((u[s.start - 1] - u[s.start]) / span) for s in segments[1:]]
-    known = [i for i, part in enumerate(segments) if np.isfinite(missing[part]).any()]
-    for i in known:
-        turns[i] = np.rint(np.nanmedian(missing[segments[i]]) / span)
-    for i in range(known[0] - 1, -1, -1):  # beyond the windows: the smallest jump
-        turns[i] = turns[i + 1] - jumps[i]
-    for i in range(known[-1] + 1, len(segments)):
-        turns[i] = turns[i - 1] + jumps[i - 1]
-    return turns - turns[int(np.argmax([part.stop - part.start for part in segments]))]

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ...core.unit_names import si_unit
-from ..log import Log
 from ..signal_noise import smallest_step
-from .resampling import MOTION
+
+if TYPE_CHECKING:
+    from ..log import Log
 
 REQUIRED = ("u", "w", "theta")
+HELD = ("u", "d", "r")  # channels held between samples; the others are interpolated
+MOTION = ("theta", "w", "theta_load")  # smooth: linear interpolation errs by more than their noise
+_APART = 0.5  # of the step; between closer stamps a spline would read noise as a slope
+_CALMER = 0.5  # of the roughness that grows with speed; below, w was the difference of a position
+_BESIDE = 4  # samples on either side of a loss with which it is compared
 
 
 def count(number: int, noun: str) -> str:
@@ -52,9 +59,6 @@ class Stamped:
     dropped: int = 0
     said: list[str] = field(default_factory=list)
     steps: dict[str, float] = field(default_factory=dict)  # smallest recorded ones, by role
-    # what was found in a channel, with the arrays it was found in: a step replaces an array that
-    # it changes, and never writes into it
-    known: dict[str, tuple[np.ndarray, np.ndarray, Any]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, log: Log) -> Stamped:
@@ -72,7 +76,7 @@ class Stamped:
         arrays = {k: getattr(self, k).copy() for k in ("t", "rows", "new")}
         channels = {role: x.copy() for role, x in self.channels.items()}
         said, steps = [*self.said], {**self.steps}
-        return replace(self, **arrays, channels=channels, said=said, steps=steps, known={})
+        return replace(self, **arrays, channels=channels, said=said, steps=steps)
 
     @property
     def required(self) -> list[str]:
@@ -80,9 +84,14 @@ class Stamped:
         return [role for role in REQUIRED if role in self.channels]
 
     @property
+    def motion_roles(self) -> list[str]:
+        """The position first."""
+        return [role for role in ("theta", "w") if role in self.channels]
+
+    @property
     def motion_signal(self) -> np.ndarray:
         """The position where it was recorded, else the speed."""
-        return self.channels["theta" if "theta" in self.channels else "w"]
+        return self.channels[self.motion_roles[0]]
 
     def keep(self, mask: np.ndarray) -> None:
         """Leave out the other rows; a part begins at the first of its rows that is left."""
@@ -125,3 +134,66 @@ def smallest_steps(channels: dict[str, np.ndarray]) -> dict[str, float]:
     if "theta" not in motion and "w" in motion:
         motion["theta"] = np.cumsum(np.nan_to_num(motion["w"], posinf=0.0, neginf=0.0))
     return {r: smallest_step(x) for r, x in motion.items()}
+
+
+# ---- resampling -------------------------------------------------------------------
+
+
+def how(role: str) -> str:
+    """How the missing samples of a channel are filled in."""
+    return "held" if role in HELD else "interpolated"
+
+
+def between(role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Interpolate; before the first and after the last point the value is constant."""
+    if role not in MOTION or len(at) < 2:
+        return np.interp(grid, at, values)
+    steps = np.diff(at)
+    apart = np.r_[True, steps > _APART * np.median(steps)]
+    return np.asarray(CubicSpline(at[apart], values[apart])(np.clip(grid, at[0], at[-1])))
+
+
+def on_grid(
+    role: str, at: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float
+) -> np.ndarray:
+    """Return a channel on a grid of step dt: a held one with its time integral."""
+    if role in HELD:
+        return held_mean(at, values, grid, dt)
+    return between(role, at, values, grid)
+
+
+def speed(
+    at: np.ndarray, counts: np.ndarray, w: np.ndarray, grid: np.ndarray, resampled: bool
+) -> np.ndarray:
+    """Resample a speed, recorded at the times ``at`` (in steps, rounded: ``counts``). One that was
+    a position difference with a constant step is summed, resampled and differenced again."""
+
+    def as_position(travels: np.ndarray) -> np.ndarray:
+        theta = np.cumsum(travels)
+        return np.diff(between("theta", at, theta, grid), prepend=theta[0] - travels[0])
+
+    steps = np.diff(counts, prepend=counts[0] - 1)
+    lost = np.flatnonzero(steps > 1)
+    around = lost[:, None] + np.r_[-_BESIDE:0, 1 : _BESIDE + 1]
+    usual = w[np.clip(around, 0, len(w) - 1)].mean(1)
+    more = usual * (steps[lost] - 1)
+    if (w[lost] - usual) @ more > 0.5 * (more @ more):  # too large after each loss
+        return as_position(w)
+    plain = between("w", at, w, grid)
+    if not resampled:
+        return plain
+    moved = as_position(w * steps)
+    return moved if _roughened(moved, plain) < _CALMER * _roughened(plain, plain) else plain
+
+
+def _roughened(x: np.ndarray, w: np.ndarray) -> float:
+    """How much rougher x is at high speed: stamp jitter causes this, sensor noise does not."""
+    fast = w[:-3] ** 2
+    return float(np.mean(np.diff(x, 3) ** 2 * (fast - fast.mean())))
+
+
+def held_mean(stamps: np.ndarray, values: np.ndarray, grid: np.ndarray, dt: float) -> np.ndarray:
+    """Mean of the held signal over each step; this keeps its time integral."""
+    ends = np.r_[stamps, max(stamps[-1], grid[-1]) + 2 * dt]
+    integral = np.r_[0.0, np.cumsum(values * np.diff(ends))]
+    return (np.interp(grid + dt, ends, integral) - np.interp(grid, ends, integral)) / dt

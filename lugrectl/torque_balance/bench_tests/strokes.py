@@ -23,8 +23,8 @@ from ...core.regression import spread
 from ...estimates.findings import Estimate
 from ...record import Log
 from ...record.samples.rows import Stamped
-from ...record.samples.usable import usable
 from ...record.signal_noise import quantum, repeats, white_noise
+from ...record.uniform_time import usable
 
 RARE = 0.01  # of the rows at either end, which tell no span: peaks of a loop
 JUMP = 0.02  # of the span of u, from which a change within a row is a step
