@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,8 +20,8 @@ from ..engine.runtime.delays import run_late
 from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
 from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
-from ..engine.tracing.network import Net, Part, Wires
-from ..engine.tracing.pointwise import culprit
+from ..engine.tracing.network import Net, Part
+from ..engine.tracing.tracer import Hybrid
 from . import arguments
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
@@ -86,13 +87,11 @@ def course_of(t: np.ndarray, u: np.ndarray, periods: Sequence[float], hold: bool
     for row, own in zip(flags, ticks, strict=True):
         row[_nearest(grid, own)] = 1.0
         row[0] = max(row[0], 0.5)  # before the first update: the output of the initial state
-    column = np.full(len(grid), -1)
-    column[_nearest(grid, t)] = np.arange(len(t))
     if hold:
         given = u[:, np.searchsorted(t, grid + near, side="right") - 1]
     else:
         given = np.array([np.interp(grid, t, row) for row in u]).reshape(len(u), len(grid))
-    return Course(grid, given, flags, column, hold)
+    return Course(grid, given, flags, hold, _nearest(grid, t))
 
 
 def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -100,11 +99,6 @@ def _nearest(grid: np.ndarray, times: np.ndarray) -> np.ndarray:
     left = right - 1
     right = np.minimum(right, len(grid) - 1)
     return np.where(times - grid[left] <= grid[right] - times, left, right)
-
-
-# a discrete system is traced from this many samples on: python-control takes 12 us each
-LONG = 1000
-_respond: Any = ct.input_output_response  # its type annotations do not include arrays
 
 
 @dataclass(frozen=True)
@@ -134,31 +128,22 @@ class Run:
         """Whether it is a discrete-time system."""
         return self.net.alone and self.net.groups > 0
 
-    @property
-    def traced(self) -> bool:
-        """Whether the engine is to run it if its equations are known."""
-        if not self.discrete:
-            return self.method in (None, "rosenbrock")
-        t, dt = self.course.grid, self.net.parts[0].block.dt
-        steady = dt is not True and np.allclose(np.diff(t), dt, rtol=1e-6, atol=0.0)
-        return len(t) > LONG and bool(steady)
-
 
 def followed(run: Run) -> Track:
     """The track of a run, checked: Diverged where a signal grows without bound or is no number."""
-    net, course, track = run.net, run.course, _track(run)
+    net, course = run.net, run.course
+    made, p, track = _track(run)
     warn_unsettled(net.name, track.unsettled, 4)
     t, u = course.grid[course.kept], course.given[:, course.kept]
     bad = None if run.discrete else first_bad(t, track.y)  # of it the first state is named
     if bad is not None:
         i, k, _ = bad
-        label, where = net.signals[i], ""
+        where = f"output {net.signals[i]}"
         if net.looped and not net.groups:
-            wires = Wires.inside(net.parts[0].block) if net.alone else net.wires
-            where = culprit(wires, float(t[k]), track.x[:, k], u[:, k])
-        elif not net.alone:
-            where = f"output {label} of block {net.makers(label)} is {track.y[i, k]}"
-        where = where or f"output {label} is {track.y[i, k]}"
+            where = made.culprit(float(t[k]), track.x[:, k], u[:, k], p)
+        else:
+            where += "" if net.alone else f" of block {net.makers(net.signals[i])}"
+            where += f" is {track.y[i, k]}"
         raise Diverged(f"{net.name}: {where} at t = {t[k]:.6g} s.")
 
     def labels() -> list[list[str]]:
@@ -171,33 +156,31 @@ def followed(run: Run) -> Track:
     return track
 
 
-def _track(run: Run) -> Track:
+def _track(run: Run) -> tuple[Hybrid, np.ndarray, Track]:
+    """The equations of a run, their parameters, and its track."""
     method, why, called = run.method, "", None
-    if run.traced:
+    if method in (None, "rosenbrock"):
         try:
             engine = compiled(run.net, run.params)
-            task = run.starts, run.params, run.accuracy
-            late = run_late(engine, run.net, run.course, *task)
+            late = run_late(engine, run.course, run.starts, run.params, run.accuracy)
             p = engine.program.arguments(run.params)
-            return late or engine.follow(run.course, *run.starts, p, run.accuracy)
+            track = late or engine.follow(run.course, *run.starts, p, run.accuracy)
+            return engine.hybrid, p, track
         except TraceError as error:
             method, why = "LSODA", str(error)
     try:
-        if run.discrete:
-            return _by_python_control(run)
         if why and run.net.groups:
-            try:  # a sampled block that cannot be traced is called at its updates
-                called = Called(run.net, run.params, why=why)
-            except TraceError as error:
-                why = str(error)
-        if why and called is None:
+            with contextlib.suppress(TraceError):
+                # a sampled block that cannot be traced is called at its updates
+                called = Called(run.net, run.params)
+        if why and called is None and run.net.count(False):
             warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
         _warn_if_approximate(run)
-        called = called or Called(run.net, run.params, method, why)
-        return called.follow(run.course, *run.starts, run.accuracy)
+        called = called or Called(run.net, run.params, method)
+        p = called.hybrid.flow.arguments(run.params)
+        return called.hybrid, p, called.follow(run.course, *run.starts, run.accuracy)
     except RuntimeError as error:  # of a user's function
-        said = f"{run.net.name}: python-control's simulation failed: {error}."
-        raise Diverged(said) from error
+        raise Diverged(f"{run.net.name}: the simulation failed: {error}.") from error
 
 
 def _warn_if_approximate(run: Run) -> None:
@@ -212,21 +195,6 @@ def _warn_if_approximate(run: Run) -> None:
             RuntimeWarning,
             stacklevel=5,
         )
-
-
-def _by_python_control(run: Run) -> Track:
-    """A discrete system by python-control, or sample by sample where that cannot."""
-    system, course = run.net.parts[0].block, run.course
-    options: dict[str, Any] = {"params": run.params, "squeeze": False}
-    try:
-        with np.errstate(all="ignore"):  # what is not finite is reported by name
-            found = _respond(system, course.grid, course.given, run.start, **options)
-    except RuntimeError:
-        called = Called(run.net, run.params, "LSODA")
-        return called.follow(course, *run.starts, run.accuracy)
-    none = np.empty((0, len(course.grid)))  # python-control gives no states where there are none
-    states = np.asarray(found.states) if system.nstates else none
-    return Track(none, states, np.asarray(found.outputs), np.nan)
 
 
 def response(

@@ -15,7 +15,7 @@ from ..core.errors import Diverged, InputError
 from ..core.jobs import JobError
 from ..core.validation import array, shown
 from ..engine.expression.numpy_protocol import TraceError
-from ..engine.runtime.adaptive_run import Accuracy, Adaptive, Course, Portable
+from ..engine.runtime.adaptive_run import Accuracy, Course, Engine
 from ..engine.runtime.delays import lates
 from ..engine.runtime.endings import bounded, first_bad
 from ..engine.runtime.memo import compiled
@@ -37,23 +37,26 @@ Solve = Callable[[np.ndarray, np.ndarray, np.ndarray], Answer]  # of inputs (m, 
 class Traced:
     """Simulates by generated code; plain data."""
 
-    portable: Portable
+    portable: Engine
+    rows: tuple[int, ...]  # of the outputs
     t: np.ndarray
     hold: bool
     rtol: float
 
     def ready(self) -> Solve:
         loaded, name, none = self.portable.loaded(), self.portable.name, np.zeros(0)
-        labels, accuracy = [f"output {k}" for k in self.portable.outputs], Accuracy(self.rtol)
+        labels = [f"output {self.portable.outputs[i]}" for i in self.rows]
+        rows, accuracy = list(self.rows), Accuracy(self.rtol)
 
         def solve(u: np.ndarray, x0: np.ndarray, p: np.ndarray) -> Answer:
             course = Course.along(self.t, u, 0, self.hold)
             track = loaded.follow(course, x0, none, p, accuracy)
-            bad = first_bad(self.t, track.y)
+            y = track.y[rows]
+            bad = first_bad(self.t, y)
             if bad is not None:
                 raise Diverged(f"{name}: {labels[bad[0]]} is {bad[2]}")
-            bounded(name, self.t, [track.y], lambda: [labels], [u, x0], looped=False)
-            return track.x, track.y, track.unsettled
+            bounded(name, self.t, [y], lambda: [labels], [u, x0], looped=False)
+            return track.x, y, track.unsettled
 
         return solve
 
@@ -386,8 +389,8 @@ def _solver(net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]) -> Sol
                 p[at] = np.nanmax(values, initial=-np.inf)
             # generated code alone cannot keep the past of a dead time
             if not any(delay > 0.0 for delay in lates(engine.program, p).values()):
-                portable = Portable.of(engine, alone.outputs)
-                traced = Traced(portable, alone.t, alone.hold, alone.rtol)
+                rows = tuple(map(net.signals.index, alone.outputs))
+                traced = Traced(engine.portable(), rows, alone.t, alone.hold, alone.rtol)
                 return traced, tuple(keys), defaults, places
         except TraceError as error:
             warnings.warn(
@@ -399,7 +402,7 @@ def _solver(net: Net, alone: OneByOne, columns: Mapping[str, np.ndarray]) -> Sol
     return alone, alone.names, np.zeros(len(columns)), dict(enumerate(columns.values()))
 
 
-def _engine(net: Net, columns: Mapping[str, np.ndarray]) -> tuple[Adaptive, dict[str, float]]:
+def _engine(net: Net, columns: Mapping[str, np.ndarray]) -> tuple[Engine, dict[str, float]]:
     """The compiled system, and the values that replaced defaults when it was traced.
 
     It is traced with the system's own defaults first; then with the first member's values, for

@@ -10,11 +10,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.engine.runtime.adaptive_run import Adaptive
-from lugrectl.engine.tracing.tracer import trace
 
 from ..benchmarks import item
-from ..conftest import there
 
 
 @pytest.mark.parametrize("way", ["c"], indirect=True)
@@ -69,17 +66,13 @@ def test_textbook_lugre_to_100_rad_s_needs_no_tuning() -> None:
 
 def test_memory_grows_with_the_output_only() -> None:
     """The steps in between are not kept, whatever the stiffness."""
-    engine = Adaptive(trace(lg.plant(lg.table1())), there("c"))
-    t = np.arange(50_000) * 1e-3
+    plant, t = lg.plant(lg.table1()), np.arange(50_000) * 1e-3
     u = np.vstack([0.4 * np.sin(5 * t), 0 * t])
-    p, x0 = engine.program.defaults, np.zeros(3)
-    few = slice(0, 50)
-    engine.run(t[few], u[:, few], x0, p, hold=True, rtol=1e-6)
+    lg.simulate(plant, t[:50], u[:, :50])
     tracemalloc.start()
     try:
-        states = engine.run(t, u, x0, p, hold=True, rtol=1e-8).states
-        y = engine.outputs(t, states, u, p)
+        found = lg.simulate(plant, t, u, rtol=1e-8)
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert peak < 1.5 * (states.nbytes + y.nbytes)
+    assert peak < 2.0 * (found.states.nbytes + found.outputs.nbytes)

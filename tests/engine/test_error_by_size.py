@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.memo import compiled
-from lugrectl.engine.tracing.network import Net
+from lugrectl.engine.runtime.adaptive_run import chosen_backend
 
 from ..benchmarks import item
 from ..cases.own import moving, static
+from ..cases.systems import engine_run
 
 T = np.linspace(0, 5, 11)
 
@@ -54,13 +54,10 @@ def test_a_small_motion_after_a_long_stay_at_a_large_value_is_right(plateau):
 def test_a_zero_crossing_does_not_shorten_the_steps():
     """The velocity loop of Table 1: one step for each sample and few more."""
     loop = item.loop()
-    engine = compiled(Net.of(loop))
-    p = engine.program.arguments(None)
-    u = item.r[None, :]
-    run = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-6)
+    run = engine_run(loop, chosen_backend(), item.t, item.x0, item.r, rtol=1e-6)
     assert run.steps < 13_000  # 18 800 relative to the present values
-    fine = engine.run(item.t, u, item.x0, p, hold=False, rtol=1e-9)
-    assert item.worst(run.states, fine.states) < 1e-6
+    fine = lg.simulate(loop, item.t, item.r, item.x0, rtol=1e-9)
+    assert item.worst(run.x, fine.states) < 1e-6
 
 
 def test_beside_a_large_state_a_small_one_is_right():

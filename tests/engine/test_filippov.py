@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.adaptive_run import Adaptive
-from lugrectl.engine.tracing.tracer import trace
 
 from ..cases.own import moving, user_block
+from ..cases.systems import engine_run
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -155,11 +154,9 @@ def test_rest_takes_few_steps_and_stays_through_a_loop(way: str) -> None:
     loop = ct.interconnect(
         [drive(), pi], inputs=[], outputs=["speed", "u", "friction"], check_unused=False
     )
-    engine, t = Adaptive(trace(loop), way), np.linspace(0.0, 20.0, 401)
-    x0, none = np.array([0.0, -0.5, 0.0]), np.empty((0, len(t)))
-    run = engine.run(t, none, x0, np.empty(0), hold=True, rtol=1e-6)
+    run = engine_run(loop, way, np.linspace(0.0, 20.0, 401), [0.0, -0.5, 0.0], rtol=1e-6)
     assert np.isnan(run.unsettled) and run.steps < 1500
-    speed, u, friction = engine.outputs(t, run.states, none, np.empty(0))
+    speed, u, friction = run.y
     rest = np.abs(speed) < 1e-14
     assert rest.sum() > 20
     np.testing.assert_allclose(friction[rest], u[rest], atol=1e-9)

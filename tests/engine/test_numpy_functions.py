@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine import Adaptive, TraceError, trace
+from lugrectl.engine import TraceError, trace
 from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
 from lugrectl.engine.runtime import adaptive_run
 
 from ..cases.own import moving, user_block
+from ..cases.systems import engine_run
 from ..conftest import there
 
 T = np.linspace(0, 3, 31)
@@ -82,11 +83,10 @@ def test_a_coarse_encoder_in_a_loop_is_right():
 
 @pytest.mark.parametrize("backend", ["python", "c"])
 def test_every_backend_rounds_alike(backend):
-    engine = Adaptive(trace(quantised()), there(backend))
-    u, start = 0.2 * np.cos(T)[None], np.array([1.0, 0.0])
-    run = engine.run(T, u, start, np.zeros(0), hold=False, rtol=1e-8)
-    usual = lg.simulate(quantised(), T, u[0], start).states
-    assert run.states == pytest.approx(usual, abs=1e-5)
+    u, start = 0.2 * np.cos(T), np.array([1.0, 0.0])
+    run = engine_run(quantised(), there(backend), T, start, u, rtol=1e-8)
+    usual = lg.simulate(quantised(), T, u, start).states
+    assert run.x == pytest.approx(usual, abs=1e-5)
 
 
 def test_a_sampled_block_that_rounds_is_traced():
@@ -143,14 +143,11 @@ def test_the_derivative_is_the_slope_of_each_piece() -> None:
 @pytest.mark.parametrize("backend", ["python", "c"])
 def test_a_run_over_a_kink_is_the_closed_form(backend: str) -> None:
     """x' = 1 + x up to x = 1 at ln 2, then 3 - x."""
-    engine = Adaptive(
-        trace(_table(lambda t, x, u, p: np.interp(x, [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]))),
-        there(backend),
-    )
+    block = _table(lambda t, x, u, p: np.interp(x, [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]))
     t = np.linspace(0.0, 2.0, 9)
-    run = engine.run(t, np.empty((0, 9)), np.zeros(1), np.zeros(0), hold=False, rtol=1e-8)
+    run = engine_run(block, there(backend), t, [0.0], rtol=1e-8)
     exact = np.where(t < np.log(2), np.expm1(t), 3 - 4 * np.exp(-t))
-    np.testing.assert_allclose(run.states[0], exact, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(run.x[0], exact, rtol=0, atol=1e-7)
 
 
 def test_values_of_the_table_may_be_parameters_and_stay_arguments() -> None:

@@ -215,7 +215,7 @@ def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
     block = moving(counting, 1, "again", 1, **params)
     t = np.linspace(0, 1, 5)
     simulate(block, t, 1.0, params={"a": 1.5})
-    monkeypatch.setattr("lugrectl.engine.runtime.memo.made_of", None)  # compiling would fail
+    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.run_code", None)  # compiling would fail
     simulate(block, t, 1.0, params={"a": 2.5})
 
 

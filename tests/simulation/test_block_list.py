@@ -163,7 +163,7 @@ def test_parameters_stay_arguments(monkeypatch):
     )
     blocks, t = [swing(), gain], np.linspace(0, 1, 11)
     simulate(blocks, t, x0=[1.0, 0.0])
-    monkeypatch.setattr(adaptive_run, "held_code", None)
+    monkeypatch.setattr(adaptive_run, "run_code", None)
     other = simulate(blocks, t, x0=[1.0, 0.0], params={"gain.k": 0.0})
     exact = [(expm(A * s) @ [1.0, 0.0])[0] for s in t]
     np.testing.assert_allclose(row(other, "y"), exact, atol=1e-6)

@@ -65,10 +65,7 @@ class Emitter:
                 positive = node.value >= 0
                 text[node.index] = repr(node.value) if positive else f"({node.value!r})"
                 continue
-            op = OPS[node.op]
-            template = op.array if self.kind == "array" else op.scalar
-            template = _OWN.get((self.kind, node.op), template)
-            code = template.format(*(text[a.index] for a in node.args))
+            code = self._template(node).format(*(text[a.index] for a in node.args))
             users = uses[node.index]  # once, and only once in the user's code
             inline = len(users) == 1 and still[users[0]] == still[node.index]
             if inline and node.op in _INFIX and len(code) < _LONGEST:
@@ -77,6 +74,15 @@ class Emitter:
             text[node.index] = name = f"{self.prefix}{node.index}"
             (self.head if still[node.index] else self.body).append(f"{name} = {code}")
         return [text[root.index] for root in roots]
+
+    def _template(self, node: Node) -> str:
+        if node.op == "call":
+            return f"called[{node.value}]({', '.join(['{}'] * len(node.args))})"
+        if node.op == "item":
+            return f"{{}}[{node.value}]"
+        op = OPS[node.op]
+        template = op.array if self.kind == "array" else op.scalar
+        return _OWN.get((self.kind, node.op), template)
 
 
 class Section:
@@ -115,13 +121,14 @@ class Section:
         """The same code as a function that returns inf or nan where ``math`` would raise."""
         emitter = Emitter("array", self.prefix)
         values = "".join(f"{code}, " for code in emitter.write(self.nodes))
-        lines = [f"{name} = np.float64({name})" for name in self._arguments()]
+        lines = [f"{name} = np.float64({name})" for name in sorted(symbols_in(self.nodes))]
         lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
         head = f"def robust_{self.prefix}({', '.join(self._arguments())}):\n"
         return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n\n"
 
     def _arguments(self) -> list[str]:
-        return sorted(symbols_in(self.nodes))
+        calls = any(node.op == "call" for node in reachable(self.nodes))
+        return sorted(symbols_in(self.nodes)) + ["called"] * calls
 
 
 def reciprocals(roots: Sequence[Node]) -> list[Node]:

@@ -207,17 +207,6 @@ class Wires:
         """Return the part of each block in a row of all "inputs", "outputs" or "states"."""
         return by_block([int(getattr(b, f"n{kind}") or 0) for b in self.blocks], flat)
 
-    @cached_property
-    def inputs(self) -> list[slice]:
-        """The place of each block's inputs among all."""
-        return [slice(r.start, r.stop) for r in self.split("inputs", range(len(self.connect)))]
-
-    @cached_property
-    def outputs(self) -> list[slice]:
-        """The place of each block's outputs among all."""
-        places = self.split("outputs", range(self.connect.shape[1]))
-        return [slice(r.start, r.stop) for r in places]
-
     def loop(self, members: Sequence[int]) -> AlgebraicLoop:
         """Return the error on an algebraic loop through these blocks."""
         names = ", ".join(self.blocks[i].name for i in members)

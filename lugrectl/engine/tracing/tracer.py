@@ -8,11 +8,12 @@ the updates; a system alone is a net of one part. A trace is compared with the s
 
 from __future__ import annotations
 
+import contextlib
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from ...core.errors import InputError
 from ..expression.graph import Graph, Node, evaluate, outline, rename, sharp, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
 from .network import Net, Rows, Unsolved, Wires, is_wired, settled
-from .pointwise import Instant
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
@@ -97,53 +97,37 @@ class Differs(TraceError):
 
 
 def check(
-    program: Program,
-    system: ct.NonlinearIOSystem | BareSystem,
-    params: Mapping[str, Any] | None = None,
-    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
+    program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1)
 ) -> None:
-    """Compare a trace with the system's own functions at random points of these sizes.
+    """Compare the trace of a block with its own functions at random points of these sizes.
 
     Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
     computes something else for symbols than for numbers.
     """
-    random = np.random.default_rng(len(program.graph.nodes))
-    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
+    random, current = np.random.default_rng(len(program.graph.nodes)), dict(block._current_params)
     compared = 0
     for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
         if compared and not signed:
             break
-        pairs = zip(program.keys, program.arguments(params), strict=True)
         spread = 0.0 if scale == 1.0 else 0.2
-        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
+        p = program.defaults * (1.0 + spread * random.uniform(-1, 1, len(program.keys)))
         t = abs(scale * random.standard_normal())
         x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
         x, u = (x, u) if signed else (np.abs(x), np.abs(u))
-        own = _own(system, t, x, u, {**(params or {}), **values})
-        if own is not None:
-            p = program.arguments({**(params or {}), **values})
-            ours = np.concatenate(program.values(t, x, u, p))
-            compared += _compare(program, own, ours, (t, x, u, p))
-    system._update_params(params)
+        free = {k: v for k, v in zip(program.keys, p, strict=True) if k not in program.fixed}
+        p = program.arguments(free)
+        block._update_params({**current, **free})
+        try:
+            with np.errstate(all="ignore"):
+                own = np.concatenate([block._rhs(t, x, u), block._out(t, x, u)])
+        except (ArithmeticError, ValueError, RuntimeError):
+            continue
+        finally:
+            block._update_params(current)
+        ours = np.concatenate(program.values(t, x, u, p))
+        compared += _compare(program, own, ours, (t, x, u, p))
     if not compared and program.xdot + program.y:
         raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
-
-
-def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The system's rates and outputs, block by block where python-control reports a loop."""
-    system._update_params(params)
-    try:
-        with np.errstate(all="ignore"):
-            return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
-    except ArithmeticError:
-        return None
-    except RuntimeError:
-        at = Instant(system)
-    try:
-        parts = at.inside_rates(system, t, x, u), at.inside_outputs(system, t, x, u)
-        return np.concatenate(parts)
-    except (RuntimeError, ArithmeticError, ValueError):
-        return None
 
 
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
@@ -167,42 +151,35 @@ def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[A
 
 
 @dataclass(frozen=True, eq=False)
-class Tick:
-    """The sampled parts' states and held outputs after a tick: nodes of t, x, q, u, g, p.
-
-    ``q`` are the states before it, ``g`` has one flag for each sample time: 1 a tick, 0.5 only
-    its outputs, 0 nothing. Held values are inputs of the flow, after the external inputs.
-    """
-
-    q: tuple[Node, ...]
-    g: tuple[Node, ...]
-    new_q: tuple[Node, ...]
-    new_h: tuple[Node, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class Hybrid:
-    """Flow and tick (None: not requested, or a system alone) of a net; one parameter vector.
+    """Flow and updates (ticks; none: not requested, or a system alone) of a net.
 
     The outputs of the flow are all signals. They depend on t, x, u and, if the net reads earlier
-    values, on the held values before the tick, ``b0``, ``b1``, ... ``blocks`` holds the traced
-    blocks, each with its own equations.
+    values, on the held values before the tick, ``b0``, ``b1``, ... Held values are inputs of the
+    flow, after the external inputs. A tick gives the sampled states ``new_q`` and held values
+    ``new_h`` from t, x, u, the states ``q`` before it, and a flag ``g0``, ... for each sample
+    time: 1 a tick, 0.5 only its outputs, 0 nothing. ``named`` are the outputs of all blocks on all
+    levels.
     """
 
     net: Net
     flow: Program
-    tick: Tick | None
-    blocks: tuple[tuple[Program, Any], ...]
+    q: tuple[Node, ...]
+    new_q: tuple[Node, ...]
+    new_h: tuple[Node, ...]
+    named: dict[str, Node]
 
     @property
     def ticked(self) -> tuple[Node, ...]:
         """What a tick computes."""
-        return self.tick.new_q + self.tick.new_h if self.tick else ()
+        return self.new_q + self.new_h
 
-    def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
-        """Compare each block with its own equations."""
-        for program, block in self.blocks:
-            check(program, block, params, *scales)
+    def check(self, *scales: Sequence[float]) -> None:
+        """Compare the trace of each block with its own functions, with the parameters now set."""
+        alone = self.net.parts[0].block if self.net.alone and not self.ticked else None
+        for part in self.net.parts:
+            for block in blocks_in(part.block) if self.ticked or not part.sampled else ():
+                check(self.flow if block is alone else single(block), block, *scales)
 
     def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
         """The same with the flow as :meth:`Program.sharpened`."""
@@ -210,9 +187,18 @@ class Hybrid:
 
     def outline(self) -> tuple[Any, ...]:
         """The equations as a hashable value, as :meth:`Program.outline`."""
-        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
-        tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
-        return self.net.wiring, names, self.flow.outline(*tick)
+        blocks = [part.block for part in self.net.parts]
+        names = tuple((block.name, tuple(block.state_labels)) for block in blocks)
+        return self.net.wiring, names, self.flow.outline(self.q, self.new_q, self.new_h)
+
+    def culprit(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
+        """The first output of a block that is not finite: "output y of block b is nan"."""
+        symbols, flow = [self.flow.t, *self.flow.x, *self.flow.u, *self.flow.p], self.flow
+        known = {node.value: v for node, v in zip(symbols, [t, *x, *u, *p], strict=True)}
+        labels = sorted(self.named, key=lambda label: self.named[label].index)
+        values = evaluate([self.named[label] for label in labels], known)
+        bad = (f"{k} is {float(v)}" for k, v in zip(labels, values, strict=True) if v - v != 0.0)
+        return next(bad, f"{flow.name} is not finite")
 
 
 def trace(
@@ -227,15 +213,14 @@ def trace(
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
-    system._update_params(params)
-    program = single(system)
-    check(program, system, params)
-    return program
+    hybrid = traced_net(Net.of(system), params)
+    hybrid.check()
+    return hybrid.flow
 
 
 def single(system: Any) -> Program:
     """The equations of any system, with the parameters that are set, not yet checked."""
-    return _Tracer(Net.of(system, sampled=False)).hybrid(False, ()).flow
+    return _Tracer(Net.of(system, sampled=False)).hybrid(False).flow
 
 
 def traced_net(
@@ -244,21 +229,18 @@ def traced_net(
     *,
     ticks: bool = True,
     exact: Sequence[int] = (),
+    called: bool = False,
 ) -> Hybrid:
     """The equations of a net, not yet checked: :meth:`Hybrid.check`.
 
     Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
     themselves. Without ``ticks`` the sampled parts are not traced. The states ``exact`` of dead
-    times are the delayed signals: :class:`Graph`.
+    times are the delayed signals: :class:`Graph`. With ``called`` all update functions, and the
+    output functions that cannot be traced, are called as they are.
     """
     for part in net.parts:
         part.block._update_params(params)
-    if net.alone and not net.groups:
-        made = _Tracer(net, exact).hybrid(False, ())
-        return replace(made, blocks=((made.flow, net.parts[0].block),))
-    own = [part.block for part in net.parts if ticks or not part.sampled]
-    blocks = tuple((single(block), block) for block in own)
-    return _Tracer(net, exact).hybrid(ticks and net.groups > 0, blocks)
+    return _Tracer(net, exact, called).hybrid(ticks and net.groups > 0)
 
 
 @dataclass
@@ -278,8 +260,8 @@ class _Slot:
 class _Tracer:
     """Symbols for a net and the walk through its blocks."""
 
-    def __init__(self, net: Net, exact: Sequence[int] = ()) -> None:
-        self.net, self.graph = net, Graph()
+    def __init__(self, net: Net, exact: Sequence[int] = (), called: bool = False) -> None:
+        self.net, self.graph, self.called = net, Graph(), called
         self.t = self.graph.symbol("t")
         self.x = self._symbols("x", net.count(False))
         self.graph.exact = frozenset(self.x[i].index for i in exact)
@@ -312,7 +294,7 @@ class _Tracer:
         slot.users.append(block.name)
         return slot.node
 
-    def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
+    def hybrid(self, ticks: bool) -> Hybrid:
         net, held = self.net, self._held()
         inputs, outputs = self._settled(net.wires, self.u[: len(net.outside)], held, self._answer)
         xdot = [
@@ -321,7 +303,10 @@ class _Tracer:
             if not part.sampled
             for rate in self._rates(part.block, self._own(i), inputs[i])
         ]
-        tick = self._tick(outputs) if ticks else None
+        new_q, new_h = self._tick(outputs) if ticks else ((), ())
+        blocks = [part.block for part in net.parts]
+        states = [self._own(i) for i in range(len(blocks))]
+        named = dict(self._leaves(blocks, states, inputs, outputs))
         if net.earlier:
             symbols = self.u[len(net.outside) :]
             before = {u.index: self.graph.symbol(f"b{k}") for k, u in enumerate(symbols)}
@@ -330,11 +315,24 @@ class _Tracer:
                 for row, still in zip(outputs, held, strict=True)
             ]
         y = self._linear(net.gather, [*chain(*outputs)])
-        return Hybrid(net, self._named(xdot, y, tick), tick, blocks)
+        flow = self._named(xdot, y, [*new_q, *new_h])
+        return Hybrid(net, flow, self.q if ticks else (), new_q, new_h, named)
 
-    def _named(self, xdot: Sequence[Node], y: Sequence[Node], tick: Tick | None) -> Program:
+    def _leaves(
+        self, blocks: Sequence[Any], states: Any, inputs: Rows, outputs: Rows
+    ) -> Iterator[tuple[str, Node]]:
+        """The outputs of the blocks on all levels."""
+        for block, x, u, y in zip(blocks, states, inputs, outputs, strict=True):
+            if is_wired(block):
+                wires, *inner = self._inside(block, x, u)
+                yield from self._leaves(wires.blocks, wires.split("states", x), *inner)
+            else:
+                labels = [f"output {k} of block {block.name}" for k in block.output_labels]
+                yield from zip(labels, y, strict=True)
+
+    def _named(self, xdot: Sequence[Node], y: Sequence[Node], more: Sequence[Node]) -> Program:
         """The program of these equations, without parameters that entered them as numbers."""
-        net, seen = self.net, symbols_in([*xdot, *y, *(tick.new_q + tick.new_h if tick else ())])
+        net, seen = self.net, symbols_in([*xdot, *y, *more])
         slots = [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
         keys = [slot.key for slot in slots]
         return Program(
@@ -367,7 +365,8 @@ class _Tracer:
     def _answer(self, i: int, inputs: Sequence[Node]) -> list[Node]:
         return self._outputs(self.net.parts[i].block, self._own(i), inputs)
 
-    def _tick(self, flowing: Sequence[list[Node]]) -> Tick:
+    def _tick(self, flowing: Sequence[list[Node]]) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
+        """The sampled states and the held values after a tick."""
         net, still = self.net, self._held()
 
         def answer(i: int, inputs: Sequence[Node]) -> list[Node]:
@@ -387,7 +386,7 @@ class _Tracer:
                 i, 0.75, self._rates(part.block, self._own(i), inputs[i]), self._own(i)
             )
         ]
-        return Tick(self.q, self.g, tuple(new_q), tuple(outputs[i][j] for i, j in net.held))
+        return tuple(new_q), tuple(outputs[i][j] for i, j in net.held)
 
     def _chosen(
         self, i: int, level: float, fresh: Sequence[Node], kept: Sequence[Node]
@@ -466,17 +465,47 @@ class _Tracer:
         """One block's function on symbols, once for the same ones; counts are given as numbers."""
         asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
         if asked not in self.answers:
-            signals = signal_array(list(x)), signal_array(list(u))
+            if self.called and function is block.updfcn:
+                self.answers[asked] = self._as_it_is(block, function, x, u, size)
+                return self.answers[asked]
             try:
-                result = function(self.t, *signals, self.values[id(block)])
-            except Exception:
-                result = self._with_numbers(block, function, signals)
-            flat = np.asarray(result, dtype=object).reshape(-1)
+                self.answers[asked] = self._followed(block, function, x, u, size)
+            except TraceError:
+                if not self.called:
+                    raise
+                self.answers[asked] = self._as_it_is(block, function, x, u, size)
+        return self.answers[asked]
+
+    def _followed(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
+        signals = signal_array(list(x)), signal_array(list(u))
+        try:
+            result = function(self.t, *signals, self.values[id(block)])
+        except Exception:
+            result = self._with_numbers(block, function, signals)
+        flat = np.asarray(result, dtype=object).reshape(-1)
+        if len(flat) != size:
+            raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
+        return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
+
+    def _as_it_is(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
+        """A function that is called; where it does not read its inputs, it stays without them."""
+        params, n, given = dict(block._current_params), len(x), [*x, *u]
+
+        def answer(t: float, *signals: float) -> list[float]:
+            inputs = np.array(signals[n:]) if len(signals) == len(x) + len(u) else unread
+            values = function(t, np.array(signals[:n]), inputs, params)
+            flat = np.reshape(np.asarray(values, dtype=float), -1)
             if len(flat) != size:
                 raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
-            nodes = [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
-            self.answers[asked] = nodes
-        return self.answers[asked]
+            return flat.tolist()
+
+        unread: Any = _Unread(block.name)
+        if function is not block.updfcn and len(u):
+            with contextlib.suppress(Exception), np.errstate(all="ignore"):
+                answer(0.0, *np.zeros(n))
+                given = given[:n]
+        call = self.graph.call(answer, [self.t, *given])
+        return [self.graph.result(call, i) for i in range(size)]
 
     def _with_numbers(self, block: Any, function: Callable[..., Any], signals: Any) -> Any:
         """The result with as few parameters as possible as numbers: a count fixes itself alone."""
@@ -499,6 +528,24 @@ class _Tracer:
                 self.fixed[key] = numbers[key]
         known.update(needed)
         return result
+
+
+class _Unread:
+    """In place of the inputs of a function that seems to read none of them."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+
+    def __getitem__(self, place: Any) -> NoReturn:
+        raise InputError(
+            f"{self.name}: its output function branches, and reads its inputs in some branches "
+            "only: write np.where for the if."
+        )
+
+    def __iter__(self) -> NoReturn:
+        self[0]
+
+    __array__ = __len__ = __iter__
 
 
 def blocks_in(system: Any) -> Iterator[Any]:
