@@ -21,7 +21,7 @@ from ..engine.runtime.endings import bounded, first_bad, warn_unsettled
 from ..engine.runtime.interpreted_run import Called
 from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net, Part
-from ..engine.tracing.tracer import Hybrid
+from ..engine.tracing.tracer import traced_net
 from . import arguments
 
 MOST = 1e8  # updates in a run: an array of them is 0.8 GB
@@ -132,7 +132,7 @@ class Run:
 def followed(run: Run) -> Track:
     """The track of a run, checked: Diverged where a signal grows without bound or is no number."""
     net, course = run.net, run.course
-    made, p, track = _track(run)
+    track = _track(run)
     warn_unsettled(net.name, track.unsettled, 4)
     t, u = course.grid[course.kept], course.given[:, course.kept]
     bad = None if run.discrete else first_bad(t, track.y)  # of it the first state is named
@@ -140,6 +140,8 @@ def followed(run: Run) -> Track:
         i, k, _ = bad
         where = f"output {net.signals[i]}"
         if net.looped and not net.groups:
+            made = traced_net(net, run.params, called=True)  # a loop without an answer is refused
+            p = made.flow.arguments(run.params)
             where = made.culprit(float(t[k]), track.x[:, k], u[:, k], p)
         else:
             where += "" if net.alone else f" of block {net.makers(net.signals[i])}"
@@ -156,16 +158,14 @@ def followed(run: Run) -> Track:
     return track
 
 
-def _track(run: Run) -> tuple[Hybrid, np.ndarray, Track]:
-    """The equations of a run, their parameters, and its track."""
+def _track(run: Run) -> Track:
     method, why, called = run.method, "", None
     if method in (None, "rosenbrock"):
         try:
             engine = compiled(run.net, run.params)
             late = run_late(engine, run.course, run.starts, run.params, run.accuracy)
             p = engine.program.arguments(run.params)
-            track = late or engine.follow(run.course, *run.starts, p, run.accuracy)
-            return engine.hybrid, p, track
+            return late or engine.follow(run.course, *run.starts, p, run.accuracy)
         except TraceError as error:
             method, why = "LSODA", str(error)
     try:
@@ -173,12 +173,11 @@ def _track(run: Run) -> tuple[Hybrid, np.ndarray, Track]:
             with contextlib.suppress(TraceError):
                 # a sampled block that cannot be traced is called at its updates
                 called = Called(run.net, run.params)
-        if why and called is None and run.net.count(False):
+        if why and called is None:
             warnings.warn(f"{why}; LSODA is used instead.", RuntimeWarning, stacklevel=4)
         _warn_if_approximate(run)
         called = called or Called(run.net, run.params, method)
-        p = called.hybrid.flow.arguments(run.params)
-        return called.hybrid, p, called.follow(run.course, *run.starts, run.accuracy)
+        return called.follow(run.course, *run.starts, run.accuracy)
     except RuntimeError as error:  # of a user's function
         raise Diverged(f"{run.net.name}: the simulation failed: {error}.") from error
 

@@ -229,12 +229,9 @@ def loop(law, gain):
     ]
 
 
-@pytest.mark.parametrize("law", [clip, branch])
 @pytest.mark.parametrize("gain", [-0.5, 3.0])
-@pytest.mark.filterwarnings("ignore:.*branch:RuntimeWarning")
-def test_a_loop_through_a_clip_is_solved(law, gain):
-    """Traced, and by calling the blocks where they branch."""
-    found = lg.simulate(loop(law, gain), TIMES, {"r": R})
+def test_a_loop_through_a_clip_is_solved(gain):
+    found = lg.simulate(loop(clip, gain), TIMES, {"r": R})
     b = found.outputs[list(found.output_labels).index("b")]
     np.testing.assert_allclose(b, np.clip(R / (1 + gain), -1, 1), atol=1e-12)
 

@@ -108,7 +108,6 @@ WAYS = {
 
 @pytest.mark.parametrize("way", WAYS.values(), ids=WAYS)
 def test_the_new_value_counts(way, monkeypatch):
-    monkeypatch.setattr("lugrectl.simulation.net_run.LONG", 0)  # discrete systems are traced too
     system, change = way()
     before = ours(system)
     np.testing.assert_allclose(before, own(system), atol=2e-5, rtol=1e-4)

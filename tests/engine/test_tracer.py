@@ -12,6 +12,7 @@ import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine import TraceError, trace
 from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
+from lugrectl.engine.runtime import adaptive_run
 from lugrectl.simulation.response import simulate
 
 from ..cases.own import moving, static
@@ -215,7 +216,7 @@ def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
     block = moving(counting, 1, "again", 1, **params)
     t = np.linspace(0, 1, 5)
     simulate(block, t, 1.0, params={"a": 1.5})
-    monkeypatch.setattr("lugrectl.engine.runtime.adaptive_run.run_code", None)  # compiling would fail
+    monkeypatch.setattr(adaptive_run, "run_code", None)  # compiling would fail
     simulate(block, t, 1.0, params={"a": 2.5})
 
 

@@ -375,7 +375,7 @@ def _interval(hybrid: Hybrid, parts: Parts, updates: Sequence[str]) -> list[str]
 
 
 def _stored(parts: Parts, outputs: Sequence[str]) -> list[str]:
-    lines = [f"way{i} = 1.0 if on{i} > 0.0 else side(a{i})" for i in parts.shown]
+    lines = [f"way{i} = m{i} if a{i} == 0.0 else side(a{i})" for i in parts.shown]
     return [*lines, *outputs, *(f"states{i}[k] = {x}" for i, x in enumerate(parts.states))]
 
 

@@ -197,8 +197,8 @@ class Hybrid:
         known = {node.value: v for node, v in zip(symbols, [t, *x, *u, *p], strict=True)}
         labels = sorted(self.named, key=lambda label: self.named[label].index)
         values = evaluate([self.named[label] for label in labels], known)
-        bad = (f"{k} is {float(v)}" for k, v in zip(labels, values, strict=True) if v - v != 0.0)
-        return next(bad, f"{flow.name} is not finite")
+        pairs = ((k, float(v)) for k, v in zip(labels, values, strict=True))
+        return next(f"{k} is {v}" for k, v in pairs if not np.isfinite(v))
 
 
 def trace(
