@@ -128,6 +128,7 @@ class Engine:
         self.states, self.held = hybrid.flow.states, len(hybrid.net.held) if hybrid.ticked else 0
         self._points = 0
         self._code: dict[str, str] = {}
+        self._runs: dict[str, Any] = {}
 
     @property
     def program(self) -> Program:
@@ -136,20 +137,21 @@ class Engine:
     def of(self, hybrid: Hybrid) -> Engine:
         """The same code for equations of the same outline, which may have other defaults."""
         other = Engine(hybrid, self.backend)
-        other._code = self._code
+        other._code, other._runs = self._code, self._runs
         return other
 
     def portable(self) -> Engine:
         """The code alone: functions of a user may not pickle, and expression graphs are deep."""
         self._text(kind_of(self.backend or "python"))
         other = object.__new__(Engine)
-        other.__dict__ |= {k: v for k, v in vars(self).items() if k not in ("hybrid", "net")}
+        other.__dict__ |= {k: v for k, v in vars(self).items() if k not in ("hybrid", "net", "_runs")}
         return other
 
     def loaded(self) -> Engine:
         """A portable run, compiled with what a worker has: its machine code is in the cache."""
         if self.backend != "python":
             self.backend = compiler() or self.backend
+        self._runs = {}
         return self
 
     def _text(self, kind: str) -> str:
@@ -167,13 +169,14 @@ class Engine:
         state and time.
         """
         backend = self._chosen(len(course.grid))
-        function = load_steps(self._text(kind_of(backend)), backend).run
+        if backend not in self._runs:
+            self._runs[backend] = load_steps(self._text(kind_of(backend)), backend).run
         counts = len(now.x), len(now.q), len(self.outputs)
         out = [np.empty((count, len(course.grid))) for count in counts]
         status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
         given = (course.grid, course.given, course.ticks, course.flags, bool(course.hold))
         given = (*given, p, float(accuracy.rtol), accuracy.floor)
-        code = _call(function, backend, given, [now.x, now.q, now.h, now.sizes, *out, status])
+        code = _call(self._runs[backend], backend, given, [now.x, now.q, now.h, now.sizes, *out, status])
         if code == 1:
             raise no_bound(self.name, self.states, status)
         if code == 2:

@@ -112,7 +112,7 @@ class _Run:
         accuracy: Accuracy,
     ) -> None:
         self.engine, self.course, self.p, self.accuracy = engine, course, p, accuracy
-        self.now, self.begun = Now.start(*starts, engine.held), False
+        self.now = Now.start(*starts, engine.held)
         rows = [np.empty((len(own), len(course.grid))) for own in (*starts, engine.outputs)]
         self.whole = Track(*rows)
 
@@ -175,22 +175,27 @@ class _Run:
         return rough & (np.diff(edges) > SHORTEST * self.longest)
 
     def _on_edges(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The places of new grid points, and those of their edges at the nodes."""
+        """The places of the grid points in [first, last), and those of their edges at the nodes."""
         t = self.course.grid
-        at = np.minimum(np.searchsorted(t, edges), len(t) - 1)
-        new = t[at] == edges
-        new[0] &= not self.begun  # the last segment ended there, after its update
+        at = np.searchsorted(t, edges)
+        new = t[np.minimum(at, len(t) - 1)] == edges
+        new[-1] = edges[-1] == t[-1]  # the next segment begins there
         return at[new], 5 * np.flatnonzero(new)
 
     def _advance(self, edges: np.ndarray, late: np.ndarray) -> tuple[Now, Track]:
         """The end of a segment, and its track at the nodes and at the last edge."""
+        t, u, end = self.course.grid, self.course.given, edges[-1]
         rows = [coefficients(own, np.diff(edges)).T for own in late]
         columns = np.vstack([self._panels(edges), *rows, edges[None, :-1]])
-        inputs = np.append(np.repeat(columns, 5, axis=1), self._last(edges), axis=1)
+        last = columns[:, -1:]
+        if end == t[-1]:
+            own = [[past.late_at(end, self.longest), 0, 0, 0, 0] for past in self.past]
+            last = np.concatenate([u[:, -1], 0.0 * u[:, -1], *own, [end]])[:, None]
         at, own = self._on_edges(edges)
-        flags = np.zeros((len(self.course.flags), inputs.shape[1]))
+        flags = np.zeros((len(self.course.flags), 5 * columns.shape[1] + 1))
         flags[:, own] = self.course.flags[:, at]
-        after, grid = self.now.copy(), np.append(nodes(edges).ravel(), edges[-1])
+        after, grid = self.now.copy(), np.append(nodes(edges).ravel(), end)
+        inputs = np.append(np.repeat(columns, 5, axis=1), last, axis=1)
         part = Course(grid, inputs, flags, True)
         return after, self.engine.run(part, after, self.p, self.accuracy)
 
@@ -202,7 +207,7 @@ class _Run:
             getattr(self.whole, name)[:, at] = getattr(track, name)[:, own]
         if np.isfinite(track.unsettled):
             self.whole = replace(self.whole, unsettled=track.unsettled)
-        self.now, self.begun = after, True
+        self.now = after
 
     def _panels(self, edges: np.ndarray) -> np.ndarray:
         """Value and slope (2 m, P) of the inputs at the start of each panel."""
@@ -210,16 +215,6 @@ class _Run:
         k = np.clip(np.searchsorted(t, middle, side="right") - 1, 0, len(t) - 2)
         slope = 0.0 * u[:, k] if self.course.hold else (u[:, k + 1] - u[:, k]) / (t[k + 1] - t[k])
         return np.vstack([u[:, k] + slope * (edges[:-1] - t[k]), slope])
-
-    def _last(self, edges: np.ndarray) -> np.ndarray:
-        """The held inputs just after the last edge."""
-        t, end = self.course.grid, edges[-1]
-        if end == t[-1]:
-            row = np.vstack([self.course.given[:, -1:], 0.0 * self.course.given[:, -1:]])
-        else:
-            row = self._panels(end + self.longest * np.array([0.0, 1e-3]))
-        late = [[past.late_at(end, self.longest), 0, 0, 0, 0] for past in self.past]
-        return np.vstack([row, np.reshape(late, (-1, 1)), [[end]]])
 
 
 def coefficients(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -85,7 +85,8 @@ class Substeps:
             except TraceError:
                 made = _Kind({}, affine_by_probes(self.system), None)
             else:
-                flow = hybrid.flow
+                flow = replace(hybrid.flow, outputs=(), y=())  # the states alone are asked for
+                hybrid = replace(hybrid, flow=flow)
                 fixed = {k: v for k, v in own.items() if k in flow.fixed or not is_number(v)}
                 made = _Kind(fixed, None not in affine(flow.xdot, flow.x), hybrid)
         self._kinds.append(made)

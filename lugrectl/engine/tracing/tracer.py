@@ -13,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -488,23 +488,20 @@ class _Tracer:
         return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
 
     def _as_it_is(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
-        """A function that is called; where it does not read its inputs, it stays without them."""
-        params, n, given = dict(block._current_params), len(x), [*x, *u]
+        """A function that is called; an input that its outputs do not depend on is nan there."""
+        params, n = dict(block._current_params), len(x)
 
         def answer(t: float, *signals: float) -> list[float]:
-            inputs = np.array(signals[n:]) if len(signals) == len(x) + len(u) else unread
-            values = function(t, np.array(signals[:n]), inputs, params)
+            values = function(t, np.array(signals[:n]), np.array(signals[n:]), params)
             flat = np.reshape(np.asarray(values, dtype=float), -1)
             if len(flat) != size:
                 raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
             return flat.tolist()
 
-        unread: Any = _Unread(block.name)
-        if function is not block.updfcn and len(u):
-            with contextlib.suppress(Exception), np.errstate(all="ignore"):
-                answer(0.0, *np.zeros(n))
-                given = given[:n]
-        call = self.graph.call(answer, [self.t, *given])
+        given, nan = list(u), self.graph.constant(np.nan)
+        if function is not block.updfcn:
+            given = [v if _reads(answer, n, len(u), j) else nan for j, v in enumerate(u)]
+        call = self.graph.call(answer, [self.t, *x, *given])
         return [self.graph.result(call, i) for i in range(size)]
 
     def _with_numbers(self, block: Any, function: Callable[..., Any], signals: Any) -> Any:
@@ -530,22 +527,22 @@ class _Tracer:
         return result
 
 
-class _Unread:
-    """In place of the inputs of a function that seems to read none of them."""
+PROBES = (0.0, 1.0, -1.0, 2.0, 3.0, 1e-3, -1e-3, 30.0, -30.0, 1e6, -1e6)
 
-    def __init__(self, name: str) -> None:
-        self.name = name
 
-    def __getitem__(self, place: Any) -> NoReturn:
-        raise InputError(
-            f"{self.name}: its output function branches, and reads its inputs in some branches "
-            "only: write np.where for the if."
-        )
-
-    def __iter__(self) -> NoReturn:
-        self[0]
-
-    __array__ = __len__ = __iter__
+def _reads(answer: Callable[..., list[float]], n: int, m: int, j: int) -> bool:
+    """Whether what a function returns changes with its input j, at any of some points."""
+    random, seen = np.random.default_rng(0), False
+    for size in (0.3, 1.0, 30.0):
+        point, found = size * random.standard_normal(1 + n + m), set[bytes]()
+        for value in PROBES:
+            point[1 + n + j] = value
+            with contextlib.suppress(Exception), np.errstate(all="ignore"):
+                found.add(np.array(answer(*point.tolist())).tobytes())
+        if len(found) > 1:
+            return True
+        seen |= bool(found)
+    return not seen
 
 
 def blocks_in(system: Any) -> Iterator[Any]:
