@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import lugrectl as lg
 from lugrectl.core.errors import InputError
 from lugrectl.engine.runtime import adaptive_run
-from lugrectl.simulation.sweep_members import parameter_columns
+from lugrectl.simulation.sweep import parameter_columns
 
 from ..cases.ensembles import T, growth, lag, last, noise, ramp, step_response
 from ..cases.own import static, user_block

@@ -254,9 +254,7 @@ def run_code(hybrid: Hybrid, kind: str) -> str:
 
 
 # the error relative to the size; divides only if a state grows
-_WEIGHT = (
-    "error{0} = e{0} * (inv{0} if abs(n{0}) <= size{0} else 1.0 / abs(n{0}))",
-)
+_WEIGHT = ("error{0} = e{0} * (inv{0} if abs(n{0}) <= size{0} else 1.0 / abs(n{0}))",)
 # the state with the largest error, or the first that is NaN
 _BLAME = (
     "part = abs(error{0})",

@@ -17,6 +17,7 @@ from ..tracing.tracer import Hybrid, Program
 from .backend import compiler, kind_of, load_steps
 from .endings import no_bound
 
+
 @dataclass(frozen=True)
 class Accuracy:
     """The error allowed in a step: relative to the size of a state, and near zero in its unit."""
@@ -144,7 +145,9 @@ class Engine:
         """The code alone: functions of a user may not pickle, and expression graphs are deep."""
         self._text(kind_of(self.backend or "python"))
         other = object.__new__(Engine)
-        other.__dict__ |= {k: v for k, v in vars(self).items() if k not in ("hybrid", "net", "_runs")}
+        other.__dict__ |= {
+            k: v for k, v in vars(self).items() if k not in ("hybrid", "net", "_runs")
+        }
         return other
 
     def loaded(self) -> Engine:
@@ -176,7 +179,9 @@ class Engine:
         status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
         given = (course.grid, course.given, course.ticks, course.flags, bool(course.hold))
         given = (*given, p, float(accuracy.rtol), accuracy.floor)
-        code = _call(self._runs[backend], backend, given, [now.x, now.q, now.h, now.sizes, *out, status])
+        code = _call(
+            self._runs[backend], backend, given, [now.x, now.q, now.h, now.sizes, *out, status]
+        )
         if code == 1:
             raise no_bound(self.name, self.states, status)
         if code == 2:

@@ -44,7 +44,10 @@ class Called:
 
     def _function(self, nodes: Sequence[Node]) -> Callable[..., list[float]]:
         """The values of nodes at t, x, u, with the held values before a tick, q and flags."""
-        flow, section = self.hybrid.flow, Section([f"row{i}" for i in range(len(nodes))], nodes, "v")
+        flow, section = (
+            self.hybrid.flow,
+            Section([f"row{i}" for i in range(len(nodes))], nodes, "v"),
+        )
         read = [name for name in sorted(symbols_in(nodes)) if name != "t"]
         lines = [f"{name} = {name[0]}[{name[1:]}]" for name in read] + section.lines(True)
         lines += [f"return [{', '.join(section.names)}]"]
@@ -71,7 +74,9 @@ class Called:
                 rows[0].append(now.x.copy())
                 rows[2].append(self._shown(t, now.x, [*u, *now.h], before))
                 if k + 1 < len(course.grid) and len(now.x):
-                    now.x[:], relay = advance(course.grid[k : k + 2], course.given[:, k : k + 2], now)
+                    now.x[:], relay = advance(
+                        course.grid[k : k + 2], course.given[:, k : k + 2], now
+                    )
                     unsettled = relay if np.isnan(unsettled) else unsettled
         made = [np.reshape(part, (len(course.grid), -1)).T for part in rows]
         return Track(*made, unsettled).at(course.kept)

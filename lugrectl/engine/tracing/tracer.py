@@ -96,9 +96,7 @@ class Differs(TraceError):
     """A trace does not give what the system itself gives."""
 
 
-def check(
-    program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1)
-) -> None:
+def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1)) -> None:
     """Compare the trace of a block with its own functions at random points of these sizes.
 
     Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
@@ -193,7 +191,7 @@ class Hybrid:
 
     def culprit(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
         """The first output of a block that is not finite: "output y of block b is nan"."""
-        symbols, flow = [self.flow.t, *self.flow.x, *self.flow.u, *self.flow.p], self.flow
+        symbols = [self.flow.t, *self.flow.x, *self.flow.u, *self.flow.p]
         known = {node.value: v for node, v in zip(symbols, [t, *x, *u, *p], strict=True)}
         labels = sorted(self.named, key=lambda label: self.named[label].index)
         values = evaluate([self.named[label] for label in labels], known)
