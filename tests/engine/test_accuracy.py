@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from math import exp
 
 import numpy as np
@@ -62,17 +61,3 @@ def test_textbook_lugre_to_100_rad_s_needs_no_tuning() -> None:
     ours = lg.simulate(lg.plant(TEXTBOOK), t, [u, 0.0]).states
     assert np.max(exact[1]) > 100 and np.min(exact[1]) < 0
     assert item.worst(ours, exact) < 5e-6
-
-
-def test_memory_grows_with_the_output_only() -> None:
-    """The steps in between are not kept, whatever the stiffness."""
-    plant, t = lg.plant(lg.table1()), np.arange(50_000) * 1e-3
-    u = np.vstack([0.4 * np.sin(5 * t), 0 * t])
-    lg.simulate(plant, t[:50], u[:, :50])
-    tracemalloc.start()
-    try:
-        found = lg.simulate(plant, t, u, rtol=1e-8)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < 2.5 * (found.states.nbytes + found.outputs.nbytes)

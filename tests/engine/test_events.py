@@ -99,19 +99,6 @@ def test_what_cannot_be_followed_ends_soon_and_by_name() -> None:
         lg.simulate(fast, np.linspace(0.0, 5.0, 3))
 
 
-def test_a_condition_and_its_opposite_switch_together() -> None:
-    """sign by two comparisons: 0 between them at no instant."""
-    t = np.linspace(0.0, 5.5, 12)
-
-    def two(t: Any, x: Any) -> Any:
-        return np.where(x[0] > x[1], 1.0, np.where(x[0] < x[1], -1.0, 7.0))
-
-    zeros = (np.arange(1, 9) * np.pi - np.arctan(1.0 / W)) / W
-    edges = np.array([0.0, *zeros, 5.5])  # cos(W t) > -W sin(W t) from the start
-    exact = np.sum(np.diff(edges) * (-1.0) ** np.arange(9))
-    assert last(two, t) == pytest.approx(exact, abs=1e-8)
-
-
 PIECES = st.sampled_from(["abs", "sign", "where", "max", "zero", "touch", "late"])
 NUMBERS = st.floats(-2.0, 2.0).map(lambda v: round(v, 2))
 

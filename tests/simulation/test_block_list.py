@@ -225,23 +225,3 @@ def test_a_continuous_block_with_a_branch_goes_to_lsoda():
 def test_what_does_not_fit_is_said(call, said):
     with pytest.raises(lg.InputError, match=said):
         call(np.linspace(0, 1, 6))
-
-
-def test_a_long_discrete_system_is_python_controls():
-    """Where it is traced: the same labels, shapes and values."""
-    lag = user_block(
-        lambda t, x, u, p: 0.9 * x + 0.1 * np.tanh(u),
-        lambda t, x, u, p: x + 0.1 * u,
-        ["u"],
-        ["y"],
-        ["x"],
-        "lag",
-        dt=0.1,
-    )
-    t = 0.1 * np.arange(1500)
-    u = np.random.default_rng(0).standard_normal(1500)
-    ours, theirs = simulate(lag, t, u, 0.5), ct.input_output_response(lag, t, u, 0.5)
-    np.testing.assert_allclose(ours.outputs, theirs.outputs, rtol=1e-12, atol=1e-14)
-    np.testing.assert_allclose(ours.states, theirs.states, rtol=1e-12, atol=1e-14)
-    assert ours.outputs.shape == theirs.outputs.shape
-    assert ours.state_labels == theirs.state_labels

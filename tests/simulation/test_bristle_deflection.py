@@ -8,8 +8,7 @@ from scipy.integrate import solve_ivp
 
 import lugrectl as lg
 from lugrectl.simulation import bristle_deflection
-from lugrectl.simulation.bristle_deflection import BLOCK, CHUNK, deflection
-from lugrectl.simulation.response import simulate
+from lugrectl.simulation.bristle_deflection import deflection
 
 from ..conftest import there
 
@@ -60,25 +59,6 @@ def test_a_held_velocity_is_what_the_law_itself_gives():
         rate = lambda t, x, v=speed: friction.dynamics(0.0, x, [v])  # noqa: E731
         z = solve_ivp(rate, (0, DT), [z], method="Radau", rtol=1e-10, atol=1e-14).y[0, -1]
     np.testing.assert_allclose(deflection(w, DT, P, 2e-4), kept, rtol=1e-7, atol=1e-12)
-
-
-def test_along_a_sine_it_converges_to_the_continuous_bristle():
-    def error(dt):
-        t = np.arange(0, 1, dt)
-        w = np.sin(2 * np.pi * t)
-        exact = simulate(lg.friction("lugre"), t, w, rtol=1e-8).states[0]
-        return np.abs(deflection(w, dt, P) - exact).max()
-
-    assert 1.8 < error(1e-3) / error(5e-4) < 2.2
-
-
-def test_blocks_and_threads_change_nothing(way):
-    """Across the seams of blocks and chunks; a run can be cut anywhere."""
-    w = 0.3 * np.sin(np.arange(2 * CHUNK + BLOCK + 5) / 500.0)
-    whole = deflection(w, DT, P, 1e-4)
-    for cut in (1, BLOCK, CHUNK + 7):
-        rest = deflection(w[cut:], DT, P, whole[cut])
-        np.testing.assert_allclose(rest, whole[cut:], rtol=1e-12, atol=1e-18)
 
 
 def test_all_ways_agree(way, monkeypatch):

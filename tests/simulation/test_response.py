@@ -16,7 +16,7 @@ import lugrectl as lg
 from lugrectl.core.errors import Diverged, InputError
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import moving, static, user_block
+from ..cases.own import static, user_block
 from ..cases.systems import velocity_loop
 
 pytestmark = pytest.mark.usefixtures("interpreted")
@@ -195,15 +195,6 @@ def test_wrong_use_is_said_in_one_sentence() -> None:
         simulate(loop, t, 0, np.zeros(5))
     with pytest.raises(InputError, match="no block reads the parameter 'plant.Fx'"):
         simulate(loop, t, 0, params={"plant.Fx": 1.0})
-
-
-def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
-    """python-control calls a NaN inside an interconnection an algebraic loop."""
-    root = static(lambda t, x, u, p: np.sqrt(u[0]), "x", "v", "root")
-    drain = moving(lambda t, x, u, p: -u[0], "x", "drain", "v")
-    tank = ct.interconnect([root, drain], outputs="x")
-    x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
-    np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)
 
 
 def test_inputs_in_every_form_of_python_control_and_by_name() -> None:

@@ -79,13 +79,6 @@ def test_a_width_of_the_users_own_is_simulated_as_it_is():
     assert lg.simulate(drive(J, friction), HOUR, u).outputs[0, -1] == 0.0  # and the next one rests
 
 
-def test_friction_at_a_tracking_rate_is_that_of_the_law():
-    w = 7.27e-5  # rad/s, a telescope's
-    for solve in (lg.simulate, ct.input_output_response):
-        F = solve(lg.friction("coulomb", Fc=2.0, Fv=1500.0), [0.0, 1.0], [w, w]).outputs
-        assert np.ravel(F)[-1] == pytest.approx(2.0 + 1500.0 * w, rel=1e-9)
-
-
 def test_both_solvers_agree_where_a_drive_sticks_and_slides():
     friction = {"model": "stribeck", "Fc": 0.285, "Fv": 0.018, "Fs": 0.335, "vs": 0.01}
     t = np.linspace(0.0, 1.0, 1001)

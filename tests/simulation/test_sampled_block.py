@@ -3,8 +3,6 @@
 Table 1 at 1 kHz unless told otherwise.
 """
 
-from functools import cache
-
 import control as ct
 import mpmath
 import numpy as np
@@ -21,7 +19,7 @@ from lugrectl.blocks.observers import (
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import advance, ramp_response, sampled
 
-from ..cases.sampled import DT, P, inputs_of, sine_error, step_response
+from ..cases.sampled import DT, P, inputs_of, step_response
 
 SPEEDS = [0.0, 1e-6, 0.01, 1.0, 100.0]
 entries = st.floats(-1.0, 1.0)
@@ -87,22 +85,6 @@ def test_larger_systems_go_through_scipy():
     assert ramp_response(whole, p, q) == pytest.approx(np.concatenate(apart), rel=1e-10)
 
 
-@pytest.mark.parametrize(("observer", "x0"), LUGRE)
-def test_a_batch_is_many_single_steps(observer, x0):
-    rng = np.random.default_rng(0)
-    n, m = observer.nstates, observer.ninputs
-    x, before, now = (rng.normal(size=(k, 5, 3)) for k in (n, m, m))
-
-    def rates(x, v):
-        return observer.updfcn(0.0, x, v, observer.params)
-
-    whole = advance(rates, x, before, now, DT)
-    for place in ((0, 0), (4, 2)):
-        k = (slice(None), *place)
-        single = advance(rates, x[k], before[k], now[k], DT)
-        np.testing.assert_allclose(whole[k], single, rtol=1e-10, atol=1e-12)
-
-
 # Constant speed.
 
 
@@ -138,34 +120,7 @@ def test_proposed_observer_is_exact_with_held_torque(w):
     np.testing.assert_allclose(found, exact.outputs, rtol=2e-6, atol=2e-7)
 
 
-def test_existing_observer_takes_a_linear_error_exactly():
-    t = DT * np.arange(50)
-    rows = np.array(
-        [np.full(50, 0.4), np.interp(t, [0, 0.011, 0.03, 0.049], [0.0, 3.0, -2.0, 1.0])]
-    )
-    exact = simulate(lg.existing_observer(P, k=5.0), t, rows, [0.0], rtol=1e-10)
-    found = step_response(sampled(lg.existing_observer(P, k=5.0), DT), rows, [0.0], 50)
-    np.testing.assert_allclose(found, exact.outputs, atol=1e-8)
-
-
 # A speed that changes.
-
-
-@cache
-def off_a_sine(observer, *x0):
-    return sine_error(observer, [*x0], DT)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize(("observer", "x0"), OBSERVERS)
-def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
-    assert off_a_sine(observer, *x0) < 1e-3
-
-
-def test_the_error_is_of_second_order():
-    observer, x0 = LUGRE[0].values
-    ratio = sine_error(observer, x0, 4 * DT) / off_a_sine(observer, *x0)
-    assert 10 < ratio < 24
 
 
 @settings(max_examples=25)

@@ -8,7 +8,7 @@ import lugrectl as lg
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import sampled
 
-from ..cases.observed import P, believing, longer, sampled_velocity_error
+from ..cases.observed import P, believing
 from ..cases.own import static
 from ..cases.sampled import step_response
 
@@ -64,19 +64,3 @@ def test_a_block_at_1_khz_is_the_continuous_one(make, error):
     size = np.maximum(np.abs(exact).max(axis=1, keepdims=True), 1e-3)
     assert np.abs(exact).max() > 0.01
     assert np.max(np.abs(found - exact) / size) < error
-
-
-@longer
-@pytest.mark.parametrize(
-    ("make", "error"),
-    [(lg.position_coulomb_observer, 0.0073), (lg.position_lugre_observer, 0.0234)],
-)
-def test_position_observers_in_a_loop_at_1_khz(make, error):
-    """0.0088 and 0.0235 in continuous time; as an affine block the first would give 0.027."""
-    assert sampled_velocity_error(make(LOW)) == pytest.approx(error, abs=1e-4)
-
-
-@longer
-def test_the_temperature_observer_in_a_loop_at_1_khz():
-    """0.0006 in continuous time, 0.031 with the natural observer."""
-    assert sampled_velocity_error(lg.temperature_observer(LOW)) == pytest.approx(0.0017, abs=1e-4)

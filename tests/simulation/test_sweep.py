@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import tracemalloc
-import warnings
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 
 import control as ct
@@ -277,16 +275,6 @@ def test_a_key_without_default_and_a_first_member_out_of_range() -> None:
     assert np.allclose(s["y"][1], step_response([1.0], [0.1])[0], atol=1e-5)
 
 
-def test_discrete_time_static_blocks_and_a_single_instant() -> None:
-    half = ct.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], dt=0.1, name="half")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        s = lg.sweep(half, 0.1 * np.arange(4), 0.0, x0=np.array([[1.0], [8.0]]))
-    assert np.allclose(s.y[:, 0], [[1, 0.5, 0.25, 0.125], [8, 4, 2, 1]])
-    assert np.allclose(lg.sweep(gain(), T, T, {"a": [1.0, 2.0]})["y"], [T, 2 * T])
-    assert lg.sweep(lag(), [0.0], 1.0, TABLE, x0=3.0)["y"].tolist() == [[3.0]] * 7
-
-
 def test_lists_of_blocks() -> None:
     p, t, kp = lg.table1(), 1e-3 * np.arange(50), np.array([1.0, 2.0])
     for sample in (lambda block: block, lambda block: lg.sampled(block, 1e-3)):
@@ -348,14 +336,6 @@ def test_to_pandas_and_xarray() -> None:
     assert float(data["double"].sel(member=2, t=T[-1])) == s["double"][2, -1]
 
 
-def test_a_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    s = lg.sweep(lag(), T, 1.0, TABLE)
-    for name in ("pandas", "xarray"):
-        monkeypatch.setitem(__import__("sys").modules, name, None)
-        with pytest.raises(InputError, match=f"pip install {name}"):
-            getattr(s, f"to_{name}")()
-
-
 # Sweeps that other processes and a cluster carry: the same numbers, nothing lost.
 
 
@@ -366,12 +346,6 @@ GAINS, TAUS = np.linspace(0.5, 2, 7), np.linspace(0.05, 0.5, 7)
 def pool() -> Iterator[ProcessPoolExecutor]:
     with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as made:
         yield made
-
-
-def leave(member: int) -> float:
-    if member == 4:
-        os._exit(1)
-    return 1.0
 
 
 def test_processes_of_the_users(pool: ProcessPoolExecutor) -> None:
@@ -396,51 +370,9 @@ def test_failures_come_home(pool: ProcessPoolExecutor) -> None:
     assert set(s.failed) == {3} and np.isfinite(s.y[s.ok]).all() and s.ok.sum() == 6
 
 
-@pytest.mark.slow
-def test_a_worker_that_dies_without_numba_costs_its_task() -> None:
-    with pytest.warns(
-        RuntimeWarning, match="1 of 7 members failed; member 4: its worker process died"
-    ):
-        s = lg.sweep(lag(), T, leave, TABLE, jobs=2, chunk=1)
-    assert np.allclose(s["y"][s.ok], step_response(GAINS, TAUS)[s.ok], atol=1e-5)
-
-
 def test_functions_that_cannot_be_sent_are_said_at_once(pool: ProcessPoolExecutor) -> None:
     for how in ({"executor": pool}, {"jobs": 2}):
         with pytest.raises(InputError, match="inputs cannot be sent .* top of a module"):
             lg.sweep(lag(), T, lambda i: 1.0, TABLE, **how)
         with pytest.raises(InputError, match="reduce cannot be sent"):
             lg.sweep_chunks(lag(), T, 1.0, TABLE, reduce=lambda t, y: 0, **how)
-
-
-class Interrupted(Executor):
-    """Two tasks are done; then Ctrl-C is pressed."""
-
-    def __init__(self) -> None:
-        self.futures: list[Future] = []
-
-    def submit(self, fn, /, *args, **kwargs):
-        if len(self.futures) == 4:
-            raise KeyboardInterrupt
-        future: Future = Future()
-        self.futures.append(future)
-        if len(self.futures) <= 2:
-            future.set_result(fn(*args))
-        return future
-
-
-def test_an_interrupt_keeps_what_the_executor_has_done() -> None:
-    executor = Interrupted()
-    with pytest.warns(RuntimeWarning, match="interrupted: 2 of 7 members are done"):
-        s = lg.sweep(lag(), T, 1.0, TABLE, executor=executor, chunk=1)
-    assert s.done.tolist() == [True] * 2 + [False] * 5
-    assert np.isfinite(s.y[:2]).all() and np.isnan(s.y[2:]).all()
-    assert all(f.cancelled() for f in executor.futures[2:])
-
-
-def test_a_stream_that_is_interrupted_ends_with_the_interrupt() -> None:
-    parts = []
-    with pytest.raises(KeyboardInterrupt):
-        for part in lg.sweep_chunks(lag(), T, 1.0, TABLE, executor=Interrupted(), chunk=1):
-            parts.append(part.members.tolist())
-    assert parts == [[0], [1]]

@@ -92,11 +92,6 @@ def test_a_feedback_of_the_wrong_sign_warns_and_names_the_controller(made):
         lg.simulate(made(), T[:10], {"r": 0.1})
 
 
-def test_a_ready_made_loop_with_negative_gains_warns():
-    with pytest.warns(RuntimeWarning, match="velocity_loop: the feedback through pi"):
-        lg.simulate(lg.velocity_loop(P, kp=-1.6, ki=-0.16), T[:10], 0.1)
-
-
 @pytest.mark.parametrize(
     "made",
     [
