@@ -28,8 +28,7 @@ from ..engine.runtime.memo import compiled
 from ..engine.tracing.network import Net
 from ..engine.tracing.tracer import widths
 from . import arguments
-from .net_run import net_of
-from .response import simulate
+from .response import net_of, simulate
 from .sweep_result import Sweep
 
 _FORMS = "a dict of columns, a list of dicts, a structured array or a DataFrame"

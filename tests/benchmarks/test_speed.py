@@ -86,7 +86,7 @@ def test_sampled_blocks_against_calling_them_at_their_ticks(way, monkeypatch):
 
     def called() -> Any:
         with monkeypatch.context() as m:
-            m.setattr("lugrectl.simulation.net_run.compiled", _cannot)
+            m.setattr("lugrectl.simulation.response.compiled", _cannot)
             return lg.simulate(net, t[:1001], {"r": r[:1001]})
 
     np.testing.assert_allclose(fast.outputs[:, :1001], called().outputs, rtol=1e-6, atol=1e-9)

@@ -7,18 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.simulation import bristle_deflection
 from lugrectl.simulation.bristle_deflection import deflection
 
-from ..conftest import there
-
 P, DT = lg.table1(), 1e-3
-
-
-@pytest.fixture(params=["numba", "c", None])
-def way(request, monkeypatch):
-    made_by = there(request.param)
-    monkeypatch.setattr(bristle_deflection, "compiler", lambda: made_by)
 
 
 def by_hand(w, dt, z):
@@ -32,7 +23,7 @@ def by_hand(w, dt, z):
     return np.array(out, dtype=float)
 
 
-def test_every_sample_follows_the_closed_form(way):
+def test_every_sample_follows_the_closed_form():
     random = np.random.default_rng(1)
     w = random.standard_normal(300) * 10.0 ** random.uniform(-9, 2, 300)
     w[40:60] = 0.0
@@ -61,14 +52,7 @@ def test_a_held_velocity_is_what_the_law_itself_gives():
     np.testing.assert_allclose(deflection(w, DT, P, 2e-4), kept, rtol=1e-7, atol=1e-12)
 
 
-def test_all_ways_agree(way, monkeypatch):
-    w = np.random.default_rng(2).standard_normal(20_000)
-    compiled = deflection(w, DT, P)
-    monkeypatch.setattr(bristle_deflection, "compiler", lambda: None)
-    np.testing.assert_allclose(deflection(w, DT, P), compiled, rtol=1e-11, atol=1e-17)
-
-
-def test_many_records_at_once(way):
+def test_many_records_at_once():
     w = np.random.default_rng(3).standard_normal((3, 500))
     z = deflection(w, DT, P, [0.0, 1e-3, -1e-3])
     assert z.shape == (3, 500)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ..expression.graph import Node, rename, symbols_in
 from ..tracing.tracer import Hybrid, Program
 from .events import Sliding, exactly_at_zero, freeze_modes, names, resting, settle, sliding
-from .python_source import Section, early_first, indent, reciprocals, summed
+from .python_source import Section, indent, reciprocals, summed
 from .rosenbrock import Equations, step
 
 HELPERS = """
@@ -219,7 +219,7 @@ def run_code(hybrid: Hybrid, kind: str) -> str:
     fixed = [node.value for node in program.p] if kind == "compiled" else []
     nodes, states, switches = parts.step, range(len(parts.states)), range(len(parts.leads))
     if kind == "compiled":
-        nodes = early_first(reciprocals(nodes), parts.states)
+        nodes = reciprocals(nodes)
     step_code = Section([f"{letter}{i}" for letter in "ne" for i in states], nodes, "w", fixed)
     start = Section([f"a{i}" for i in switches], parts.leads, "c", fixed)
     end = Section([f"l{i}" for i in switches], _at_end(program, parts.leads), "d", fixed)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..expression.graph import Node, reachable, rename, substitute, symbols_in
-from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS, WIDTH
+from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS
 from ..tracing.tracer import Program
 from .events import average_jumps
 from .python_source import Emitter, indent, summed
@@ -25,12 +25,6 @@ SHORTEST = 1e-3  # of the shortest step for accuracy: the shortest one to a zero
 
 # per kind of code: try a shorter step, its length, the new state at a zero, and a condition
 _FILLING = {
-    "scalar": (
-        "if {share} and {long}:\n    h = h * share\n    continue\n",
-        "",
-        "{n} = 0.0 if {land} > 0.0 else {n}",
-        " or {} > 0.0",
-    ),
     "wide": (
         "back = 1.0 if good > 0.0 and {share} and {long} else 0.0\n"
         "good = 0.0 if back > 0.0 else good\n",
@@ -122,7 +116,7 @@ class Relays:
             return dict.fromkeys(("before", "back", "shorten", "landed"), "")
         lands = [f"land{relay.place}" for relay in self.every]
         news = [f"n{relay.place}" for relay in self.every]
-        again, shorten, choice, joined = _FILLING[kind]
+        again, shorten, choice, joined = _FILLING["array" if kind == "array" else "wide"]
         back = again.format(share="share < 1.0", long=f"h > {SHORTEST} * shortest")
         back += "\n".join(
             choice.format(n=n, land=land) for n, land in zip(news, lands, strict=True)
@@ -192,7 +186,7 @@ _LOOP = """
 @fast
 def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
         floor, y_hat, x_end, first, last):
-    for lane in {lanes}:
+    for lane in (slice(first, last),):
 {unpack}
         own, begins, zero = series[lane], start[lane], t0[lane]
         whole = dt / substeps
@@ -207,30 +201,11 @@ def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, 
 {scale}
             for i in range(substeps):
                 t = zero + (k + i / substeps) * dt
-                left = {whole}
+                left = np.full(last - first, whole)
                 h = left
-                while {unfinished}:
+                while np.any(left > 0.0):
 {step}
 {finish}
-"""
-
-_SCALAR_STEP = """
-{before}
-{code}
-spent = spent + 1.0
-error = {error}
-if not isfinite({state}):
-    error = 0.0
-if not error <= rtol and h > shortest:
-    h = h * max(0.1, 0.8 * sqrt(sqrt(rtol / error))) if error < inf else h * 0.1
-    continue
-{back}
-{advance}
-t = t + h
-left = left - h
-h = h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30))))
-h = left if spent > most{landed} else min(left, h)
-shortest = shortest * {tired} if error > rtol else shortest
 """
 
 _ARRAY_STEP = """
@@ -256,26 +231,23 @@ TIRED = 1.005
 MOST = 200  # to a substep, on average
 
 
-def lane_code(program: Program, kind: str) -> str:
-    """The function ``run``: lanes one by one ("scalar") or all at once ("array")."""
+def array_code(program: Program) -> str:
+    """The function ``run`` for NumPy: all lanes at once."""
     fixed = [node.value for node in program.p]
-    at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
+    at_sample, at_step = Emitter("array", "a", fixed), Emitter("array", "b", fixed)
     outputs = at_sample.write(program.y)
-    states, scalar = [node.value for node in program.x], kind == "scalar"
-    taken = "{1} = n{0}" if scalar else "{1} = np.where(good, n{0}, {1})"
-    advance = [taken.format(i, x) for i, x in enumerate(states)]
-    inner = trial(program, kind, at_step, _SCALAR_STEP if scalar else _ARRAY_STEP, advance)
+    states = [node.value for node in program.x]
+    advance = [f"{x} = np.where(good, n{i}, {x})" for i, x in enumerate(states)]
+    inner = trial(program, "array", at_step, _ARRAY_STEP, advance)
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
+    scale = [f"s{i} = {_most('array', f's{i}', x)}" for i, x in enumerate(states)]
     return _LOOP.format(
-        lanes="range(first, last)" if scalar else "(slice(first, last),)",
-        whole="whole" if scalar else "np.full(last - first, whole)",
-        unfinished="left > 0.0" if scalar else "np.any(left > 0.0)",
-        unpack=indent(unpack(program, kind), 2),
+        unpack=indent(unpack(program, "array"), 2),
         fixed=indent(at_sample.head + at_step.head, 2),
         read=indent([f"u{i} = u[own, k, {i}]" for i in range(len(program.u))], 3),
         output=indent(at_sample.body + store, 3),
-        correct=indent(correction(outputs, states, kind), 4),
-        scale=indent([f"s{i} = {_most(kind, f's{i}', x)}" for i, x in enumerate(states)], 3),
+        correct=indent(correction(outputs, states, "array"), 4),
+        scale=indent(scale, 3),
         step=indent(inner, 5),
         finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
     )
@@ -428,14 +400,15 @@ def is_wide(program: Program) -> bool:
     return {call for call in calls if call.isidentifier()} <= {*LIBRARY, *PLAIN}
 
 
-def wide_code(program: Program) -> str:
-    """The function ``run``, which works through the lanes by blocks of ``WIDTH``."""
+def lane_code(program: Program, kind: str, width: int) -> str:
+    """The function ``run``, which works through the lanes by blocks; ``kind`` "wide" can be
+    vectorised, "scalar" has all functions."""
     fixed = [node.value for node in program.p]
-    at_sample, at_step = Emitter("wide", "a", fixed), Emitter("wide", "b", fixed)
+    at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
     outputs = at_sample.write(program.y)
     states, inputs = ([node.value for node in of] for of in (program.x, program.u))
     advance = [f"{x}_at[l] = n{i} if good > 0.0 else {x}" for i, x in enumerate(states)]
-    step = trial(program, "wide", at_step, _STEP, advance)
+    step = trial(program, kind, at_step, _STEP, advance)
     scales = [f"s{i}" for i in range(len(states))]
     known = [
         *fixed,
@@ -449,8 +422,8 @@ def wide_code(program: Program) -> str:
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
     taken = [*unpack(program, "scalar"), *at_sample.head, *at_step.head]
     return _WIDE_LOOP.format(
-        width=WIDTH,
-        rooms=indent([f"{name}_at = np.zeros({WIDTH})" for name in rooms], 1),
+        width=width,
+        rooms=indent([f"{name}_at = np.zeros({width})" for name in rooms], 1),
         unpack=indent(taken, 2),
         keep=indent(_kept([*known, *moving]), 2),
         take=indent([*taken, *_kept([*known, *moving])], 6),
