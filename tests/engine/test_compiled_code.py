@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +19,7 @@ from lugrectl.engine.runtime.backend import (
     has_compiler,
 )
 
-needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
+needs_c = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
 # one of everything that the emitters write
 TEXT = """
@@ -87,7 +85,7 @@ def given(wanted: bool) -> list:
     return [table, np.array([5, 3, 1, 0, 2, 4]), 8.0, 7, wanted, np.zeros((6, 2)), 1, 6]
 
 
-@needs_compiler
+@needs_c
 @pytest.mark.parametrize("wanted", [True, False])
 def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
     names = {"sqrt": math.sqrt, "exp": math.exp, "inf": math.inf}
@@ -99,19 +97,7 @@ def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
     assert np.all(plain[5][[5]] == 0.0) and np.all(plain[5][[0, 1, 2, 3, 4], 0] != 0.0)
 
 
-@needs_compiler
-def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path))
-    source = "def run(a):\n    a[0] = a[0] + 1.5\n"
-    made = np.zeros(1)
-    Native(source)(made)
-    monkeypatch.setattr(backend, "_build", lambda *_: pytest.fail("compiled again"))
-    Native(source)(made)
-    assert made[0] == 3.0
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", backend.SUFFIX, ".sha256"])
-
-
-@needs_compiler
+@needs_c
 def test_what_the_compiler_refuses_is_one_sentence_and_leaves_nothing(
     tmp_path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -143,20 +129,10 @@ def test_a_long_sum_is_not_deep() -> None:
     assert "+ 19999.0" in c_code(f"def run(a):\n    return a + {text}\n", [NUMBER])
 
 
-# Work side by side.
-
-
 # What is loaded from the cache is checked: damaged code is built again, planted code never run.
 
 
 ROOT = "def run(a):\n    a[0] = sqrt(a[0]) + {}\n"
-USE = """
-import numpy as np, lugrectl as lg
-z = lg.deflection(np.sin(np.arange(5000) * 1e-3), 1e-3, lg.table1())
-r = lg.simulate(lg.velocity_loop(lg.table1()), np.arange(0, 0.1, 1e-3), 0.1)
-print(float(z[-1]), float(r.outputs[1, -1]))
-"""
-needs_c = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
 
 @pytest.fixture
@@ -232,8 +208,3 @@ def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
     backend.make_room(tmp_path, most=4)
     left = sorted(p.name for p in tmp_path.iterdir())
     assert left == ["lugrectl_c.c", "lugrectl_c.so", "lugrectl_d.py", "lugrectl_d.so"]
-
-
-def run(folder):
-    there = dict(os.environ) | {"LUGRECTL_CACHE": str(folder)}
-    return subprocess.Popen([sys.executable, "-c", USE], env=there, stdout=subprocess.PIPE)

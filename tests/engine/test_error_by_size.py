@@ -48,20 +48,6 @@ def test_a_zero_crossing_does_not_shorten_the_steps():
     assert item.worst(run.x, fine.states) < 1e-6
 
 
-def test_beside_a_large_state_a_small_one_is_right():
-    """Two lags with states of 1e6 and 1e-3: both to about rtol."""
-    size = np.array([1e6, 1e-3])
-    both = moving(
-        lambda t, x, u, p: np.array([size[k] * np.cos(3 * t) - x[k] for k in (0, 1)]),
-        ["a", "b"],
-        "both",
-    )
-    t = np.linspace(0, 6, 61)
-    right = 0.1 * (np.cos(3 * t) + 3 * np.sin(3 * t) - np.exp(-t))
-    for row, scale in zip(lg.simulate(both, t, 0.0).outputs, size, strict=True):
-        assert np.abs(row / scale - right).max() < 1e-5
-
-
 def test_atol_is_the_error_near_zero():
     """Far below atol the motion may be coarse, and costs fewer calls of the block."""
     calls = []

@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.blocks.block import P
-from lugrectl.blocks.declaration import block
-from lugrectl.torque_balance.driven_states import driven
 
 from ..cases.own import moving
 
@@ -54,19 +51,9 @@ def by_dictionary() -> Any:
     return lag(lambda: values["limit"]), lambda: values.update(limit=2.0)
 
 
-def by_matrix() -> Any:
-    system = ct.ss([[-1.0]], [[1.0]], [[1.0]], [[0.0]])
-    return system, lambda: system.A.__setitem__((0, 0), -2.0)
-
-
 def by_parameters() -> Any:
     system = lg.pi(1.6, 0.16)
     return system, lambda: system.params.update({"pi.kp": 3.0})
-
-
-def by_wiring() -> Any:
-    system = ct.interconnect([lag(lambda: 1.0)], inputs="u", outputs="y")
-    return system, lambda: system.input_map.__setitem__((0, 0), 0.5)
 
 
 def by_gain_of_an_observer() -> Any:
@@ -96,9 +83,7 @@ def by_a_sampled_block() -> Any:
 
 WAYS = {
     "dictionary": by_dictionary,
-    "matrix": by_matrix,
     "parameters": by_parameters,
-    "wiring": by_wiring,
     "gain of an observer": by_gain_of_an_observer,
     "a block inside": by_a_block_inside,
     "discrete time": in_discrete_time,
@@ -158,27 +143,6 @@ def test_a_sweep_sees_a_new_value(run):
     for values[0] in (1.0, 2.0):
         found = run(system, T, U, {"unused": [0.0, 1.0]})
         np.testing.assert_allclose(found["y"], np.repeat(own(system), 2, axis=0), atol=1e-4)
-
-
-def test_an_effect_that_a_cell_declares_again_is_the_new_one():
-    """A notebook cell that is run again replaces its block; what was compiled goes with it."""
-    ends = []
-
-    def cell(factor):
-        def slow(w, x, c=P(1.0, "N m", neutral=0.0), tau=P(0.5, "s", 1e-3)):
-            return c * x, (factor * w - x) / tau
-
-        slow.__module__ = "__main__"
-        return slow
-
-    for slow in (cell(1.0), cell(3.0)):
-        made = block("effect", name="again", out="d", states="x", acts="torque")(slow)
-        motion, one = {"w": np.ones(len(T)), "theta": T}, [{"c": 1.0, "tau": 0.5}]
-        (torque,) = driven(made, one, motion, [(slice(0, len(T)), float(T[1]))])
-        ends.append(torque[-1, 0])
-        system = made.system()
-        np.testing.assert_allclose(ours(system), own(system), atol=1e-4)
-    assert ends[1] == pytest.approx(3.0 * ends[0])
 
 
 def test_blocks_of_the_package_are_not_traced_again(monkeypatch):

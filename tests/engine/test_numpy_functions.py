@@ -11,7 +11,7 @@ import pytest
 
 import lugrectl as lg
 from lugrectl.engine import TraceError, trace
-from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
+from lugrectl.engine.expression.graph import Graph, evaluate
 
 from ..cases.own import moving
 from ..cases.systems import engine_run
@@ -105,15 +105,6 @@ def test_symbols_give_what_numpy_gives(expression: Any) -> None:
     node = expression(graph.symbol("a"))
     ours = evaluate([node], {"a": A})[0]
     np.testing.assert_allclose(ours, expression(A), rtol=1e-13, atol=1e-13)
-
-
-def test_the_derivative_is_the_slope_of_each_piece() -> None:
-    graph = Graph()
-    a = graph.symbol("a")
-    slope = derivatives([np.interp(a, XP, FP)], a)  # pyright: ignore[reportArgumentType, reportCallIssue]
-    middle = 0.5 * (np.array(XP[1:]) + XP[:-1])
-    ours = evaluate(slope, {"a": np.r_[-9.0, middle, 9.0]})[0]
-    np.testing.assert_allclose(ours, np.r_[0.0, np.diff(FP) / np.diff(XP), 0.0], atol=1e-13)
 
 
 @pytest.mark.parametrize("backend", ["python", "c"])

@@ -59,8 +59,3 @@ def test_what_no_library_has_for_several_is_run_one_by_one() -> None:
     slow = moving(lambda t, x, u, params: -np.arctan(x) + u, 1, inputs=1)
     made = Lanes(slow, backend="c")
     assert not is_wide(made.program) and made._wide is None
-
-
-def test_without_such_a_processor_all_goes_one_by_one(monkeypatch) -> None:
-    monkeypatch.setattr(batch_run, "has_wide", lambda: False)
-    assert Lanes(plant("lugre"), backend="c")._wide is None

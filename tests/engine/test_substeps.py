@@ -75,12 +75,6 @@ def test_a_branch_that_cannot_be_traced_is_found_at_any_size(edge):
     assert largest_difference(block, 0.01, lambda t: 200 * edge + 0 * t, 0.1) < 1e-3 * edge
 
 
-@pytest.mark.filterwarnings("ignore:block lone:RuntimeWarning")
-def test_a_branch_on_a_parameter_is_found_although_it_is_not_taken():
-    block = lone(lambda x, v, p: v - float(x) * (1 + (abs(x) if p["c"] > 1 else 0.0)), c=0.5)
-    assert largest_difference(block, 0.1, lambda t: 2 + 0 * t, 1.0, {"c": 2.0}) < 1e-3
-
-
 def test_an_untraceable_affine_block_stays_exact():
     block = lone(lambda x, v, p: 1.0 - float(v) * float(x))
     y = step_response(sampled(block, 0.1), np.full((1, 5), 3.0), [0.0, 3.0, 1.0], 5)[0]

@@ -16,6 +16,7 @@ from lugrectl.engine.runtime import adaptive_run, memo
 from lugrectl.simulation.response import simulate
 
 from ..cases.own import row, static, user_block
+from ..cases.wired import LOW, OUTPUTS
 from ..conftest import there
 
 pytestmark = pytest.mark.usefixtures("interpreted")
@@ -225,3 +226,29 @@ def test_a_continuous_block_with_a_branch_goes_to_lsoda():
 def test_what_does_not_fit_is_said(call, said):
     with pytest.raises(lg.InputError, match=said):
         call(np.linspace(0, 1, 6))
+
+
+def test_own_loop_with_prefilter_and_feedforward_equals_the_ready_one():
+    parts = [
+        lg.plant(P),
+        lg.proposed_observer(LOW),
+        lg.pi(),
+        lg.prefilter(kind="velocity"),
+        lg.error(),
+        lg.feedforward(P),
+        lg.compensation(),
+    ]
+    own = ct.interconnect(parts, inputs=["r_cmd", "d"], outputs=OUTPUTS, check_unused=False)
+    ready = lg.velocity_loop(
+        P,
+        "proposed",
+        observer_parameters=LOW,
+        prefilter=True,
+        feedforward=True,
+        load=True,
+    )
+    rng = np.random.default_rng(1)
+    for x, u in zip(rng.normal(size=(20, 7)), rng.normal(size=(20, 2)), strict=True):
+        x = x * [1, 0.1, 1e-3, 1e-3, 0.1, 1, 1]
+        assert own.dynamics(0, x, u) == pytest.approx(ready.dynamics(0, x, u), rel=1e-12)
+        assert own.output(0, x, u) == pytest.approx(ready.output(0, x, u), rel=1e-12)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import pickle
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -37,12 +36,6 @@ def test_a_copy_has_parameters_of_its_own():
     assert kept == pytest.approx(plain, rel=1e-6) and free > plain + 1.0
     kept, free = speeds(blocks, params={"twin.Fc": 0.1})
     assert kept == pytest.approx(plain, rel=1e-6) and free > plain + 1.0
-    system = ct.interconnect(
-        blocks, inputs=["u", "d"], outputs=["w", "w2"], params={}, check_unused=False
-    )
-    options = {"params": {"twin.Fc": 0.1}, "solve_ivp_method": "LSODA"}
-    own = ct.input_output_response(system, T, [[0.5] * 21, [0.0] * 21], **options)
-    assert own.outputs[1, -1] > own.outputs[0, -1] + 1.0
 
 
 @pytest.mark.parametrize(
@@ -71,14 +64,6 @@ def test_a_copy_of_a_sampled_block_has_its_own_gains():
     assert lg.simulate(block, t, e).outputs[0] == -1.0
     with pytest.raises(lg.InputError, match=r"parameter 'pi\.kp'"):
         lg.simulate([other], t, {"e": e}, params={"pi.kp": 0.5})
-
-
-def test_a_copy_of_a_learning_block_has_its_own_gains():
-    first = lg.repetitive_memory(lg.table1(), 0.01, 1e-3, K=1.0, gamma=0.1, limit=1.0)
-    other = first.copy(name="second")
-    assert set(other.params) == {"second.J", "second.K", "second.gamma"}
-    x, v = np.zeros(other.nstates), np.array([1.0, 0.0])
-    assert other.output(0, x, v, {"second.K": 2.0})[0] == first.output(0, x, v)[0] - 1.0
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])

@@ -258,10 +258,15 @@ def _lines(response) -> list[np.ndarray]:
     return found
 
 
-def test_the_response_as_a_table() -> None:
-    pytest.importorskip("pandas")
-    loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.02, 1e-3)
-    ours = simulate(loop, t, np.sin(90 * t)).to_pandas()
-    theirs = ct.input_output_response(loop, t, np.sin(90 * t)).to_pandas()
-    assert list(ours.columns) == list(theirs.columns) and ours.shape == theirs.shape
-    np.testing.assert_array_equal(ours["time"], t)
+def test_initial_states_come_in_the_parts_that_python_control_takes():
+    """A vector and a matrix, row by row; a last 0 stands for all that follow."""
+    system = ct.rss(6, 2, 1, strictly_proper=True)
+    system.name = "six"
+    t, covariance = np.linspace(0, 1, 5), np.array([[3.0, 1.0], [2.0, 4.0]])
+    parts = lg.simulate(system, t, 0.0, [[1.0, 2.0], covariance])
+    flat = lg.simulate(system, t, 0.0, [1.0, 2.0, 3.0, 1.0, 2.0, 4.0])
+    np.testing.assert_array_equal(parts.states, flat.states)
+    short = lg.simulate(system, t, 0.0, [np.array([1.0, 2.0]), 0])
+    np.testing.assert_array_equal(short.states[:, 0], [1, 2, 0, 0, 0, 0])
+    with pytest.raises(lg.InputError, match="has 6 states, x0 has 3"):
+        lg.simulate(system, t, 0.0, [np.array([1.0, 2.0]), 1])
