@@ -97,8 +97,8 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     for row, out in zip(speed, z, strict=True):
         for begin in range(0, len(row), BLOCK):
             with np.errstate(all="ignore"):
-                given = coefficients(row[begin : begin + BLOCK], values, dt)
-            _advance(*given, dt, out[begin : begin + BLOCK + 1])
+                less, a, b = coefficients(row[begin : begin + BLOCK], values, dt)
+            _advance(less, a, b, dt, out[begin : begin + BLOCK + 1])
     return z[:, :-1].reshape(np.shape(w))
 
 

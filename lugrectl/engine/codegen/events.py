@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -225,7 +226,7 @@ def resting(
                 return _SIDES[node.op][1](way, *args)
         return None
 
-    y = substitute(roots, rule)
+    y: list[Any] = list(substitute(roots, rule))
     seen = [i for i in made.parts if f"way{i}" in symbols_in(y)]
     for i in seen:
         graph = y[0].graph

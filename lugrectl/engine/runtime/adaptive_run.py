@@ -90,7 +90,7 @@ class Now:
     sizes: np.ndarray
 
     @classmethod
-    def start(cls, x: np.ndarray, q: np.ndarray, held: int) -> Now:
+    def start(cls, x: Any, q: Any, held: int) -> Now:
         x, q = np.array(x, dtype=float), np.array(q, dtype=float)
         return cls(x, q, np.zeros(held), np.zeros(3 * len(x)))
 
@@ -175,7 +175,7 @@ class Engine:
         if backend not in self._runs:
             self._runs[backend] = load_steps(self._text(kind_of(backend)), backend).run
         counts = len(now.x), len(now.q), len(self.outputs)
-        out = [np.empty((count, len(course.grid))) for count in counts]
+        x, q, y = (np.empty((count, len(course.grid))) for count in counts)
         status = np.array([0.0, 0.0, 0.0, np.nan, 0.0])
         given = (course.grid, course.given, course.ticks, course.flags, bool(course.hold))
         given = (*given, p, float(accuracy.rtol), accuracy.floor)
@@ -186,7 +186,7 @@ class Engine:
             raise no_bound(self.name, self.states, status)
         if code == 2:
             raise Diverged(not_finite(self.net, now.q, now.h, status[1]))
-        return Track(*out, float(status[3]), int(status[4]))
+        return Track(x, q, y, float(status[3]), int(status[4]))
 
     def follow(
         self, course: Course, x: np.ndarray, q: np.ndarray, p: np.ndarray, accuracy: Accuracy

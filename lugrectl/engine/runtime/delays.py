@@ -113,8 +113,9 @@ class _Run:
     ) -> None:
         self.engine, self.course, self.p, self.accuracy = engine, course, p, accuracy
         self.now = Now.start(*starts, engine.held)
-        rows = [np.empty((len(own), len(course.grid))) for own in (*starts, engine.outputs)]
-        self.whole = Track(*rows)
+        counts = len(starts[0]), len(starts[1]), len(engine.outputs)
+        x, q, y = (np.empty((count, len(course.grid))) for count in counts)
+        self.whole = Track(x, q, y)
 
     def track(self, late: Mapping[int, float]) -> Track:
         t, whole, count = self.course.grid, self.whole, len(late)

@@ -78,8 +78,8 @@ class Called:
                         course.grid[k : k + 2], course.given[:, k : k + 2], now
                     )
                     unsettled = relay if np.isnan(unsettled) else unsettled
-        made = [np.reshape(part, (len(course.grid), -1)).T for part in rows]
-        return Track(*made, unsettled).at(course.kept)
+        x, q, y = (np.reshape(part, (len(course.grid), -1)).T for part in rows)
+        return Track(x, q, y, unsettled).at(course.kept)
 
     def _advance(self, course: Course, now: Now, accuracy: Accuracy) -> Advance:
         """How to step the states: by the traced flow, or by SciPy, in one run where that can be."""
