@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -218,15 +217,14 @@ def resting(
     """
 
     def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
-        mode = modes.get(node.index)
-        for i in made.parts if mode is not None else ():
-            symbol = mode.graph.symbol
-            if f"m{i}" in symbols_in([mode]):
+        mode, symbol = modes.get(node.index), node.graph.symbol
+        for i in made.parts:
+            if mode is not None and f"m{i}" in symbols_in([mode]):
                 way = rename([mode], {symbol(f"m{i}").index: symbol(f"way{i}")})[0]
                 return _SIDES[node.op][1](way, *args)
         return None
 
-    y: list[Any] = list(substitute(roots, rule))
+    y = substitute(roots, rule)
     seen = [i for i in made.parts if f"way{i}" in symbols_in(y)]
     for i in seen:
         graph = y[0].graph

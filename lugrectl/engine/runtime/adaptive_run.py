@@ -180,7 +180,7 @@ class Engine:
         given = (course.grid, course.given, course.ticks, course.flags, bool(course.hold))
         given = (*given, p, float(accuracy.rtol), accuracy.floor)
         code = _call(
-            self._runs[backend], backend, given, [now.x, now.q, now.h, now.sizes, *out, status]
+            self._runs[backend], backend, given, [now.x, now.q, now.h, now.sizes, x, q, y, status]
         )
         if code == 1:
             raise no_bound(self.name, self.states, status)
