@@ -86,9 +86,8 @@ def test_two_sample_times_against_matrix_exponentials(traced, periods):
     assert resp.state_labels == [f"swing_{k}" for k in swing().state_labels]
 
 
-@pytest.mark.parametrize("way", ["c", "numba"])
-def test_compiled_code_says_the_same(way, monkeypatch):
-    made_by = there(way)
+def test_compiled_code_says_the_same(monkeypatch):
+    made_by = there("c")
     blocks = [swing(), law(lambda y, r: np.tanh(r - y), ["y", "r"], "u", 0.1, "slow")]
     t = np.linspace(0, 3, 50)
     plain = simulate(blocks, t, np.sin(t))

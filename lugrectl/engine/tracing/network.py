@@ -91,8 +91,8 @@ def by_block(counts: Sequence[int], flat: Any) -> list[Any]:
 
 def _ordered(reads: Sequence[Sequence[int]]) -> list[list[int]]:
     """Groups of outputs that depend on each other, each group after those that it reads."""
-    if not reads:
-        return []
+    if not any(reads):
+        return [[k] for k in range(len(reads))]
     reach = np.zeros((len(reads),) * 2)
     for k, row in enumerate(reads):
         reach[k, list(row)] = 1

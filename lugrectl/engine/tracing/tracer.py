@@ -103,29 +103,37 @@ def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30
     computes something else for symbols than for numbers.
     """
     random, current = np.random.default_rng(len(program.graph.nodes)), dict(block._current_params)
-    compared = 0
-    for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
-        if compared and not signed:
-            break
-        spread = 0.0 if scale == 1.0 else 0.2
-        p = program.defaults * (1.0 + spread * random.uniform(-1, 1, len(program.keys)))
-        t = abs(scale * random.standard_normal())
-        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
-        x, u = (x, u) if signed else (np.abs(x), np.abs(u))
-        free = {k: v for k, v in zip(program.keys, p, strict=True) if k not in program.fixed}
-        p = program.arguments(free)
-        block._update_params({**current, **free})
-        try:
-            with np.errstate(all="ignore"):
-                own = np.concatenate([block._rhs(t, x, u), block._out(t, x, u)])
-        except (ArithmeticError, ValueError, RuntimeError):
-            continue
-        finally:
-            block._update_params(current)
-        ours = np.concatenate(program.values(t, x, u, p))
-        compared += _compare(program, own, ours, (t, x, u, p))
-    if not compared and program.xdot + program.y:
-        raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
+    for sizes, signed in ((scales, True), (POSITIVE, False)):
+        points = [_point(program, random, size, signed) for size in sizes]
+        batch = (np.stack(part, axis=-1) for part in zip(*points, strict=True))
+        every = np.concatenate(program.values(*batch))
+        compared = 0
+        for point, ours in zip(points, every.T, strict=True):
+            t, x, u, p = point
+            free = {k: v for k, v in zip(program.keys, p, strict=True) if k not in program.fixed}
+            block._update_params({**current, **free})
+            try:
+                with np.errstate(all="ignore"):
+                    own = np.concatenate([block._rhs(t, x, u), block._out(t, x, u)])
+            except (ArithmeticError, ValueError, RuntimeError):
+                continue
+            finally:
+                block._update_params(current)
+            compared += _compare(program, own, ours, point)
+        if compared or not program.xdot + program.y:
+            return
+    raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
+
+
+def _point(
+    program: Program, random: np.random.Generator, size: float, signed: bool
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Time, states, inputs and parameters of this size."""
+    spread = np.array([0.0 if size == 1.0 or k in program.fixed else 0.2 for k in program.keys])
+    p = program.defaults * (1.0 + spread * random.uniform(-1, 1, len(spread)))
+    x, u = (size * random.standard_normal(len(names)) for names in (program.x, program.u))
+    t = abs(size * random.standard_normal())
+    return (t, x, u, p) if signed else (t, np.abs(x), np.abs(u), p)
 
 
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
