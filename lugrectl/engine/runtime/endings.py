@@ -1,4 +1,4 @@
-"""Runs that end badly: what grows without bound, is no number, never settles, or takes long."""
+"""Runs that end badly: what grows without bound, is no number, or never settles."""
 
 from __future__ import annotations
 
