@@ -2,9 +2,9 @@
 
 from ..core.errors import Diverged
 from .expression.numpy_protocol import TraceError
-from .runtime.adaptive_run import Adaptive
+from .runtime.adaptive_run import Engine
 from .runtime.batch_run import Lanes
 from .tracing.network import AlgebraicLoop
 from .tracing.tracer import Program, trace
 
-__all__ = ["Adaptive", "AlgebraicLoop", "Diverged", "Lanes", "Program", "TraceError", "trace"]
+__all__ = ["AlgebraicLoop", "Diverged", "Engine", "Lanes", "Program", "TraceError", "trace"]

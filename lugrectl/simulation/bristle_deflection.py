@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ from ..core.errors import InputError
 from ..core.validation import array, positive
 from ..engine.codegen.python_source import Emitter, indent
 from ..engine.expression.graph import Graph, Node, derivatives, rename, substitute
-from ..engine.runtime.backend import compiler, each_beside, load
+from ..engine.runtime.backend import load
 
 if TYPE_CHECKING:
     from ..blocks.model import Model, Parameters
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 _dtbtrs: Any = lapack.dtbtrs  # pyright: ignore[reportAttributeAccessIssue]
 KEYS = ("sigma0", "Fc", "Fs", "vs")
 BLOCK = 8192  # samples whose coefficients stay in the processor's cache
-CHUNK = 8 * BLOCK  # samples for one thread at a time
 
 # dz/dt = b - a z at held w; in one step z covers the share 1 - e^(-a dt) of the distance to b/a,
 # and changes by b dt if a is 0.
@@ -34,14 +33,6 @@ def coefficients(w, p, dt):
 {body}
     a = {a}
     return np.expm1(-dt * a), a, {b}
-"""
-
-_FOLLOW = """
-@fast
-def run(less, a, b, dt, z):
-    for k in range(len(less)):
-        gain = -less[k] / a[k] if a[k] > 0.0 else dt
-        z[k + 1] = z[k] + less[k] * z[k] + gain * b[k]
 """
 
 
@@ -99,16 +90,15 @@ def deflection(w: ArrayLike, dt: float, p: Parameters | Model, z0: ArrayLike = 0
     start = array(z0, "z0")
     if start.shape not in ((), (len(speed),)) or not np.all(np.isfinite(start)):
         raise InputError(f"z0 must be a finite number or {len(speed)} of them.")
-    values, compiled_by = _values(p), compiler()
-    advance = load(_FOLLOW, compiled_by).run if compiled_by else _by_lapack
+    values = _values(p)
+    coefficients = _coefficients(len(values) > len(KEYS))
     z = np.empty((len(speed), speed.shape[1] + 1))
     z[:, 0] = start
     for row, out in zip(speed, z, strict=True):
-        begin = 0
-        for less, a, b in _coefficients_along(row, dt, values):
-            end = begin + len(less)
-            advance(less, a, b, dt, out[begin : end + 1])
-            begin = end
+        for begin in range(0, len(row), BLOCK):
+            with np.errstate(all="ignore"):
+                less, a, b = coefficients(row[begin : begin + BLOCK], values, dt)
+            _advance(less, a, b, dt, out[begin : begin + BLOCK + 1])
     return z[:, :-1].reshape(np.shape(w))
 
 
@@ -129,23 +119,7 @@ def _values(p: Parameters | Model) -> tuple[float, ...]:
     return tuple(values.values())
 
 
-def _coefficients_along(
-    w: np.ndarray, dt: float, values: tuple[float, ...]
-) -> Iterator[tuple[np.ndarray, ...]]:
-    """Block by block; on a long record threads compute them ahead of the recursion."""
-    coefficients = _coefficients(len(values) > len(KEYS))
-
-    def chunk(begin: int) -> list[tuple[np.ndarray, ...]]:
-        part = w[begin : begin + CHUNK]
-        with np.errstate(all="ignore"):
-            blocks = range(0, len(part), BLOCK)
-            return [coefficients(part[i : i + BLOCK], values, dt) for i in blocks]
-
-    for blocks in each_beside(chunk, range(0, len(w), CHUNK)):
-        yield from blocks
-
-
-def _by_lapack(less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:
+def _advance(less: np.ndarray, a: np.ndarray, b: np.ndarray, dt: float, z: np.ndarray) -> None:
     """The recursion as a unit lower bidiagonal system of equations."""
     n, moving = len(less), a > 0.0
     gain = np.where(moving, -less / np.where(moving, a, 1.0), dt)

@@ -16,7 +16,7 @@ from ..core.validation import array, whole
 from ..engine.runtime.adaptive_run import Accuracy, Course
 from ..engine.tracing.network import Net, Part
 from . import arguments
-from .net_run import Run, followed, outside
+from .response import Run, followed, outside
 from .wiring_warnings import warn_of_wiring
 
 LATE = " after the delay"

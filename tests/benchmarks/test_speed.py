@@ -5,14 +5,9 @@ Opt-in: pytest -m slow -s tests/benchmarks. No assertion is of seconds, which ar
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import control as ct
@@ -86,7 +81,7 @@ def test_sampled_blocks_against_calling_them_at_their_ticks(way, monkeypatch):
 
     def called() -> Any:
         with monkeypatch.context() as m:
-            m.setattr("lugrectl.simulation.net_run.compiled", _cannot)
+            m.setattr("lugrectl.simulation.response.compiled", _cannot)
             return lg.simulate(net, t[:1001], {"r": r[:1001]})
 
     np.testing.assert_allclose(fast.outputs[:, :1001], called().outputs, rtol=1e-6, atol=1e-9)
@@ -114,32 +109,6 @@ def test_several_lanes_at_once_against_one_after_another(effect, monkeypatch):
     assert ratio(lambda: run(1000), lambda: run(1), 10) > 1.1
 
 
-def test_a_thousand_parameter_sets_against_one_by_one():
-    pytest.importorskip("numba")
-    rng, p, many = np.random.default_rng(0), item.plant, 1000
-    sets = {
-        "plant.sigma0": p.sigma0 * rng.uniform(0.8, 1.2, many),
-        "plant.Fc": p.Fc * rng.uniform(0.9, 1.0, many),
-        "plant.Fs": p.Fs * rng.uniform(1.0, 1.1, many),
-        "pi.kp": item.KP * rng.uniform(0.8, 1.2, many),
-    }
-    loop = item.loop()
-
-    def one(i: int) -> Any:
-        row = {k: v[i] for k, v in sets.items()}
-        return lg.simulate(loop, item.t, item.r, item.x0, params=row)
-
-    def whole() -> lg.Sweep:
-        return lg.sweep(loop, item.t, item.r, sets, x0=item.x0, outputs=["w"])
-
-    found = whole()
-    assert not found.failed
-    for i in (0, 500, 999):
-        alone = one(i)
-        assert np.array_equal(found["w"][i], alone.outputs[alone.output_labels.index("w")])
-    assert ratio(lambda: [one(i) for i in range(20)], whole, 5, share=20 / many) > 1.0
-
-
 def axis_log(n: int) -> dict[str, np.ndarray]:
     """n samples at 1 kHz of an inertia with friction, u, theta and w."""
     noise, t = np.random.default_rng(0), np.arange(n) * 1e-3
@@ -158,37 +127,3 @@ def test_the_plain_answer_of_a_log_33_times_as_long_takes_less_than_25_times_as_
     model = lg.Model.of(J=2e-3, friction="coulomb", Fc=0.05, Fv=3e-3)
     short, long = axis_log(30_000), axis_log(1_000_000)
     assert ratio(lambda: lg.balance(long, model), lambda: lg.balance(short, model), 3) < 25
-
-
-FIRST = """
-import json, sys, time
-if {blocked}:
-    sys.modules["numba"] = None
-else:
-    import numba
-from tests.benchmarks import item
-import lugrectl as lg
-loop, start = item.loop(), time.process_time()
-lg.simulate(loop, item.t, item.r, item.x0)
-print(time.process_time() - start)
-"""
-
-
-def first_run(cache: Path, blocked: bool = False) -> float:
-    """Processor seconds of the first simulation of a new process."""
-    done = subprocess.run(
-        [sys.executable, "-c", FIRST.format(blocked=blocked)],
-        cwd=Path(__file__).parents[2],
-        env=dict(os.environ, LUGRECTL_CACHE=str(cache)),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return json.loads(done.stdout)
-
-
-def test_the_compiled_code_of_one_process_serves_the_next(tmp_path):
-    pytest.importorskip("numba")
-    cold = first_run(tmp_path)
-    assert min(first_run(tmp_path) for _ in range(2)) < 0.5 * cold
-    assert first_run(tmp_path, blocked=True) < cold

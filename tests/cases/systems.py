@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import control as ct
 import numpy as np
 
 import lugrectl as lg
+from lugrectl.engine.runtime.adaptive_run import Accuracy, Course, Engine, Now, Track
+from lugrectl.engine.tracing.network import Net
+from lugrectl.engine.tracing.tracer import traced_net
 
 DT = 1e-3
+
+
+def engine_run(
+    system: Any, way: str, t: np.ndarray, x0: Any, u: Any = 0.0, *, rtol: float, hold: bool = False
+) -> Track:
+    """The track of a system in code of one kind, with its number of steps."""
+    engine = Engine(traced_net(Net.of(system)), way)
+    course = Course.along(t, np.broadcast_to(u, (system.ninputs, len(t))), 0, hold)
+    p = engine.program.arguments(None)
+    return engine.run(course, Now.start(x0, [], 0), p, Accuracy(rtol))
 
 
 def full_model() -> lg.Model:

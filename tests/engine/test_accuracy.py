@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from math import exp
 
 import numpy as np
@@ -10,11 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.engine.runtime.adaptive_run import Adaptive
-from lugrectl.engine.tracing.tracer import trace
 
 from ..benchmarks import item
-from ..conftest import there
 
 
 @pytest.mark.parametrize("way", ["c"], indirect=True)
@@ -65,21 +61,3 @@ def test_textbook_lugre_to_100_rad_s_needs_no_tuning() -> None:
     ours = lg.simulate(lg.plant(TEXTBOOK), t, [u, 0.0]).states
     assert np.max(exact[1]) > 100 and np.min(exact[1]) < 0
     assert item.worst(ours, exact) < 5e-6
-
-
-def test_memory_grows_with_the_output_only() -> None:
-    """The steps in between are not kept, whatever the stiffness."""
-    engine = Adaptive(trace(lg.plant(lg.table1())), there("c"))
-    t = np.arange(50_000) * 1e-3
-    u = np.vstack([0.4 * np.sin(5 * t), 0 * t])
-    p, x0 = engine.program.defaults, np.zeros(3)
-    few = slice(0, 50)
-    engine.run(t[few], u[:, few], x0, p, hold=True, rtol=1e-6)
-    tracemalloc.start()
-    try:
-        states = engine.run(t, u, x0, p, hold=True, rtol=1e-8).states
-        y = engine.outputs(t, states, u, p)
-        _, peak = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert peak < 1.5 * (states.nbytes + y.nbytes)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import warnings
 
 import control as ct
@@ -129,45 +128,6 @@ def test_one_lane_that_blows_up_leaves_the_others_alone(backend: str) -> None:
     np.testing.assert_allclose(
         y[[0, 2], :, 0], (1 / np.sqrt(1 + 2 * DT * np.arange(50)),) * 2, rtol=1e-6
     )
-
-
-def test_a_run_without_hope_gives_up_its_error_control() -> None:
-    """Its right side is noise at any step: 10,000 steps a sample would be four million here."""
-    block = moving(
-        lambda t, x, u, p: p["a"] * np.where(np.cos(1e9 * x[0]) > 0.0, 1.0, -1.0) - x[0],
-        "x",
-        "noise",
-        0,
-        a=0.0,
-    )
-    lanes = Lanes(block, backend="numpy")
-    before = time.process_time()
-    p = np.array([[0.0], [1e9]])
-    y, end = lanes.run(np.ones((2, 1)), 0, 400, np.zeros((400, 0)), p, dt=DT)
-    assert time.process_time() - before < 10.0
-    assert np.all(np.isfinite(end))
-    np.testing.assert_allclose(y[0, :, 0], np.exp(-DT * np.arange(400)), rtol=1e-6)
-
-
-def test_order_four_without_step_control(backend: str) -> None:
-    """dx/dt = -x^2 cos t has x = 1/(1 + sin t): halving the step divides the error by 16."""
-    block = moving(lambda t, x, u, p: -(x[0] ** 2) * np.cos(t), "x", "riccati", 0)
-    lanes = Lanes(block, backend=backend)
-    errors = []
-    for substeps in (1, 2, 4):
-        _, end = lanes.run(
-            np.ones((1, 1)),
-            0,
-            10,
-            np.zeros((10, 0)),
-            np.zeros((1, 0)),
-            dt=0.1,
-            substeps=substeps,
-            rtol=np.inf,
-        )
-        errors.append(abs(end[0, 0] - 1 / (1 + np.sin(1.0))))
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert np.all(np.abs(orders - 4.0) < 0.4)
 
 
 def test_wrong_shapes_are_said() -> None:

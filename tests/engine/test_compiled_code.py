@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import os
-import signal
-import subprocess
-import sys
-import threading
-import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lugrectl.core.errors import InputError
-from lugrectl.engine.codegen.c_source import NUMBER, Kind, c_code
+from lugrectl.engine.codegen.c_source import NUMBER, c_code
 from lugrectl.engine.codegen.python_source import summed
 from lugrectl.engine.runtime import backend
 from lugrectl.engine.runtime.backend import (
     SUFFIX,
     Native,
-    compiler,
-    each_beside,
     has_compiler,
-    threads,
 )
 
-needs_compiler = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
+needs_c = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
 # one of everything that the emitters write
 TEXT = """
@@ -95,7 +85,7 @@ def given(wanted: bool) -> list:
     return [table, np.array([5, 3, 1, 0, 2, 4]), 8.0, 7, wanted, np.zeros((6, 2)), 1, 6]
 
 
-@needs_compiler
+@needs_c
 @pytest.mark.parametrize("wanted", [True, False])
 def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
     names = {"sqrt": math.sqrt, "exp": math.exp, "inf": math.inf}
@@ -107,19 +97,7 @@ def test_c_and_python_read_one_text_the_same_way(wanted: bool) -> None:
     assert np.all(plain[5][[5]] == 0.0) and np.all(plain[5][[0, 1, 2, 3, 4], 0] != 0.0)
 
 
-@needs_compiler
-def test_a_library_is_made_once(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path))
-    source = "def run(a):\n    a[0] = a[0] + 1.5\n"
-    made = np.zeros(1)
-    Native(source)(made)
-    monkeypatch.setattr(backend, "_build", lambda *_: pytest.fail("compiled again"))
-    Native(source)(made)
-    assert made[0] == 3.0
-    assert sorted(p.suffix for p in tmp_path.iterdir()) == sorted([".c", backend.SUFFIX, ".sha256"])
-
-
-@needs_compiler
+@needs_c
 def test_what_the_compiler_refuses_is_one_sentence_and_leaves_nothing(
     tmp_path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -151,61 +129,10 @@ def test_a_long_sum_is_not_deep() -> None:
     assert "+ 19999.0" in c_code(f"def run(a):\n    return a + {text}\n", [NUMBER])
 
 
-def test_arrays_in_another_order_are_refused() -> None:
-    with pytest.raises(TypeError, match="argument 0"):
-        Native("def run(a):\n    pass\n")(np.zeros((3, 2)).T)
-
-
-def test_threads_write_c_at_the_same_time(often_interrupted) -> None:
-    source = "def run(a):\n" + "    a[0] = a[0] * 2.0 + (1.0 - a[0])\n" * 50
-    kind = [Kind("d", ("n",))]
-    with ThreadPoolExecutor(4) as pool:
-        made = list(pool.map(lambda _: c_code(source, kind), range(8)))
-    assert len(set(made)) == 1
-
-
-@pytest.fixture
-def often_interrupted():
-    """Garbage collection that hands over to other threads, as a long run has it now and then."""
-    before = gc.get_threshold()
-
-    def pause(phase: str, info: object) -> None:
-        time.sleep(1e-4)
-
-    gc.callbacks.append(pause)
-    gc.set_threshold(50)
-    yield
-    gc.set_threshold(*before)
-    gc.callbacks.remove(pause)
-
-
-# Work side by side.
-
-
-@pytest.mark.skipif(compiler() is None, reason="all is done in turn without compiled code")
-def test_work_runs_at_once_and_starts_no_more_threads(monkeypatch):
-    monkeypatch.setenv("NUMBA_NUM_THREADS", "2")
-    meeting = threading.Barrier(2, timeout=20.0)
-
-    def work(item: int) -> int:
-        meeting.wait()
-        return threads()
-
-    assert [*each_beside(work, [0, 1])] == [1, 1]
-    assert threads() == 2
-
-
 # What is loaded from the cache is checked: damaged code is built again, planted code never run.
 
 
 ROOT = "def run(a):\n    a[0] = sqrt(a[0]) + {}\n"
-USE = """
-import numpy as np, lugrectl as lg
-z = lg.deflection(np.sin(np.arange(5000) * 1e-3), 1e-3, lg.table1())
-r = lg.simulate(lg.velocity_loop(lg.table1()), np.arange(0, 0.1, 1e-3), 0.1)
-print(float(z[-1]), float(r.outputs[1, -1]))
-"""
-needs_c = pytest.mark.skipif(not has_compiler(), reason="there is no C compiler")
 
 
 @pytest.fixture
@@ -273,12 +200,6 @@ def test_where_nothing_can_be_written_code_runs_as_plain_python(folder, monkeypa
     assert len(said) == 1
 
 
-def test_a_cache_that_cannot_be_written_is_replaced(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("LUGRECTL_CACHE", str(tmp_path / "file" / "below"))
-    assert backend.cache_dir().is_dir()
-
-
 def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
     for age, name in enumerate("a.c b.py c.c d.py".split()):
         for file in (f"lugrectl_{name}", f"lugrectl_{name[0]}.so"):
@@ -287,33 +208,3 @@ def test_a_full_cache_drops_its_older_half_with_the_libraries(tmp_path):
     backend.make_room(tmp_path, most=4)
     left = sorted(p.name for p in tmp_path.iterdir())
     assert left == ["lugrectl_c.c", "lugrectl_c.so", "lugrectl_d.py", "lugrectl_d.so"]
-
-
-def run(folder):
-    there = dict(os.environ) | {"LUGRECTL_CACHE": str(folder)}
-    return subprocess.Popen([sys.executable, "-c", USE], env=there, stdout=subprocess.PIPE)
-
-
-@pytest.mark.slow
-def test_code_of_numba_that_was_cut_off_is_compiled_again(folder):
-    pytest.importorskip("numba")
-    wanted = run(folder).communicate()[0]
-    kept = list(folder.glob("__pycache__/*.nb?"))
-    assert kept and wanted
-    for file in kept:
-        file.write_bytes(file.read_bytes()[:3000])
-    assert run(folder).communicate()[0] == wanted
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="there is no SIGKILL here")
-def test_a_killed_compilation_leaves_nothing_that_is_wrong(folder):
-    start = time.monotonic()
-    wanted = run(folder.with_name("other")).communicate()[0]
-    whole = time.monotonic() - start
-    for part in np.linspace(0.3, 0.98, 10):
-        process = run(folder)
-        time.sleep(part * whole)
-        process.send_signal(signal.SIGKILL)
-        process.communicate()
-    assert run(folder).communicate()[0] == wanted

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 
 import lugrectl as lg
 from lugrectl.core.errors import Diverged
-from lugrectl.engine.runtime import adaptive_run
-from lugrectl.engine.tracing.tracer import trace
 
 from ..cases.own import moving
+from ..cases.systems import engine_run
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -100,19 +99,6 @@ def test_what_cannot_be_followed_ends_soon_and_by_name() -> None:
         lg.simulate(fast, np.linspace(0.0, 5.0, 3))
 
 
-def test_a_condition_and_its_opposite_switch_together() -> None:
-    """sign by two comparisons: 0 between them at no instant."""
-    t = np.linspace(0.0, 5.5, 12)
-
-    def two(t: Any, x: Any) -> Any:
-        return np.where(x[0] > x[1], 1.0, np.where(x[0] < x[1], -1.0, 7.0))
-
-    zeros = (np.arange(1, 9) * np.pi - np.arctan(1.0 / W)) / W
-    edges = np.array([0.0, *zeros, 5.5])  # cos(W t) > -W sin(W t) from the start
-    exact = np.sum(np.diff(edges) * (-1.0) ** np.arange(9))
-    assert last(two, t) == pytest.approx(exact, abs=1e-8)
-
-
 PIECES = st.sampled_from(["abs", "sign", "where", "max", "zero", "touch", "late"])
 NUMBERS = st.floats(-2.0, 2.0).map(lambda v: round(v, 2))
 
@@ -149,13 +135,11 @@ def test_every_run_ends(pieces: list, matrix: list, x0: list, points: int) -> No
     system = moving(update, 3, "random", 0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        engine = adaptive_run.Adaptive(trace(system), "python")
-    t = np.linspace(0.0, 2.0, points)
-    try:
-        run = engine.run(t, np.empty((0, points)), np.array(x0), np.empty(0), hold=True, rtol=1e-5)
-    except Diverged:
-        return
-    assert np.all(np.isfinite(run.states))
+        try:
+            run = engine_run(system, "python", np.linspace(0.0, 2.0, points), x0, rtol=1e-5)
+        except Diverged:
+            return
+    assert np.all(np.isfinite(run.x))
     assert run.steps < 20_000
 
 

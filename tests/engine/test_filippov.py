@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.engine.runtime.adaptive_run import Adaptive
-from lugrectl.engine.tracing.tracer import trace
 
 from ..cases.own import moving, user_block
+from ..cases.systems import engine_run
 
 pytestmark = pytest.mark.usefixtures("interpreted")
 
@@ -95,32 +94,6 @@ def test_stick_slip_on_a_belt_has_the_period_of_the_closed_form() -> None:
     np.testing.assert_allclose(x[1, 1:], v, rtol=0, atol=2 * narrow)
 
 
-def test_bodies_that_grip_each_other_move_as_one() -> None:
-    """The relay is between two speeds: together at t1, then at (u - 0)/(J1 + J2)."""
-    J1, J2 = 0.4, 0.6
-
-    def update(t: Any, x: Any, u: Any, p: Any) -> Any:
-        F = FC * np.sign(x[0] - x[1])
-        return np.array([(u[0] - F) / J1, F / J2])
-
-    grip = moving(update, 2, "grip", 1)
-    t = np.linspace(0.0, 2.0, 21)
-    w = lg.simulate(grip, t, 0.2, [1.0, 0.0]).states
-    together = 1.0 / (FC / J1 + FC / J2 - 0.2 / J1)
-    np.testing.assert_allclose(J1 * w[0] + J2 * w[1], J1 + 0.2 * t, rtol=1e-12)
-    gone = t > together
-    assert gone.sum() > 5 and np.max(np.abs((w[0] - w[1])[gone])) < 1e-12
-
-
-def test_a_relay_follows_a_moving_input() -> None:
-    """dx/dt = 3 sign(u - x), |du/dt| < 3: x = u once it is there."""
-    relay = moving(lambda t, x, u, p: 3.0 * np.sign(u[0] - x[0]), 1, "r", 1)
-    t = np.linspace(0.0, 4.0, 81)
-    u = np.sin(t)
-    x = lg.simulate(relay, t, u, 0.5).states[0]
-    np.testing.assert_allclose(x[t > 0.5], u[t > 0.5], atol=1e-10)
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_two_relays_in_a_random_system_are_the_limit_of_steep_slopes(seed: int) -> None:
     """dx/dt = A x + b1 sign(c1 x) + b2 sign(c2 x) + g u, most of which come to rest."""
@@ -155,11 +128,9 @@ def test_rest_takes_few_steps_and_stays_through_a_loop(way: str) -> None:
     loop = ct.interconnect(
         [drive(), pi], inputs=[], outputs=["speed", "u", "friction"], check_unused=False
     )
-    engine, t = Adaptive(trace(loop), way), np.linspace(0.0, 20.0, 401)
-    x0, none = np.array([0.0, -0.5, 0.0]), np.empty((0, len(t)))
-    run = engine.run(t, none, x0, np.empty(0), hold=True, rtol=1e-6)
+    run = engine_run(loop, way, np.linspace(0.0, 20.0, 401), [0.0, -0.5, 0.0], rtol=1e-6)
     assert np.isnan(run.unsettled) and run.steps < 1500
-    speed, u, friction = engine.outputs(t, run.states, none, np.empty(0))
+    speed, u, friction = run.y
     rest = np.abs(speed) < 1e-14
     assert rest.sum() > 20
     np.testing.assert_allclose(friction[rest], u[rest], atol=1e-9)

@@ -80,13 +80,6 @@ def test_a_feedthrough_that_is_switched_off_is_no_loop():
     assert y == pytest.approx(0.5 * (1 - np.exp(-2 * T[-1])), rel=1e-5)
 
 
-def test_a_feedthrough_that_is_switched_on_is_solved():
-    """y = r - y there: y = r/2."""
-    system = ct.interconnect(switched(), inputs=["r"], outputs=["y"])
-    response = simulate(system, [0.0, 1e-6], 1.0, [2e9])
-    assert response.outputs == pytest.approx([0.5, 0.5])
-
-
 @pytest.mark.parametrize("k", [0.3, -4.0])
 def test_a_loop_of_gains_is_solved(k):
     """y = 2 (k y + r): y = 2 r/(1 - 2 k), also with a gain of the call."""
@@ -190,21 +183,6 @@ def test_a_gain_of_the_call_that_leaves_no_answer_is_refused():
         simulate(gained(0.1), T, {"r": 1.0}, params={"k": 0.5})
 
 
-def test_a_value_that_exists_at_large_signals_only_is_no_fault(recwarn):
-    """log(v - 100): nothing to compare at usual sizes, so larger ones are tried."""
-    block = user_block(
-        lambda t, x, u, params: [-np.log(u[0] - 100.0) * x[0]],
-        lambda t, x, u, params: [x[0]],
-        ["v"],
-        ["x"],
-        ["x"],
-        "narrow",
-    )
-    response = simulate(block, [0.0, 0.5, 1.0], 100.0 + np.e, 1.0)
-    assert response.outputs == pytest.approx(np.exp([0.0, -0.5, -1.0]), rel=1e-5)
-    assert not recwarn.list
-
-
 # Loops through clips, and an if that chatters.
 
 
@@ -229,12 +207,9 @@ def loop(law, gain):
     ]
 
 
-@pytest.mark.parametrize("law", [clip, branch])
 @pytest.mark.parametrize("gain", [-0.5, 3.0])
-@pytest.mark.filterwarnings("ignore:.*branch:RuntimeWarning")
-def test_a_loop_through_a_clip_is_solved(law, gain):
-    """Traced, and by calling the blocks where they branch."""
-    found = lg.simulate(loop(law, gain), TIMES, {"r": R})
+def test_a_loop_through_a_clip_is_solved(gain):
+    found = lg.simulate(loop(clip, gain), TIMES, {"r": R})
     b = found.outputs[list(found.output_labels).index("b")]
     np.testing.assert_allclose(b, np.clip(R / (1 + gain), -1, 1), atol=1e-12)
 
@@ -246,25 +221,6 @@ def test_more_than_one_solution_is_refused(law):
         lg.simulate(loop(law, -1.5), TIMES, {"r": R})
 
 
-def test_absolute_values_and_two_unknowns_at_once():
-    """a = r - |b|/2, b = max(a, 0)/3 + min(a, r): the same at each instant as by iteration."""
-    blocks = [
-        static(lambda t, x, u, p: u[0] - 0.5 * np.abs(u[1]), ["r", "b"], ["a"], "one"),
-        static(
-            lambda t, x, u, p: np.maximum(u[1], 0) / 3 + np.minimum(u[1], u[0]),
-            ["r", "a"],
-            ["b"],
-            "two",
-        ),
-        loop(clip, 1)[2],
-    ]
-    found = lg.simulate(blocks, TIMES, {"r": R})
-    a, b = (found.outputs[list(found.output_labels).index(k)] for k in "ab")
-    for _ in range(200):
-        a = 0.5 * a + 0.5 * (R - 0.5 * np.abs(np.maximum(a, 0) / 3 + np.minimum(a, R)))
-    np.testing.assert_allclose(b, np.maximum(a, 0) / 3 + np.minimum(a, R), atol=1e-9)
-
-
 @pytest.mark.parametrize("method, hold", [(None, False), ("LSODA", True)])
 @pytest.mark.filterwarnings("ignore:block relay:RuntimeWarning")
 def test_an_if_that_chatters_ends_with_a_sentence(method, hold):
@@ -274,3 +230,41 @@ def test_an_if_that_chatters_ends_with_a_sentence(method, hold):
     with pytest.raises(Diverged, match=r"relay: a comparison .* near t = 0\.5"):
         lg.simulate(relay, TIMES, 0 * TIMES, [0.5], method=method, hold=hold)
     lg.simulate(relay, TIMES, 0 * TIMES + 9.0, [0.5], method=method, hold=hold)  # never reaches it
+
+
+# Errors name the block at fault, traced or not.
+
+
+def _log_of_a_fall(branch):
+    """x falls from 1 to 0 in one second; its logarithm is scaled by a block behind."""
+    first = user_block(lambda t, x, u, p: -1.0 + 0 * x, None, 0, ["x"], 1, "fall")
+    curve = static(
+        lambda t, x, u, p: np.sqrt(u[0]) if not branch or u[0] < 9 else 0.0, ["x"], ["y"], "curve"
+    )
+    gain = static(lambda t, x, u, p: 2 * u[0], ["y"], ["v"], "gain")
+    return ct.interconnect([first, curve, gain], outputs=["v"], inputs=False, name="chain")
+
+
+@pytest.mark.parametrize("branch", [False, True])
+@pytest.mark.filterwarnings("ignore:block curve:RuntimeWarning")
+def test_the_block_that_makes_a_nan_is_named(branch):
+    """Not the ones behind it, and not as the algebraic loop that python-control reports."""
+    with pytest.raises(Diverged, match=r"chain: output y of block curve is nan at t = 1[.\d]* s"):
+        simulate(_log_of_a_fall(branch), np.linspace(0, 2, 17), x0=1.0)
+
+
+@pytest.mark.parametrize("as_list", [False, True])
+def test_a_block_need_not_be_finite_where_all_its_inputs_are_zero(as_list):
+    """python-control's first pass gives zeros to blocks that the system never gives them."""
+
+    blocks = [
+        static(lambda t, x, u, p: u[0] * u[1], ["duty", "V"], ["v"], "inverter"),
+        static(lambda t, x, u, p: u[0] / u[1], ["u", "V"], ["duty"], "share"),
+        static(lambda t, x, u, p: 24.0 - 2.0 * np.sin(t), 0, ["V"], "supply"),
+        user_block(lambda t, x, u, p: u, None, ["v"], ["y"], 1, "sum", dt=0),
+    ]
+    system = blocks if as_list else ct.interconnect(blocks, inputs=["u"], outputs=["y"])
+    t = np.linspace(0, 2, 41)
+    found = simulate(system, t, {"u": np.ones(41)} if as_list else np.ones(41))
+    y = np.atleast_2d(found.outputs)[list(found.output_labels).index("y")]
+    np.testing.assert_allclose(y, t, atol=1e-6)

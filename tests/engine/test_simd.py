@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lugrectl.core.errors import InputError
 from lugrectl.engine import Lanes
 from lugrectl.engine.codegen.fixed_step import is_wide
-from lugrectl.engine.runtime import backend, batch_run
+from lugrectl.engine.runtime import batch_run
 from lugrectl.engine.runtime.backend import has_wide
 
 from ..cases.own import moving
@@ -56,32 +55,7 @@ def test_any_number_of_lanes(count, monkeypatch) -> None:
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
 
 
-def test_a_lane_that_blows_up_leaves_the_others_alone(monkeypatch) -> None:
-    system = plant("lugre")
-    sound, _ = ran(system, 12, True, monkeypatch)
-    broken, _ = ran(system, 12, True, monkeypatch, blow_up=True)
-    assert not np.all(np.isfinite(broken[2]))
-    np.testing.assert_array_equal(np.delete(broken, 2, 0), np.delete(sound, 2, 0))
-
-
 def test_what_no_library_has_for_several_is_run_one_by_one() -> None:
     slow = moving(lambda t, x, u, params: -np.arctan(x) + u, 1, inputs=1)
     made = Lanes(slow, backend="c")
     assert not is_wide(made.program) and made._wide is None
-
-
-def test_without_such_a_processor_all_goes_one_by_one(monkeypatch) -> None:
-    monkeypatch.setattr(batch_run, "has_wide", lambda: False)
-    assert Lanes(plant("lugre"), backend="c")._wide is None
-
-
-def test_a_compiler_that_does_not_know_the_library_is_noticed(monkeypatch) -> None:
-    def refuse(*given: object) -> None:
-        raise InputError("cannot compile")
-
-    monkeypatch.setattr(backend, "_loaded", refuse)
-    has_wide.cache_clear()
-    try:
-        assert not has_wide()
-    finally:
-        has_wide.cache_clear()

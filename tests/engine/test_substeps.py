@@ -54,13 +54,6 @@ def test_rates_that_are_affine_in_a_range_only_are_right(rate, v, dt, bound):
     assert largest_difference(lone(rate), dt, v, 0.3, method=method) < bound
 
 
-@pytest.mark.parametrize("c", [0.0, 3.0])
-def test_a_parameter_of_the_call_does_not_spoil_the_form(c):
-    """c = 0 by default, where the rates are affine."""
-    block = lone(lambda x, v, p: v - x - p["c"] * x**3, c=0.0)
-    assert largest_difference(block, 0.1, lambda t: 2 + 0 * t, 2.0, {"c": c}) < 1e-4
-
-
 @pytest.mark.parametrize("slope", [np.sqrt, np.log])
 def test_a_nan_away_from_the_inputs_is_no_verdict(slope):
     """-sqrt(v) x and -log(v) x are affine, and exact while v is constant."""
@@ -69,16 +62,6 @@ def test_a_nan_away_from_the_inputs_is_no_verdict(slope):
     y = step_response(made, np.full((1, 20), 3.0), [0.0, 3.0, 1.0], 20)[0]
     a = slope(3.0)
     assert y == pytest.approx((1 - np.exp(-a * 0.1 * np.arange(1, 21))) / a, rel=1e-12)
-
-
-def test_what_the_engine_follows_and_what_it_calls_agree():
-    """An affine block is traced; the adaptive observer runs in substeps, in a mixed list too."""
-    t = DT * np.arange(80)
-    w, u = 0.3 * np.sin(40 * t), 0.4 * np.cos(40 * t)
-    made = sampled(lg.adaptive_observer(P), DT)
-    one = step_response(made, np.array([w, u]), [1e-3, 0.0, 0.0], 80)
-    other = simulate([made, lg.prefilter()], t, {"w": w, "u": u}, [1e-3]).outputs
-    assert np.asarray(other)[:4] == pytest.approx(one, rel=1e-9)
 
 
 def test_the_adaptive_observer_follows_the_continuous_one():
@@ -90,12 +73,6 @@ def test_the_adaptive_observer_follows_the_continuous_one():
 def test_a_branch_that_cannot_be_traced_is_found_at_any_size(edge):
     block = lone(lambda x, v, p: v - 100 * (x if x < edge else edge))
     assert largest_difference(block, 0.01, lambda t: 200 * edge + 0 * t, 0.1) < 1e-3 * edge
-
-
-@pytest.mark.filterwarnings("ignore:block lone:RuntimeWarning")
-def test_a_branch_on_a_parameter_is_found_although_it_is_not_taken():
-    block = lone(lambda x, v, p: v - float(x) * (1 + (abs(x) if p["c"] > 1 else 0.0)), c=0.5)
-    assert largest_difference(block, 0.1, lambda t: 2 + 0 * t, 1.0, {"c": 2.0}) < 1e-3
 
 
 def test_an_untraceable_affine_block_stays_exact():

@@ -14,7 +14,7 @@ from lugrectl.engine import TraceError, trace
 from lugrectl.engine.expression.graph import Graph, derivatives, evaluate
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import moving, static
+from ..cases.own import moving
 from ..cases.systems import full_model, pi, velocity_loop
 
 
@@ -33,19 +33,6 @@ def _assert_same_equations(system: ct.NonlinearIOSystem) -> None:
         xdot, y = program.values(t, x, u)
         np.testing.assert_allclose(xdot, system.dynamics(t, x, u), rtol=1e-14, atol=1e-14)
         np.testing.assert_allclose(y, system.output(t, x, u), rtol=1e-14, atol=1e-14)
-
-
-def test_one_key_with_two_defaults_gives_two_parameters() -> None:
-    def block(name: str, gain: float) -> ct.NonlinearIOSystem:
-        return static(lambda t, x, u, p: p["k"] * u[0], "u", f"y{name}", name, k=gain)
-
-    blocks = [block("A", 1.0), block("B", 2.0)]
-    both = ct.interconnect(blocks, inputs="u", outputs=["yA", "yB"], params={})
-    program = trace(both)
-    assert program.parameters == ("A:k", "B:k")
-    _, y = program.values(0.0, [], [3.0])
-    assert y.tolist() == [3.0, 6.0]
-    assert program.arguments({"k": 5.0}).tolist() == [5.0, 5.0]
 
 
 def test_state_space_and_nested_interconnections() -> None:
@@ -97,28 +84,6 @@ def test_numpy_code_on_symbols_is_numpy_code_on_numbers(expression) -> None:
 
 
 MATRIX = np.array([[-1.0, 2.0, 3.0], [0.0, -1.0, 2.0], [1.0, 0.0, -4.0]])
-
-
-def _in_place(t, x, u, p):
-    rate = x.copy()
-    rate[0] += 2 * u[0]
-    rate *= -1
-    return rate
-
-
-@pytest.mark.parametrize(
-    "update",
-    [
-        lambda t, x, u, p: MATRIX @ x + np.dot(MATRIX.T, np.tanh(x)) * u[0],
-        lambda t, x, u, p: np.where(x > 0, x, -2 * x) - x**3 + np.clip(x, -1, 1),
-        lambda t, x, u, p: np.concatenate([x[:2], [u[0] * np.sum(x)]]) - np.linalg.norm(x),
-        lambda t, x, u, p: np.hstack([x[1:], np.sin(t)]) / np.sqrt(1 + x @ x),
-        lambda t, x, u, p: [x.mean(), p.get("k", 2.0) * x.dot(x), -np.maximum(x, u[0])[2]],
-        _in_place,
-    ],
-)
-def test_array_code_in_blocks(update) -> None:
-    _assert_same_equations(moving(update, 3, "arrays", 1))
 
 
 OPERATIONS = {
@@ -208,15 +173,6 @@ def test_a_parameter_that_counts_fixes_itself_alone() -> None:
         own = ct.input_output_response(block, t, 1 + 0 * t, params=values, solve_ivp_kwargs=kwargs)
         assert found[-1] == pytest.approx(own.outputs[-1], rel=1e-5)
     assert len({round(y, 3) for y in found}) == 3
-
-
-def test_another_value_beside_a_count_needs_no_new_code(monkeypatch) -> None:
-    params = {"a": 1.0, "n": 2, "c": 0.5, "b": 1.0}
-    block = moving(counting, 1, "again", 1, **params)
-    t = np.linspace(0, 1, 5)
-    simulate(block, t, 1.0, params={"a": 1.5})
-    monkeypatch.setattr("lugrectl.engine.runtime.memo.made_of", None)  # compiling would fail
-    simulate(block, t, 1.0, params={"a": 2.5})
 
 
 def test_discrete_time_is_refused() -> None:

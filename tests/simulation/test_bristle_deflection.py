@@ -7,19 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import lugrectl as lg
-from lugrectl.simulation import bristle_deflection
-from lugrectl.simulation.bristle_deflection import BLOCK, CHUNK, deflection
-from lugrectl.simulation.response import simulate
-
-from ..conftest import there
+from lugrectl.simulation.bristle_deflection import deflection
 
 P, DT = lg.table1(), 1e-3
-
-
-@pytest.fixture(params=["numba", "c", None])
-def way(request, monkeypatch):
-    made_by = there(request.param)
-    monkeypatch.setattr(bristle_deflection, "compiler", lambda: made_by)
 
 
 def by_hand(w, dt, z):
@@ -33,7 +23,7 @@ def by_hand(w, dt, z):
     return np.array(out, dtype=float)
 
 
-def test_every_sample_follows_the_closed_form(way):
+def test_every_sample_follows_the_closed_form():
     random = np.random.default_rng(1)
     w = random.standard_normal(300) * 10.0 ** random.uniform(-9, 2, 300)
     w[40:60] = 0.0
@@ -62,33 +52,7 @@ def test_a_held_velocity_is_what_the_law_itself_gives():
     np.testing.assert_allclose(deflection(w, DT, P, 2e-4), kept, rtol=1e-7, atol=1e-12)
 
 
-def test_along_a_sine_it_converges_to_the_continuous_bristle():
-    def error(dt):
-        t = np.arange(0, 1, dt)
-        w = np.sin(2 * np.pi * t)
-        exact = simulate(lg.friction("lugre"), t, w, rtol=1e-8).states[0]
-        return np.abs(deflection(w, dt, P) - exact).max()
-
-    assert 1.8 < error(1e-3) / error(5e-4) < 2.2
-
-
-def test_blocks_and_threads_change_nothing(way):
-    """Across the seams of blocks and chunks; a run can be cut anywhere."""
-    w = 0.3 * np.sin(np.arange(2 * CHUNK + BLOCK + 5) / 500.0)
-    whole = deflection(w, DT, P, 1e-4)
-    for cut in (1, BLOCK, CHUNK + 7):
-        rest = deflection(w[cut:], DT, P, whole[cut])
-        np.testing.assert_allclose(rest, whole[cut:], rtol=1e-12, atol=1e-18)
-
-
-def test_all_ways_agree(way, monkeypatch):
-    w = np.random.default_rng(2).standard_normal(20_000)
-    compiled = deflection(w, DT, P)
-    monkeypatch.setattr(bristle_deflection, "compiler", lambda: None)
-    np.testing.assert_allclose(deflection(w, DT, P), compiled, rtol=1e-11, atol=1e-17)
-
-
-def test_many_records_at_once(way):
+def test_many_records_at_once():
     w = np.random.default_rng(3).standard_normal((3, 500))
     z = deflection(w, DT, P, [0.0, 1e-3, -1e-3])
     assert z.shape == (3, 500)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import pickle
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -37,12 +36,6 @@ def test_a_copy_has_parameters_of_its_own():
     assert kept == pytest.approx(plain, rel=1e-6) and free > plain + 1.0
     kept, free = speeds(blocks, params={"twin.Fc": 0.1})
     assert kept == pytest.approx(plain, rel=1e-6) and free > plain + 1.0
-    system = ct.interconnect(
-        blocks, inputs=["u", "d"], outputs=["w", "w2"], params={}, check_unused=False
-    )
-    options = {"params": {"twin.Fc": 0.1}, "solve_ivp_method": "LSODA"}
-    own = ct.input_output_response(system, T, [[0.5] * 21, [0.0] * 21], **options)
-    assert own.outputs[1, -1] > own.outputs[0, -1] + 1.0
 
 
 @pytest.mark.parametrize(
@@ -60,16 +53,6 @@ def test_a_new_name_changes_the_keys_alone(carry):
     np.testing.assert_array_equal(block.output(0, x, u), other.output(0, x, u))
 
 
-def test_a_copy_of_a_copy_leaves_the_first_as_it_is():
-    first = lg.plant(lg.table1())
-    second = first.copy(name="b").copy(name="c")
-    assert all(k.startswith("plant.") for k in first.params)
-    assert all(k.startswith("c.") for k in second.params)
-    assert first.dynamics(0, [0, 0.1, 0], [0.3, 0], {"c.J": 1.0})[1] != pytest.approx(
-        second.dynamics(0, [0, 0.1, 0], [0.3, 0], {"c.J": 1.0})[1]
-    )
-
-
 def test_a_copy_of_a_sampled_block_has_its_own_gains():
     block = lg.sampled(lg.pi(1.0, 2.0), 1e-3)
     other = block.copy(name="second")
@@ -81,19 +64,6 @@ def test_a_copy_of_a_sampled_block_has_its_own_gains():
     assert lg.simulate(block, t, e).outputs[0] == -1.0
     with pytest.raises(lg.InputError, match=r"parameter 'pi\.kp'"):
         lg.simulate([other], t, {"e": e}, params={"pi.kp": 0.5})
-
-
-def test_a_copy_of_a_learning_block_has_its_own_gains():
-    first = lg.repetitive_memory(lg.table1(), 0.01, 1e-3, K=1.0, gamma=0.1, limit=1.0)
-    other = first.copy(name="second")
-    assert set(other.params) == {"second.J", "second.K", "second.gamma"}
-    x, v = np.zeros(other.nstates), np.array([1.0, 0.0])
-    assert other.output(0, x, v, {"second.K": 2.0})[0] == first.output(0, x, v)[0] - 1.0
-
-
-def test_copies_inside_a_loop_are_checked_as_the_block_is():
-    with pytest.raises(lg.InputError, match=r"twin\.J = -1"):
-        lg.simulate(twin(), T, [0.5 + 0 * T, 0 * T], params={"twin.J": -1.0})
 
 
 @pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])

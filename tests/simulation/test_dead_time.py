@@ -102,29 +102,6 @@ def test_beside_a_sampled_controller_it_is_exact():
     assert np.abs(row(lg.simulate(blocks, t, {"r": 1.0}), "y") - y).max() < 1e-6
 
 
-def test_beside_a_sampled_drive_the_plant_waits():
-    model = lg.Model.of(lg.table1()).with_effect("input_delay", {"delay": 0.0025})
-    drive = [lg.error(), lg.sampled(lg.pi(0.2, 0.1), 1e-3)]
-    t = 1e-3 * np.arange(60)
-    found = lg.simulate_sampled(lg.plant(model), drive, t, 5.0)
-    assert np.all(row(found, "w")[:3] == 0.0)
-    assert abs(row(found, "w")[3]) > 1e-3
-    other = lg.simulate([lg.plant(model), *drive], t, {"r": 5.0}, hold=True)
-    np.testing.assert_allclose(row(other, "w"), row(found, "w"), atol=1e-9)
-
-
-def test_two_dead_times_in_a_row_add_up():
-    blocks = [
-        lg.dead_time(0.011, name="one", inputs=["r"], outputs=["a"]),
-        lg.dead_time(0.0302, name="two", inputs=["a"], outputs=["b"]),
-    ]
-    t = np.linspace(0, 0.2, 201)
-    r = np.sin(30 * t) * t
-    found = lg.simulate(blocks, t, {"r": r})
-    right = np.where(t < 0.0412, 0.0, np.interp(t - 0.0412, t, r))
-    assert np.abs(row(found, "b") - right).max() < 1e-9
-
-
 def test_a_dead_time_of_zero_passes_its_input():
     t = np.linspace(0, 1, 11)
     found = lg.simulate(lg.dead_time(0.0), t, np.sin(9 * t))

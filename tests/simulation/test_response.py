@@ -16,7 +16,7 @@ import lugrectl as lg
 from lugrectl.core.errors import Diverged, InputError
 from lugrectl.simulation.response import simulate
 
-from ..cases.own import moving, static, user_block
+from ..cases.own import static, user_block
 from ..cases.systems import velocity_loop
 
 pytestmark = pytest.mark.usefixtures("interpreted")
@@ -197,15 +197,6 @@ def test_wrong_use_is_said_in_one_sentence() -> None:
         simulate(loop, t, 0, params={"plant.Fx": 1.0})
 
 
-def test_nan_at_the_points_of_comparison_is_no_algebraic_loop() -> None:
-    """python-control calls a NaN inside an interconnection an algebraic loop."""
-    root = static(lambda t, x, u, p: np.sqrt(u[0]), "x", "v", "root")
-    drain = moving(lambda t, x, u, p: -u[0], "x", "drain", "v")
-    tank = ct.interconnect([root, drain], outputs="x")
-    x = simulate(tank, np.linspace(0, 1, 5), x0=1.0).states[0]
-    np.testing.assert_allclose(x, (1 - np.linspace(0, 1, 5) / 2) ** 2, rtol=1e-6)
-
-
 def test_inputs_in_every_form_of_python_control_and_by_name() -> None:
     plant, t = lg.plant(lg.table1()), np.arange(0, 0.02, 1e-3)
     wave = 0.5 * np.sin(50 * t)
@@ -267,10 +258,15 @@ def _lines(response) -> list[np.ndarray]:
     return found
 
 
-def test_the_response_as_a_table() -> None:
-    pytest.importorskip("pandas")
-    loop, t = velocity_loop(lg.plant(lg.table1())), np.arange(0, 0.02, 1e-3)
-    ours = simulate(loop, t, np.sin(90 * t)).to_pandas()
-    theirs = ct.input_output_response(loop, t, np.sin(90 * t)).to_pandas()
-    assert list(ours.columns) == list(theirs.columns) and ours.shape == theirs.shape
-    np.testing.assert_array_equal(ours["time"], t)
+def test_initial_states_come_in_the_parts_that_python_control_takes():
+    """A vector and a matrix, row by row; a last 0 stands for all that follow."""
+    system = ct.rss(6, 2, 1, strictly_proper=True)
+    system.name = "six"
+    t, covariance = np.linspace(0, 1, 5), np.array([[3.0, 1.0], [2.0, 4.0]])
+    parts = lg.simulate(system, t, 0.0, [[1.0, 2.0], covariance])
+    flat = lg.simulate(system, t, 0.0, [1.0, 2.0, 3.0, 1.0, 2.0, 4.0])
+    np.testing.assert_array_equal(parts.states, flat.states)
+    short = lg.simulate(system, t, 0.0, [np.array([1.0, 2.0]), 0])
+    np.testing.assert_array_equal(short.states[:, 0], [1, 2, 0, 0, 0, 0])
+    with pytest.raises(lg.InputError, match="has 6 states, x0 has 3"):
+        lg.simulate(system, t, 0.0, [np.array([1.0, 2.0]), 1])

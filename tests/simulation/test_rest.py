@@ -63,29 +63,6 @@ def test_it_is_held_in_a_list_of_blocks_behind_a_dead_time_and_in_a_sweep():
     assert 0.0 < smooth[0] < 0.02 * smooth[1]  # one width of a sweep smooths, all do
 
 
-def test_a_width_of_the_users_own_is_simulated_as_it_is():
-    J, friction, load = LAWS["a slow direct drive"]
-    wide = {**friction, "eps": 1e-4}
-    u = [load + 0.0 * HOUR, 0.0 * HOUR]
-    creeping = [
-        lg.simulate(drive(J, wide), HOUR, u).outputs[0, -1],
-        lg.simulate(drive(J, friction), HOUR, u, params={"plant.eps": 1e-4}).outputs[0, -1],
-        lg.simulate([drive(J, friction)], HOUR, {"u": u[0]}, params={"plant.eps": 1e-4}).states[
-            0, -1
-        ],
-    ]
-    # u = Fc tanh(w/eps) + Fv w
-    assert creeping == pytest.approx([0.3029] * 3, rel=1e-2)
-    assert lg.simulate(drive(J, friction), HOUR, u).outputs[0, -1] == 0.0  # and the next one rests
-
-
-def test_friction_at_a_tracking_rate_is_that_of_the_law():
-    w = 7.27e-5  # rad/s, a telescope's
-    for solve in (lg.simulate, ct.input_output_response):
-        F = solve(lg.friction("coulomb", Fc=2.0, Fv=1500.0), [0.0, 1.0], [w, w]).outputs
-        assert np.ravel(F)[-1] == pytest.approx(2.0 + 1500.0 * w, rel=1e-9)
-
-
 def test_both_solvers_agree_where_a_drive_sticks_and_slides():
     friction = {"model": "stribeck", "Fc": 0.285, "Fv": 0.018, "Fs": 0.335, "vs": 0.01}
     t = np.linspace(0.0, 1.0, 1001)

@@ -3,8 +3,6 @@
 Table 1 at 1 kHz unless told otherwise.
 """
 
-from functools import cache
-
 import control as ct
 import mpmath
 import numpy as np
@@ -21,7 +19,9 @@ from lugrectl.blocks.observers import (
 from lugrectl.simulation.response import simulate
 from lugrectl.simulation.sampled_block import advance, ramp_response, sampled
 
-from ..cases.sampled import DT, P, inputs_of, sine_error, step_response
+from ..cases.observed import believing
+from ..cases.own import static
+from ..cases.sampled import DT, P, inputs_of, step_response
 
 SPEEDS = [0.0, 1e-6, 0.01, 1.0, 100.0]
 entries = st.floats(-1.0, 1.0)
@@ -34,7 +34,6 @@ OBSERVERS = [
     pytest.param(disturbance_observer(P), [0.0], id="disturbance"),
     pytest.param(extended_state_observer(P), [0.0, 0.0], id="extended_state"),
 ]
-LUGRE = OBSERVERS[:3]
 
 
 def h(w):
@@ -87,22 +86,6 @@ def test_larger_systems_go_through_scipy():
     assert ramp_response(whole, p, q) == pytest.approx(np.concatenate(apart), rel=1e-10)
 
 
-@pytest.mark.parametrize(("observer", "x0"), LUGRE)
-def test_a_batch_is_many_single_steps(observer, x0):
-    rng = np.random.default_rng(0)
-    n, m = observer.nstates, observer.ninputs
-    x, before, now = (rng.normal(size=(k, 5, 3)) for k in (n, m, m))
-
-    def rates(x, v):
-        return observer.updfcn(0.0, x, v, observer.params)
-
-    whole = advance(rates, x, before, now, DT)
-    for place in ((0, 0), (4, 2)):
-        k = (slice(None), *place)
-        single = advance(rates, x[k], before[k], now[k], DT)
-        np.testing.assert_allclose(whole[k], single, rtol=1e-10, atol=1e-12)
-
-
 # Constant speed.
 
 
@@ -138,34 +121,7 @@ def test_proposed_observer_is_exact_with_held_torque(w):
     np.testing.assert_allclose(found, exact.outputs, rtol=2e-6, atol=2e-7)
 
 
-def test_existing_observer_takes_a_linear_error_exactly():
-    t = DT * np.arange(50)
-    rows = np.array(
-        [np.full(50, 0.4), np.interp(t, [0, 0.011, 0.03, 0.049], [0.0, 3.0, -2.0, 1.0])]
-    )
-    exact = simulate(lg.existing_observer(P, k=5.0), t, rows, [0.0], rtol=1e-10)
-    found = step_response(sampled(lg.existing_observer(P, k=5.0), DT), rows, [0.0], 50)
-    np.testing.assert_allclose(found, exact.outputs, atol=1e-8)
-
-
 # A speed that changes.
-
-
-@cache
-def off_a_sine(observer, *x0):
-    return sine_error(observer, [*x0], DT)
-
-
-@pytest.mark.cases
-@pytest.mark.parametrize(("observer", "x0"), OBSERVERS)
-def test_friction_along_a_sine_is_that_of_the_continuous_observer(observer, x0):
-    assert off_a_sine(observer, *x0) < 1e-3
-
-
-def test_the_error_is_of_second_order():
-    observer, x0 = LUGRE[0].values
-    ratio = sine_error(observer, x0, 4 * DT) / off_a_sine(observer, *x0)
-    assert 10 < ratio < 24
 
 
 @settings(max_examples=25)
@@ -180,35 +136,7 @@ def test_bristles_stay_within_their_bound(shares, top, dt):
     assert np.abs(z).max() <= P.Fs / P.sigma0 * (1 + 1e-9)
 
 
-def test_a_sampled_loop_with_fast_reversals_gains_by_its_observer():
-    """300 rad/s at 5 Hz; the largest error is one sample, in which the held torque turns over."""
-    t = DT * np.arange(401)
-    r = 300 * np.sin(2 * np.pi * 5 * t)
-    drive = [lg.error(), sampled(lg.pi(1.6, 0.16), DT)]
-
-    def errors(*more):
-        run = lg.simulate_sampled(lg.plant(P), [*drive, *more], t, {"r": r})
-        return (np.asarray(run.outputs)[run.output_labels.index("w")] - r)[200:]
-
-    none = errors()
-    for make in (lg.natural_observer, lg.proposed_observer):
-        helped = errors(lg.compensation(), sampled(make(P), DT))
-        assert np.std(helped) < 0.99 * np.std(none)
-        assert np.abs(helped).max() < 1.01 * np.abs(none).max()
-
-
 # The block.
-
-
-def test_signals_parameters_and_states():
-    made = sampled(lg.proposed_observer(P, K2=15.0, name="second"), 2e-3)
-    assert (made.name, made.dt) == ("second", 2e-3)
-    assert made.input_labels == ["w", "u"] and made.output_labels == ["Fhat", "zhat", "what"]
-    assert made.state_labels == ["zhat", "what", "last_w", "last_u", "begun"]
-    state, u = [1e-3, 0.2, 0.3, 0.1, 1.0], [0.4, 0.0]
-    usual = made.output(0.0, state, u)
-    assert not np.allclose(usual, made.output(0.0, state, u, params={"second.K2": 30.0}))
-    assert np.array_equal(usual, made.output(0.0, state, u))
 
 
 def test_the_first_sample_takes_the_states_as_they_are():
@@ -244,3 +172,52 @@ def test_held_inputs_can_be_named():
 def test_what_cannot_be_sampled_is_said(call, said):
     with pytest.raises(lg.InputError, match=said):
         call()
+
+
+# Every observer and controller at a sample rate, exact or in substeps.
+
+
+LOW = believing(0.8)
+MOTION = ("theta", "w", "e", "s", "r", "dr", "ddr", "ar")
+
+
+def motion(t):
+    """A turn to and fro at 1 rad/s, and errors that change slowly, in the order of MOTION."""
+    w, a = np.sin(2 * np.pi * t), 2 * np.pi * np.cos(2 * np.pi * t)
+    theta, e = (1 - np.cos(2 * np.pi * t)) / (2 * np.pi), 0.3 * np.sin(7 * t)
+    return np.array([theta, w, e, e, theta, w, a, a])
+
+
+def along(block, seconds=0.1):
+    """The outputs in continuous time and at 1 kHz, along the motion; the torque is held."""
+    t = DT * np.arange(round(seconds / DT) + 1)
+    known = dict(zip(MOTION, motion(t), strict=True))
+    F = simulate(lg.friction("lugre"), t, known["w"]).outputs
+    known["u"] = F + P.J * known["ddr"]
+    source = static(lambda t, x, u, p: motion(t), [], list(MOTION), "motion")
+    held, rows = [k for k in ("u",) if k in block.input_labels], list(block.output_labels)
+    wired = ct.interconnect(
+        [source, block], inputs=held, outputs=rows, params={}, check_unused=False
+    )
+    x0 = np.zeros(block.nstates)
+    options = {"hold": True, "rtol": 1e-8, "squeeze": False}
+    exact = simulate(wired, t, known["u"] if held else None, x0, **options)
+    given = np.array([known[k] for k in block.input_labels])
+    found = step_response(sampled(block, DT), given, x0, len(t))
+    return np.atleast_2d(found), np.atleast_2d(exact.outputs)
+
+
+BLOCKS = {  # block, and its error at 1 kHz, relative to the largest value of each output
+    "adaptive": (lambda: lg.adaptive_observer(LOW), 1e-5),
+    "position LuGre": (lambda: lg.position_lugre_observer(LOW), 5e-4),
+    "friction state": (lambda: lg.friction_state_observer(LOW), 5e-4),
+    "repetitive": (lambda: lg.repetitive_control(P), 1e-5),
+}
+
+
+@pytest.mark.parametrize(("make", "error"), BLOCKS.values(), ids=BLOCKS)
+def test_a_block_at_1_khz_is_the_continuous_one(make, error):
+    found, exact = along(make())
+    size = np.maximum(np.abs(exact).max(axis=1, keepdims=True), 1e-3)
+    assert np.abs(exact).max() > 0.01
+    assert np.max(np.abs(found - exact) / size) < error

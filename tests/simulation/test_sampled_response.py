@@ -1,6 +1,5 @@
 """A continuous plant under sampled control against closed forms and the continuous loop."""
 
-import control as ct
 import numpy as np
 import pytest
 
@@ -60,13 +59,6 @@ def test_delay_moves_the_torque():
         assert np.flatnonzero(w)[0] == 1 + delay
 
 
-def test_load_from_outside_reaches_the_plant():
-    t = 0.1 * np.arange(11)
-    resp = simulate_sampled(integrator(), [gain(0.0)], t, {"d": 0.5 + 0 * t}, [2.0])
-    assert row(resp, "w") == pytest.approx(2.0 - 0.5 * t)
-    assert resp.input_labels == ["r", "d"]
-
-
 @pytest.mark.parametrize("name", ["natural", "proposed"])
 def test_converges_to_the_continuous_loop(name):
     """Source paper's velocity loop, Fc and Fs of the observer 20 % low: order one in dt."""
@@ -89,21 +81,6 @@ def test_converges_to_the_continuous_loop(name):
 
     coarse, fine = error(1e-3), error(2.5e-4)
     assert fine < 0.45 * coarse and fine < 2e-3
-
-
-def test_own_wiring_of_the_drive_is_the_list():
-    dt, t = DT, DT * np.arange(60)
-    r = 0.1 * np.sin(20 * t)
-    parts = drive(dt, lg.proposed_observer(P))
-    whole = ct.interconnect(
-        parts, inputs=["r", "w"], outputs=["u", "Fhat"], params={}, check_unused=False
-    )
-    listed = simulate_sampled(lg.plant(P), parts, t, r)
-    wired = simulate_sampled(lg.plant(P), whole, t, r)
-    for name in ("w", "u", "Fhat"):
-        assert np.array_equal(row(listed, name), row(wired, name))
-    first = whole.output(0.0, np.zeros(whole.nstates), [r[0], 0.0])
-    assert first == pytest.approx([row(wired, "u")[0], row(wired, "Fhat")[0]])
 
 
 def test_a_run_can_go_on_from_its_last_state():

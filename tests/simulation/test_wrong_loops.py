@@ -59,12 +59,6 @@ def test_a_diverging_discrete_system_is_an_error(samples):
         lg.simulate(ct.tf([1], [1, -2], DT), DT * np.arange(samples), 1.0)
 
 
-def test_a_member_of_a_sweep_that_diverges_is_a_failure():
-    with pytest.warns(RuntimeWarning, match="grows without bound"):
-        swept = lg.sweep(interconnected(), T, 0.1, params={"plant.Fc": [0.2, 0.3]})
-    assert sorted(swept.failed) == [0, 1]
-
-
 def test_large_numbers_alone_are_no_divergence():
     """A constant of 1e24 in the equations, and a lag that is driven by 1e20."""
     rate = moving(lambda t, x, u, p: 1e24 + 0 * x, 1, inputs=1)
@@ -90,11 +84,6 @@ def test_large_numbers_alone_are_no_divergence():
 def test_a_feedback_of_the_wrong_sign_warns_and_names_the_controller(made):
     with pytest.warns(RuntimeWarning, match="feedback through pi has the wrong sign"):
         lg.simulate(made(), T[:10], {"r": 0.1})
-
-
-def test_a_ready_made_loop_with_negative_gains_warns():
-    with pytest.warns(RuntimeWarning, match="velocity_loop: the feedback through pi"):
-        lg.simulate(lg.velocity_loop(P, kp=-1.6, ki=-0.16), T[:10], 0.1)
 
 
 @pytest.mark.parametrize(
@@ -145,8 +134,6 @@ def test_the_name_of_a_held_input_changes_nothing():
     """A drive holds its torque, whatever the torque of a sampled observer is called."""
     t = DT * np.arange(60)
     w, u = 0.1 * np.sin(20 * t), 0.3 * np.sign(np.sin(50 * t))
-    kinds = {"proposed": lg.proposed_observer, "disturbance": lg.disturbance_observer}
-    for make in kinds.values():
-        own = lg.simulate(lg.sampled(make(P), DT), t, {"w": w, "u": u}).outputs[0]
-        other = lg.sampled(make(P, inputs=["w_m", "uc"]), DT)
-        assert np.array_equal(own, lg.simulate(other, t, {"w_m": w, "uc": u}).outputs[0])
+    own = lg.simulate(lg.sampled(lg.disturbance_observer(P), DT), t, {"w": w, "u": u}).outputs[0]
+    other = lg.sampled(lg.disturbance_observer(P, inputs=["w_m", "uc"]), DT)
+    assert np.array_equal(own, lg.simulate(other, t, {"w_m": w, "uc": u}).outputs[0])

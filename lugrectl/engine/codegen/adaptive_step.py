@@ -1,4 +1,4 @@
-"""Code of an adaptive run whose steps end on the time grid and at kinks and jumps."""
+"""Code of a run: updates of sampled blocks, and steps that end on the time grid and at switches."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..expression.graph import Node, rename, symbols_in
-from ..tracing.tracer import Hybrid, Program, Tick
-from .events import Sliding, exactly_at_zero, freeze_modes, names, settle, sliding
-from .python_source import Emitter, Section, early_first, indent, reciprocals, summed
+from ..tracing.tracer import Hybrid, Program
+from .events import Sliding, exactly_at_zero, freeze_modes, names, resting, settle, sliding
+from .python_source import Section, indent, reciprocals, summed
 from .rosenbrock import Equations, step
 
 HELPERS = """
@@ -107,22 +107,28 @@ TRIALS = 65536
 {helpers}
 {robust}
 @fast
-def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
+def run(
+    grid, given, ticks, flags, held, p, rtol, floor, x_now, q_now, h_now, sizes, x_out, q_out,
+    y_out, status
+):
 {unpack}
 {fixed}
-{sizes_before}
-    h_next = 0.01 * (grid[1] - grid[0])
-    v_low, v_high, last, tries, steps = 0.0, 0.0, 0, 0, 0
-    for k in range(len(grid) - 1):
-        dt = grid[k + 1] - grid[k]
-        t, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0, 0
+    h_next, v_low, v_high, last, tries, steps = 0.0, 0.0, 0.0, 0, 0, 0
+    for k in range(len(grid)):
+        t, dt, done, low, high, events, relays = grid[k], 0.0, 0.0, 0.0, 0.0, 0, 0
         first_step, due = steps, 0.0
 {interval}
-        for again in range({nesting} if k == 0 else 1):
+        for again in range({nesting} if k == 0 or ticks[k] else 1):
 {sides}
-{sizes}
-        while done < dt:
+{widest}
+        fresh = True
+        while fresh or done < dt:
 {settle}
+            if fresh:
+                fresh = False
+{store}
+                if done >= dt:
+                    break
             left = dt - done
             if high > 0.0:
                 h = 0.5 * (low + high)
@@ -151,7 +157,7 @@ def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
                 if stuck or h_next < 1e-13 * dt or t + h_next == t:
                     status[0], status[1], status[4] = k, t, steps
 {blame}
-                    return False
+                    return 1
                 continue
 {leads}
             crossed = worst < -1.0 and events < 2 * PATIENCE
@@ -184,25 +190,43 @@ def run(grid, u, held, x_start, p, rtol, floor, x_out, status):
                     events, relays = 0, 0
                 longer = h * min(5.0, 0.9 / sqrt(sqrt(max(error, 1e-8))))
                 h_next = longer if h >= h_next else max(longer, h_next)
-{store}
-{sizes_after}
+{keep}
     status[4] = steps
-    return True
+    return 0
+"""
+
+_TICK = """
+if ticks[k]:
+{flags}
+{tick}
+    if not isfinite({total}):
+{keep}
+        status[1] = t
+        return 2
 """
 
 
-def adaptive_code(program: Program, kind: str) -> str:
-    """The function ``run``; ``kind`` "compiled" or "python" (errors of ``math`` are caught)."""
-    parts = _parts(program)
+def run_code(hybrid: Hybrid, kind: str) -> str:
+    """The function ``run``; ``kind`` "compiled" or "python" (errors of ``math`` are caught).
+
+    x are the continuous states, q the sampled ones, u the external inputs followed by the values
+    held between updates (ticks). An output in which a sign or comparison rests (``sliding``) has
+    the value that keeps it at rest: the friction of a drive held by Coulomb friction is the torque
+    on it, not sign(0).
+    """
+    program = hybrid.flow
+    parts = _parts(hybrid)
     fixed = [node.value for node in program.p] if kind == "compiled" else []
     nodes, states, switches = parts.step, range(len(parts.states)), range(len(parts.leads))
     if kind == "compiled":
-        nodes = early_first(reciprocals(nodes), parts.states)
-    step_code = Section([f"{letter}{i}" for letter in "ne" for i in states], nodes, "b", fixed)
+        nodes = reciprocals(nodes)
+    step_code = Section([f"{letter}{i}" for letter in "ne" for i in states], nodes, "w", fixed)
     start = Section([f"a{i}" for i in switches], parts.leads, "c", fixed)
     end = Section([f"l{i}" for i in switches], _at_end(program, parts.leads), "d", fixed)
+    shown = Section([f"row{i}[k]" for i in range(len(parts.y))], parts.y, "o", fixed)
     rest, after = _rests(program, parts, fixed)
-    sections = (step_code, start, end, rest, after)
+    updates = Section([*parts.own, *parts.held], hybrid.ticked, "k", fixed, at_once=True)
+    sections = (step_code, start, end, shown, rest, after, updates)
     guarded = kind != "compiled"
     near = nearest_zero(parts, after.lines(guarded))
     ends = [f"v{i} = {u} + h * d{u}" for i, u in enumerate(parts.inputs)]
@@ -211,55 +235,73 @@ def adaptive_code(program: Program, kind: str) -> str:
         robust="".join(part.robust() for part in sections) if guarded else "",
         unpack=indent(_unpack(program, parts), 1),
         fixed=indent([line for part in sections for line in part.emitter.head], 1),
-        sizes_before=indent(_sizes(len(states), after=False), 1),
-        sizes_after=indent(_sizes(len(states), after=True), 1),
-        interval=indent(_interval(parts), 2),
+        interval=indent(_interval(hybrid, parts, updates.lines(guarded)), 2),
         nesting=nesting(parts.leads),
         sides=indent(start.lines(guarded) + start_sides(parts), 3),
-        sizes=indent([f"r{i} = widest(r{i}, a{i})" for i in switches], 2),
+        widest=indent([f"r{i} = widest(r{i}, a{i})" for i in switches], 2),
         settle=indent(settle(parts.slides, parts.states, rest.lines(guarded)), 3),
+        store=indent(_stored(parts, shown.lines(guarded)), 4),
         step=indent(step_code.lines(guarded), 3),
         weights=indent([line.format(i) for i in states for line in _WEIGHT], 3),
-        error=summed([f"g{i} * g{i}" for i in states]),
+        error=summed([f"error{i} * error{i}" for i in states]),
         blame=indent(["largest = -1.0", *(k.format(i) for i in states for k in _BLAME)], 5),
         leads=indent(ends + end.lines(guarded) + near, 3),
         before=indent(nearest_before(parts), 4),
         flip_at_start=indent(turns(parts, at_start=True), 4),
         accept=indent(_accept(parts), 3),
-        store=indent([f"out{i}[k + 1] = {x}" for i, x in enumerate(parts.states)], 2),
+        keep=indent(_kept(parts), 1),
     )
 
 
 # the error relative to the size; divides only if a state grows
-_WEIGHT = "o{0} = q{0} if abs(n{0}) <= s{0} else 1.0 / abs(n{0})", "g{0} = e{0} * o{0}"
+_WEIGHT = ("error{0} = e{0} * (inv{0} if abs(n{0}) <= size{0} else 1.0 / abs(n{0}))",)
 # the state with the largest error, or the first that is NaN
 _BLAME = (
-    "part = abs(g{0})",
+    "part = abs(error{0})",
     "if largest == largest and not part <= largest:",
     "    status[2], largest = {0}, part",
 )
-# the size s after a step of length h to the absolute value z; divides only if it changes
+# the size after a step of length h to the absolute value z; divides only if it changes
 _SIZE = (
-    "if z{0} > s{0}:",
-    "    s{0}, b{0}, w{0} = z{0}, max(b{0}, z{0}), 0.0",
-    "    q{0} = 1.0 / s{0}",
-    "elif z{0} >= 0.5 * s{0}:",
-    "    w{0} = w{0} + h if z{0} < 0.9 * s{0} else 0.0",
+    "z = abs(x{0})",
+    "if z > size{0}:",
+    "    size{0}, top{0}, fell{0} = z, max(top{0}, z), 0.0",
+    "    inv{0} = 1.0 / size{0}",
+    "elif z >= 0.5 * size{0}:",
+    "    fell{0} = fell{0} + h if z < 0.9 * size{0} else 0.0",
     "else:",
-    "    s{0} = max(z{0}, s{0} * (w{0} / (w{0} + 0.5 * h)), SMALL * b{0}, floor)",
-    "    q{0} = 1.0 / s{0}",
+    "    size{0} = max(z, size{0} * (fell{0} / (fell{0} + 0.5 * h)), SMALL * top{0}, floor)",
+    "    inv{0} = 1.0 / size{0}",
 )
 
 
-def _parts(program: Program) -> Parts:
-    graph = program.graph
-    smooth, leads, jumps = freeze_modes(program.xdot, {node.value for node in program.p})
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The parts of the code: names, and nodes."""
+
+    states: list[str]
+    inputs: list[str]
+    own: list[str]  # of the sampled states
+    held: list[str]
+    step: list[Node]
+    leads: list[Node]
+    jumps: list[bool]
+    slides: Sliding
+    y: list[Node]
+    shown: list[int]  # the jumps whose rest is seen in y
+
+
+def _parts(hybrid: Hybrid) -> Parts:
+    program, graph = hybrid.flow, hybrid.flow.graph
+    smooth, leads, jumps, modes = freeze_modes(program.xdot, {node.value for node in program.p})
     slopes = [graph.symbol(f"du{i}") for i in range(len(program.u))]
     slides = sliding(program, smooth, leads, jumps)
     equations = Equations(graph, program.t, program.x, program.u, slides.rates, slopes)
     after, error = step(equations, divided=True)
+    y, shown = resting(program.y, slides, modes)
     states, inputs = ([node.value for node in nodes] for nodes in (program.x, program.u))
-    return Parts(states, inputs, after + error, leads, jumps, slides)
+    own, held = [q.value for q in hybrid.q], inputs[len(hybrid.net.outside) :]
+    return Parts(states, inputs, own, held, after + error, leads, jumps, slides, y, shown)
 
 
 def _rests(program: Program, parts: Parts, fixed: Sequence[str]) -> tuple[Section, Section]:
@@ -285,33 +327,54 @@ def _at_end(program: Program, leads: Sequence[Node]) -> list[Node]:
 
 def _unpack(program: Program, parts: Parts) -> list[str]:
     lines = [f"{p.value} = p[{i}]" for i, p in enumerate(program.p)]
-    for i, x in enumerate(program.x):
-        lines += [f"{x.value} = x_start[{i}]", f"s{i} = b{i} = max(abs({x.value}), floor)"]
-        lines += [f"w{i} = 0.0", f"q{i} = 1.0 / s{i}"]
-        lines += [f"out{i} = x_out[{i}]", f"out{i}[0] = {x.value}"]
-    lines += [f"in{i} = u[{i}]" for i in range(len(program.u))]
+    for i, x in enumerate(parts.states):
+        lines += [f"{x}, states{i} = x_now[{i}], x_out[{i}]"]
+        lines += [f"size{i} = max(abs({x}), floor, sizes[{3 * i}])", f"inv{i} = 1.0 / size{i}"]
+        lines += [f"top{i}, fell{i} = max(size{i}, sizes[{3 * i + 1}]), sizes[{3 * i + 2}]"]
+    lines += [f"{q}, own{i} = q_now[{i}], q_out[{i}]" for i, q in enumerate(parts.own)]
+    lines += [f"{u} = h_now[{i}]" for i, u in enumerate(parts.held)]
+    lines += [f"in{i} = given[{i}]" for i in range(len(parts.inputs) - len(parts.held))]
+    lines += [f"row{i} = y_out[{i}]" for i in range(len(parts.y))]
     lines += [f"{letter}{i} = 0.0" for i in range(len(parts.leads)) for letter in "mr"]
-    return lines + [f"on{i} = 0.0" for i in parts.slides.parts]
+    return lines + [f"{name}{i} = 0.0" for i in parts.slides.parts for name in ("on", "part")]
 
 
-def _sizes(states: int, *, after: bool) -> list[str]:
-    """The sizes of the states in an earlier part of the run, where status has room for them."""
-    lines = ["if len(status) > 5:"]
-    for i in range(states):
-        for k, name in enumerate((f"s{i}", f"b{i}", f"w{i}")):
-            place = f"status[{5 + 3 * i + k}]"
-            taken = f"float({place})" if name[0] == "w" else f"max({name}, float({place}))"
-            lines += [f"    {place} = {name}" if after else f"    {name} = {taken}"]
-        lines += [] if after else [f"    q{i} = 1.0 / s{i}"]
-    return lines if states else []
-
-
-def _interval(parts: Parts) -> list[str]:
-    lines = []
-    for i, u in enumerate(parts.inputs):
-        slope = f"0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt"
-        lines += [f"{u} = in{i}[k]", f"d{u} = {slope}"]
+def _kept(parts: Parts) -> list[str]:
+    """Where a run has come to, and the sizes of the states there."""
+    lines = [f"q_now[{i}] = {q}" for i, q in enumerate(parts.own)]
+    lines += [f"h_now[{i}] = {u}" for i, u in enumerate(parts.held)]
+    for i, x in enumerate(parts.states):
+        names = f"x_now[{i}]", *(f"sizes[{3 * i + j}]" for j in range(3))
+        lines += [f"{', '.join(names)} = {x}, size{i}, top{i}, fell{i}"]
     return lines
+
+
+def _interval(hybrid: Hybrid, parts: Parts, updates: Sequence[str]) -> list[str]:
+    """Code ahead of the steps of an interval: its length, its update, and the inputs in it."""
+    free = range(len(parts.inputs) - len(parts.held))
+    lines = [f"own{i}[k] = {q}" for i, q in enumerate(parts.own)]
+    lines += [f"u{i} = in{i}[k]" for i in free]
+    if hybrid.net.earlier:
+        lines += [f"b{i} = {u}" for i, u in enumerate(parts.held)]
+    if hybrid.ticked:
+        code = _TICK.format(
+            flags=indent([f"g{i} = flags[{i}][k]" for i in range(hybrid.net.groups)], 1),
+            tick=indent(updates, 1),
+            total=summed([f"0.0 * {name}" for name in (*parts.own, *parts.held)]),
+            keep=indent(_kept(parts), 2),
+        )
+        lines += code.strip().split("\n")
+    lines += [f"du{i} = 0.0" for i in range(len(parts.inputs))]
+    if not parts.states:
+        return lines
+    lines += ["if k < len(grid) - 1:", "    dt = grid[k + 1] - t"]
+    lines += [f"    du{i} = 0.0 if held else (in{i}[k + 1] - in{i}[k]) / dt" for i in free]
+    return [*lines, "if k == 0:", "    h_next = 0.01 * dt"]
+
+
+def _stored(parts: Parts, outputs: Sequence[str]) -> list[str]:
+    lines = [f"way{i} = m{i} if a{i} == 0.0 else side(a{i})" for i in parts.shown]
+    return [*lines, *outputs, *(f"states{i}[k] = {x}" for i, x in enumerate(parts.states))]
 
 
 def _accept(parts: Parts) -> list[str]:
@@ -319,21 +382,8 @@ def _accept(parts: Parts) -> list[str]:
     lines += [f"a{i} = l{i}" for i in range(len(parts.leads))]
     lines += [f"{x} = n{i}" for i, x in enumerate(parts.states)]
     lines += exactly_at_zero(parts.slides, parts.states)
-    for i, x in enumerate(parts.states):
-        lines += [f"z{i} = abs({x})", *(line.format(i) for line in _SIZE)]
+    lines += [line.format(i) for i in range(len(parts.states)) for line in _SIZE]
     return lines + [f"{u} = v{i}" for i, u in enumerate(parts.inputs)]
-
-
-@dataclass(frozen=True, eq=False)
-class Parts:
-    """The parts of the code."""
-
-    states: list[str]
-    inputs: list[str]
-    step: list[Node]
-    leads: list[Node]
-    jumps: list[bool]
-    slides: Sliding
 
 
 def start_sides(parts: Parts) -> list[str]:
@@ -401,209 +451,3 @@ def turns(parts: Parts, *, at_start: bool) -> list[str]:
             turn = [f"if passed(m{i}, l{i}, r{i}):", *count, f"m{i} = turned(m{i}, l{i}, r{i})"]
             lines += _unless_resting(parts, i, turn)
     return lines
-
-
-# The intermediate results of a block fit into the processor's cache.
-_BLOCKS = """
-def outputs(t, x, u, p, y):
-    {scales}
-    for first in range(0, len(t), 4096):
-        part = slice(first, first + 4096)
-        block(t[part], x[:, part], u[:, part], p, y[:, part], scales)
-
-
-def block(t, x, u, p, y, scales):
-{code}
-"""
-
-_LEADS = """
-
-def leads(t, x, u, p):
-{code}
-"""
-
-
-def output_code(program: Program) -> str:
-    """The function ``outputs(t, x, u, p, y)``.
-
-    A sign or comparison that rests (``sliding``) has the value that keeps it at rest: the
-    friction of a drive held by Coulomb friction is the torque on it, not sign(0). If its
-    switching function depends on an input it has NumPy's value.
-    """
-    roots, fixed = [*program.xdot, *program.y], {node.value for node in program.p}
-    smooth, leads, jumps = freeze_modes(roots, fixed)
-    inputs = {node.value for node in program.u}
-    wanted = [
-        jump and not symbols_in([lead]) & inputs for lead, jump in zip(leads, jumps, strict=True)
-    ]
-    slides = sliding(program, smooth, leads, wanted)
-    seen, n = symbols_in(smooth[len(program.x) :]), len(program.x)
-    code, targets = unpacked(program), [f"y[{i}]" for i in range(len(program.y))]
-    if not any(f"m{i}" in seen for i in slides.parts):
-        code += _write(program.y, "v", targets)
-        return _BLOCKS.format(scales="scales = ()", code=indent(code, 1))
-    for i, lead in enumerate(leads):  # all sides by NumPy's rules
-        code += _write([lead], f"lead{i}_", [f"a{i}"]) + [f"m{i} = np.sign(a{i})"]
-    values = "".join(f"a{i}, " for i in slides.parts)
-    own = [*code, *_resting(program, slides), *_write(slides.rates[n:], "v", targets)]
-    return _BLOCKS.format(
-        scales="scales = [np.nanmax(abs(a)) for a in leads(t, x, u, p)]", code=indent(own, 1)
-    ) + _LEADS.format(code=indent([*code, f"return {values}"], 1))
-
-
-def unpacked(program: Program) -> list[str]:
-    """Code that gives the rows of the arguments their names."""
-    rows = (("x", program.x), ("u", program.u), ("p", program.p))
-    return [f"{node.value} = {name}[{i}]" for name, nodes in rows for i, node in enumerate(nodes)]
-
-
-def _write(nodes: Sequence[Node], prefix: str, targets: Sequence[str]) -> list[str]:
-    emitter = Emitter("array", prefix)
-    codes = emitter.write(nodes)
-    return emitter.body + [f"{name} = {code}" for name, code in zip(targets, codes, strict=True)]
-
-
-def _resting(program: Program, made: Sliding) -> list[str]:
-    """The code of ``settle``, for all samples at once."""
-    lines = [f"du{i} = 0.0" for i in range(len(program.u))]
-    for scale, i in enumerate(made.parts):
-        lines += [f"on{i} = 1.0 * (abs(a{i}) <= 1e-11 * scales[{scale}])"]
-        lines += [f"m{i} = np.where(on{i} > 0.0, 1.0, m{i})"]
-    turn = _write([*made.parts.values(), *made.steps.values()], "rest", names(made))
-    for i in made.parts:
-        off = f"np.where(step{i} < 0.0, np.maximum(-part{i}, part{i} - 1.0), inf)"
-        turn += [f"off{i} = np.where(on{i} > 0.0, {off}, -1.0)"]
-    turn += [f"worst = np.maximum.reduce([{', '.join(f'off{i}' for i in made.parts)}])"]
-    for i in made.parts:
-        turn += [
-            f"leaves = ~(off{i} < 0.0) & (off{i} >= worst)",
-            f"side = np.where(off{i} < inf, np.where(part{i} < 0.5, 1.0, -1.0), np.sign(a{i}))",
-            f"m{i}, on{i} = np.where(leaves, side, m{i}), np.where(leaves, 0.0, on{i})",
-        ]
-    return lines + [f"for _ in range({len(made.parts) + 1}):", *("    " + line for line in turn)]
-
-
-# x are the continuous states, q the sampled ones, u the external inputs followed by the values
-# held between updates (ticks). column[k] is where the grid point is stored, -1: not stored.
-_ALTERNATE = """
-import numpy as np
-
-{robust}
-@fast
-def alternate(
-    grid, given, ticks, flags, column, held, p, rtol, floor, x, q, h, x_out, q_out, h_out, b_out,
-    status
-):
-{unpack}
-{head}
-    last, k = len(grid) - 1, 0
-    while True:
-        c = column[k]
-        if c >= 0:
-{before}
-        if ticks[k]:
-            t = grid[k]
-{read}
-{tick}
-            if not isfinite({total}):
-{keep}
-                status[1] = t
-                return 2
-        if c >= 0:
-{store}
-        if k == last:
-{keep_last}
-            return 0
-        j = k + 1
-        while j < last and not ticks[j]:
-            j += 1
-{flow}
-        k = j
-"""
-
-_COMPILED_FLOW = """
-size = j - k + 1
-times, rows, part = np.empty(size), np.empty(({inputs}, size)), np.empty(({states}, size))
-for i in range(size):
-    times[i] = grid[k + i]
-{rows}
-"""
-
-_PYTHON_FLOW = """
-size = j - k + 1
-times, part = grid[k : j + 1], [[0.0] * size for _ in range({states})]
-rows = [{rows}]
-"""
-
-_ADVANCE = """
-if not run(times, rows, held, x, p, rtol, floor, part, status):
-    return 1
-for i in range(1, size - 1):
-    c = column[k + i]
-    if c >= 0:
-{store}
-{end}
-"""
-
-
-def held_code(hybrid: Hybrid, tick: Tick, kind: str) -> str:
-    """The function ``alternate``, with the ``run`` of the flow, for a kind as in that."""
-    flow, outside, guarded = hybrid.flow, range(len(hybrid.net.outside)), kind == "python"
-    fixed = [] if guarded else [node.value for node in flow.p]
-    held, own = [node.value for node in flow.u[len(outside) :]], [q.value for q in tick.q]
-    updates = Section([*own, *held], hybrid.ticked, "k", fixed, at_once=True)
-    given = [f"given{i} = given[{i}]" for i in outside]
-    unpack = [f"{p.value} = p[{i}]" for i, p in enumerate(flow.p)] + given
-    unpack += _each("{1} = q[{0}]", own) + _each("{1} = h[{0}]", held)
-    keep = indent(_each("q[{0}] = {1}", own) + _each("h[{0}] = {1}", held), 3)
-    states = [x.value for x in flow.x]
-    read = _each("{1} = x[{0}]", states) + [f"u{i} = given{i}[k]" for i in outside]
-    store_q, store_h = _each("q_out[{0}][c] = {1}", own), _each("h_out[{0}][c] = {1}", held)
-    store_b = _each("b_out[{0}][c] = {1}", held) if hybrid.net.earlier else []
-    text = _ALTERNATE.format(
-        robust=updates.robust() if guarded else "",
-        unpack=indent(unpack, 1),
-        head=indent(updates.emitter.head, 1),
-        before=indent(store_q + store_b, 3),
-        read=indent(read + [f"{g.value} = flags[{i}][k]" for i, g in enumerate(tick.g)], 3),
-        tick=indent(updates.lines(guarded), 3),
-        total=summed([f"0.0 * {name}" for name in (*own, *held)]),
-        keep=indent(keep.split("\n"), 1),
-        keep_last=keep,
-        store=indent(_each("x_out[{0}][c] = x[{0}]", states) + store_h, 3),
-        flow=indent(_flow(hybrid, kind, held, store_q + store_h + store_b), 2),
-    )
-    return (adaptive_code(flow, kind) if states else "") + text
-
-
-def _each(line: str, names: Sequence[str]) -> list[str]:
-    return [line.format(i, name) for i, name in enumerate(names)]
-
-
-def _flow(hybrid: Hybrid, kind: str, held: Sequence[str], kept: Sequence[str]) -> list[str]:
-    states, outside = [x.value for x in hybrid.flow.x], range(len(hybrid.net.outside))
-    if not states:
-        lines = ["for i in range(1, j - k):", "    c = column[k + i]", "    if c >= 0:"]
-        return lines + ["        " + line for line in kept or ["pass"]]
-    if kind == "compiled":
-        rows = [f"rows[{i}, i] = given{i}[k + i]" for i in outside]
-        rows += [f"rows[{len(outside) + i}, i] = {name}" for i, name in enumerate(held)]
-        inputs = len(hybrid.flow.u)
-        text = _COMPILED_FLOW.format(inputs=inputs, states=len(states), rows=indent(rows, 1))
-    else:
-        rows = [f"given{i}[k : j + 1]" for i in outside]
-        rows += [f"[{name}] * size" for name in held]
-        text = _PYTHON_FLOW.format(states=len(states), rows=", ".join(rows))
-    inside = _each("x_out[{0}][c] = part[{0}][i]", states)
-    end = "\n".join(_each("x[{0}] = part[{0}][size - 1]", states))
-    return (text + _ADVANCE.format(store=indent(inside + [*kept], 2), end=end)).strip().split("\n")
-
-
-def signal_code(hybrid: Hybrid) -> str:
-    """The function ``signals``: all signals along the kept grid points."""
-    flow, emitter = hybrid.flow, Emitter("array")
-    codes = emitter.write(flow.y)
-    count = len(hybrid.net.held) if hybrid.net.earlier else 0
-    lines = unpacked(flow) + [f"b{i} = b[{i}]" for i in range(count)]
-    lines += emitter.body + [f"y[{i}] = {code}" for i, code in enumerate(codes)]
-    return f"def signals(t, x, u, b, p, y):\n{indent(lines, 1)}\n"

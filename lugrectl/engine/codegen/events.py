@@ -8,7 +8,7 @@ change.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,17 +80,18 @@ def _held_part(lead: Node) -> Node:
 
 def freeze_modes(
     roots: Sequence[Node], fixed: set[str]
-) -> tuple[list[Node], list[Node], list[bool]]:
+) -> tuple[list[Node], list[Node], list[bool], dict[int, Node]]:
     """For steps that end at each kink or jump: smooth roots and switching functions.
 
     Between two events each |a|, sign(a), comparison, maximum and minimum stays on one side. Its
     side is the symbol ``m0``, ``m1``, ... (+1, 0, -1, or nan), the sign of the switching function
     with the same number. Conditions on ``fixed`` symbols alone are not changed. The third result
-    says which functions switch a jump rather than a kink.
+    says which functions switch a jump rather than a kink, the last one the side of each node.
     """
     leads: list[Node] = []
     jumps: set[int] = set()
     known: dict[int, Node] = {}
+    modes: dict[int, Node] = {}
 
     def side(lead: Node, jump: bool) -> Node:
         # w > v and w < v switch together
@@ -113,10 +114,11 @@ def freeze_modes(
         if node.op not in _SIDES or symbols_in([node]) <= fixed:
             return None
         make_lead, result = _SIDES[node.op]
-        return result(side(make_lead(*args), node.op not in _KINKS), *args)
+        modes[node.index] = side(make_lead(*args), node.op not in _KINKS)
+        return result(modes[node.index], *args)
 
     smooth = substitute(roots, rule)
-    return smooth, leads, [lead.index in jumps for lead in leads]
+    return smooth, leads, [lead.index in jumps for lead in leads], modes
 
 
 def _choose(mode: Node, yes: Node, no: Node) -> Node:
@@ -204,6 +206,33 @@ def sliding(
         for i, steps in apart.items()
     }
     return Sliding(rates, parts, {i: gains[i, i] for i in apart}, moves)
+
+
+def resting(
+    roots: Sequence[Node], made: Sliding, modes: Mapping[int, Node]
+) -> tuple[list[Node], list[int]]:
+    """Outputs in which a jump that rests is the mean of its sides, and the jumps that they see.
+
+    The side is the symbol ``way3``, 1 in a rest.
+    """
+
+    def rule(node: Node, args: tuple[Node, ...]) -> Node | None:
+        mode, symbol = modes.get(node.index), node.graph.symbol
+        for i in made.parts:
+            if mode is not None and f"m{i}" in symbols_in([mode]):
+                way = rename([mode], {symbol(f"m{i}").index: symbol(f"way{i}")})[0]
+                return _SIDES[node.op][1](way, *args)
+        return None
+
+    y = substitute(roots, rule)
+    seen = [i for i in made.parts if f"way{i}" in symbols_in(y)]
+    for i in seen:
+        graph = y[0].graph
+        way, one = graph.symbol(f"way{i}").index, graph.constant(1.0)
+        pairs = zip(rename(y, {way: one}), rename(y, {way: -one}), strict=True)
+        part = graph.make("where", graph.symbol(f"on{i}") > 0.0, graph.symbol(f"part{i}"), 0.0)
+        y = [row - part * (above - below) for row, (above, below) in zip(y, pairs, strict=True)]
+    return y, seen
 
 
 def _along(program: Program, lead: Node, motion: Sequence[Node]) -> Node:

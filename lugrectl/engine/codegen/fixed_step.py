@@ -8,14 +8,17 @@ at zero (Filippov, Differential Equations with Discontinuous Righthand Sides, 19
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from ..expression.graph import Node, reachable, rename, substitute, symbols_in
-from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS, WIDTH
+from ..expression.numpy_protocol import COMPARISONS, LIBRARY, OPS
 from ..tracing.tracer import Program
 from .events import average_jumps
-from .python_source import Emitter, indent, summed
+from .python_source import Emitter, indent
 from .rosenbrock import Equations, step
 
 ZERO = 1e-8  # of a state's scale: within this it has reached zero
@@ -23,129 +26,26 @@ HELD = 100.0  # weight of a motion missed by holding a state too long: it is not
 AGAIN = 0.1  # part of a step to try if it starts at zero and ends on the other side
 SHORTEST = 1e-3  # of the shortest step for accuracy: the shortest one to a zero
 
-# per kind of code: try a shorter step, its length, the new state at a zero, and a condition
-_FILLING = {
-    "scalar": (
-        "if {share} and {long}:\n    h = h * share\n    continue\n",
-        "",
-        "{n} = 0.0 if {land} > 0.0 else {n}",
-        " or {} > 0.0",
-    ),
-    "wide": (
-        "back = 1.0 if good > 0.0 and {share} and {long} else 0.0\n"
-        "good = 0.0 if back > 0.0 else good\n",
-        "growth = share if back > 0.0 else growth",
-        "{n} = 0.0 if {land} > 0.0 else {n}",
-        " or {} > 0.0",
-    ),
-    "array": (
-        "back = good & ({share}) & ({long})\ngood = good & ~back\n",
-        "growth = np.where(back, share, growth)",
-        "{n} = np.where({land} > 0.0, 0.0, {n})",
-        " | ({} > 0.0)",
-    ),
-}
-
 
 @dataclass(frozen=True, eq=False)
 class Relay:
     """The state ``place`` whose rate contains its sign.
 
-    ``up`` and ``down`` are its rates just above and just below zero. They may change while it is
-    held (``turning``) if they depend on time or on other states. In the code ``side<place>`` is
-    the direction of the step, 1.0 or -1.0, 0.0 while the state is held; ``land<place>`` 1.0 if the
-    step ends where the state reaches zero.
+    ``up`` and ``down`` are its rates just above and just below zero, ``side`` is its direction in
+    a step, 1.0 or -1.0, 0.0 while it is held. The rates may change while it is held (``turning``)
+    if they depend on time or on other states.
     """
 
     place: int
     up: Node
     down: Node
+    side: Node
     turning: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Relays:
-    """The relays of a program; its rates contain ``side<place>`` and ``free<place>``, 0 if held."""
-
-    program: Program
-    rates: list[Node]
-    every: tuple[Relay, ...]
-
-    def before(self, kind: str) -> list[str]:
-        """Code that decides the direction of each relay, ahead of a step."""
-        lines: list[str] = []
-        for relay in self.every:
-            x, make = self.program.x[relay.place], self.program.graph.make
-            held = make("where", relay.up > 0.0, 1.0, make("where", relay.down < 0.0, -1.0, 0.0))
-            side = make("where", x > 0.0, 1.0, make("where", x < 0.0, -1.0, held))
-            free = abs(self._symbol(f"side{relay.place}"))
-            lines += self._written(kind, f"pre{relay.place}_", {f"side{relay.place}": side})
-            lines += self._written(kind, f"free{relay.place}_", {f"free{relay.place}": free})
-        return lines
-
-    def after(self, kind: str) -> list[str]:
-        """Code behind a step to the new states n0, n1, ...: ``share``, the part of the step that
-        ends at the first zero; for each relay whether it reached zero; and ``slip``, the motion
-        relative to the scale that was missed by holding a state too long."""
-        if not self.every:
-            return []
-        make, shares, slips, made = self.program.graph.make, [], [], {}
-        for relay in self.every:
-            before = self._symbol(f"side{relay.place}") * self.program.x[relay.place]
-            now = self._symbol(f"side{relay.place}") * self._symbol(f"n{relay.place}")
-            scale = make("maximum", self._symbol(f"s{relay.place}"), before)
-            near = ZERO * scale
-            jumps = (relay.down - relay.up) * self._symbol("dt") > near
-            part = make("where", before > near, before / (before - now), AGAIN)
-            over = make("logical_and", jumps, now < -near)
-            shares.append(make("where", over, part, 1.0))
-            lands = make("logical_and", jumps, make("logical_and", now <= near, now < before))
-            made[f"land{relay.place}"] = make("where", lands, 1.0, 0.0)
-            if relay.turning:  # what the state would have moved since, were it not held
-                h = self._symbol("h")
-                later = {x.index: self._symbol(f"n{i}") for i, x in enumerate(self.program.x)}
-                end = self.program.t + h
-                later |= {self.program.t.index: end, self._symbol("begin").index: end}
-                up, down = rename([relay.up, relay.down], later)
-                pull = h * make("maximum", make("maximum", up, -down), 0.0)
-                free = self._symbol(f"free{relay.place}") > 0.0
-                slips.append(HELD * make("where", free, 0.0, pull) / scale)
-        made["share"] = shares[0]
-        for share in shares[1:]:
-            made["share"] = make("minimum", made["share"], share)
-        made["slip"] = self.program.graph.total(slips)
-        return self._written(kind, "post", made)
-
-    def filling(self, kind: str) -> dict[str, str]:
-        """Code for the places ``before``, ``back``, ``shorten`` and ``landed`` of a step."""
-        if not self.every:
-            return dict.fromkeys(("before", "back", "shorten", "landed"), "")
-        lands = [f"land{relay.place}" for relay in self.every]
-        news = [f"n{relay.place}" for relay in self.every]
-        again, shorten, choice, joined = _FILLING[kind]
-        back = again.format(share="share < 1.0", long=f"h > {SHORTEST} * shortest")
-        back += "\n".join(
-            choice.format(n=n, land=land) for n, land in zip(news, lands, strict=True)
-        )
-        return {
-            "before": "\n".join(self.before(kind)),
-            "back": back,
-            "shorten": shorten,
-            "landed": "".join(joined.format(land) for land in lands),
-        }
-
-    def _symbol(self, name: str) -> Node:
-        return self.program.graph.symbol(name)
-
-    def _written(self, kind: str, prefix: str, made: Mapping[str, Node]) -> list[str]:
-        begin = {self._symbol("begin").index: self.program.t}
-        emitter = Emitter(kind, prefix)
-        codes = emitter.write(rename(list(made.values()), begin))
-        return [*emitter.body, *(f"{k} = {c}" for k, c in zip(made, codes, strict=True))]
-
-
-def relays(program: Program) -> Relays:
-    """The relays of a program; a condition on time counts by its share of the step."""
+def relays(program: Program) -> tuple[list[Node], list[Relay]]:
+    """Rates with the symbols ``side<place>``, and the relays; a condition on time counts by its
+    share of the step."""
     graph = program.graph
     rates = average_jumps(program.xdot, {node.value for node in program.p})
     places, signs = [], dict[int, Node]()
@@ -156,10 +56,10 @@ def relays(program: Program) -> Relays:
             side = graph.symbol(f"side{i}")
             signs |= {index: of(side) for index, of in jumps.items()}
     rates = substitute(rates, lambda node, args: signs.get(node.index))
-    every = tuple(_relay(program, rates, i, places) for i in places)
+    every = [_relay(program, rates, i, places) for i in places]
     for i in places:
-        rates[i] = graph.symbol(f"free{i}") * rates[i]
-    return Relays(program, rates, every)
+        rates[i] = abs(graph.symbol(f"side{i}")) * rates[i]
+    return rates, every
 
 
 def _jumps(x: Node) -> list[tuple[Node, Callable[[Node], Node]]]:
@@ -181,18 +81,103 @@ def _relay(program: Program, rates: Sequence[Node], place: int, places: Sequence
     up, down = (rename([rates[place]], to)[0] for to in sides)
     still = {node.value for node in (*program.u, *program.p)}
     still |= {node.value for node, rate in zip(x, program.xdot, strict=True) if rate is x[place]}
-    return Relay(place, up, down, not symbols_in([up, down]) <= still)
+    held = where(up > 0.0, 1.0, where(down < 0.0, -1.0, 0.0))
+    side = where(x[place] > 0.0, 1.0, where(x[place] < 0.0, -1.0, held))
+    return Relay(place, up, down, side, not symbols_in([up, down]) <= still)
 
 
 def _sign(x: Node) -> Node:
     return x.graph.make("sign", x)
 
 
+def where(condition: Node, yes: Any, no: Any) -> Node:
+    return condition.graph.make("where", condition, yes, no)
+
+
+def larger(a: Node, b: Any) -> Node:
+    return a.graph.make("maximum", a, b)
+
+
+def smaller(a: Node, b: Any) -> Node:
+    return a.graph.make("minimum", a, b)
+
+
+def trial(program: Program) -> dict[str, Node]:
+    """What a trial step of length h makes of the time t, of what is ``left`` of a substep, of h,
+    of the ``shortest`` step, of the number ``spent`` and of the states, by their names.
+
+    ``s0``, ... are the largest values of the states. A diverging run must not take minutes: each
+    rejected shortest step makes the shortest step longer (TIRED), and after too many steps
+    (``most``) each step tries to finish its substep.
+    """
+    graph, rates, every = program.graph, *relays(program)
+    t, left, h, shortest, spent, rtol = map(graph.symbol, "t left h shortest spent rtol".split())
+    new, errors = step(Equations(graph, program.t, program.x, program.u, rates))
+    scales = [graph.symbol(f"s{i}") for i in range(len(new))]
+    error = graph.total(
+        abs(e) / larger(scale, abs(n)) for e, scale, n in zip(errors, scales, new, strict=True)
+    )
+    error = error + graph.total(_slip(program, r, new, scales[r.place]) for r in every)
+    error = where(abs(graph.total(program.x)) < np.inf, error, 0.0)
+    good = where(graph.make("logical_or", error <= rtol, h <= shortest), 1.0, 0.0)
+    back, share, landed = graph.constant(0.0), graph.constant(1.0), graph.constant(0.0)
+    for relay in every:
+        over, lands = _at_zero(program, relay, new[relay.place], scales[relay.place])
+        share, landed = smaller(share, over), larger(landed, lands)
+        new[relay.place] = where(lands > 0.0, 0.0, new[relay.place])
+    if every:
+        back = where(share < 1.0, where(h > SHORTEST * shortest, good, 0.0), 0.0)
+        good = good - back
+    growth = 0.8 * np.sqrt(np.sqrt(rtol / larger(error, 1e-30)))  # pyright: ignore
+    growth = where(np.equal(growth, growth), smaller(larger(growth, 0.1), 5.0), 0.1)  # pyright: ignore
+    rest = where(good > 0.0, left - h, left)
+    whole = graph.make("logical_or", spent + 1.0 > graph.symbol("most"), landed > 0.0)
+    longer = smaller(rest, h * where(back > 0.0, share, growth))
+    made = {
+        "t": where(good > 0.0, t + h, t),
+        "left": rest,
+        "h": where(where(whole, good, 0.0) > 0.0, rest, longer),
+        "shortest": where(good > 0.0, shortest * where(error > rtol, TIRED, 1.0), shortest),
+        "spent": spent + 1.0,
+    }
+    pairs = zip(program.x, new, strict=True)
+    made |= {x.value: where(good > 0.0, after, x) for x, after in pairs}
+    to = {graph.symbol(f"side{r.place}").index: r.side for r in every}
+    values = rename(rename(list(made.values()), to), {graph.symbol("begin").index: t})
+    return dict(zip(made, values, strict=True))
+
+
+def _at_zero(program: Program, relay: Relay, new: Node, scale: Node) -> tuple[Node, Node]:
+    """The part of a step that ends where a state reaches zero, and whether (1.0) it ends there."""
+    graph, side = program.graph, program.graph.symbol(f"side{relay.place}")
+    before, now = side * program.x[relay.place], side * new
+    near = ZERO * larger(scale, before)
+    jumps = (relay.down - relay.up) * graph.symbol("dt") > near
+    part = where(before > near, before / (before - now), AGAIN)
+    over = graph.make("logical_and", jumps, now < -near)
+    lands = graph.make("logical_and", jumps, graph.make("logical_and", now <= near, now < before))
+    return where(over, part, 1.0), where(lands, 1.0, 0.0)
+
+
+def _slip(program: Program, relay: Relay, new: Sequence[Node], scale: Node) -> Node:
+    """The motion relative to the scale that is missed by holding a state too long."""
+    graph, side = program.graph, program.graph.symbol(f"side{relay.place}")
+    if not relay.turning:
+        return graph.constant(0.0)
+    end = program.t + graph.symbol("h")
+    later = {x.index: n for x, n in zip(program.x, new, strict=True)}
+    later |= {program.t.index: end, graph.symbol("begin").index: end}
+    up, down = rename([relay.up, relay.down], later)
+    pull = graph.symbol("h") * larger(larger(up, -down), 0.0)
+    missed = HELD * where(abs(side) > 0.0, 0.0, pull)
+    return missed / larger(scale, side * program.x[relay.place])
+
+
 _LOOP = """
 @fast
 def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
         floor, y_hat, x_end, first, last):
-    for lane in {lanes}:
+    for lane in (slice(first, last),):
 {unpack}
         own, begins, zero = series[lane], start[lane], t0[lane]
         whole = dt / substeps
@@ -207,76 +192,37 @@ def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, 
 {scale}
             for i in range(substeps):
                 t = zero + (k + i / substeps) * dt
-                left = {whole}
+                left = np.full(last - first, whole)
                 h = left
-                while {unfinished}:
+                while np.any(left > 0.0):
 {step}
+                    {names}, = {codes},
 {finish}
 """
 
-_SCALAR_STEP = """
-{before}
-{code}
-spent = spent + 1.0
-error = {error}
-if not isfinite({state}):
-    error = 0.0
-if not error <= rtol and h > shortest:
-    h = h * max(0.1, 0.8 * sqrt(sqrt(rtol / error))) if error < inf else h * 0.1
-    continue
-{back}
-{advance}
-t = t + h
-left = left - h
-h = h * min(5.0, 0.8 * sqrt(sqrt(rtol / max(error, 1e-30))))
-h = left if spent > most{landed} else min(left, h)
-shortest = shortest * {tired} if error > rtol else shortest
-"""
-
-_ARRAY_STEP = """
-{before}
-{code}
-spent = spent + 1.0
-error = np.where(np.isfinite({state}), {error}, 0.0)
-good = (error <= rtol) | (h <= shortest)
-{back}
-{advance}
-t = np.where(good, t + h, t)
-left = np.where(good, left - h, left)
-growth = 0.8 * np.sqrt(np.sqrt(rtol / np.maximum(error, 1e-30)))
-growth = np.where(growth == growth, np.clip(growth, 0.1, 5.0), 0.1)
-{shorten}
-h = np.minimum(left, np.where(good & ((spent > most){landed}), left, h * growth))
-shortest = np.where(good & (error > rtol), shortest * {tired}, shortest)
-"""
-
-# A diverging run must not take minutes: each rejected shortest step makes the shortest step
-# longer, and after too many steps each step tries to finish its substep.
 TIRED = 1.005
 MOST = 200  # to a substep, on average
 
 
-def lane_code(program: Program, kind: str) -> str:
-    """The function ``run``: lanes one by one ("scalar") or all at once ("array")."""
+def array_code(program: Program) -> str:
+    """The function ``run`` for NumPy: all lanes at once."""
     fixed = [node.value for node in program.p]
-    at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
+    at_sample, at_step = Emitter("array", "a", fixed), Emitter("array", "b", fixed)
     outputs = at_sample.write(program.y)
-    states, scalar = [node.value for node in program.x], kind == "scalar"
-    taken = "{1} = n{0}" if scalar else "{1} = np.where(good, n{0}, {1})"
-    advance = [taken.format(i, x) for i, x in enumerate(states)]
-    inner = trial(program, kind, at_step, _SCALAR_STEP if scalar else _ARRAY_STEP, advance)
+    states, made = [node.value for node in program.x], trial(program)
+    codes = at_step.write(list(made.values()))
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
+    scale = [f"s{i} = {_most('array', f's{i}', x)}" for i, x in enumerate(states)]
     return _LOOP.format(
-        lanes="range(first, last)" if scalar else "(slice(first, last),)",
-        whole="whole" if scalar else "np.full(last - first, whole)",
-        unfinished="left > 0.0" if scalar else "np.any(left > 0.0)",
-        unpack=indent(unpack(program, kind), 2),
+        unpack=indent(unpack(program, "array"), 2),
         fixed=indent(at_sample.head + at_step.head, 2),
         read=indent([f"u{i} = u[own, k, {i}]" for i in range(len(program.u))], 3),
         output=indent(at_sample.body + store, 3),
-        correct=indent(correction(outputs, states, kind), 4),
-        scale=indent([f"s{i} = {_most(kind, f's{i}', x)}" for i, x in enumerate(states)], 3),
-        step=indent(inner, 5),
+        correct=indent(correction(outputs, states, "array"), 4),
+        scale=indent(scale, 3),
+        step=indent(at_step.body, 5),
+        names=", ".join(made),
+        codes=", ".join(codes),
         finish=indent([f"x_end[lane, {i}] = {x}" for i, x in enumerate(states)], 2),
     )
 
@@ -293,39 +239,6 @@ def unpack(program: Program, kind: str) -> list[str]:
 
 def _most(kind: str, a: str, b: str) -> str:
     return f"{'np.maximum' if kind == 'array' else 'max'}({a}, abs({b}))"
-
-
-def trial(
-    program: Program, kind: str, emitter: Emitter, template: str, advance: Sequence[str]
-) -> list[str]:
-    """A template of a trial step, filled with the new states n0, n1, ... and its error."""
-    states = [node.value for node in program.x]
-    switching = relays(program)
-    after, estimate = fixed_step(program, switching)
-    codes = emitter.write(after + estimate)
-    new, errors = codes[: len(states)], codes[len(states) :]
-    made = [f"n{i} = {code}" for i, code in enumerate(new)]
-    parts = [f"abs({e}) / {_most(kind, f's{i}', f'n{i}')}" for i, e in enumerate(errors)]
-    parts += ["slip"] if any(relay.turning for relay in switching.every) else []
-    text = template.format(
-        tired=TIRED,
-        code="\n".join([*emitter.body, *made, *switching.after(kind)]),
-        error=summed(parts),
-        state=summed(states),
-        advance="\n".join(advance),
-        **switching.filling(kind),
-    )
-    return [line for line in text.split("\n") if line]
-
-
-def fixed_step(program: Program, switching: Relays) -> tuple[list[Node], list[Node]]:
-    """The state after a step of length h with held inputs, and its error."""
-    equations = Equations(
-        graph=program.graph, t=program.t, x=program.x, u=program.u, xdot=switching.rates
-    )
-    begin = {program.graph.symbol("begin").index: program.t}
-    new, error = step(equations)
-    return rename(new, begin), rename(error, begin)
 
 
 def correction(outputs: Sequence[str], states: Sequence[str], kind: str) -> list[str]:
@@ -355,8 +268,8 @@ import numpy as np
 def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, dt, substeps, rtol,
         floor, y_hat, x_end, first, last):
     whole = dt / substeps
-    lane_at, sample_at = np.zeros({width}, int), np.zeros({width}, int)
-    turn_at = np.zeros({width}, int)
+    lane_at, sample_at = np.zeros({width}, np.int64), np.zeros({width}, np.int64)
+    turn_at = np.zeros({width}, np.int64)
 {rooms}
     for l in range({width}):
         lane = first
@@ -400,42 +313,25 @@ def run(x_start, start, length, u, series, p, y, gain, correct, dull, half, t0, 
 {step}
 """
 
-# a place without a lane makes steps of zero length, which change nothing
-_STEP = """
-{before}
-{code}
-error = ({error}) if abs({state}) < inf else 0.0
-good = 1.0 if error <= rtol or h <= shortest else 0.0
-{back}
-tired = {tired} if error > rtol else 1.0
-shortest_at[l] = shortest * tired if good > 0.0 else shortest
-growth = 0.8 * sqrt(sqrt(rtol / max(error, 1e-30)))
-growth = min(max(growth, 0.1), 5.0) if growth == growth else 0.1
-{shorten}
-left = left - h if good > 0.0 else left
-t_at[l] = t + h if good > 0.0 else t
-left_at[l] = left
-spent_at[l] = spent + 1.0
-h_at[l] = left if good > 0.0 and (spent > most{landed}) else min(left, h * growth)
-{advance}
-"""
-
 
 def is_wide(program: Program) -> bool:
     """Whether each operation of a program's step is available for several numbers at once."""
-    new, error = fixed_step(program, relays(program))
-    calls = {OPS[n.op].scalar.partition("(")[0] for n in reachable(new + error) if n.args}
+    nodes = reachable(trial(program).values())
+    calls = {OPS[n.op].scalar.partition("(")[0] for n in nodes if n.args}
     return {call for call in calls if call.isidentifier()} <= {*LIBRARY, *PLAIN}
 
 
-def wide_code(program: Program) -> str:
-    """The function ``run``, which works through the lanes by blocks of ``WIDTH``."""
+def lane_code(program: Program, kind: str, width: int) -> str:
+    """The function ``run``, which works through the lanes by blocks; ``kind`` "wide" can be
+    vectorised, "scalar" has all functions."""
     fixed = [node.value for node in program.p]
-    at_sample, at_step = Emitter("wide", "a", fixed), Emitter("wide", "b", fixed)
+    at_sample, at_step = Emitter(kind, "a", fixed), Emitter(kind, "b", fixed)
     outputs = at_sample.write(program.y)
     states, inputs = ([node.value for node in of] for of in (program.x, program.u))
-    advance = [f"{x}_at[l] = n{i} if good > 0.0 else {x}" for i, x in enumerate(states)]
-    step = trial(program, "wide", at_step, _STEP, advance)
+    made = trial(program)
+    pairs = zip(made, at_step.write(list(made.values())), strict=True)
+    # a place without a lane makes steps of zero length, which change nothing
+    inner = [*at_step.body, *(f"{name}_at[l] = {code}" for name, code in pairs)]
     scales = [f"s{i}" for i in range(len(states))]
     known = [
         *fixed,
@@ -449,8 +345,8 @@ def wide_code(program: Program) -> str:
     store = [f"y_hat[lane, j, {i}] = {code}" for i, code in enumerate(outputs)]
     taken = [*unpack(program, "scalar"), *at_sample.head, *at_step.head]
     return _WIDE_LOOP.format(
-        width=WIDTH,
-        rooms=indent([f"{name}_at = np.zeros({WIDTH})" for name in rooms], 1),
+        width=width,
+        rooms=indent([f"{name}_at = np.zeros({width})" for name in rooms], 1),
         unpack=indent(taken, 2),
         keep=indent(_kept([*known, *moving]), 2),
         take=indent([*taken, *_kept([*known, *moving])], 6),
@@ -463,7 +359,7 @@ def wide_code(program: Program) -> str:
         scale=indent([f"s{i} = max(s{i}, abs({x}))" for i, x in enumerate(states)], 6),
         keep_moving=indent(_kept(moving), 6),
         load_step=indent(_loaded(rooms), 3),
-        step=indent(step, 3),
+        step=indent(inner, 3),
     )
 
 

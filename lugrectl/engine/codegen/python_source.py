@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
-from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from ..expression.graph import Node, reachable, substitute, symbols_in
@@ -65,10 +63,7 @@ class Emitter:
                 positive = node.value >= 0
                 text[node.index] = repr(node.value) if positive else f"({node.value!r})"
                 continue
-            op = OPS[node.op]
-            template = op.array if self.kind == "array" else op.scalar
-            template = _OWN.get((self.kind, node.op), template)
-            code = template.format(*(text[a.index] for a in node.args))
+            code = self._template(node).format(*(text[a.index] for a in node.args))
             users = uses[node.index]  # once, and only once in the user's code
             inline = len(users) == 1 and still[users[0]] == still[node.index]
             if inline and node.op in _INFIX and len(code) < _LONGEST:
@@ -77,6 +72,15 @@ class Emitter:
             text[node.index] = name = f"{self.prefix}{node.index}"
             (self.head if still[node.index] else self.body).append(f"{name} = {code}")
         return [text[root.index] for root in roots]
+
+    def _template(self, node: Node) -> str:
+        if node.op == "call":
+            return f"called[{node.value}]({', '.join(['{}'] * len(node.args))})"
+        if node.op == "item":
+            return f"{{}}[{node.value}]"
+        op = OPS[node.op]
+        template = op.array if self.kind == "array" else op.scalar
+        return _OWN.get((self.kind, node.op), template)
 
 
 class Section:
@@ -115,13 +119,14 @@ class Section:
         """The same code as a function that returns inf or nan where ``math`` would raise."""
         emitter = Emitter("array", self.prefix)
         values = "".join(f"{code}, " for code in emitter.write(self.nodes))
-        lines = [f"{name} = np.float64({name})" for name in self._arguments()]
+        lines = [f"{name} = np.float64({name})" for name in sorted(symbols_in(self.nodes))]
         lines += [*emitter.body, f"return [float(v) for v in ({values})]"]
         head = f"def robust_{self.prefix}({', '.join(self._arguments())}):\n"
         return head + "    with np.errstate(all='ignore'):\n" + indent(lines, 2) + "\n\n\n"
 
     def _arguments(self) -> list[str]:
-        return sorted(symbols_in(self.nodes))
+        calls = any(node.op == "call" for node in reachable(self.nodes))
+        return sorted(symbols_in(self.nodes)) + ["called"] * calls
 
 
 def reciprocals(roots: Sequence[Node]) -> list[Node]:
@@ -136,77 +141,6 @@ def reciprocals(roots: Sequence[Node]) -> list[Node]:
         return None if plain else args[0] * (1.0 / args[1])
 
     return substitute(roots, rule)
-
-
-_SUMS = ("add", "subtract")
-_COST = {"divide": 4, "sqrt": 5, "exp": 12, "log": 12, "sin": 12, "cos": 12, "tanh": 20}
-
-
-def early_first(roots: Sequence[Node], late: Iterable[str]) -> list[Node]:
-    """The roots with the terms of each sum added in the order in which they become known.
-
-    Equal except for rounding. ``late`` names the symbols that are known last. The longest chain
-    of operations limits the speed of compiled code; other work is done in parallel with it.
-    """
-    nodes = reachable(roots)
-    uses = Counter([a.index for n in nodes for a in n.args] + 2 * [root.index for root in roots])
-    known = _Known(late)
-    new: dict[int, Node] = {}
-    for node in nodes:
-        terms = _terms(node, uses) if node.op in _SUMS else []
-        # (x + 1e16) - 1e16 must not be reordered
-        plain = any(n.is_constant() and abs(n.value) > 1e6 for _, n in terms)
-        if len(terms) > 2 and not plain:
-            new[node.index] = _added([(sign, new[n.index]) for sign, n in terms], known)
-        else:
-            args = [new[a.index] for a in node.args]
-            new[node.index] = node.graph.make(node.op, *args) if args else node
-    return [new[root.index] for root in roots]
-
-
-class _Known:
-    """The number of products after which a value is known: 0 if it does not depend on ``late``."""
-
-    def __init__(self, late: Iterable[str]) -> None:
-        self.late, self.when = frozenset(late), dict[int, int]()
-
-    def __call__(self, node: Node) -> int:
-        if node.index not in self.when:
-            first = max(map(self, node.args), default=int(node.value in self.late))
-            self.when[node.index] = first and first + _COST.get(node.op, 1)
-        return self.when[node.index]
-
-
-def _terms(node: Node, uses: Counter[int]) -> list[tuple[int, Node]]:
-    """A sum as signs and terms, through inner sums that nothing else uses."""
-    found, stack = [], [(1, node)]
-    while stack:
-        sign, one = stack.pop()
-        inner = one is node or uses[one.index] == 1
-        if inner and one.op == "negative":
-            stack.append((-sign, one.args[0]))
-        elif inner and one.op in _SUMS:
-            stack.append((sign if one.op == "add" else -sign, one.args[1]))
-            stack.append((sign, one.args[0]))
-        else:
-            found.append((sign, one))
-    return found
-
-
-def _added(terms: Sequence[tuple[int, Node]], known: _Known) -> Node:
-    make = terms[0][1].graph.make
-    heap = [(known(node), i, sign, node) for i, (sign, node) in enumerate(terms)]
-    heapq.heapify(heap)
-    count = len(heap)
-    while len(heap) > 1:
-        (_, _, sign, a), (_, _, other, b) = heapq.heappop(heap), heapq.heappop(heap)
-        if sign < 0 < other:
-            sign, other, a, b = other, sign, b, a
-        total = make("add" if sign == other else "subtract", a, b)
-        heapq.heappush(heap, (known(total), count, sign, total))
-        count += 1
-    _, _, sign, total = heap[0]
-    return total if sign > 0 else make("negative", total)
 
 
 def indent(lines: Iterable[str], depth: int) -> str:

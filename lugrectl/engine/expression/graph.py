@@ -40,10 +40,12 @@ class Graph:
 
     ``late`` holds the delay of each state that a block declares to be a delayed signal, by the
     index of the state's symbol; those in ``exact`` are that signal, and their rate is the signal
-    before the delay.
+    before the delay. ``called`` are functions that are called as they are, by nodes "call" (its
+    value is the function's place) and "item" (the place in what that returns).
     """
 
     def __init__(self) -> None:
+        self.called: list[Callable[..., Sequence[float]]] = []
         self.late: dict[int, Any] = {}
         self.exact: frozenset[int] = frozenset()
         self.nodes: list[Node] = []
@@ -73,6 +75,20 @@ class Graph:
                 return self.constant(OPS[op].value(*(a.value for a in nodes)))
         simpler = SIMPLER[op](*nodes) if op in SIMPLER else None
         return self._node(op, nodes) if simpler is None else simpler
+
+    def like(self, node: Node, args: tuple[Node, ...]) -> Node:
+        """The same operation on other arguments."""
+        if node.op in ("call", "item"):
+            return self._node(node.op, args, node.value)
+        return self.make(node.op, *args)
+
+    def call(self, function: Callable[..., Sequence[float]], args: Sequence[Node]) -> Node:
+        """A call of a function, of which ``result`` is the number i."""
+        self.called.append(function)
+        return self._node("call", tuple(args), len(self.called) - 1)
+
+    def result(self, call: Node, i: int) -> Node:
+        return self._node("item", (call,), i)
 
     def total(self, terms: Iterable[Any]) -> Node:
         """Sum, from left to right."""
@@ -199,7 +215,7 @@ def substitute(
         changed = rule(node, args)
         if changed is None:
             same = all(a is b for a, b in zip(args, node.args, strict=True))
-            changed = node if same else node.graph.make(node.op, *args)
+            changed = node if same else node.graph.like(node, args)
         new[node.index] = changed
     return [new[root.index] for root in roots]
 
@@ -241,8 +257,14 @@ def evaluate(roots: Sequence[Node], values: Mapping[str, Any]) -> list[Any]:
             elif node.op == "symbol":
                 known[node.index] = np.asarray(values[node.value], dtype=float)[()]
             else:
-                known[node.index] = OPS[node.op].value(*(known[a.index] for a in node.args))
+                known[node.index] = _value(node, [known[a.index] for a in node.args])
     return [known[root.index] for root in roots]
+
+
+def _value(node: Node, args: Sequence[Any]) -> Any:
+    if node.op == "call":
+        return node.graph.called[node.value](*args)
+    return args[0][node.value] if node.op == "item" else OPS[node.op].value(*args)
 
 
 def derivatives(roots: Sequence[Node], variable: Node) -> list[Node]:
@@ -314,7 +336,7 @@ def affine(roots: Sequence[Node], symbols: Iterable[Node]) -> list[Form | None]:
             # arguments may be new: in x - x and 0 x a symbol has cancelled
             args = [part.offset for part in parts if part]
             same = all(a.index == b.index for a, b in zip(node.args, args, strict=True))
-            forms[node.index] = Form({}, node if same else graph.make(node.op, *args))
+            forms[node.index] = Form({}, node if same else graph.like(node, tuple(args)))
         elif None in parts or node.op not in _RULES:
             forms[node.index] = None
         else:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...core.bare_system import BareSystem
 from ...core.errors import InputError
-from ..codegen.fixed_step import is_wide, lane_code, wide_code
+from ..codegen.fixed_step import array_code, is_wide, lane_code
 from ..expression.numpy_protocol import WIDTH
 from ..tracing.tracer import trace
 from .adaptive_run import chosen_outputs
@@ -48,15 +48,16 @@ class Lanes:
         self.states, self.inputs = self.program.states, self.program.inputs
         self.outputs, self.parameters = self.program.outputs, self.program.parameters
         self.defaults = self.program.defaults.copy()
-        kind = "array" if self.backend == "numpy" else "scalar"
-        self._run: Callable[..., None] = load(lane_code(self.program, kind), self.backend).run
+        plain = self.backend == "numpy"
+        text = array_code(self.program) if plain else lane_code(self.program, "scalar", 1)
+        self._run: Callable[..., None] = load(text, self.backend).run
 
     @cached_property
     def _wide(self) -> Callable[..., None] | None:
         """The loop over blocks of lanes, if available."""
         if self.backend != "c" or not has_wide() or not is_wide(self.program):
             return None
-        return load(wide_code(self.program), "wide").run
+        return load(lane_code(self.program, "wide", WIDTH), "wide").run
 
     def run(
         self,

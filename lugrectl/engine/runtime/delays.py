@@ -9,7 +9,7 @@ halved, and its segment is run again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -18,17 +18,17 @@ import numpy as np
 
 from ..expression.graph import Node, evaluate, rename
 from ..tracing.network import Net
-from ..tracing.tracer import Program, traced_net
-from .adaptive_run import Accuracy, Adaptive, Course, Now, Track
-from .memo import ALONE, made_of
+from ..tracing.tracer import Hybrid, Program, traced_net
+from .adaptive_run import Accuracy, Course, Engine, Now, Track
+from .memo import ALONE
 
 SEGMENTS = 50_000  # of a run at most; a shorter delay stays an approximation
 HALVINGS = 24  # rounds of them in a segment at most
 SHORTEST = 1e-6  # of the shortest delay: a panel that is not halved
-NODES = np.arange(5) / 4  # of a panel, as parts of its length
+INSIDE = 1e-5  # part of a panel between its last node and its end
+NODES = np.array([0.0, 0.25, 0.5, 0.75, 1.0 - INSIDE])  # of a panel, as parts of its length
 _FIT = np.linalg.inv(np.vander(NODES, increasing=True))
 _FOURTH = np.array([1.0, -4.0, 6.0, -4.0, 1.0])
-INSIDE = 1e-5  # part of a panel by which its ends are moved inwards to find the side of a jump
 
 
 def lates(program: Program, p: np.ndarray) -> dict[int, float]:
@@ -42,12 +42,11 @@ def lates(program: Program, p: np.ndarray) -> dict[int, float]:
     }
 
 
-_made: WeakKeyDictionary[Adaptive, dict[tuple[int, ...], Adaptive]] = WeakKeyDictionary()
+_made: WeakKeyDictionary[Engine, dict[tuple[int, ...], Engine]] = WeakKeyDictionary()
 
 
 def run_late(
-    engine: Adaptive,
-    net: Net,
+    engine: Engine,
     course: Course,
     starts: tuple[np.ndarray, np.ndarray],
     params: Mapping[str, Any] | None,
@@ -59,91 +58,76 @@ def run_late(
         return None
     least = (t[-1] - t[0]) / SEGMENTS
     delays = lates(program, program.arguments(params))
-    exact = tuple(i for i, delay in delays.items() if delay > least)
+    exact = {i: delay for i, delay in delays.items() if delay > least}
     if not exact:
         return None
     with ALONE:
         kept = _made.setdefault(engine, {})
-        if exact not in kept:
-            kept[exact] = _compiled(net, params, exact, engine.backend)
-    p = kept[exact].program.arguments(params)
-    return _Run(kept[exact], net, course, starts, p, accuracy).track(exact)
+        if (late := tuple(exact)) not in kept:
+            kept[late] = Engine(_by_time(engine.net, params, late), engine.backend)
+    p = kept[late].program.arguments(params)
+    return _Run(kept[late], course, starts, p, accuracy).track(exact).at(course.kept)
 
 
-def _compiled(
-    net: Net, params: Mapping[str, Any] | None, late: tuple[int, ...], backend: str | None
-) -> Adaptive:
-    """The code of a net with held inputs in place of its inputs and delayed signals.
+def _by_time(net: Net, params: Mapping[str, Any] | None, late: tuple[int, ...]) -> Hybrid:
+    """A net with held inputs in place of its inputs and delayed signals.
 
     They are m values, m slopes, five coefficients of each delayed signal, and the start of the
-    panel. Behind the signals come those that will be delayed.
+    panel. Behind the signals come those that will be delayed, then the delayed ones.
     """
     m = len(net.outside)
     more = tuple(f"held {k}" for k in range(m + 5 * len(late) + 1))
     wide = replace(net, outside=(*net.outside, *more))
     hybrid = traced_net(wide, params, exact=late).sharpened(params)
-    flow, tick, zero = hybrid.flow, hybrid.tick, hybrid.flow.graph.constant(0.0)
+    flow, zero = hybrid.flow, hybrid.flow.graph.constant(0.0)
     rates = [zero if i in late else rate for i, rate in enumerate(flow.xdot)]
-    y = [*flow.y, *(flow.xdot[i] for i in late)]
+    y = [*flow.y, *(flow.xdot[i] for i in late), *(flow.x[i] for i in late)]
     names = [flow.graph.symbol(f"u{k}") for k in range(len(wide.outside))]
     since = flow.t - names[-1]
     by_time = {names[k].index: names[k] + names[m + k] * since for k in range(m)}
     for j, i in enumerate(late):
-        rows = names[2 * m + 5 * j : 2 * m + 5 * j + 5]
-        by_time[flow.x[i].index] = polynomial(rows, since)
+        by_time[flow.x[i].index] = polynomial(names[2 * m + 5 * j : 2 * m + 5 * j + 5], since)
     roots = rename([*rates, *y, *hybrid.ticked], by_time)
     n, k = len(rates), len(rates) + len(y)
-    if tick is not None:
-        q = k + len(tick.new_q)
-        tick = replace(tick, new_q=tuple(roots[k:q]), new_h=tuple(roots[q:]))
+    q = k + len(hybrid.new_q)
     flow = replace(
         flow,
-        outputs=(*flow.outputs, *(f"late {i}" for i in late)),
+        outputs=(*flow.outputs, *(f"late {i}" for i in range(2 * len(late)))),
         u=(*names, *flow.u[len(names) :]),
         xdot=tuple(roots[:n]),
         y=tuple(roots[n:k]),
     )
-    return made_of(replace(hybrid, flow=flow, tick=tick), backend)
+    return replace(hybrid, flow=flow, new_q=tuple(roots[k:q]), new_h=tuple(roots[q:]))
 
 
 class _Run:
-    """Where a run of updates and flow is; ``rows`` as of :meth:`.adaptive_run.Adaptive.part`."""
+    """Where a run of updates and flow is."""
 
     def __init__(
         self,
-        engine: Adaptive,
-        net: Net,
+        engine: Engine,
         course: Course,
         starts: tuple[np.ndarray, np.ndarray],
         p: np.ndarray,
         accuracy: Accuracy,
     ) -> None:
-        self.engine, self.net, self.course, self.p = engine, net, course, p
-        self.accuracy, self.unsettled, self.begun = accuracy, np.nan, False
-        held = len(net.held)
-        self.now = Now.start(*starts, held)
-        counts = (*map(len, starts), held, held if net.earlier else 0)
-        self.rows = [np.empty((count, len(course.grid))) for count in counts]
+        self.engine, self.course, self.p, self.accuracy = engine, course, p, accuracy
+        self.now = Now.start(*starts, engine.held)
+        counts = len(starts[0]), len(starts[1]), len(engine.outputs)
+        x, q, y = (np.empty((count, len(course.grid))) for count in counts)
+        self.whole = Track(x, q, y)
 
-    def track(self, late: Sequence[int]) -> Track:
-        course, t, delays = self.course, self.course.grid, lates(self.engine.program, self.p)
-        self.past = [History(t[0], self.now.x[i], delays[i]) for i in late]
-        self.longest, self.near = min(past.delay for past in self.past), 1e-10 * (t[-1] - t[0])
-        self.breaks = [self._on_grid(t[0] + past.delay) for past in self.past]
-        now, own, done = float(t[0]), np.empty((len(late), len(t))), 0
+    def track(self, late: Mapping[int, float]) -> Track:
+        t, whole, count = self.course.grid, self.whole, len(late)
+        self.past = [History(t[0], self.now.x[i], delay) for i, delay in late.items()]
+        self.longest, self.near = min(late.values()), 1e-10 * (t[-1] - t[0])
+        self.breaks = [self._on_grid(t[0] + delay) for delay in late.values()]
+        now = float(t[0])
         while now < t[-1]:
             now = float(self._segment(self._edges(now))[-1])
-            last = int(np.searchsorted(t, now, side="right"))
-            own[:, done:last] = [past.late_from(t[done:last], self.longest) for past in self.past]
-            done = last
-        kept = course.kept
-        states, q, h, b = (row[:, kept] for row in self.rows)
-        for i, row in zip(late, own, strict=True):  # in place of the approximation's states
-            states[i], states[i + 1] = row[kept], 0.0
-        parts = [np.vstack([row, np.zeros((4, len(row)))]) for row in own]
-        u = np.vstack([self._inputs(slice(None)), *parts, t])[:, kept]
-        y = self.engine.signals(t[kept], states, np.vstack([u, h]), b, self.p)
-        return Track(states, q, y[: len(self.net.signals)], self.unsettled)
+        for i, row in zip(late, whole.y[-count:], strict=True):  # for the approximation's states
+            whole.x[i], whole.x[i + 1] = row, 0.0
+        return replace(self.whole, y=whole.y[: -2 * count])
 
     def _edges(self, now: float) -> np.ndarray:
         """From now to the last edge that is not more than the shortest delay away."""
@@ -172,13 +156,11 @@ class _Run:
             values = np.array([past.late(edges) for past in self.past])
             rough = self._rough(edges, values, 20.0, growing=False)
             if not rough.any() or again == HALVINGS:
-                values, accept = self._advance(edges, values)
+                after, track = self._advance(edges, values)
+                values = track.y[-2 * len(values) : -len(values), :-1].reshape(values.shape)
                 rough = self._rough(edges, values, 10.0, growing=True)
                 if not rough.any() or again == HALVINGS:
-                    for past, own in zip(self.past, values, strict=True):
-                        broken = past.extend(edges, own, self.accuracy.rtol)
-                        self.breaks += map(self._on_grid, broken)
-                    accept()
+                    self._accept(edges, values, after, track)
                     return edges
             edges = np.sort(np.append(edges, 0.5 * (edges[:-1] + edges[1:])[rough]))
         raise AssertionError("unreachable")
@@ -193,42 +175,40 @@ class _Run:
             rough |= np.abs(own @ _FOURTH) > factor * self.accuracy.rtol * size
         return rough & (np.diff(edges) > SHORTEST * self.longest)
 
-    def _advance(self, edges: np.ndarray, late: np.ndarray) -> tuple[np.ndarray, Any]:
-        """What will be delayed, at the nodes (d, P, 5) of a segment, and how to accept it."""
+    def _on_edges(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The places of the grid points in [first, last), and those of their edges at the nodes."""
+        t = self.course.grid
+        at = np.searchsorted(t, edges)
+        new = t[np.minimum(at, len(t) - 1)] == edges
+        new[-1] = edges[-1] == t[-1]  # the next segment begins there
+        return at[new], 5 * np.flatnonzero(new)
+
+    def _advance(self, edges: np.ndarray, late: np.ndarray) -> tuple[Now, Track]:
+        """The end of a segment, and its track at the nodes and at the last edge."""
+        t, u, end = self.course.grid, self.course.given, edges[-1]
         rows = [coefficients(own, np.diff(edges)).T for own in late]
         columns = np.vstack([self._panels(edges), *rows, edges[None, :-1]])
-        inputs = np.append(np.repeat(columns, 4, axis=1), self._last(edges), axis=1)
-        grid = np.append(nodes(edges)[:, :-1].ravel(), edges[-1])
-        t = self.course.grid
-        at = np.minimum(np.searchsorted(t, edges), len(t) - 1)
-        new = t[at] == edges  # the edges that are grid points
-        new[0] &= not self.begun  # the last segment ended there, after its update
-        at, own = at[new], np.flatnonzero(new)
-        flags = np.zeros((len(self.course.flags), len(grid)))
-        flags[:, 4 * own] = self.course.flags[:, at]
-        after = self.now.copy()
-        part = Course(grid, inputs, flags, None, True)
-        out, unsettled = self.engine.part(part, after, self.p, self.accuracy)
-        if np.isfinite(unsettled):
-            self.unsettled = unsettled
+        last = columns[:, -1:]
+        if end == t[-1]:
+            own = [[past.late_at(end, self.longest), 0, 0, 0, 0] for past in self.past]
+            last = np.concatenate([u[:, -1], 0.0 * u[:, -1], *own, [end]])[:, None]
+        at, own = self._on_edges(edges)
+        flags = np.zeros((len(self.course.flags), 5 * columns.shape[1] + 1))
+        flags[:, own] = self.course.flags[:, at]
+        after, grid = self.now.copy(), np.append(nodes(edges).ravel(), end)
+        inputs = np.append(np.repeat(columns, 5, axis=1), last, axis=1)
+        part = Course(grid, inputs, flags, True)
+        return after, self.engine.run(part, after, self.p, self.accuracy)
 
-        def accept() -> None:
-            for row, found in zip(self.rows, out, strict=True):
-                if len(row):
-                    row[:, at] = found[:, 4 * own]
-            self.now, self.begun = after, True
-
-        count = len(edges) - 1
-        places = (np.arange(5) + 4 * np.arange(count)[:, None]).ravel()
-        held = np.repeat(out[2][:, :-1:4], 5, axis=1)
-        u = np.vstack([np.repeat(columns, 5, axis=1), held])
-        before = held if self.net.earlier else np.empty((0, 5 * count))
-        y = self.engine.signals(nodes(edges).ravel(), out[0][:, places], u, before, self.p)
-        return y[len(self.net.signals) :].reshape(-1, count, 5), accept
-
-    def _inputs(self, k: Any) -> np.ndarray:
-        given = self.course.given[:, k]
-        return np.vstack([given, 0.0 * given])
+    def _accept(self, edges: np.ndarray, values: np.ndarray, after: Now, track: Track) -> None:
+        for past, own in zip(self.past, values, strict=True):
+            self.breaks += map(self._on_grid, past.extend(edges, own, self.accuracy.rtol))
+        at, own = self._on_edges(edges)
+        for name in "xqy":
+            getattr(self.whole, name)[:, at] = getattr(track, name)[:, own]
+        if np.isfinite(track.unsettled):
+            self.whole = replace(self.whole, unsettled=track.unsettled)
+        self.now = after
 
     def _panels(self, edges: np.ndarray) -> np.ndarray:
         """Value and slope (2 m, P) of the inputs at the start of each panel."""
@@ -236,16 +216,6 @@ class _Run:
         k = np.clip(np.searchsorted(t, middle, side="right") - 1, 0, len(t) - 2)
         slope = 0.0 * u[:, k] if self.course.hold else (u[:, k + 1] - u[:, k]) / (t[k + 1] - t[k])
         return np.vstack([u[:, k] + slope * (edges[:-1] - t[k]), slope])
-
-    def _last(self, edges: np.ndarray) -> np.ndarray:
-        """The held inputs just after the last edge."""
-        t, end = self.course.grid, edges[-1:]
-        k = int(np.searchsorted(t, end[0], side="right")) - 1
-        row = self._inputs([k])
-        if t[k] < end[0] and not self.course.hold:
-            row = self._panels(end[0] + self.longest * np.array([0.0, 1e-3]))
-        late = [[[*past.late_from(end, self.longest), 0, 0, 0, 0]] for past in self.past]
-        return np.vstack([row, *(np.transpose(c) for c in late), end[:, None]])
 
 
 def coefficients(values: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -263,9 +233,7 @@ def polynomial(rows: Any, since: Any) -> Any:
 
 def nodes(edges: np.ndarray) -> np.ndarray:
     """The nodes (P, 5) of the panels between the edges (P + 1,)."""
-    made = edges[:-1, None] + np.diff(edges)[:, None] * NODES
-    made[:, -1] = edges[1:]
-    return made
+    return edges[:-1, None] + np.diff(edges)[:, None] * NODES
 
 
 class History:
@@ -278,19 +246,14 @@ class History:
 
     def late(self, edges: np.ndarray) -> np.ndarray:
         """The delayed signal at the nodes (P, 5) of panels; at a jump, on the panel's own side."""
-        at = nodes(edges) - self.delay
-        middle = at[:, 2:3]
-        return self._values(at, middle + (1.0 - INSIDE) * (at - middle))
+        return self.late_at(nodes(edges), np.diff(edges)[:, None])
 
-    def late_from(self, t: np.ndarray, length: float) -> np.ndarray:
-        """The delayed signal just after the times t (N,)."""
+    def late_at(self, t: Any, length: Any) -> Any:
+        """The delayed signal just after times that lie in panels of a length."""
         at = t - self.delay
-        return self._values(at, at + INSIDE * length)
-
-    def _values(self, at: np.ndarray, chosen: np.ndarray) -> np.ndarray:
-        k = np.maximum(np.searchsorted(self._starts, chosen, side="right") - 1, 0)
-        s, rows = at - self._starts[k], self._rows[k]
-        return polynomial(np.moveaxis(rows, -1, 0), s)
+        k = np.searchsorted(self._starts, at + 0.5 * INSIDE * length, side="right") - 1
+        k = np.maximum(k, 0)
+        return polynomial(np.moveaxis(self._rows[k], -1, 0), at - self._starts[k])
 
     def extend(self, edges: np.ndarray, values: np.ndarray, rtol: float) -> list[float]:
         """Add panels with values (P, 5); the times at which the delayed signal is not smooth."""

@@ -14,7 +14,7 @@ from ...core.errors import InputError
 from ..expression.graph import symbols_in
 from ..tracing.network import Net
 from ..tracing.tracer import AGAIN, Differs, Hybrid, check, single, smooth_keys, traced_net
-from .adaptive_run import Adaptive, Held, chosen_backend
+from .adaptive_run import Engine, chosen_backend
 
 PLAIN = (
     BlockSystem,
@@ -70,10 +70,9 @@ def _inside(system: Any, by_trace: bool) -> Any:
 
 def _equations(block: Any) -> Any:
     """What a trace of a single block gives, compared with the block itself."""
-    params = dict(block._current_params)
     try:
         program = single(block)
-        check(program, block, params, AGAIN)
+        check(program, block, AGAIN)
     except Differs:  # by itself: among other blocks an even number of calls may hide it
         raise
     except Exception:  # the trace of the whole says which block, and why
@@ -93,11 +92,11 @@ def is_number(value: Any) -> bool:
 MOST = 400  # compiled codes that are kept
 ALONE = threading.RLock()  # a system holds the parameters that it is asked with
 
-_traced: dict[Any, Adaptive] = {}
+_traced: dict[Any, Engine] = {}
 
 
-def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Adaptive:
-    """The compiled net, as it is at this moment: :class:`Held`, where it has sampled blocks.
+def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Engine:
+    """The compiled net, as it is at this moment.
 
     Code of an earlier call serves again where the equations are the same: the blocks are
     :func:`described` as they were then, or a new trace of them gives the same equations again.
@@ -119,21 +118,16 @@ def compiled(net: Net, params: Mapping[str, Any] | None = None) -> Adaptive:
         sharp = hybrid.sharpened(given)
         key = (backend, sharp.outline())
         before = _traced.get(key)
-        hybrid.check(given, *([AGAIN] if before else []))
+        hybrid.check(*([AGAIN] if before else []))
         _no_unknown(hybrid, given)
-        engine = made_of(sharp, backend) if before is None else before.of(sharp)
+        engine = Engine(sharp, backend) if before is None else before.of(sharp)
         _keep(key, engine)
         if None not in plain and not hybrid.flow.fixed:
             _keep(known, engine)
         return engine
 
 
-def made_of(hybrid: Hybrid, backend: str | None) -> Adaptive:
-    """The code of equations."""
-    return Adaptive(hybrid.flow, backend) if hybrid.tick is None else Held(hybrid, backend)
-
-
-def _keep(key: Any, value: Adaptive) -> None:
+def _keep(key: Any, value: Engine) -> None:
     """Enter a value as the youngest; the oldest go."""
     _traced.pop(key, None)
     _traced[key] = value

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,8 +12,9 @@ from scipy.integrate import solve_ivp
 from ...core.errors import Diverged
 from ..expression.graph import Node, affine
 from ..expression.numpy_protocol import TraceError
-from ..tracing.tracer import Program, trace
-from .adaptive_run import Adaptive
+from ..tracing.network import Net
+from ..tracing.tracer import Hybrid, traced_net
+from .adaptive_run import Accuracy, Course, Engine, Now
 from .backend import compiler
 from .endings import warn_unsettled
 from .memo import ALONE, described, is_number
@@ -30,15 +31,15 @@ class _Kind:
 
     fixed: Mapping[str, Any]
     affine: bool
-    program: Program | None
-    engines: dict[str, Adaptive] = field(default_factory=dict)
+    hybrid: Hybrid | None
+    engines: dict[str, Engine] = field(default_factory=dict)
     calls: int = 0
 
-    def engine(self, program: Program) -> Adaptive:
+    def engine(self, hybrid: Hybrid) -> Engine:
         self.calls += 1
         backend = (self.calls > FEW and compiler()) or "python"
         if backend not in self.engines:
-            self.engines[backend] = Adaptive(program, backend)
+            self.engines[backend] = Engine(hybrid, backend)
         return self.engines[backend]
 
 
@@ -79,12 +80,15 @@ class Substeps:
         }
         with ALONE:
             try:
-                program = trace(self.system, own)
+                hybrid = traced_net(Net.of(self.system), own)
+                hybrid.check()
             except TraceError:
                 made = _Kind({}, affine_by_probes(self.system), None)
             else:
-                fixed = {k: v for k, v in own.items() if k in program.fixed or not is_number(v)}
-                made = _Kind(fixed, None not in affine(program.xdot, program.x), program)
+                flow = replace(hybrid.flow, outputs=(), y=())  # the states alone are asked for
+                hybrid = replace(hybrid, flow=flow)
+                fixed = {k: v for k, v in own.items() if k in flow.fixed or not is_number(v)}
+                made = _Kind(fixed, None not in affine(flow.xdot, flow.x), hybrid)
         self._kinds.append(made)
         return self._kind(params) if any(isinstance(v, Node) for v in params.values()) else made
 
@@ -100,13 +104,14 @@ class Substeps:
             return self._last[1].copy()
         count = int(np.ceil((now[0] - before[0]) / self.longest - 1e-9))
         grid = before[:, None] + (now - before)[:, None] * (np.arange(count + 1) / count)
-        if kind.program is None:
+        if kind.hybrid is None:
             after = self._by_scipy(x, grid, own)
         else:
-            engine, p = kind.engine(kind.program), kind.program.arguments(own)
-            run = engine.run(grid[0], grid[1:], x, p, hold=False, rtol=RTOL)
+            engine, p = kind.engine(kind.hybrid), kind.hybrid.flow.arguments(own)
+            course, moved = Course.along(grid[0], grid[1:], 0, False), Now.start(x, [], 0)
+            run = engine.run(course, moved, p, Accuracy(RTOL))
             warn_unsettled(self.system.name, run.unsettled, 1)
-            after = run.states[:, -1]
+            after = moved.x
         self._last = asked, after
         return after.copy()
 

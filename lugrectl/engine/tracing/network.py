@@ -91,8 +91,8 @@ def by_block(counts: Sequence[int], flat: Any) -> list[Any]:
 
 def _ordered(reads: Sequence[Sequence[int]]) -> list[list[int]]:
     """Groups of outputs that depend on each other, each group after those that it reads."""
-    if not reads:
-        return []
+    if not any(reads):
+        return [[k] for k in range(len(reads))]
     reach = np.zeros((len(reads),) * 2)
     for k, row in enumerate(reads):
         reach[k, list(row)] = 1
@@ -206,17 +206,6 @@ class Wires:
     def split(self, kind: str, flat: Any) -> list[Any]:
         """Return the part of each block in a row of all "inputs", "outputs" or "states"."""
         return by_block([int(getattr(b, f"n{kind}") or 0) for b in self.blocks], flat)
-
-    @cached_property
-    def inputs(self) -> list[slice]:
-        """The place of each block's inputs among all."""
-        return [slice(r.start, r.stop) for r in self.split("inputs", range(len(self.connect)))]
-
-    @cached_property
-    def outputs(self) -> list[slice]:
-        """The place of each block's outputs among all."""
-        places = self.split("outputs", range(self.connect.shape[1]))
-        return [slice(r.start, r.stop) for r in places]
 
     def loop(self, members: Sequence[int]) -> AlgebraicLoop:
         """Return the error on an algebraic loop through these blocks."""

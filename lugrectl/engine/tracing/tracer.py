@@ -21,7 +21,6 @@ from ...core.errors import InputError
 from ..expression.graph import Graph, Node, evaluate, outline, rename, sharp, symbols_in
 from ..expression.numpy_protocol import TraceError, signal_array
 from .network import Net, Rows, Unsolved, Wires, is_wired, settled
-from .pointwise import Instant
 
 if TYPE_CHECKING:  # slow to import, and a block alone is traced without it
     import control as ct
@@ -96,54 +95,44 @@ class Differs(TraceError):
     """A trace does not give what the system itself gives."""
 
 
-def check(
-    program: Program,
-    system: ct.NonlinearIOSystem | BareSystem,
-    params: Mapping[str, Any] | None = None,
-    scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1),
-) -> None:
-    """Compare a trace with the system's own functions at random points of these sizes.
+def check(program: Program, block: Any, scales: Sequence[float] = (1.0, 1e-3, 30.0, 0.1)) -> None:
+    """Compare the trace of a block with its own functions at random points of these sizes.
 
     Raises TraceError if they differ: a function keeps internal state, draws random numbers, or
     computes something else for symbols than for numbers.
     """
-    random = np.random.default_rng(len(program.graph.nodes))
-    single = {k for k in program.keys if program.keys.count(k) == 1 and k not in program.fixed}
-    compared = 0
-    for scale, signed in [*((k, True) for k in scales), *((k, False) for k in POSITIVE)]:
-        if compared and not signed:
-            break
-        pairs = zip(program.keys, program.arguments(params), strict=True)
-        spread = 0.0 if scale == 1.0 else 0.2
-        values = {k: v * (1 + spread * random.uniform(-1, 1)) for k, v in pairs if k in single}
-        t = abs(scale * random.standard_normal())
-        x, u = (scale * random.standard_normal(len(s)) for s in (program.x, program.u))
-        x, u = (x, u) if signed else (np.abs(x), np.abs(u))
-        own = _own(system, t, x, u, {**(params or {}), **values})
-        if own is not None:
-            p = program.arguments({**(params or {}), **values})
-            ours = np.concatenate(program.values(t, x, u, p))
-            compared += _compare(program, own, ours, (t, x, u, p))
-    system._update_params(params)
-    if not compared and program.xdot + program.y:
-        raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
+    random, current = np.random.default_rng(len(program.graph.nodes)), dict(block._current_params)
+    for sizes, signed in ((scales, True), (POSITIVE, False)):
+        points = [_point(program, random, size, signed) for size in sizes]
+        batch = (np.stack(part, axis=-1) for part in zip(*points, strict=True))
+        every = np.concatenate(program.values(*batch))
+        compared = 0
+        for point, ours in zip(points, every.T, strict=True):
+            t, x, u, p = point
+            free = {k: v for k, v in zip(program.keys, p, strict=True) if k not in program.fixed}
+            block._update_params({**current, **free})
+            try:
+                with np.errstate(all="ignore"):
+                    own = np.concatenate([block._rhs(t, x, u), block._out(t, x, u)])
+            except (ArithmeticError, ValueError, RuntimeError):
+                continue
+            finally:
+                block._update_params(current)
+            compared += _compare(program, own, ours, point)
+        if compared or not program.xdot + program.y:
+            return
+    raise TraceError(f"{program.name}: gives no finite value at any point that was tried")
 
 
-def _own(system: Any, t: float, x: Any, u: Any, params: Mapping[str, Any]) -> np.ndarray | None:
-    """The system's rates and outputs, block by block where python-control reports a loop."""
-    system._update_params(params)
-    try:
-        with np.errstate(all="ignore"):
-            return np.concatenate([system._rhs(t, x, u), system._out(t, x, u)])
-    except ArithmeticError:
-        return None
-    except RuntimeError:
-        at = Instant(system)
-    try:
-        parts = at.inside_rates(system, t, x, u), at.inside_outputs(system, t, x, u)
-        return np.concatenate(parts)
-    except (RuntimeError, ArithmeticError, ValueError):
-        return None
+def _point(
+    program: Program, random: np.random.Generator, size: float, signed: bool
+) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Time, states, inputs and parameters of this size."""
+    spread = np.array([0.0 if size == 1.0 or k in program.fixed else 0.2 for k in program.keys])
+    p = program.defaults * (1.0 + spread * random.uniform(-1, 1, len(spread)))
+    x, u = (size * random.standard_normal(len(names)) for names in (program.x, program.u))
+    t = abs(size * random.standard_normal())
+    return (t, x, u, p) if signed else (t, np.abs(x), np.abs(u), p)
 
 
 def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[Any]) -> bool:
@@ -167,42 +156,35 @@ def _compare(program: Program, own: np.ndarray, ours: np.ndarray, at: Sequence[A
 
 
 @dataclass(frozen=True, eq=False)
-class Tick:
-    """The sampled parts' states and held outputs after a tick: nodes of t, x, q, u, g, p.
-
-    ``q`` are the states before it, ``g`` has one flag for each sample time: 1 a tick, 0.5 only
-    its outputs, 0 nothing. Held values are inputs of the flow, after the external inputs.
-    """
-
-    q: tuple[Node, ...]
-    g: tuple[Node, ...]
-    new_q: tuple[Node, ...]
-    new_h: tuple[Node, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class Hybrid:
-    """Flow and tick (None: not requested, or a system alone) of a net; one parameter vector.
+    """Flow and updates (ticks; none: not requested, or a system alone) of a net.
 
     The outputs of the flow are all signals. They depend on t, x, u and, if the net reads earlier
-    values, on the held values before the tick, ``b0``, ``b1``, ... ``blocks`` holds the traced
-    blocks, each with its own equations.
+    values, on the held values before the tick, ``b0``, ``b1``, ... Held values are inputs of the
+    flow, after the external inputs. A tick gives the sampled states ``new_q`` and held values
+    ``new_h`` from t, x, u, the states ``q`` before it, and a flag ``g0``, ... for each sample
+    time: 1 a tick, 0.5 only its outputs, 0 nothing. ``named`` are the outputs of all blocks on all
+    levels.
     """
 
     net: Net
     flow: Program
-    tick: Tick | None
-    blocks: tuple[tuple[Program, Any], ...]
+    q: tuple[Node, ...]
+    new_q: tuple[Node, ...]
+    new_h: tuple[Node, ...]
+    named: dict[str, Node]
 
     @property
     def ticked(self) -> tuple[Node, ...]:
         """What a tick computes."""
-        return self.tick.new_q + self.tick.new_h if self.tick else ()
+        return self.new_q + self.new_h
 
-    def check(self, params: Mapping[str, Any] | None, *scales: Sequence[float]) -> None:
-        """Compare each block with its own equations."""
-        for program, block in self.blocks:
-            check(program, block, params, *scales)
+    def check(self, *scales: Sequence[float]) -> None:
+        """Compare the trace of each block with its own functions, with the parameters now set."""
+        alone = self.net.parts[0].block if self.net.alone and not self.ticked else None
+        for part in self.net.parts:
+            for block in blocks_in(part.block) if self.ticked or not part.sampled else ():
+                check(self.flow if block is alone else single(block), block, *scales)
 
     def sharpened(self, params: Mapping[str, Any] | None) -> Hybrid:
         """The same with the flow as :meth:`Program.sharpened`."""
@@ -210,9 +192,18 @@ class Hybrid:
 
     def outline(self) -> tuple[Any, ...]:
         """The equations as a hashable value, as :meth:`Program.outline`."""
-        names = tuple((block.name, tuple(block.state_labels)) for _, block in self.blocks)
-        tick = (self.tick.q, self.tick.g, self.tick.new_q, self.tick.new_h) if self.tick else ()
-        return self.net.wiring, names, self.flow.outline(*tick)
+        blocks = [part.block for part in self.net.parts]
+        names = tuple((block.name, tuple(block.state_labels)) for block in blocks)
+        return self.net.wiring, names, self.flow.outline(self.q, self.new_q, self.new_h)
+
+    def culprit(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
+        """The first output of a block that is not finite: "output y of block b is nan"."""
+        symbols = [self.flow.t, *self.flow.x, *self.flow.u, *self.flow.p]
+        known = {node.value: v for node, v in zip(symbols, [t, *x, *u, *p], strict=True)}
+        labels = sorted(self.named, key=lambda label: self.named[label].index)
+        values = evaluate([self.named[label] for label in labels], known)
+        pairs = ((k, float(v)) for k, v in zip(labels, values, strict=True))
+        return next(f"{k} is {v}" for k, v in pairs if not np.isfinite(v))
 
 
 def trace(
@@ -227,15 +218,14 @@ def trace(
         raise InputError(f"{system.name} is a discrete-time system; the engine needs dt = 0.")
     if None in (system.nstates, system.ninputs, system.noutputs):
         raise InputError(f"{system.name}: give its inputs=, outputs= and states= in ct.nlsys.")
-    system._update_params(params)
-    program = single(system)
-    check(program, system, params)
-    return program
+    hybrid = traced_net(Net.of(system), params)
+    hybrid.check()
+    return hybrid.flow
 
 
 def single(system: Any) -> Program:
     """The equations of any system, with the parameters that are set, not yet checked."""
-    return _Tracer(Net.of(system, sampled=False)).hybrid(False, ()).flow
+    return _Tracer(Net.of(system, sampled=False)).hybrid(False).flow
 
 
 def traced_net(
@@ -244,21 +234,18 @@ def traced_net(
     *,
     ticks: bool = True,
     exact: Sequence[int] = (),
+    called: bool = False,
 ) -> Hybrid:
     """The equations of a net, not yet checked: :meth:`Hybrid.check`.
 
     Raises TraceError when a function cannot be traced, AlgebraicLoop when outputs depend on
     themselves. Without ``ticks`` the sampled parts are not traced. The states ``exact`` of dead
-    times are the delayed signals: :class:`Graph`.
+    times are the delayed signals: :class:`Graph`. With ``called`` all update functions, and the
+    output functions that cannot be traced, are called as they are.
     """
     for part in net.parts:
         part.block._update_params(params)
-    if net.alone and not net.groups:
-        made = _Tracer(net, exact).hybrid(False, ())
-        return replace(made, blocks=((made.flow, net.parts[0].block),))
-    own = [part.block for part in net.parts if ticks or not part.sampled]
-    blocks = tuple((single(block), block) for block in own)
-    return _Tracer(net, exact).hybrid(ticks and net.groups > 0, blocks)
+    return _Tracer(net, exact, called).hybrid(ticks and net.groups > 0)
 
 
 @dataclass
@@ -278,8 +265,8 @@ class _Slot:
 class _Tracer:
     """Symbols for a net and the walk through its blocks."""
 
-    def __init__(self, net: Net, exact: Sequence[int] = ()) -> None:
-        self.net, self.graph = net, Graph()
+    def __init__(self, net: Net, exact: Sequence[int] = (), called: bool = False) -> None:
+        self.net, self.graph, self.called = net, Graph(), called
         self.t = self.graph.symbol("t")
         self.x = self._symbols("x", net.count(False))
         self.graph.exact = frozenset(self.x[i].index for i in exact)
@@ -312,7 +299,7 @@ class _Tracer:
         slot.users.append(block.name)
         return slot.node
 
-    def hybrid(self, ticks: bool, blocks: tuple[tuple[Program, Any], ...]) -> Hybrid:
+    def hybrid(self, ticks: bool) -> Hybrid:
         net, held = self.net, self._held()
         inputs, outputs = self._settled(net.wires, self.u[: len(net.outside)], held, self._answer)
         xdot = [
@@ -321,7 +308,10 @@ class _Tracer:
             if not part.sampled
             for rate in self._rates(part.block, self._own(i), inputs[i])
         ]
-        tick = self._tick(outputs) if ticks else None
+        new_q, new_h = self._tick(outputs) if ticks else ((), ())
+        blocks = [part.block for part in net.parts]
+        states = [self._own(i) for i in range(len(blocks))]
+        named = dict(self._leaves(blocks, states, inputs, outputs))
         if net.earlier:
             symbols = self.u[len(net.outside) :]
             before = {u.index: self.graph.symbol(f"b{k}") for k, u in enumerate(symbols)}
@@ -330,11 +320,24 @@ class _Tracer:
                 for row, still in zip(outputs, held, strict=True)
             ]
         y = self._linear(net.gather, [*chain(*outputs)])
-        return Hybrid(net, self._named(xdot, y, tick), tick, blocks)
+        flow = self._named(xdot, y, [*new_q, *new_h])
+        return Hybrid(net, flow, self.q if ticks else (), new_q, new_h, named)
 
-    def _named(self, xdot: Sequence[Node], y: Sequence[Node], tick: Tick | None) -> Program:
+    def _leaves(
+        self, blocks: Sequence[Any], states: Any, inputs: Rows, outputs: Rows
+    ) -> Iterator[tuple[str, Node]]:
+        """The outputs of the blocks on all levels."""
+        for block, x, u, y in zip(blocks, states, inputs, outputs, strict=True):
+            if is_wired(block):
+                wires, *inner = self._inside(block, x, u)
+                yield from self._leaves(wires.blocks, wires.split("states", x), *inner)
+            else:
+                labels = [f"output {k} of block {block.name}" for k in block.output_labels]
+                yield from zip(labels, y, strict=True)
+
+    def _named(self, xdot: Sequence[Node], y: Sequence[Node], more: Sequence[Node]) -> Program:
         """The program of these equations, without parameters that entered them as numbers."""
-        net, seen = self.net, symbols_in([*xdot, *y, *(tick.new_q + tick.new_h if tick else ())])
+        net, seen = self.net, symbols_in([*xdot, *y, *more])
         slots = [s for s in self.slots.values() if s.key not in self.fixed or s.node.value in seen]
         keys = [slot.key for slot in slots]
         return Program(
@@ -367,7 +370,8 @@ class _Tracer:
     def _answer(self, i: int, inputs: Sequence[Node]) -> list[Node]:
         return self._outputs(self.net.parts[i].block, self._own(i), inputs)
 
-    def _tick(self, flowing: Sequence[list[Node]]) -> Tick:
+    def _tick(self, flowing: Sequence[list[Node]]) -> tuple[tuple[Node, ...], tuple[Node, ...]]:
+        """The sampled states and the held values after a tick."""
         net, still = self.net, self._held()
 
         def answer(i: int, inputs: Sequence[Node]) -> list[Node]:
@@ -387,7 +391,7 @@ class _Tracer:
                 i, 0.75, self._rates(part.block, self._own(i), inputs[i]), self._own(i)
             )
         ]
-        return Tick(self.q, self.g, tuple(new_q), tuple(outputs[i][j] for i, j in net.held))
+        return tuple(new_q), tuple(outputs[i][j] for i, j in net.held)
 
     def _chosen(
         self, i: int, level: float, fresh: Sequence[Node], kept: Sequence[Node]
@@ -466,17 +470,44 @@ class _Tracer:
         """One block's function on symbols, once for the same ones; counts are given as numbers."""
         asked = (id(block), id(function), size, *(n.index for n in (*x, *u)))
         if asked not in self.answers:
-            signals = signal_array(list(x)), signal_array(list(u))
+            if self.called and function is block.updfcn:
+                self.answers[asked] = self._as_it_is(block, function, x, u, size)
+                return self.answers[asked]
             try:
-                result = function(self.t, *signals, self.values[id(block)])
-            except Exception:
-                result = self._with_numbers(block, function, signals)
-            flat = np.asarray(result, dtype=object).reshape(-1)
+                self.answers[asked] = self._followed(block, function, x, u, size)
+            except TraceError:
+                if not self.called:
+                    raise
+                self.answers[asked] = self._as_it_is(block, function, x, u, size)
+        return self.answers[asked]
+
+    def _followed(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
+        signals = signal_array(list(x)), signal_array(list(u))
+        try:
+            result = function(self.t, *signals, self.values[id(block)])
+        except Exception:
+            result = self._with_numbers(block, function, signals)
+        flat = np.asarray(result, dtype=object).reshape(-1)
+        if len(flat) != size:
+            raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
+        return [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
+
+    def _as_it_is(self, block: Any, function: Any, x: Any, u: Any, size: int) -> list[Node]:
+        """A function that is called; an input that its outputs do not depend on is nan there."""
+        params, n = dict(block._current_params), len(x)
+
+        def answer(t: float, *signals: float) -> list[float]:
+            values = function(t, np.array(signals[:n]), np.array(signals[n:]), params)
+            flat = np.reshape(np.asarray(values, dtype=float), -1)
             if len(flat) != size:
                 raise InputError(f"{block.name} returned {len(flat)} values but declares {size}.")
-            nodes = [v if isinstance(v, Node) else self.graph.constant(v) for v in flat]
-            self.answers[asked] = nodes
-        return self.answers[asked]
+            return flat.tolist()
+
+        given, nan = list(u), self.graph.constant(np.nan)
+        if function is not block.updfcn:
+            given = [v if _reads(answer, n, len(u), j) else nan for j, v in enumerate(u)]
+        call = self.graph.call(answer, [self.t, *x, *given])
+        return [self.graph.result(call, i) for i in range(size)]
 
     def _with_numbers(self, block: Any, function: Callable[..., Any], signals: Any) -> Any:
         """The result with as few parameters as possible as numbers: a count fixes itself alone."""
@@ -499,6 +530,28 @@ class _Tracer:
                 self.fixed[key] = numbers[key]
         known.update(needed)
         return result
+
+
+PROBES = (0.0, 1.0, -1.0, 2.0, 3.0, 1e-3, -1e-3, 30.0, -30.0, 1e6, -1e6)
+
+
+def _reads(answer: Callable[..., list[float]], n: int, m: int, j: int) -> bool:
+    """Whether what a function returns changes with its input j, at any of some points."""
+    random, seen = np.random.default_rng(0), False
+    for size in (0.3, 1.0, 3.0, 30.0):
+        point, found = size * random.standard_normal(1 + n + m), set[Any]()
+        point = np.abs(point) if size > 1.0 else point
+        for value in PROBES:
+            point[1 + n + j] = value
+            try:
+                with np.errstate(all="ignore"):
+                    found.add(np.array(answer(*point.tolist())).tobytes())
+            except Exception as error:
+                found.add(str(error))
+        if len(found) > 1:
+            return True
+        seen |= any(isinstance(one, bytes) for one in found)
+    return not seen
 
 
 def blocks_in(system: Any) -> Iterator[Any]:
