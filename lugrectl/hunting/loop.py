@@ -9,7 +9,7 @@ linear loop is stable iff delta > rho (Routh). Many loops and starts at once are
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
 
@@ -26,7 +26,6 @@ SHARP = 1e-15  # rad/s, the width of a smooth sign: far below REST
 PROBED = np.geomspace(1e-6, 1e3, 200)  # speeds in rad/s at which a curve is compared with a line
 STRAIGHT = 1e-9  # of Fs, by which a straight curve may differ from its line
 STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
-NEAR = 1e-5  # relative distance of two speeds between which a slope is measured
 
 
 @dataclass(frozen=True)
@@ -90,7 +89,7 @@ def curve_of(model: Model) -> Curve:
 class Lanes:
     """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s. A stick
     at an error of at most ``calm`` (units) is known to come to rest; a swing beyond ``large`` grows
-    without bound. ``drift``: the speed of a reference (units) in the direction of the slip."""
+    without bound."""
 
     delta: np.ndarray
     rho: np.ndarray
@@ -98,12 +97,10 @@ class Lanes:
     fall: Callable[[np.ndarray], np.ndarray]
     calm: float = 0.0
     large: float = 300.0
-    drift: np.ndarray | None = None
 
     def __getitem__(self, which: np.ndarray) -> Lanes:
         own = (self.delta[which], self.rho[which], self.speed[which])
-        drift = None if self.drift is None else self.drift[which]
-        return Lanes(*own, self.fall, self.calm, self.large, drift)
+        return Lanes(*own, self.fall, self.calm, self.large)
 
     def many(self, count: int) -> Lanes:
         """Return so many lanes of the first loop."""
@@ -112,10 +109,6 @@ class Lanes:
     def drop(self, a: np.ndarray) -> np.ndarray:
         """1 - F/Fs at the speed a."""
         return self.fall(a * self.speed)
-
-    def steepness(self, a: np.ndarray) -> np.ndarray:
-        """dF/da / Fs at the speed a."""
-        return (self.drop(a * (1.0 - NEAR)) - self.drop(a * (1.0 + NEAR))) / (2.0 * NEAR * a)
 
 
 @dataclass(frozen=True)
@@ -147,10 +140,9 @@ class Loop:
         """rad/s, the unit of speed."""
         return self.unit * self.wn
 
-    def lanes(self, count: int, drift: np.ndarray | None = None) -> Lanes:
-        """Return so many lanes of this loop; ``drift`` in rad/s."""
-        lanes = together([self], count)
-        return lanes if drift is None else replace(lanes, drift=drift / self.speed)
+    def lanes(self, count: int) -> Lanes:
+        """Return so many lanes of this loop."""
+        return together([self], count)
 
     def is_stable(self) -> bool:
         """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""

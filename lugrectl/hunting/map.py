@@ -16,8 +16,7 @@ from ..core.result import Result, picked
 from ..core.validation import number, positive, whole
 from ..core.views import view
 from .loop import Loop, curve_of, pid_gains, ranges, together
-from .rigid import HIGH, LOW, kept, proven
-from .stick_map import NEVER, excess_on
+from .stick_map import HIGH, LOW, NEVER, excess_on, kept, proven
 
 ERRORS = np.geomspace(LOW, HIGH, 72)  # units, at which T is compared with e
 QUIET, STARTED, HUNTING, UNDECIDED = 0, 1, 2, 3

@@ -6,46 +6,56 @@ The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the ot
 counts positive; it is continuous where stops appear and vanish, which the map from stop to stop is
 not.
 
-Under the reference r = v t the error changes by -v in a stick and U = -(kp e + ki int e) by
-kp v - ki e: the drive breaks away forward where kp v > ki e, else backward. In units, and with
-x = -e, the excess y = U - Fs of a stick is y0 + (v + rho x0) t + rho v t^2/2.
-
 A slip in the direction of -e, from w = 0 to w = 0, has the state (x, a, y): the error, the speed
 a = -w >= 0, and the excess y = -u - Fs of the torque without damping over breakaway,
 
-    dx/dt = v - a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x + v - a.
+    dx/dt = -a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x - a.
 
-It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; at v = 0 x is monotone, so that the
-largest error stands at an end. The excess is a state because it keeps its digits where e is small.
-Dormand and Prince, order 5 with an error of order 4; each lane has its own step.
+It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; x is monotone, so that the largest
+error stands at an end. The excess is a state because it keeps its digits where e is small. Dormand
+and Prince, order 5 with an error of order 4; each lane has its own step.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import RK45
 
-from .loop import Lanes
+from .loop import PROBED, Lanes, Loop
 
 RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
 SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
 SLIP_STEPS = 4000  # of one slip; a longer one creeps
-MOVING_STEPS, ROUGH = 1000, 1e-5  # the same under a moving reference: some 40 periods of sliding
 LOOK = 40  # steps, after which it is looked for creeping
 NEARLY = 0.02  # relative difference of a creeping speed from rho x
-AROUND = 0.8  # of the speed v: how far from steady sliding a slip may stay about it
-ASIDE = np.linspace(-1.0, 1.0, 7)  # parts of that distance at which it must be damped
 SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
 FIRST = 1e-3  # the first step
 A = np.vstack([np.pad(RK45.A[1:], ((0, 0), (0, 1))), RK45.B])  # stages, the last the new state
+LOW, HIGH = 1e-3, 30.0  # units: errors at which T is looked at, and beyond while friction can
+ROUNDS, NEAR = 300, 10.0  # of T, interpolated; |D| of a half turn that neither rests nor grows
+COULOMB = (
+    "Coulomb and viscous friction alone, with kd kp > ki J: the rest is globally asymptotically "
+    "stable (Bisoffi, Da Lio, Teel and Zaccarian, IEEE Trans. Automatic Control 63(8), 2018)"
+)
+NO_INTEGRAL = (
+    "without integral action the energy J w^2/2 + kp e^2/2 falls in every motion, since "
+    "(kd w + F(w)) w > 0"
+)
+
+
+def proven(loop: Loop) -> str | None:
+    """Return why the loop has no limit cycle, where that is known."""
+    if loop.ki == 0.0:
+        damped = np.all(loop.kd * PROBED + loop.curve.torque(PROBED) > 0.0)
+        return NO_INTEGRAL if damped else None
+    return COULOMB if loop.curve.is_straight() and loop.is_stable() else None
 
 
 class End(NamedTuple):
-    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero, or where
-    it follows a moving reference, and ends no more."""
+    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero."""
 
     x: np.ndarray
     y: np.ndarray
@@ -55,24 +65,20 @@ class End(NamedTuple):
 
 def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
     """From a = 0 to the next a = 0 of each lane."""
-    state, h, t = np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
-    small = SMALL * np.minimum(1.0, np.abs(x)) if lanes.drift is None else 0.0 * x
-    settles, steps, rtol = _creeps, SLIP_STEPS, RTOL
-    if lanes.drift is not None:
-        settles, steps, rtol = _follows, MOVING_STEPS, ROUGH
+    state, step, t = np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
+    small, last = SMALL * np.minimum(1.0, np.abs(x)), step.copy()  # the step in which a lane stops
     rests, active = np.zeros(len(x), bool), np.arange(len(x))
-    last = np.full(len(x), FIRST)  # the step in which a lane stops
-    own, now, step, slope = lanes, state.copy(), h.copy(), _rates(lanes, state)
-    for k in range(1, steps + 1):
+    own, now, slope = lanes, state.copy(), _rates(lanes, state)
+    for k in range(1, SLIP_STEPS + 1):
         new, slopes = _stepped(own, now, step, slope)
         missed = step * (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
         size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
-        worst = np.max(np.abs(missed) / (rtol * size), axis=0)  # by what is allowed
+        worst = np.max(np.abs(missed) / (RTOL * size), axis=0)  # by what is allowed
         good = worst <= 1.0
         stops = good & (new[1] <= 0.0)
         crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
         if k % LOOK == 0:
-            crept |= good & ~stops & settles(own, new, slopes[-1])
+            crept |= good & ~stops & _creeps(own, new, slopes[-1])
         goes = good & ~stops & ~crept
         t[active[goes]] += step[goes]
         last[active[stops]], state[:, active[stops]] = step[stops], now[:, stops]
@@ -92,8 +98,7 @@ def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
 
 def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
     x, a, y = state
-    ahead = -a if lanes.drift is None else lanes.drift - a
-    return np.array([ahead, y - lanes.delta * a + lanes.drop(a), lanes.rho * x + ahead])
+    return np.array([-a, y - lanes.delta * a + lanes.drop(a), lanes.rho * x - a])
 
 
 def _stepped(
@@ -119,18 +124,6 @@ def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
     return follows & np.all(damped[:-1] > damped[1:], axis=0) & (damped[-1] > 0.0)
 
 
-def _follows(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """Whether a slip stays about steady sliding, without a stop."""
-    v, (x, a, y) = np.asarray(lanes.drift), state
-    # (a - v)^2 + (y - y0)^2 falls while the slope of the friction and delta together damp, by more
-    # than the integral drives; its root, with the part of x, is what a may still differ from v by
-    far = np.hypot(a - v, y - lanes.delta * v + lanes.drop(v)) + 2.0 * lanes.rho * np.abs(x)
-    damped = [
-        lanes.delta + lanes.steepness(np.maximum(v + far * s, FLOOR * np.abs(v))) for s in ASIDE
-    ]
-    return (far < AROUND * v) & (np.min(damped, axis=0) > 2.0 * lanes.rho)
-
-
 def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The end a = 0 within the last step, by the method of Illinois on its length."""
     slope, low, high = _rates(lanes, state), np.zeros_like(h), h.copy()
@@ -151,7 +144,7 @@ def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray
 
 
 STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, too large, never a stick
-REVERSALS, MOVING = 300, 20  # without a stick, after which a loop swings; under a reference
+REVERSALS = 300  # without a stick, after which a loop swings
 RISES = 4  # reversals at a larger and larger error and torque, after which it goes on so
 ALIKE = 1e-4  # relative change from reversal to reversal of a swing that repeats
 STOPS = 60  # on one side, after which a loop creeps: it comes to rest
@@ -161,11 +154,10 @@ NEVER = 50.0  # the excess of what rests (negative) or never sticks
 @dataclass
 class Turn:
     """What happened up to the next stick of each lane: its error ``x`` (units), signed for a stop
-    and positive for a half turn, and excess ``y``; ``t`` with the wait for breakaway; ``high`` and
-    ``low``, the largest errors on the side of the start and on the other."""
+    and positive for a half turn; ``t`` with the wait for breakaway; ``high`` and ``low``, the
+    largest errors on the side of the start and on the other."""
 
     x: np.ndarray
-    y: np.ndarray
     t: np.ndarray
     high: np.ndarray
     low: np.ndarray
@@ -175,7 +167,7 @@ class Turn:
     @classmethod
     def begun(cls, x: np.ndarray) -> Turn:
         stops, fate = np.zeros((2, len(x)), int)
-        return cls(x.copy(), 0.0 * x, np.zeros(len(x)), x.copy(), 0.0 * x, stops, fate)
+        return cls(x.copy(), np.zeros(len(x)), x.copy(), 0.0 * x, stops, fate)
 
     def reach(self, lanes: np.ndarray, high: np.ndarray, low: np.ndarray) -> None:
         """Note errors that some lanes reached on either side."""
@@ -184,30 +176,24 @@ class Turn:
 
 
 def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
-    """Follow each lane from breakaway at x to the next stick, through reversals without one; under
-    a reference x = -e, and breakaway is forward or backward."""
-    made, active, v, at = Turn.begun(x), np.arange(len(x)), lanes.drift, x.copy()
-    excess, side, rises = np.zeros(len(x)), np.ones(len(x)), np.zeros(len(x), int)
-    if v is not None:
-        side = np.where(v + lanes.rho * x >= 0.0, 1.0, -1.0)
-        at = side * x
-    for _ in range(REVERSALS if v is None else MOVING):
+    """Follow each lane from breakaway at x > 0 to the next stick, through reversals without one."""
+    made, active, at, side = Turn.begun(x), np.arange(len(x)), x.copy(), 1.0
+    excess, rises = np.zeros(len(x)), np.zeros(len(x), int)
+    for _ in range(REVERSALS):
         own = lanes[active]
-        end = slip(own if v is None else replace(own, drift=side * v[active]), at, excess)
-        made.t[active] += end.t
-        made.x[active], made.y[active] = side * end.x, np.where(side > 0.0, end.y, -2.0 - end.y)
+        end = slip(own, at, excess)
+        made.x[active] = side * end.x
         made.reach(active, side * end.x, -side * end.x)
         ahead, over = -end.x, -2.0 - end.y
         fate = np.where(end.rests, RESTS, np.where(over <= 0.0, STICKS, SWINGS))
-        if v is None:
-            wait = np.where(end.x > 0.0, -end.y, -over) / (own.rho * np.abs(end.x) + 1e-300)
-            made.t[active] += np.where(fate == STICKS, wait, 0.0)
-            fate[np.abs(end.x) > lanes.large] = GROWS
+        wait = np.where(end.x > 0.0, -end.y, -over) / (own.rho * np.abs(end.x) + 1e-300)
+        made.t[active] += end.t + np.where(fate == STICKS, wait, 0.0)
+        fate[np.abs(end.x) > lanes.large] = GROWS
         repeats = (np.abs(ahead - at) < ALIKE * at) & (np.abs(over - excess) < ALIKE * at)
         rises = np.where((ahead > at) & (over > excess), rises + 1, 0)
         made.fate[active] = fate
-        goes = (fate == SWINGS) & ((v is not None) | ~(repeats | (rises >= RISES)))
-        active, side, at = active[goes], -side[goes], ahead[goes]
+        goes = (fate == SWINGS) & ~(repeats | (rises >= RISES))
+        active, side, at = active[goes], -side, ahead[goes]
         excess, rises = over[goes], rises[goes]
         if not len(active):
             break
@@ -233,24 +219,9 @@ def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
     return made
 
 
-def turns(lanes: Lanes, x: np.ndarray, count: int = 1) -> Turn:
-    """Apply T so many times."""
-    made, active = Turn.begun(x), np.arange(len(x))
-    for k in range(count):
-        one = half_turn(lanes[active], made.x[active])
-        made.t[active] += one.t
-        made.stops[active] += one.stops
-        made.reach(active, *((one.low, one.high) if k % 2 else (one.high, one.low)))
-        made.x[active], made.fate[active] = one.x, one.fate
-        active = active[one.fate == STICKS]
-        if not len(active):
-            break
-    return made
-
-
-def excess(lanes: Lanes, x: np.ndarray, count: int = 1) -> np.ndarray:
+def excess(lanes: Lanes, x: np.ndarray) -> np.ndarray:
     """Return log(T(x)/x), -NEVER for what comes to rest, NEVER for what never sticks or grows."""
-    made = turns(lanes, x, count)
+    made = half_turn(lanes, x)
     with np.errstate(divide="ignore"):
         return _bounded(np.log(made.x / x), made.fate)
 
@@ -280,3 +251,12 @@ def _followed(place: np.ndarray, stop: np.ndarray, fate: np.ndarray) -> np.ndarr
         fate[i] = fate[low if part < 0.5 else high]
         logT[i] = logT[low] + part * (logT[high] - logT[low])
     return _bounded(logT - place, fate)
+
+
+def kept(x: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Return the errors that iterating T keeps, as it is interpolated on the grid of D."""
+    place, at = np.log(x), np.log(x)
+    for _ in range(ROUNDS):
+        growth = np.interp(at, place, D)
+        at = (at + growth)[(np.abs(growth) < NEAR) & (at + growth > np.log(LOW))]
+    return np.exp(at)
