@@ -2,11 +2,10 @@
 not exactly the model, and friction observers at equal terms."""
 
 from .assure import Assurance, assure
-from .chance import HuntingChance, hunting_chance
+from .chance import HuntingChance, hunting_chance, seen_in
 from .compare import Compared, ObserverComparison, compare_observers
 from .compensate import Compensation, Run, compensate
 from .loop import effects_torque
-from .member_runs import seen_in
 from .recommend import Candidate, Recommendation, recommend_observer
 
 __all__ = [

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from functools import partial
 from itertools import count as numbers
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,10 +23,13 @@ from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, plain
 from ..core.validation import whole
 from ..core.views import view
-from ..estimates.members import Members
+from ..estimates.fitted import Fitted
+from ..estimates.members import Belief, Members, refuse_unknown
 from ..hunting import limit_cycles
-from .member_runs import HUNTS, RESTS, UNDECIDED, believed
+from ..record import Record
+from .loop import sensing_of, speed_of
 
+RESTS, UNDECIDED, HUNTS = 0.0, 1.0, 2.0
 SURE = 0.95  # of a bound, and of the interval of a probability
 FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}
 
@@ -139,6 +144,52 @@ def between(values: np.ndarray, place: float) -> float:
     if not math.isfinite(high):
         return math.inf if place > math.floor(place) else float(low)
     return float(low + (place - math.floor(place)) * (high - low))
+
+
+def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
+    """The models with their distributions, and the drive as recorded, of a result or its report."""
+    what = "p"
+    if isinstance(p, (str, Path)):
+        what = str(p)
+        try:
+            p = json.loads(Path(p).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
+        except ValueError as error:
+            raise InputError(f"{p}: not a JSON document ({error}).") from None
+    if isinstance(p, Fitted):
+        beliefs = () if p.model is None else p.beliefs()
+        seen = seen_in(p.record, p.torque_noise) if beliefs else {}
+    elif isinstance(p, Mapping) and "members" in p and p.get("schema", 1) == 1:
+        beliefs, seen = tuple(Belief.read(one) for one in p["members"]), p.get("drive") or {}
+    else:
+        raise InputError(
+            f"{what} must be a result or the report.json of one, by this version of lugrectl."
+        )
+    if not beliefs:
+        raise Refused("the record was refused, so that there is no model to compensate with.")
+    for belief in beliefs:
+        refuse_unknown(belief)
+    return beliefs, seen
+
+
+def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
+    """A drive as it was recorded, as under "drive" in the JSON document, SI.
+
+    A noise of theta below that of its rounding is none: a log does not tell the two apart, and
+    noise that is not there would hide what rounding does to a loop.
+    """
+    if record is None:
+        return {}
+    made = sensing_of(record)
+    return {
+        "rate": 1.0 / made.dt,
+        "resolution": made.resolution,
+        "noise": made.noise if made.noise > made.resolution / np.sqrt(12.0) else 0.0,
+        "speed_noise": made.speed_noise,
+        "torque": torque,
+        "speed": speed_of(record),
+    }
 
 
 @dataclass(frozen=True, repr=False)

@@ -27,8 +27,7 @@ from ..core.validation import flag, names, number, positive, share, shown
 from ..loops.parts import OUTPUTS
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
-from .gains import unknown
-from .loop import Terms, sine, wrong
+from .loop import Terms, sine, unknown, wrong
 
 COLUMNS = {  # field: heading, factor to the unit of the heading
     "velocity": ("e_w [mrad/s]", 1e3),

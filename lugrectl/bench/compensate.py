@@ -32,8 +32,18 @@ from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
 from ..simulation.response import simulate
 from .chance import between
-from .gains import controller, observer_gains
-from .loop import Course, SampledLoop, Task, course, kind_of, sensing_of, sorted_out, unit_of
+from .loop import (
+    Course,
+    SampledLoop,
+    Task,
+    controller,
+    course,
+    kind_of,
+    observer_gains,
+    sensing_of,
+    sorted_out,
+    unit_of,
+)
 
 ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -27,16 +27,38 @@ from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
 from ..estimates.fitted import Fitted
 from ..loops.parts import crossing
-from ..record import Record
 from ..record.as_record import as_record, is_record
 from ..simulation.encoder import Sensing
 from .compare import by_reason, chosen_observers
-from .gains import LUGRE, correction, designed, fastest, given_gains, unknown
-from .loop import SETTLED, Terms, enough_samples, sensing_of, sine, top_speed, unit_of, wrong
+from .loop import (
+    LUGRE,
+    SETTLED,
+    Terms,
+    correction,
+    designed,
+    enough_samples,
+    fastest,
+    given_gains,
+    sensing_of,
+    sine,
+    top_speed,
+    unit_of,
+    unknown,
+    wrong,
+)
 
 EXACT = "exact parameters"
 HELPS = 0.98  # of the error without an observer: above it an observer does not help
 ALIKE = 1.05  # ratio of errors below which two observers are equally good
+PERIOD = 4000  # samples in a period of the reference, at most
+QUICK = 500.0  # rad/s, the highest crossover
+LEVEL, OTHERS = [("Fc", "Fs")], [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)]
+GROWN = 100.0  # times the amplitude of the reference: a loop with such an error has diverged
+NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further
+FASTER = 3.0  # times the controller's bandwidth: the rate of an observer that knows J alone
+LITTLE = 0.9  # of the error without an observer: above it even the best one helps little
+ON_ERROR = ("existing_observer", "lyapunov_observer")  # their rule takes the controller's gain
+ALONE = ("disturbance_observer", "extended_state_observer")  # noise grows with their rate
 
 
 @dataclass(frozen=True, repr=False)
@@ -208,42 +230,26 @@ def reasons(
     row: Candidate, order: Sequence[Candidate], none: float, units: Mapping[str, str], level: float
 ) -> tuple[str, ...]:
     """Sentences on a candidate; the first compares it with the others."""
-    place = [one.name for one in order].index(row.name)
-    most = f"{quantity(row.worst, units['e'])}{_with(row)}"
-    if place == 0:
-        text = f"Its error is at most {most}"
+    best, others = order[0], order[1:]
+    text = f"Its error is at most {quantity(row.worst, units['e'])} ({row.worst_case}, the largest"
+    text += f" of {len(row.errors)})"
+    if row is best:
         text += f"; without an observer it is {quantity(none, units['e'])}"
-        if len(order) > 1:
-            second = order[1]
-            text += f", with {second.name}, the next, up to {quantity(second.worst, units['e'])}"
-            if row.worst > second.worst or second.worst <= ALIKE * row.worst:
-                text += ", about the same; this one passes less noise to the torque"
+        for one in others[:1]:
+            text += f", with {one.name}, the next, up to {quantity(one.worst, units['e'])}"
     else:
-        best = order[0]
         times = row.worst / best.worst if best.worst > 0.0 else float("inf")
-        text = f"Its error is up to {most}, {figure(times, 3)} times that of {best.name}"
-        if row.worst > none:
-            text += " and larger than without an observer"
-        if not row.complete:
-            text += "; too large to try other wrong parameters"
-    said = [text + "."]
+        text += f", {figure(times, 3)} times that of {best.name}"
+        text += " and larger than without an observer" * (row.worst > none)
+        text += "; too large to try other wrong parameters" * (not row.complete)
     knows = ", ".join(row.knows) or "no parameter of the drive"
-    said.append(f"It reads {', '.join(row.reads)} and must know {knows}.")
-    share = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level > 0.0 else ""
+    said = [text + ".", f"It reads {', '.join(row.reads)} and must know {knows}."]
     if 0.0 < row.noise < float("inf"):
-        said.append(f"The sensor causes {quantity(row.noise, units['u'])} RMS of torque{share}.")
-    if row.load < float("inf"):
-        said.append(f"With a load step its error is {quantity(row.load, units['e'])}.")
-    else:
-        said.append("With a load step the loop diverges.")
-    said.append(certified(row.certificate))
-    return tuple(said)
-
-
-def _with(row: Candidate) -> str:
-    if len(row.errors) == 1 or row.worst_case == EXACT:
-        return " with exact parameters"
-    return f" over {len(row.errors)} cases, largest with {row.worst_case}"
+        part = f", {figure(100 * row.noise / level, 2)} % of the friction level" if level else ""
+        said.append(f"The sensor causes {quantity(row.noise, units['u'])} RMS of torque{part}.")
+    load = f"its error is {quantity(row.load, units['e'])}"
+    said.append(f"With a load step {load if row.load < float('inf') else 'the loop diverges'}.")
+    return (*said, certified(row.certificate))
 
 
 def certified(made: Certificate | None) -> str:
@@ -252,53 +258,35 @@ def certified(made: Certificate | None) -> str:
         return "Its gains are not from a design rule, so nothing is guaranteed."
     if not made.holds:
         return f"Its gains have no certificate ({made.valid or made.lemma})."
+    rate = "" if made.rate is None else f": errors decay with {figure(made.rate, 3)} 1/s"
     where = made.valid or "for every motion"
-    if made.rate is None:
-        return f"Its certificate holds {where} if its parameters are right; it has no rate."
-    rate = figure(made.rate, 3)
-    return f"Its certificate: errors decay with {rate} 1/s {where} if its parameters are right."
+    return f"Its certificate holds {where} if its parameters are right{rate}."
 
 
 def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
     """Why an observer cannot read what it needs; None if it can."""
-    strange = [s for s in inputs if s not in ("theta", "w", "u", "e", "r", "s")]
-    if strange:
-        return f"it reads {', '.join(strange)}, which a ready-made loop does not have."
-    missing = [s for s in ("theta", "w") if s in inputs and s not in measured]
-    if "s" in inputs and "w" not in measured:
-        missing = ["w"]
-    if not missing:
+    known = {*measured, "u", "e", "r", *(["s"] if "w" in measured else [])}
+    missing = next((k for k in inputs if k not in known), None)
+    if missing is None:
         return None
-    if missing == ["w"]:
-        cure = "where the drive computes the speed from theta, give measured='theta w'"
-    else:
-        cure = "where the drive has a position, give measured='theta w'"
-    return f"it reads {missing[0]}, and this drive measures only {measured[0]}; {cure}."
+    return (
+        f"it reads {'w' if missing == 's' else missing}, and this drive measures only "
+        f"{' and '.join(measured)}; give measured='theta w' where it has or computes both."
+    )
 
 
-def broken(errors: Mapping[str, float], none: float, unit: str, rate: float) -> str | None:
+def broken(row: Candidate, none: float, unit: str, rate: float) -> str | None:
     """Why an observer does not work at this rate; None if it does."""
-    bad = [case for case, error in errors.items() if not error < float("inf")]
+    bad = [case for case, error in row.errors.items() if not error < float("inf")]
     if bad:
         return f"it cannot run at {rate:g} Hz here: the loop diverges with {bad[0]}."
-    if errors[EXACT] > HELPS * none:
+    if row.errors[EXACT] > HELPS * none:
         return (
             f"it does not help at {rate:g} Hz with this sensor: even with exact parameters the "
-            f"error is {quantity(errors[EXACT], unit)}, without an observer {quantity(none, unit)}."
+            f"error is {quantity(row.errors[EXACT], unit)}, without an observer "
+            f"{quantity(none, unit)}."
         )
     return None
-
-
-PERIOD = 4000  # samples in a period of the reference, at most
-QUICK = 500.0  # rad/s, the highest crossover
-LEVEL, OTHERS = [("Fc", "Fs")], [("J",), ("sigma0",), ("sigma1",), ("Fv",), ("vs",)]
-GROWN = 100.0  # times the amplitude of the reference: a loop with such an error has diverged
-NEAR = 1.5  # times the smallest error: beyond it an observer is not tried any further
-FAR = 1e300  # below infinity: a loop that diverged is not tried any further
-FASTER = 3.0  # times the controller's bandwidth: the rate of an observer that knows J alone
-LITTLE = 0.9  # of the error without an observer: above it even the best one helps little
-ON_ERROR = ("existing_observer", "lyapunov_observer")  # their rule takes the controller's gain
-ALONE = ("disturbance_observer", "extended_state_observer")  # noise grows with their rate
 
 
 @shows_progress
@@ -398,7 +386,7 @@ def recommend_observer(
     'disturbance'
     """
     model_first(p, record, "record")
-    said = {k: v for k, v in locals().items() if k in KEYS}
+    said = {k: v for k, v in locals().items() if k in CHECKS and v is not None}
     if isinstance(p, Fitted):
         own = getattr(p, "model", None)
         if not isinstance(own, Model):
@@ -407,10 +395,10 @@ def recommend_observer(
     model = as_model(p, "p").with_defaults()
     plant(model)  # a missing value is named
     known = {k: float(v) for k, v in model.values().items() if k in LUGRE and v is not None}
-    spec = completed(drive_spec(record, said, model.motion), known)
-    kind = "velocity" if "w" in spec.measured else "position"
-    terms = Terms(model, correction(known, spec.bandwidth), True, given_gains(gains), ahead=True)
-    stand = Stand(terms, spec, kind, crossing(kind, known["J"], spec.bandwidth))
+    spec = drive_of(record, said, model.motion, known)
+    kind = "velocity" if "w" in spec["measured"] else "position"
+    terms = Terms(model, correction(known, spec["bandwidth"]), True, given_gains(gains), ahead=True)
+    stand = Stand(terms, spec, kind, crossing(kind, known["J"], spec["bandwidth"]))
     wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
     if not wanted:
         raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
@@ -418,14 +406,12 @@ def recommend_observer(
     terms = replace(terms, designed={name: gains for name, (gains, _) in able.items()})
     stand, report = replace(stand, terms=terms), reporter(progress)
     report(0.0, "simulating the loop without an observer")
-    none = stand.error("no_observer", {})
-    unit, rows = unit_of(kind, model), []
-    for name, trial in _trials(stand, list(able), report).items():
-        why = broken(trial.errors, none, unit, spec.rate)
-        if why:
-            refused[name] = why
+    none, unit, rows = stand.error("no_observer", {}), unit_of(kind, model), []
+    for row in _trials(stand, {name: made for name, (_, made) in able.items()}, report):
+        if why := broken(row, none, unit, spec["rate"]):
+            refused[row.name] = why
         else:
-            rows.append(_candidate(name, trial, stand, able[name][1]))
+            rows.append(row)
     rows.sort(key=lambda row: row.worst)
     alike = [row for row in rows if row.worst <= ALIKE * rows[0].worst]
     rows[: len(alike)] = sorted(alike, key=lambda row: row.noise)
@@ -436,21 +422,21 @@ Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certifi
 
 
 def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Able, dict[str, str]]:
-    """Return the observers that can be tried, and reasons for those that cannot."""
+    """Return the observers that can be tried, and reasons for those that cannot, by short name."""
     able: Able = {}
     refused: dict[str, str] = {}
     for name in names:
-        why = unseen(observer_block(name).inputs, stand.spec.measured)
-        if why := why or unknown(name, stand.terms.model):
-            refused[name] = why
-            continue
+        why = unseen(observer_block(name).inputs, stand.spec["measured"])
+        why = why or unknown(name, stand.terms.model)
+        own: tuple[dict[str, Any], Certificate | None] = {}, None
         try:
-            own = _designed(stand, name)
+            own = own if why else _designed(stand, name)
         except InputError as error:
-            refused[name] = f"its gains cannot be designed for this drive: {error}"
-            continue
-        if certified and not own[1]:
-            refused[name] = "its gains have no certificate, and certified=True asks for one."
+            why = f"its gains cannot be designed for this drive: {error}"
+        if not why and certified and not own[1]:
+            why = "its gains have no certificate, and certified=True asks for one."
+        if why:
+            refused[name.removesuffix("_observer")] = why
         else:
             able[name] = own
     return able, refused
@@ -458,48 +444,32 @@ def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Ab
 
 def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | None]:
     """Return gains by the design rule, at the rate and the speed of the drive."""
-    own, rule, spec = stand.terms.designed.get(name), RULES.get(name), stand.spec
-    if own is not None or (rule is None and name != "proposed_observer"):
+    own, spec = stand.terms.designed.get(name), stand.spec
+    if own is not None or (name not in RULES and name != "proposed_observer"):
         return dict(own or {}), None
-    dt = max(1.0 / spec.rate, SAMPLED / (FASTER * spec.bandwidth) if name in ALONE else 0.0)
+    dt = max(1.0 / spec["rate"], SAMPLED / (FASTER * spec["bandwidth"]) if name in ALONE else 0.0)
     more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
-    gains, made = designed(stand.terms.model, name, dt, spec.speed, **more)
+    gains, made = designed(stand.terms.model, name, dt, spec["speed"], **more)
     if name == "normal_force_observer" and stand.kind == "velocity":
         made = replace(made, holds=False, valid="its proof is about a position loop")
     return gains, made
 
 
-def _trials(stand: Stand, names: Sequence[str], report: Progress) -> dict[str, Trial]:
+def _trials(
+    stand: Stand, certificates: Mapping[str, Certificate | None], report: Progress
+) -> list[Candidate]:
     """Return all observers in the first cases, then the better ones in the others."""
-    trials: dict[str, Trial] = {}
-    for i, name in enumerate(names):
-        part = part_of(report, 0.6 * i / len(names), 0.6 * (i + 1) / len(names))
-        trials[name] = stand.first(name, part)
-    best = np.inf
-    for i, name in enumerate(sorted(trials, key=lambda k: trials[k].worst[1])):
-        if not trials[name].worst[1] <= min(NEAR * best, FAR):
-            break
-        part = part_of(report, 0.6 + 0.4 * i / len(names), 0.6 + 0.4 * (i + 1) / len(names))
-        stand.finish(name, trials[name], part)
-        best = min(best, trials[name].worst[1])
-    return trials
-
-
-def _candidate(name: str, trial: Trial, stand: Stand, certificate: Certificate | None) -> Candidate:
-    block, (case, worst) = observer_block(name), trial.worst
-    return Candidate(
-        name=name.removesuffix("_observer"),
-        worst=worst,
-        worst_case=case,
-        errors=trial.errors,
-        load=trial.load,
-        noise=trial.noise,
-        gains=stand.terms.own(name, stand.kind),
-        certificate=certificate,
-        reads=block.inputs,
-        knows=tuple(k for k in LUGRE if k in block.parameters),
-        complete=trial.complete,
-    )
+    n, first, made, best = len(certificates), [], [], np.inf
+    for i, (name, certificate) in enumerate(certificates.items()):
+        part = part_of(report, 0.6 * i / n, 0.6 * (i + 1) / n)
+        first.append(stand.first(name, certificate, part))
+    for i, row in enumerate(sorted(first, key=lambda row: row.worst)):
+        if row.worst < np.inf and row.worst <= NEAR * best:
+            part = part_of(report, 0.6 + 0.4 * i / n, 0.6 + 0.4 * (i + 1) / n)
+            row = stand.tried(row, OTHERS, part, complete=True)
+            best = min(best, row.worst)
+        made.append(row)
+    return made
 
 
 def _answer(
@@ -509,90 +479,76 @@ def _answer(
     unit = unit_of(stand.kind, model)
     said = {"e": unit, "u": unit_for("N m", model.motion)}
     level = float(max(known.get("Fc", 0.0), known.get("Fs", 0.0)))
-    explained = [replace(row, reasons=reasons(row, rows, none, said, level)) for row in rows]
     return Recommendation(
-        ranked=tuple(explained),
-        refused={k.removesuffix("_observer"): v for k, v in refused.items()},
+        ranked=tuple(replace(row, reasons=reasons(row, rows, none, said, level)) for row in rows),
+        refused=refused,
         none=none,
         signal=MEASURED[stand.kind],
         unit=unit,
         motion=model.motion,
-        drive=plain(asdict(stand.spec)),
+        drive=plain(stand.spec),
         controller=dict(stand.gains),
         messages=_messages(stand, none, rows),
     )
 
 
 def _messages(stand: Stand, none: float, rows: Sequence[Candidate]) -> tuple[str, ...]:
-    said = []
-    if not np.isfinite(none):
-        said.append("The loop diverges without an observer too: give a lower bandwidth.")
-    if stand.terms.model.effects:
-        names = ", ".join(use.key for use in stand.terms.model.effects)
-        said.append(f"The drive has {names}; the observers do not know of it.")
-    spec = stand.spec
-    if not (spec.noise or spec.resolution or spec.speed_noise):
-        said.append("The sensor is taken as exact: give noise or resolution.")
-    if rows and rows[0].worst > LITTLE * none:
-        said.append("Even the best observer may help little with parameters as wrong as these.")
-    if not rows:
-        said.append("No observer is admissible on this drive; the reasons are in refused.")
-    return tuple(said)
-
-
-@dataclass
-class Trial:
-    """RMS errors by case, infinite where the loop diverges; ``noise``: torque in N m."""
-
-    errors: dict[str, float] = field(default_factory=dict)
-    load: float = np.inf
-    noise: float = np.inf
-    complete: bool = False
-
-    @property
-    def worst(self) -> tuple[str, float]:
-        """The case with the largest error."""
-        case = max(self.errors, key=lambda k: self.errors[k])
-        return case, self.errors[case]
+    effects = ", ".join(use.key for use in stand.terms.model.effects)
+    exact = not any(stand.spec[k] for k in ("noise", "resolution", "speed_noise"))
+    weak = bool(rows) and rows[0].worst > LITTLE * none
+    said = {
+        "The loop diverges without an observer too: give a lower bandwidth.": not np.isfinite(none),
+        f"The drive has {effects}; the observers do not know of it.": bool(effects),
+        "The sensor is taken as exact: give noise or resolution.": exact,
+        "Even the best observer may help little with parameters as wrong as these.": weak,
+        "No observer is admissible on this drive; the reasons are in refused.": not rows,
+    }
+    return tuple(text for text, holds in said.items() if holds)
 
 
 @dataclass(frozen=True)
 class Stand:
-    """The loop in which the observers are tried: a sine of the speed, from rest."""
+    """The loop in which the observers are tried: a sine of the speed, from rest. ``spec``: the
+    drive's sensor and task, SI."""
 
     terms: Terms
-    spec: DriveSpec
+    spec: Mapping[str, Any]
     kind: str
     gains: Mapping[str, float]
 
     @cached_property
+    def sensing(self) -> Sensing:
+        rest = (self.spec[k] for k in ("noise", "resolution", "speed_noise", "delay"))
+        return Sensing(1.0 / self.spec["rate"], *rest)
+
+    @cached_property
     def t(self) -> np.ndarray:
-        rate, f = self.spec.rate, self.spec.frequency
+        rate, f = self.spec["rate"], self.spec["frequency"]
         what = f"a sine of {f:g} Hz at {rate:g} samples per second"
         return np.arange(enough_samples(f, rate, what)) / rate
 
     @cached_property
     def rows(self) -> dict[str, np.ndarray]:
-        return sine(self.t, self.spec.speed, self.spec.frequency).rows(self.kind)
+        return sine(self.t, self.spec["speed"], self.spec["frequency"]).rows(self.kind)
 
     def error(self, name: str, believed: Mapping[str, float], load: float = 0.0) -> float:
         """Return the RMS error with these parameters believed; infinite if the loop diverges."""
         try:
-            return self._missed(self._run(name, believed, self.spec.sensing, load))
+            return self._missed(self._run(name, believed, self.sensing, load))
         except Diverged:
             return np.inf
 
     def noise(self, name: str) -> float:
         """Return the RMS torque that the sensor causes, its rounding included."""
         try:
-            runs = (self.spec.sensing, self.spec.sensing.quiet())
+            runs = (self.sensing, self.sensing.quiet())
             loud, quiet = (self._run(name, {}, sensing)["u"] for sensing in runs)
         except Diverged:
             return np.inf
         return self._counted(loud - quiet)
 
     def _counted(self, x: np.ndarray) -> float:
-        return rms(x[self.t >= SETTLED / self.spec.frequency])
+        return rms(x[self.t >= SETTLED / self.spec["frequency"]])
 
     def _missed(self, out: Mapping[str, np.ndarray]) -> float:
         return self._counted(out[MEASURED[self.kind]] - self.rows["r"])
@@ -602,117 +558,98 @@ class Stand:
     ) -> dict[str, np.ndarray]:
         rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
         control = self.terms.control(name, self.kind, self.gains, believed)
-        out = self.terms.run(control, self.kind, sensing, self.spec.speed, rows)
+        out = self.terms.run(control, self.kind, sensing, self.spec["speed"], rows)
         with np.errstate(all="ignore"):
             if not self._missed(out) < GROWN * float(np.abs(self.rows["r"]).max()):
                 raise Diverged(f"{name}: the error grows without bound.")
         return out
 
-    def first(self, name: str, report: Progress) -> Trial:
-        """Return exact parameters, the level of friction wrong, a load step, noise."""
+    def first(self, name: str, certificate: Certificate | None, report: Progress) -> Candidate:
+        """Return what exact parameters, a wrong level of friction, a load step, and noise do."""
         report(0.0, f"simulating {name}")
-        trial = Trial({EXACT: self.error(name, {})})
-        if np.isfinite(trial.errors[EXACT]):
-            self._try(name, trial, LEVEL, report)
-            trial.load, trial.noise = self.error(name, {}, self.spec.load), self.noise(name)
-        return trial
+        block, exact = observer_block(name), self.error(name, {})
+        row = Candidate(
+            name=name.removesuffix("_observer"),
+            worst=exact,
+            worst_case=EXACT,
+            errors={EXACT: exact},
+            load=np.inf,
+            noise=np.inf,
+            gains=self.terms.own(name, self.kind),
+            certificate=certificate,
+            reads=block.inputs,
+            knows=tuple(k for k in LUGRE if k in block.parameters),
+            complete=False,
+        )
+        if not np.isfinite(exact):
+            return row
+        more = {"load": self.error(name, {}, self.spec["load"]), "noise": self.noise(name)}
+        return self.tried(row, LEVEL, report, **more)
 
-    def finish(self, name: str, trial: Trial, report: Progress) -> None:
-        """Try the other parameters, one at a time."""
-        self._try(name, trial, OTHERS, report)
-        trial.complete = True
-
-    def _try(
-        self, name: str, trial: Trial, groups: Sequence[Sequence[str]], report: Progress
-    ) -> None:
-        cases = wrong(name, self.terms.model.known(), groups, self.spec.uncertainty)
+    def tried(
+        self, row: Candidate, groups: Sequence[Sequence[str]], report: Progress, **more: Any
+    ) -> Candidate:
+        """Return the same with groups of parameters wrong, too."""
+        name, errors = observer_block(row.name).name, dict(row.errors)
+        cases = wrong(name, self.terms.model.known(), groups, self.spec["uncertainty"])
         for i, (case, believed) in enumerate(cases.items()):
             report((i + 1) / (len(cases) + 1), f"simulating {name}, {case}")
-            trial.errors[case] = self.error(name, believed)
+            errors[case] = self.error(name, believed)
+        case = max(errors, key=lambda k: errors[k])
+        return replace(row, errors=errors, worst=errors[case], worst_case=case, **more)
 
 
-@dataclass(frozen=True)
-class DriveSpec:
-    """A drive's sensor and task in SI units; ``speed_noise`` None: w is the difference of theta."""
-
-    rate: float
-    noise: float
-    resolution: float
-    speed_noise: float | None
-    delay: float
-    measured: tuple[str, ...]
-    speed: float
-    frequency: float
-    bandwidth: float
-    load: float
-    uncertainty: Mapping[str, float]
-    source: str
-
-    @property
-    def sensing(self) -> Sensing:
-        """The same for the simulation."""
-        return Sensing(1.0 / self.rate, self.noise, self.resolution, self.speed_noise, self.delay)
-
-
-KEYS = tuple(k for k in DriveSpec.__dataclass_fields__ if k != "source")
-
-
-def completed(said: Mapping[str, Any], known: Mapping[str, float]) -> DriveSpec:
-    """Return all values, those that are not said by the drive's parameters ``known``."""
-    usual = {"noise": 0.0, "resolution": 0.0, "speed_noise": None, "delay": 0.0}
-    usual |= {"measured": ("theta", "w"), "source": "the arguments"}
-    spec = usual | dict(said)
-    sensing = Sensing(1.0 / spec["rate"], speed_noise=spec["speed_noise"], delay=spec["delay"])
-    level = max(known.get("Fc", 0.0), known.get("Fs", 0.0))
-    f = spec.setdefault("frequency", max(1.0, spec["rate"] / PERIOD))
-    presliding = level / known["sigma0"] if known.get("sigma0") else 0.0
-    slow = max(10.0 * known.get("vs", 0.0), presliding * 20.0 * np.pi * f)
-    spec.setdefault("speed", slow or 1.0)
-    spec.setdefault("bandwidth", min(QUICK, fastest(sensing)))
-    spec.setdefault("load", 0.2 * level)
-    spec.setdefault("uncertainty", dict.fromkeys(LUGRE, 0.2))
-    return DriveSpec(**spec)
-
-
-def drive_spec(given: Any, own: Mapping[str, Any], motion: str) -> dict[str, Any]:
-    """Return the values by name, before those of a dict of numbers or estimates from a record."""
-    said = {k: v for k, v in own.items() if v is not None}
+def drive_of(
+    record: Any, said: Mapping[str, Any], motion: str, known: Mapping[str, float]
+) -> dict[str, Any]:
+    """Return a drive's sensor and task: what is said goes before a dict of numbers or estimates
+    from a record, and these before what suits the parameters ``known``."""
+    seen: dict[str, Any] = {"source": "the arguments"}
     lists = ("measured", "uncertainty")  # the values of a drive that are no numbers
-    if isinstance(given, Mapping) and not any(
-        np.ndim(v) > 0 and not isinstance(v, str) for k, v in given.items() if k not in lists
+    if isinstance(record, Mapping) and not any(
+        np.ndim(v) > 0 and not isinstance(v, str) for k, v in record.items() if k not in lists
     ):
-        strange = [k for k in given if k not in KEYS]
-        if strange:
-            hint = meant(strange[0], KEYS)
+        if strange := [k for k in record if k not in CHECKS]:
+            hint = meant(strange[0], CHECKS)
             raise InputError(f"record: a drive has no value {shown(strange[0])}; {hint}")
-        return _checked({**given, **said})
-    if given is None:
-        return _checked(said)
-    if not is_record(given):
-        raise InputError(
-            "record must be a record (a path, DataFrame, dict of arrays or Record) or a dict of "
-            f"numbers such as {{'rate': 1000}}, not {shown(given)}."
-        )
-    seen = estimated(as_record(given, motion))
-    return seen | _checked({"rate": seen["rate"]} | said)
-
-
-def estimated(record: Record) -> dict[str, Any]:
-    """Return rate, noise, step of the encoder and speed of a record."""
-    seen, speed = sensing_of(record), top_speed(record)
-    values = {k: getattr(seen, k) for k in ("noise", "resolution", "speed_noise")}
-    values["measured"] = tuple(k for k in ("theta", "w") if getattr(record, k) is not None)
-    values |= {"speed": speed} if speed else {}
-    return values | {"rate": record.rate, "source": record.source}
-
-
-def _checked(said: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values by name, where all are of their kind."""
-    if "rate" not in said:
+        said = {**record, **said}
+    elif record is not None:
+        if not is_record(record):
+            raise InputError(
+                "record must be a record (a path, DataFrame, dict of arrays or Record) or a dict "
+                f"of numbers such as {{'rate': 1000}}, not {shown(record)}."
+            )
+        log = as_record(record, motion)
+        sensing, speed = sensing_of(log), top_speed(log)
+        seen = {k: getattr(sensing, k) for k in ("noise", "resolution", "speed_noise")}
+        seen["measured"] = tuple(k for k in ("theta", "w") if getattr(log, k) is not None)
+        seen |= {"rate": log.rate, "source": log.source} | ({"speed": speed} if speed else {})
+    spec = seen | {k: CHECKS[k](v, k) for k, v in said.items()}
+    if "rate" not in spec:
         raise InputError(
             "rate is missing: give the drive's sample rate in Hz, rate=1000, or a record."
         )
-    return {key: CHECKS[key](said[key], key) for key in KEYS if key in said}
+    usual = _usual(spec, known)
+    return {k: spec.get(k, usual.get(k)) for k in (*CHECKS, "source")}
+
+
+def _usual(spec: Mapping[str, Any], known: Mapping[str, float]) -> dict[str, Any]:
+    level = max(known.get("Fc", 0.0), known.get("Fs", 0.0))
+    f = spec.get("frequency", max(1.0, spec["rate"] / PERIOD))
+    presliding = level / known["sigma0"] if known.get("sigma0") else 0.0
+    slow = max(10.0 * known.get("vs", 0.0), presliding * 20.0 * np.pi * f)
+    late = {"speed_noise": spec.get("speed_noise"), "delay": spec.get("delay", 0.0)}
+    return {
+        "noise": 0.0,
+        "resolution": 0.0,
+        "delay": 0.0,
+        "measured": ("theta", "w"),
+        "frequency": f,
+        "speed": slow or 1.0,
+        "bandwidth": min(QUICK, fastest(Sensing(1.0 / spec["rate"], **late))),
+        "load": 0.2 * level,
+        "uncertainty": dict.fromkeys(LUGRE, 0.2),
+    }
 
 
 def _not_negative(value: Any, key: str) -> float:
@@ -743,10 +680,12 @@ def _uncertain(given: Any, _: str) -> dict[str, float]:
 
 
 CHECKS: dict[str, Callable[[Any, str], Any]] = {
-    **dict.fromkeys(("rate", "frequency"), partial(positive, unit="Hz")),
-    **dict.fromkeys(("speed", "bandwidth"), positive),
+    "rate": partial(positive, unit="Hz"),
     **dict.fromkeys(("noise", "resolution", "speed_noise", "delay"), _not_negative),
-    "load": number,
     "measured": _measured,
+    "speed": positive,
+    "frequency": partial(positive, unit="Hz"),
+    "bandwidth": positive,
+    "load": number,
     "uncertainty": _uncertain,
 }

@@ -9,7 +9,11 @@ import pytest
 from scipy import stats
 
 import lugrectl as lg
+from lugrectl.bench.assure import at_rest
 from lugrectl.bench.chance import (
+    HUNTS,
+    RESTS,
+    UNDECIDED,
     Chance,
     Outcomes,
     band,
@@ -19,7 +23,6 @@ from lugrectl.bench.chance import (
     hunting_at_most,
     spared,
 )
-from lugrectl.bench.member_runs import HUNTS, RESTS, UNDECIDED, at_rest
 
 from . import drives
 
