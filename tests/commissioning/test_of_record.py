@@ -14,7 +14,6 @@ import pytest
 import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.commissioning import UncertainResponseWarning
-from lugrectl.commissioning.friction import impossible
 from lugrectl.commissioning.of_record import unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
@@ -267,9 +266,3 @@ def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
     assert json.loads(said.out)["frequency"] == [] and "longest stretch" in said.err
     assert main([*BODE, "--out", "bode.txt"]) == 2
     assert "picture must be a file" in capsys.readouterr().err
-
-
-def test_friction_is_no_larger_than_the_largest_torque():
-    """One stroke: a bristle that never slips grows with the path, whatever its level."""
-    assert impossible(("Fc", "dF", "damping"), (4e6, 0.1, 1.0), most=1.5) == "Fc"
-    assert impossible(("Fc", "dF"), (0.3, 0.1), most=1.5) is None
