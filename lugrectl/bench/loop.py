@@ -190,9 +190,13 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
     parts = tuple(part for part in model.effects if _why_not(part.block) is None)
     if not parts:
         return None
-    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
+    if all(part.block.acts == ("torque",) and not part.block.states for part in parts):
+        own = {"J": model.J, "Fv": 0.0, "motion": model.motion}
+        model = Model.of(
+            friction="viscous", **own
+        )  # the same friction with and without: it cancels
     full, bare = replace(model, effects=parts), replace(model, effects=())
-    made, known = _Resisting(assemble(full), assemble(bare), idle).block(), model.known()
+    made, known = _Resisting(assemble(full), assemble(bare)).block(), full.known()
     return made.system(
         name=name,
         inputs=["w_m", "theta_m"],
@@ -203,22 +207,17 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
 
 @dataclass(frozen=True)
 class _Resisting:
-    """What ``full`` resists at u = 0 beyond ``bare``; ``idle``: both have the same friction."""
+    """What ``full`` resists at u = 0 beyond ``bare``."""
 
     full: Block
     bare: Block
-    idle: bool
 
     def __call__(self, t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
-        first, second = len(self.full.states) - 2, len(self.bare.states) - 2
-        given = (0.0,) * (first + second) if self.idle else x
-        F, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *given[:first], **values)
-        resisting = -values["J"] * dw
-        if self.idle:  # both contain the same friction, which cancels
-            return (resisting - F,)
+        first = len(self.full.states) - 2
+        _, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *x[:first], **values)
         own = {k: values[k] for k in self.bare.parameters}
-        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *given[first:], **own)
-        return resisting - alone, *rates, *others
+        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *x[first:], **own)
+        return -values["J"] * dw - alone, *rates, *others
 
     def block(self) -> Block:
         full, bare = self.full.states[2:], self.bare.states[2:]
@@ -228,7 +227,7 @@ class _Resisting:
             function=self,
             inputs=("w", "theta"),
             outputs=("u",),
-            states=() if self.idle else (*full, *(f"{s}_bare" for s in bare)),
+            states=(*full, *(f"{s}_bare" for s in bare)),
             parameters=self.full.parameters,
             timed=True,
         )
@@ -240,13 +239,12 @@ TURNS = {"velocity": "rad/s", "position": "rad"}
 
 @dataclass(frozen=True)
 class Task:
-    """What loops share: drive, kind, gains, a table on the drive; ``noisy``: its torque is."""
+    """What loops share: drive, kind, gains, a table on the drive."""
 
     model: Model
     kind: str
     controller: Mapping[str, float]
     table: Table | None = None
-    noisy: bool = True
 
     def control(
         self, believed: Model | None, observer: str | None = None, gains: Any = None
@@ -270,16 +268,11 @@ class Task:
 
     def body(self, model: Model, command: str = "u") -> ct.InterconnectedSystem:
         """Return a drive, from the command and its noise n_u to what its sensors see."""
-        entry = "u_act" if self.noisy else command
-        parts = [plant(model, inputs=[entry, "d"]), sensor(model, outputs=["w_s", "theta_s"])]
-        parts += [
-            controllers.compensation(name=name, inputs=[signal], outputs=[entry])
-            for name, signal in (("command", command), ("torque_noise", "n_u"))
-            if self.noisy
-        ]
-        inputs = [command, *["n_u"] * self.noisy, "d"]
-        outputs = ["theta", "w", "theta_s", "w_s"]
-        return connected([*parts, *self._acting()], inputs, outputs, "drive_body")
+        noisy = ct.summing_junction([command, "n_u"], "u_act", name="torque")
+        parts = [noisy, plant(model, inputs=["u_act", "d"]), *self._acting()]
+        parts.append(sensor(model, outputs=["w_s", "theta_s"]))
+        inputs, outputs = [command, "n_u", "d"], ["theta", "w", "theta_s", "w_s"]
+        return connected(parts, inputs, outputs, "drive_body")
 
     def _acting(self) -> list[Any]:
         return [] if self.table is None else [self.table.block()]
@@ -455,7 +448,7 @@ class Terms:
         rows: Mapping[str, np.ndarray],
     ) -> dict[str, np.ndarray]:
         """Return the signals of a sampled drive by name. Raises Diverged."""
-        task = Task(self.model, kind, {}, noisy=False)
+        task = Task(self.model, kind, {})
         loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
         with interpreted():  # each loop runs a few times only
             return loop.run(rows)

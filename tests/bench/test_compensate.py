@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.bench import effects_torque
-from lugrectl.bench.compensate import Drives, Spread
+from lugrectl.bench.compensate import Spread, drawn
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
@@ -301,10 +301,10 @@ def test_a_loop_that_diverges_on_some_drives_is_counted_and_has_an_infinite_end(
 
 
 def test_drawn_parameters_stay_inside_their_bounds():
-    drives = Drives(joint(3.0), 50, 0).of(HEAVY)
+    drives = drawn(HEAVY, joint(3.0), 50, 0)
     assert all(one.J > 0 and one.values()["gravity.amplitude"] >= 0 for one in drives)
     assert len({one.J for one in drives}) == 50
-    assert drives[0].values() == Drives(joint(3.0), 50, 0).of(HEAVY)[0].values()
+    assert drives[0].values() == drawn(HEAVY, joint(3.0), 50, 0)[0].values()
 
 
 def test_the_report_and_its_schema_carry_the_spread(driven):
