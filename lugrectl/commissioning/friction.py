@@ -27,6 +27,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -228,7 +229,7 @@ def _levels(X: list[np.ndarray], y: Sequence[np.ndarray], most: float) -> tuple[
     for _ in range(PASSES):
         weight = np.tile((1.0 / scale)[at], 2)
         if m:
-            R = np.linalg.qr(np.c_[A @ shares, b] * weight[:, None], "r")
+            R: Any = np.linalg.qr(np.c_[A @ shares, b] * weight[:, None], "r")
             bounds = (np.zeros(m), np.where(np.arange(m) == 2, np.inf, most))
             levels = shares @ lsq_linear(R[:, :-1], R[:, -1], bounds, "bvls").x
         square = (b - A @ levels) ** 2

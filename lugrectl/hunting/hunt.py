@@ -749,8 +749,8 @@ def limit_cycles(
     and loops of blocks are simulated from many starts, each for longer and longer until it rests,
     repeats or grows: what persists is a cycle, and nothing is proven. A swing rests, too, once it
     is below a tenth of the smallest start, or at the end of the budget where it still shrinks and
-    is below starts that rest. The border is bisected to 5 %; multipliers and unstable cycles are not
-    found. Counts are shaken by a hundredth, so that a swing that locks to a place within one is no
+    is below starts that rest. The border is bisected to 5 %; there are no multipliers, nor unstable
+    cycles. Counts are shaken by a hundredth, so that a swing that locks to a place within one is no
     hunting; a swing that scatters may come to rest by chance, and is seen for 300 half turns or
     the whole budget.
 

@@ -210,8 +210,8 @@ def stick_slip_speed(
     at |u| = Fs has one free number, the error. The loop is simulated from 8 errors (without ki all
     breakaways are one) at speeds from the highest at which a drive can stop down to
     1e-5 Fs/sqrt(kp J); the first at which it goes on is followed upwards. What repeatedly falls
-    below a hundredth of v sticks, with bristles a tenth. Coulomb and viscous friction alone never does where fast motion
-    decays (Popov). Steady sliding and stick-slip
+    below a hundredth of v sticks, with bristles a tenth; Coulomb and viscous friction alone never
+    does (Popov). Steady sliding and stick-slip
     exist both between the two speeds where ``speed_end`` is the higher one; where it is the lower
     one, the loop swings about v without sticking. Absence is searched, not proven. A slip of more
     than some 40 periods counts as sliding: damping ratios below 1e-3 are not resolved. Effects
