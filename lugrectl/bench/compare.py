@@ -6,7 +6,7 @@ import html as markup
 import time
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -286,40 +286,39 @@ def compare_observers(
         raise InputError(f"{chosen[0]} cannot be compared: {why[chosen[0]]}")
     refused = {k.removesuffix("_observer"): v for k, v in why.items() if v is not None}
     terms = Terms(model, positive(k, "k", "1/s"), flag(equal, "equal"))
-    tried = rates if isinstance(rates, (list, tuple)) else [rates]
+    tried: Any = rates if isinstance(rates, (list, tuple)) else [rates]
     if number(resolution, "resolution") < 0.0:
         raise InputError(f"resolution is {resolution:g}; give the step in rad, or 0 for none.")
     if not tried:
         raise InputError("rates is an empty list: give at least one sample rate in Hz.")
-    levels = Levels(
-        positive(wrong, "wrong", "as a factor of friction"),
-        positive(over, "over", "as a factor of friction"),
-        share(off, "off"),
-        _load(load, model) if "load" in wanted else 0.0,
-        positive(noise, "noise", "rad"),
-        float(resolution),
-        [positive(rate, "rates", "Hz") for rate in tried],  # pyright: ignore[reportArgumentType]
-    )
+    said = {
+        "wrong": positive(wrong, "wrong", "as a factor of friction"),
+        "over": positive(over, "over", "as a factor of friction"),
+        "off": share(off, "off"),
+        "load": _load(load, model) if "load" in wanted else 0.0,
+        "noise": positive(noise, "noise", "rad"),
+        "resolution": float(resolution),
+        "rates": [positive(rate, "rates", "Hz") for rate in tried],
+        "rounding": float(resolution) or FINE,
+        **{"step": STEP, "gains": GAINS, "k": terms.k, "equal": terms.equal, "model": model.name},
+    }
     report, rows = reporter(progress), []
     for i, name in enumerate(able):
         part = part_of(report, i / len(able), (i + 1) / len(able))
-        rows.append(Bench(terms, name, levels).compared(wanted, part))
-    said = levels.summary() | {"k": terms.k, "equal": terms.equal, "model": model.name}
+        rows.append(Bench(terms, name, said).compared(wanted, part))
     return ObserverComparison(rows, said, refused)
 
 
 def _load(given: float | None, model: Model) -> float:
     """Return the load torque in N m."""
-    if given is not None:
-        return number(given, "load")
     level = model.known().get("Fc")
-    if level is None:
+    if given is None and level is None:
         law = model.friction.block.name
         raise InputError(
             f"load is missing: half of Fc is its default, which {law} friction does not have; give "
             "it in N m."
         )
-    return 0.5 * level
+    return 0.5 * float(level or 0.0) if given is None else number(given, "load")
 
 
 def chosen_observers(wanted: Any) -> list[str]:
@@ -335,36 +334,18 @@ def chosen_observers(wanted: Any) -> list[str]:
 
 def _chosen_scenarios(wanted: Any) -> set[str]:
     given = names(wanted, "scenarios")
-    strange = [s for s in given if s not in SCENARIOS]
-    if strange:
-        hint = meant(strange[0], SCENARIOS)
-        raise InputError(f"there is no scenario {shown(strange[0])}; {hint}")
+    for strange in (s for s in given if s not in SCENARIOS):
+        raise InputError(f"there is no scenario {shown(strange)}; {meant(strange, SCENARIOS)}")
     if not given:
         raise InputError(f"scenarios is an empty list: give some of {', '.join(SCENARIOS)}.")
     return set(given)
 
 
-@dataclass(frozen=True)
-class Levels:
-    """How wrong friction is believed, everywhere and in "cycle"; how wrong all else is; SI."""
-
-    wrong: float
-    over: float
-    off: float
-    load: float
-    noise: float
-    resolution: float
-    rates: Sequence[float]
-
-    def summary(self) -> dict[str, Any]:
-        """Return them by name, with what the scenarios take where nothing is given."""
-        return asdict(self) | {"rounding": self.resolution or FINE, "step": STEP, "gains": GAINS}
-
-
 class Bench:
-    """The loops of one observer: each is built when a scenario needs it."""
+    """The loops of one observer: each is built when a scenario needs it. ``levels``: how wrong
+    friction is believed, everywhere and in "cycle", and how wrong all else is, SI."""
 
-    def __init__(self, terms: Terms, name: str, levels: Levels) -> None:
+    def __init__(self, terms: Terms, name: str, levels: Mapping[str, Any]) -> None:
         self.terms, self.name, self.levels = terms, name, levels
         self.loops: dict[str, Any] = {}
         self.last = np.zeros(0)  # the states at the end of the latest run
@@ -385,11 +366,16 @@ class Bench:
         more: dict[str, Any] = {"weakest": self.weakest, "sampled": self.sampled}
         return Compared(name=short, feedback=gains, **found, **more)
 
+    def believed(self, factor: float) -> dict[str, float]:
+        """Return the level of friction that the observer believes."""
+        known, needs = self.terms.model.known(), observer_block(self.name).parameters
+        return {k: factor * known[k] for k in ("Fc", "Fs") if k in known and k in needs}
+
     def run(
         self,
         scenario: str,
-        rows: Mapping[str, Any],
         t: np.ndarray,
+        rows: Mapping[str, Any],
         factor: float | None = None,
         x0: Any = None,
         **params: float,
@@ -398,35 +384,37 @@ class Bench:
         kind = "velocity" if scenario == "velocity" else "position"
         if kind not in self.loops:
             self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
-        made, known = observer_block(self.name), self.terms.model.known()
-        factor = self.levels.wrong if factor is None else factor
-        levels = (k for k in ("Fc", "Fs") if k in made.parameters)
-        values = {f"{made.name}.{k}": factor * known[k] for k in levels}
-        block = "pi" if kind == "velocity" else "pid"
-        gains = self.terms.feedback(self.name, GAINS[scenario])
-        values |= {f"{block}.{g}": v for g, v in gains.items()} | params
+        made = observer_block(self.name).name
+        factor = self.levels["wrong"] if factor is None else factor
+        values = {f"{made}.{k}": v for k, v in self.believed(factor).items()}
+        block, gains = "pi" if kind == "velocity" else "pid", GAINS[scenario]
+        values |= {f"{block}.{g}": v for g, v in self.terms.feedback(self.name, gains).items()}
         system = self.loops[kind]
         given = {k: rows.get(k, 0.0 * t) for k in system.input_labels}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a loop that does not work is a result here
-            done = simulate(system, t, given, x0, params=values)
+            done = simulate(system, t, given, x0, params=values | params)
         self.last = np.asarray(done.states)[..., -1]
         out: Signals = dict(zip(OUTPUTS, np.asarray(done.outputs), strict=True))
         return out | {"e": out[MEASURED[kind]] - given["r"]}  # of the motion, not of its sensor
 
-    def _error(self, scenario: str, rows: Signals, since: float, **params: float) -> float:
+    def _error(
+        self, since: float, length: float = 5.0, kind: str = "velocity", d: Any = None, **own: float
+    ) -> float:
         """Return the RMS error from a time on; infinite where the loop diverges."""
-        t = STEP * np.arange(len(rows["r"]))
+        t = _times(length)
+        rows = _reference(t, kind) | ({} if d is None else {"d": d(t)})
         try:
-            return rms(self.run(scenario, rows, t, **params)["e"][t >= since])
+            return rms(self.run(kind, t, rows, **own)["e"][t >= since])
         except Diverged:
             return np.inf
 
     @cached_property
     def clean(self) -> Signals | None:
         """The run of the velocity scenario; None where it diverges."""
+        t = _times(5.0)
         try:
-            return self.run("velocity", _reference(5.0), _times(5.0))
+            return self.run("velocity", t, _reference(t))
         except Diverged:
             return None
 
@@ -436,11 +424,11 @@ class Bench:
         t, random, clean = _times(5.0), np.random.default_rng(0), self.clean
         if clean is None:
             return None, None
-        read = clean["theta"] + random.normal(0.0, self.levels.noise, len(t))
-        angle = rounded(read, self.levels.resolution) - clean["theta"]
+        read = clean["theta"] + random.normal(0.0, self.levels["noise"], len(t))
+        angle = rounded(read, self.levels["resolution"]) - clean["theta"]
         rows = {"n_theta": angle, "n_w": np.diff(angle, prepend=angle[0]) / STEP}
         begun = time.perf_counter()
-        u = self.run("velocity", _reference(5.0) | rows, t)["u"]
+        u = self.run("velocity", t, _reference(t) | rows)["u"]
         took = (time.perf_counter() - begun) / len(t)
         return rms((u - clean["u"])[t >= 1.0]), took
 
@@ -454,24 +442,25 @@ class Bench:
 
     def parameters(self) -> float:
         """Return the largest speed error with one more parameter wrong: "J x0.8"."""
-        made, off = observer_block(self.name), dict.fromkeys(OTHERS, self.levels.off)
-        errors, cases = {}, wrong(self.name, self.terms.model.known(), [(k,) for k in OTHERS], off)
-        for case, values in cases.items():
-            own = {f"{made.name}.{k}": v for k, v in values.items()}
-            errors[case] = self._error("velocity", _reference(5.0), 1.0, **own)
+        made, off = observer_block(self.name), dict.fromkeys(OTHERS, self.levels["off"])
+        cases = wrong(self.name, self.terms.model.known(), [(k,) for k in OTHERS], off)
+        errors = {
+            case: self._error(1.0, **{f"{made.name}.{k}": v for k, v in values.items()})  # pyright: ignore
+            for case, values in cases.items()
+        }
         if not errors:
             return self.velocity()
         self.weakest = max(errors, key=lambda which: errors[which])
         return errors[self.weakest]
 
     def position(self) -> float:
-        return self._error("position", _reference(10.0, "position"), 5.0)
+        return self._error(5.0, 10.0, "position")
 
     def cycle(self) -> float:
         """Return the peak-to-peak position of the limit cycle at a set-point."""
         t = _times(15.0)
         try:
-            out = self.run("cycle", {"r": SIZE + 0.0 * t}, t, self.levels.over)
+            out = self.run("cycle", t, {"r": SIZE + 0.0 * t}, self.levels["over"])
         except Diverged:
             return np.inf
         return float(np.ptp(out["theta"][t >= 10.0]))
@@ -481,9 +470,9 @@ class Bench:
 
     def load(self) -> float:
         """Return the speed error from the step of a load torque on, which acts from 2 to 3.5 s."""
-        t = _times(5.0)
-        d = np.where((t >= 2.0) & (t < 3.5), self.levels.load, 0.0)
-        return self._error("velocity", _reference(5.0) | {"d": d}, 2.0)
+        return self._error(
+            2.0, d=lambda t: np.where((t >= 2.0) & (t < 3.5), self.levels["load"], 0.0)
+        )
 
     def delay(self) -> float | None:
         """Return the largest dead time that keeps the error small; None: a run takes too long."""
@@ -501,9 +490,8 @@ class Bench:
         x0, end = None, time.thread_time() + PATIENCE
         for k in range(20):
             t = STEP * np.arange(50 * k, 50 * k + 51)
-            rows = sine(t, SIZE, 1.0).rows("velocity")
             try:
-                out = self.run("velocity", rows, t, x0=x0, **{"dead_time.delay": delay})
+                out = self.run("velocity", t, _reference(t), x0=x0, **{"dead_time.delay": delay})
             except Diverged:
                 return False
             x0 = self.last
@@ -516,7 +504,7 @@ class Bench:
     def rate(self) -> float:
         """Return the lowest rate at which and above which the error is as small as is allowed."""
         lowest, holds = np.inf, True
-        for rate in sorted(self.levels.rates, reverse=True):
+        for rate in sorted(self.levels["rates"], reverse=True):
             error, worst = self._at_samples(Sensing(1.0 / rate, speed_noise=0.0))
             self.sampled[f"{rate:g}"] = error
             holds = holds and worst <= self.allowed
@@ -524,26 +512,26 @@ class Bench:
         return lowest
 
     def rounding(self) -> float:
-        return self._at_samples(Sensing(STEP, resolution=self.levels.resolution or FINE))[0]
+        return self._at_samples(Sensing(STEP, resolution=self.levels["rounding"]))[0]
 
     def _at_samples(self, sensing: Sensing) -> tuple[float, float]:
         """Return RMS from 0.5 to 1.5 s, and the largest speed error, of a sampled drive."""
-        rows, known = _reference(1.5, dt=sensing.dt), self.terms.model.known()
-        levels = {k: self.levels.wrong * known[k] for k in ("Fc", "Fs") if k in known}
+        t = _times(1.5, sensing.dt)
+        rows, levels = _reference(t), self.believed(self.levels["wrong"])
         control = self.terms.control(self.name, "velocity", GAINS["velocity"], levels)
         try:
             e = self.terms.run(control, "velocity", sensing, SIZE, rows)["w"] - rows["r"]
         except Diverged:
             return np.inf, np.inf
-        return rms(e[sensing.dt * np.arange(len(e)) >= 0.5]), float(np.abs(e).max())
+        return rms(e[t >= 0.5]), float(np.abs(e).max())
 
 
 def _times(length: float, dt: float = STEP) -> np.ndarray:
     return dt * np.arange(round(length / dt) + 1)
 
 
-def _reference(length: float, kind: str = "velocity", dt: float = STEP) -> Signals:
+def _reference(t: np.ndarray, kind: str = "velocity") -> Signals:
     """Return 0.1 sin 2 pi t and its derivatives: of the speed, or of the position."""
     if kind == "velocity":
-        return sine(_times(length, dt), SIZE, 1.0).rows(kind)
-    return sine(_times(length, dt), SIZE * TURN, 1.0, phase=0.5 * np.pi).rows(kind)
+        return sine(t, SIZE, 1.0).rows(kind)
+    return sine(t, SIZE * TURN, 1.0, phase=0.5 * np.pi).rows(kind)

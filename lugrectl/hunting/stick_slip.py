@@ -211,11 +211,11 @@ def stick_slip_speed(
     breakaways are one) at speeds from the highest at which a drive can stop down to
     1e-5 Fs/sqrt(kp J); the first at which it goes on is followed upwards. What repeatedly falls
     below a hundredth of v sticks, with bristles a tenth; Coulomb and viscous friction alone never
-    does (Popov). Steady sliding and stick-slip
-    exist both between the two speeds where ``speed_end`` is the higher one; where it is the lower
-    one, the loop swings about v without sticking. Absence is searched, not proven. A slip of more
-    than some 40 periods counts as sliding: damping ratios below 1e-3 are not resolved. Effects
-    are left out, and the loop is continuous.
+    does (Popov). Steady sliding and stick-slip exist both between the two speeds where
+    ``speed_end`` is the higher one; where it is the lower one, the loop swings about v without
+    sticking. Absence is searched, not proven. What still sticks after some 160 periods counts as
+    stick-slip: damping ratios below 1e-3 are not resolved. Effects are left out, and the loop is
+    continuous.
 
     Dependence of the two speeds on damping: Armstrong-Helouvry, Stick Slip and Control in
     Low-Speed Motion, IEEE Trans. Automatic Control 38(10), 1993; Thomsen and Fidlin, Analytical
