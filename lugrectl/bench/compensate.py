@@ -31,7 +31,7 @@ from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
 from ..simulation.response import simulate
-from .chance import between
+from .assure import between
 from .loop import (
     Course,
     SampledLoop,

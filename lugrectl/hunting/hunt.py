@@ -32,19 +32,24 @@ from ..simulation.encoder import Sensing, encoder, rounded
 from ..simulation.response import simulate
 from ..simulation.sampled_block import sampled
 from ..simulation.sampled_response import simulate_sampled
-from .loop import Lanes, Loop, critical, edge, ranges, varied
-from .stick_map import (
+from .loop import (
     HIGH,
     LOW,
     NEVER,
     STICKS,
+    Lanes,
+    Loop,
     Turn,
+    critical,
+    edge,
     excess,
     excess_on,
     half_turn,
     kept,
     proven,
+    ranges,
     slip,
+    varied,
 )
 
 SCATTERS = 0.02  # of the amplitude: a swing that does not repeat

@@ -9,12 +9,12 @@ import pytest
 from scipy import stats
 
 import lugrectl as lg
-from lugrectl.bench.assure import at_rest
-from lugrectl.bench.chance import (
+from lugrectl.bench.assure import (
     HUNTS,
     RESTS,
     UNDECIDED,
     Chance,
+    at_rest,
     band,
     bound,
     enough,
