@@ -361,9 +361,7 @@ def compensate(
     messages += _useless(errors)
     drive = None
     if record is not None:
-        drive = three.spread(record, drawn(model, covariance, draws, seed), seed, report)
-        names = () if covariance is None else covariance.names
-        drive = replace(drive, drawn=tuple(k for k in names if k in model.values()))
+        drive = three.spread(record, covariance, draws, seed, report)
         messages += drive.advice(unit)
     fed, left = sorted_out(model, table)
     return Compensation(
@@ -465,10 +463,11 @@ class Three:
         return runs, errors, messages
 
     def spread(
-        self, record: Record, models: Sequence[Model], seed: int, report: Progress
+        self, record: Record, joint: Joint | None, draws: int, seed: int, report: Progress
     ) -> Spread:
         """Return the tracking error of each loop on drives like the recorded one."""
-        way, sensing = self.way, sensing_of(record)
+        way, sensing, model = self.way, sensing_of(record), self.task.model
+        models, names = drawn(model, joint, draws, seed), () if joint is None else joint.names
         torque = sensor_noise(record.u, record.resolution.get("u", 0.0))
         n = max(2, min(math.floor(min(way.t[-1], LONGEST) / sensing.dt), MOST))
         t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
@@ -476,13 +475,14 @@ class Three:
         errors = {key: np.zeros(len(models)) for key in self.controls}
         for j, (key, blocks) in enumerate(self.controls.items()):
             loop = SampledLoop(self.task, sensing, blocks, fastest, self.start)
-            for i, model in enumerate(models):  # the same noise for each loop
+            for i, one in enumerate(models):  # the same noise for each loop
                 part = (j + i / len(models)) / len(errors)
                 report(part, "simulating drives like the recorded one")
-                errors[key][i] = loop.error(rows, model, torque=torque, seed=seed + i)
+                errors[key][i] = loop.error(rows, one, torque=torque, seed=seed + i)
         speed = math.nan if sensing.speed_noise is None else sensing.speed_noise
         noise = {"theta": sensing.noise, "w": speed, "u": torque}
-        return Spread(1.0 / sensing.dt, noise, sensing.resolution, (), seed, errors)
+        differ = tuple(k for k in names if k in model.values())
+        return Spread(1.0 / sensing.dt, noise, sensing.resolution, differ, seed, errors)
 
 
 def _useless(errors: Mapping[str, float]) -> list[str]:
