@@ -668,7 +668,6 @@ def _sensing(
 
 
 def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str, Any]]:
-    """Return the observers that are tried, by full name, with their gains by the design rule."""
     given = OBSERVERS if wanted is None else [wanted] if isinstance(wanted, str) else wanted
     own, found, model = given_gains(gains), {}, setting.task.model
     for name in (observer_block(k).name for k in given):
@@ -753,7 +752,6 @@ class Setting:
         return samples(periods, self.frequency, 1.0 / self.sensing.dt)
 
     def rows(self, periods: float) -> dict[str, np.ndarray]:
-        """Return the reference and its derivatives by name."""
         t = self.sensing.dt * np.arange(self.samples(periods))
         return sine(t, self.speed, self.frequency).rows(self.task.kind)
 
@@ -781,7 +779,6 @@ class Setting:
         return made
 
     def waits(self) -> list[int]:
-        """Return the samples of the runs at rest."""
         kp, ki = (self.task.controller[k] for k in ("kp", "ki"))
         unit = kp / ki if ki > 0.0 < kp else 0.25 / self.frequency
         most = min(LONGEST, math.ceil(WAITS[-1] * unit / self.sensing.dt))
@@ -793,14 +790,12 @@ class Setting:
 def loop_of(
     setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]
 ) -> SampledLoop:
-    """Return the loop of a choice, built once for all its shares."""
     task = setting.task
     control = task.control(None if observer is None else task.model, observer, dict(gains))
     return SampledLoop(task, setting.sensing, control, FASTEST * setting.speed)
 
 
 def grows(setting: Setting) -> bool:
-    """Return whether the loop without dry friction swings ever more after a step."""
     known = setting.task.model.known()
     free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
     task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
@@ -851,8 +846,6 @@ def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> n
 
 @dataclass(frozen=True)
 class Jobs:
-    """Where members are simulated."""
-
     executor: Executor | None
     number: int
 
@@ -899,7 +892,6 @@ class Study:
         return NOTHING, BESIDE
 
     def _add(self, choices: Sequence[Choice], report: Progress) -> None:
-        """Try these, too, where they are new."""
         choices = [one for one in choices if one not in self.tried]
         work = partial(tracking, self.setting, [NOTHING, *choices])
         none, *columns = self.run(work, report, self.halves[0]).T
@@ -914,7 +906,6 @@ class Study:
         return float(np.quantile(errors, self.confidence, method="higher"))
 
     def _near(self, best: Choice, report: Progress) -> None:
-        """Try other shares of a choice."""
         self._add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
 
     def better(self) -> list[Choice]:
@@ -959,7 +950,6 @@ class Study:
     def answer(
         self, best: Choice, rule: str, report: Progress, beliefs: Sequence[Belief]
     ) -> Assurance:
-        """Return the result of a choice, with errors of members that no choice has seen."""
         setting, confidence = self.setting, self.confidence
         work = partial(tracking, setting, list(dict.fromkeys([NOTHING, best])))
         errors = self.run(work, part_of(report, 0.9, 1.0), self.halves[1])
@@ -998,7 +988,6 @@ class Study:
         )
 
     def _messages(self, best: Choice, rule: str) -> tuple[str, ...]:
-        """Return what the choice does not show."""
         part, said, count = f"{100.0 * self.hunts:g} % of the drives", [], len(self.halves[1])
         if count < (least := enough_at_rest(self.hunts)):
             ends = 100.0 * Outcomes(0, count).ci95[1]

@@ -114,7 +114,6 @@ class Spread(Shown):
         }
 
     def rows(self, unit: str) -> list[Row]:
-        """Median and spread of each loop, for display."""
         words = "{:.3g} ({:.3g} to {:.3g}) {}"
         return [Row(f"on a drive, {k}", words.format(*self.of(k), unit)) for k in self.errors]
 
@@ -383,7 +382,6 @@ def compensate(
 
 
 def _checked(model: Model, loop: Any, kd: Any, table: Any, covariance: Any) -> float:
-    """Return J of the model; raise where an argument is of another kind."""
     if kind_of(loop) == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
     for name, given, kind in (("table", table, Table), ("covariance", covariance, Joint)):
@@ -486,7 +484,6 @@ class Three:
 
 
 def _useless(errors: Mapping[str, float]) -> list[str]:
-    """Messages if a compensation does not reduce the error."""
     made = []
     if errors["after"] > WORSE * errors["before"]:
         made.append(f"The error is larger {LOOPS['after']} than {LOOPS['before']}.")

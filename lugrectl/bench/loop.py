@@ -51,7 +51,6 @@ class Course:
     summary: dict[str, float] = field(default_factory=dict)
 
     def rows(self, kind: str) -> dict[str, np.ndarray]:
-        """Return the reference r of a kind of loop and its derivatives, by name."""
         if kind == "velocity":
             return {"r": self.w, "dr": self.a}
         return {"r": self.theta, "dr": self.w, "ddr": self.a}
@@ -68,7 +67,6 @@ def sine(
 
 
 def samples(periods: float, frequency: float, rate: float) -> int:
-    """Return the number of samples of so many periods."""
     return round(periods / frequency * rate) + 1
 
 
@@ -119,7 +117,6 @@ def _given(given: Any, kind: str) -> Course:
 
 
 def speed_of(record: Record) -> float:
-    """Return the speed of the usual reference."""
     return _range(record)[0]
 
 
@@ -249,7 +246,6 @@ class Task:
     def control(
         self, believed: Model | None, observer: str | None = None, gains: Any = None
     ) -> list[Any]:
-        """Return the blocks of the controller, which compensates by a model (None: nothing)."""
         if believed is None:
             return Control(self.kind, self.controller).blocks(self.model)
         made = Control(self.kind, self.controller, observer, gains or {}).blocks(believed)
@@ -262,7 +258,6 @@ class Task:
         return made
 
     def closed(self, control: Sequence[Any], name: str) -> ct.InterconnectedSystem:
-        """Return the loop in continuous time."""
         parts = [plant(self.model), sensor(self.model), *control, *self._acting()]
         return connected(parts, read_of(parts), OUTPUTS, name)
 
@@ -279,14 +274,12 @@ class Task:
 
 
 def kind_of(loop: Any) -> str:
-    """Return the kind of loop that is meant."""
     if not isinstance(loop, str) or loop not in TURNS:
         raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(TURNS)}.")
     return loop
 
 
 def unit_of(kind: str, model: Model) -> str:
-    """Return the unit of what a loop follows."""
     return unit_for(TURNS[kind], model.motion)
 
 
@@ -360,7 +353,6 @@ class SampledLoop:
         return rms((y - rows["r"])[counted])
 
     def _body(self, model: Model) -> tuple[Any, set[str]]:
-        """Return the drive of a structure, and the parameters that it has."""
         key = (self.late, model.friction.block.name, *(p.key for p in model.effects))
         if key not in self.bodies:
             names = {*plant(model).params, *sensor(model).params}
@@ -403,7 +395,6 @@ class Terms:
     bodies: dict[Any, Any] = field(default_factory=dict)
 
     def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
-        """Return the gains of the controller beside an observer."""
         known = self.model.known()
         if not self.equal or corrected(name) or "sigma0" not in known:
             return dict(gains)
@@ -421,13 +412,11 @@ class Terms:
     def control(
         self, name: str, kind: str, gains: Mapping[str, float], believed: Mapping[str, float]
     ) -> list[Any]:
-        """Return the blocks of the controller; ``believed`` goes before the values of the drive."""
         known = {k: v for k, v in believed.items() if k in observer_block(name).parameters}
         own, ahead = self.own(name, kind) | known, self.ahead or kind == "position"
         return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
 
     def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
-        """Return the loop in continuous time, with noise of position and velocity, and load d."""
         parts = [
             plant(self.model, inputs=["u_late", "d"]),
             dead_time(0.0, inputs=["u"], outputs=["u_late"]),
@@ -455,7 +444,6 @@ class Terms:
 
 
 def corrected(name: str) -> bool:
-    """Return whether an observer is corrected by the tracking error."""
     made = observer_block(name)
     return bool({"e", "s"} & {*made.inputs}) and "k" in made.parameters
 
@@ -505,7 +493,6 @@ def correction(known: Mapping[str, Any], bandwidth: float) -> float:
 
 
 def unknown(name: str, model: Model) -> str | None:
-    """Return why an observer cannot be given its parameters; None if it can."""
     needs, have = observer_block(name).parameters, model.values()
     missing = [k for k in LUGRE if k in needs and have.get(k) is None]
     law = model.friction.block.name
@@ -515,7 +502,6 @@ def unknown(name: str, model: Model) -> str | None:
 
 
 def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
-    """Return gains by the full name of an observer, checked."""
     if gains is None:
         return {}
     if not isinstance(gains, Mapping) or not all(isinstance(v, Mapping) for v in gains.values()):
@@ -529,7 +515,6 @@ def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
 def designed(
     model: Model, name: str, dt: float, speed: float, **more: float
 ) -> tuple[dict[str, Any], Certificate]:
-    """Return gains of an observer by its rule, at a sample time and a speed of the drive."""
     usual = {"dt": dt, "M": 1.5 * speed, "speed": speed, "w0": 0.2 * speed} | more
     choices = RULES[name].choices if name in RULES else {}
     own: dict[str, Any] = {k: v for k, v in usual.items() if k in choices}

@@ -333,7 +333,6 @@ def compare_observers(
 
 
 def _load(given: float | None, model: Model) -> float:
-    """Return the load torque in N m."""
     level = model.known().get("Fc")
     if given is None and level is None:
         law = model.friction.block.name
@@ -390,7 +389,6 @@ class Bench:
         return Compared(name=short, feedback=gains, **found, **more)
 
     def believed(self, factor: float) -> dict[str, float]:
-        """Return the level of friction that the observer believes."""
         known, needs = self.terms.model.known(), observer_block(self.name).parameters
         return {k: factor * known[k] for k in ("Fc", "Fs") if k in known and k in needs}
 
@@ -735,14 +733,12 @@ class Recommendation(Result):
 
 
 def quantity(value: float, unit: str) -> str:
-    """A value with its unit, in thousandths where it is small."""
     return f"{figure(value, 3)} {unit}" if value >= 1.0 else f"{figure(1e3 * value, 3)} m{unit}"
 
 
 def reasons(
     row: Candidate, order: Sequence[Candidate], none: float, units: Mapping[str, str], level: float
 ) -> tuple[str, ...]:
-    """Sentences on a candidate; the first compares it with the others."""
     best, others = order[0], order[1:]
     text = f"Its error is at most {quantity(row.worst, units['e'])} ({row.worst_case}, the largest"
     text += f" of {len(row.errors)})"
@@ -766,7 +762,6 @@ def reasons(
 
 
 def certified(made: Certificate | None) -> str:
-    """What the gains guarantee."""
     if made is None:
         return "Its gains are not from a design rule, so nothing is guaranteed."
     if not made.holds:
@@ -777,7 +772,6 @@ def certified(made: Certificate | None) -> str:
 
 
 def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
-    """Why an observer cannot read what it needs; None if it can."""
     known = {*measured, "u", "e", "r", *(["s"] if "w" in measured else [])}
     missing = next((k for k in inputs if k not in known), None)
     if missing is None:
@@ -789,7 +783,6 @@ def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
 
 
 def broken(row: Candidate, none: float, unit: str, rate: float) -> str | None:
-    """Why an observer does not work at this rate; None if it does."""
     bad = [case for case, error in row.errors.items() if not error < float("inf")]
     if bad:
         return f"it cannot run at {rate:g} Hz here: the loop diverges with {bad[0]}."
@@ -935,7 +928,6 @@ Able = dict[str, tuple[dict[str, Any], Certificate | None]]  # gains and certifi
 
 
 def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Able, dict[str, str]]:
-    """Return the observers that can be tried, and reasons for those that cannot, by short name."""
     able: Able = {}
     refused: dict[str, str] = {}
     for name in names:
@@ -956,7 +948,6 @@ def _admissible(stand: Stand, names: Sequence[str], certified: bool) -> tuple[Ab
 
 
 def _designed(stand: Stand, name: str) -> tuple[dict[str, Any], Certificate | None]:
-    """Return gains by the design rule, at the rate and the speed of the drive."""
     own, spec = stand.terms.designed.get(name), stand.spec
     if own is not None or (name not in RULES and name != "proposed_observer"):
         return dict(own or {}), None
@@ -1078,7 +1069,6 @@ class Stand:
         return out
 
     def first(self, name: str, certificate: Certificate | None, report: Progress) -> Candidate:
-        """Return what exact parameters, a wrong level of friction, a load step, and noise do."""
         report(0.0, f"simulating {name}")
         block, exact = observer_block(name), self.error(name, {})
         row = Candidate(

@@ -65,7 +65,6 @@ class LoadMotion:
 
 
 def load_motion(run: Run, mechanics: Mechanics, friction: float, distance: float) -> LoadMotion:
-    """Compute the motion of the load, with about so much friction (N m or N) on it."""
     wa, za, ratio, _ = np.exp(mechanics.pairs[0]).tolist()
     share = 1.0 - 1.0 / (1.0 + ratio) ** 2  # of the inertia, on the load
     braking = friction / (share * mechanics.inertia[0])
@@ -148,13 +147,11 @@ class Problem:
         return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
-        """The same shapes with no friction."""
         none = [np.zeros((len(y), 0)) for y in self.left]
         spectra = tuple(np.zeros_like(F) for F in found.spectra)
         return replace(found, spectra=spectra, levels={}, cost=_levels(none, self.left, 0.0)[1])
 
     def tried(self, distance: float, vs: float, early: float) -> Friction:
-        """The best levels at these shapes."""
         made = [
             self.spectra(i, distance, vs) * np.exp(1j * run.w * run.dt * early)[:, None]
             for i, run in enumerate(self.runs)
@@ -174,7 +171,6 @@ def problem_of(
     shapes: Sequence[Shape],
     torques: Sequence[np.ndarray],
 ) -> Problem:
-    """Pose the problem of the spectra of the commands ``torques``."""
     every = windows(runs, 0.0, 2.0 * np.pi * min(TOP, SHARE / runs[0].dt), SPACING)
     moved = [shape.den * run.W for shape, run in zip(shapes, runs, strict=True)]
     driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]

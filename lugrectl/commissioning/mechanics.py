@@ -72,7 +72,6 @@ class Mechanics:
 
     @property
     def top(self) -> float:
-        """The last frequency."""
         return float(self.fit.w[-1])
 
     @property
@@ -101,7 +100,6 @@ class Mechanics:
         return (1.0 + 1j * w * np.exp(self.x[3])) * np.exp(1j * w * self.x[2])
 
     def shape(self, w: np.ndarray) -> Shape:
-        """Numerator and denominator of the pairs."""
         num, den = np.ones((2, len(w)), complex)
         for a, za, r, zr in np.exp(self.pairs).tolist():
             num *= quadratic(1j * w, a, za)
@@ -270,7 +268,6 @@ def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None
 
 
 def _bic(found: tuple[float, np.ndarray], points: int) -> float:
-    """Half-overlapping windows: of n points n/2 are independent, each with two errors."""
     return points * np.log(found[0] / points) + len(found[1]) * np.log(points)
 
 

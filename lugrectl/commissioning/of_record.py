@@ -399,7 +399,6 @@ def _verdict(found: FrequencyResponse, dry: bool, reverses: bool) -> list[str]:
 
 
 def _slow(w: np.ndarray) -> float:
-    """Below how many rad/s the effect of friction is looked at."""
     return max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
 
 
@@ -458,7 +457,6 @@ def _narrow(ci95: tuple[float, float]) -> bool:
 
 
 def _change(raw: Response, taken: Response) -> np.ndarray:
-    """By how many dB friction changes the response (n,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.abs(20.0 * np.log10(np.abs(raw.P / taken.P)))
 

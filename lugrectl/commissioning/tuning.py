@@ -89,7 +89,6 @@ class Axis:
 
 
 def axis_of(given: Any, dead_time: Any, rate: Any) -> Axis:
-    """Return the axis of a response, a model or a linear system; InputError for anything else."""
     delay = number(dead_time, "dead_time")
     if delay < 0.0:
         raise InputError(f"dead_time = {delay:g} is negative.")
@@ -131,7 +130,6 @@ def _discs(found: FrequencyResponse) -> _Measured:
 
 
 def _step(dt: Any) -> float | None:
-    """The sample time of a control object, None where it has none."""
     return None if dt is None or isinstance(dt, bool) or not dt else float(dt)
 
 
@@ -197,7 +195,6 @@ class _Measured:
 
 
 def endless() -> Refused:
-    """Return what is said of an axis in continuous time without a dead time."""
     return Refused(ENDLESS.format(option("rate"), option("dead_time")), "")
 
 
@@ -224,7 +221,6 @@ def _peaks(w: np.ndarray, P: np.ndarray) -> tuple[float, ...]:
 
 
 def _free(model: Model) -> ct.StateSpace:
-    """Torque to motor speed of a model, without dry friction and what is not linear."""
     kept = [p for p in model.effects if p.block.name in LINEAR and p.block.name != "input_delay"]
     effects = [{"name": p.block.name, **p.values} for p in kept]
     Fv = model.friction.values.get("Fv")
@@ -236,7 +232,6 @@ def _free(model: Model) -> ct.StateSpace:
 
 
 def _of_system(system: Any, delay: float, dt: float | None) -> Axis:
-    """A linear system from torque to speed."""
     if (system.ninputs, system.noutputs) != (1, 1):
         raise InputError("tune needs a system from torque to speed, with one input and one output.")
     own = _step(system.dt)
@@ -291,7 +286,6 @@ class Notch(NamedTuple):
     depth: float
 
     def system(self, dt: float | None) -> Any:
-        """The transfer function; of a sampled controller by the bilinear transform."""
         W = 2.0 * np.pi * self.frequency
         num, den = ([1.0, 2.0 * d * self.damping * W, W**2] for d in (self.depth, 1.0))
         made: Any = ct.tf(num, den)
@@ -308,7 +302,6 @@ class Gains(NamedTuple):
     kd: Any
 
     def system(self, dt: float | None, notch: Notch | None) -> Any:
-        """From the error to -u: kp + ki I + kd D."""
         integral, speed = parts(dt)
         made = self.kp + self.ki * integral
         made = made + self.kd * speed if self.kd else made
@@ -372,7 +365,6 @@ class Search:
         return filtered, integral, speed
 
     def controller(self, g: Gains) -> np.ndarray:
-        """C (m, n) at the frequencies of the axis."""
         return np.column_stack(np.broadcast_arrays(*map(np.atleast_1d, g))) @ np.array(self._parts)
 
     def bandwidth(self, shape: Shape) -> float:
@@ -384,7 +376,6 @@ class Search:
         return float(bandwidth_check(ct.frd(L / (1.0 + L) * part, w)).bandwidth)
 
     def loop(self, g: Gains) -> np.ndarray:
-        """L where the axis is known."""
         return (self.axis.G * self.controller(g)[0])[self.axis.known]
 
     def distance(self, C: np.ndarray) -> np.ndarray:
@@ -439,7 +430,6 @@ class Search:
         return max(made, key=self.action)
 
     def at(self, shape: Shape) -> Shape:
-        """The shape at its highest c."""
         return shape._replace(c=self.highest(*np.array([[shape.mean], [shape.zeta]]))[0])
 
     def placed(self, shape: Shape) -> Shape:
@@ -484,7 +474,6 @@ def parts(dt: float | None) -> tuple[Any, Any]:
 def of_reference(
     structure: str, g: Gains, kv: float, w: np.ndarray, dt: float | None
 ) -> np.ndarray:
-    """Return the part of the controller that acts on the reference: not its derivative."""
     if structure == "PI":
         return np.ones(len(w))
     integral, speed = (part(point(w, dt)) for part in parts(dt))

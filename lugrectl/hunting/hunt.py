@@ -217,7 +217,6 @@ ONE = 1e-3  # relative difference of two amplitudes that are one
 
 
 def rigid_cycles(loop: Loop) -> LimitCycles:
-    """Find the cycles of the loop around a rigid drive, or the proof that there is none."""
     proof = proven(loop)
     if proof:
         return LimitCycles((), None, proof, False, {})
@@ -426,7 +425,6 @@ def _repeating(m: Motion, before: slice, now: slice) -> Seen | None:
 
 
 def _half_turns(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest |e| between sign changes about the middle of the motion, and their times."""
     own = e - 0.5 * (e.max() + e.min())
     far = np.abs(own) > 0.25 * own.max()  # a stop near the middle is no turn
     sign, at = np.sign(own[far]), np.flatnonzero(far)
@@ -436,7 +434,6 @@ def _half_turns(t: np.ndarray, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def cycles_of(seen: Iterable[Seen]) -> tuple[Cycle, ...]:
-    """Return the different cycles among what persists, each the mean of its starts."""
     made: list[list[Seen]] = []
     for one in sorted((s for s in seen if s.fate == HUNTS), key=lambda s: s.amplitude):
         last = made[-1][-1] if made else one
@@ -542,7 +539,6 @@ LOAD = "theta_load"
 
 
 def errors(loop: Loop) -> np.ndarray:
-    """Return errors at breakaway, rad, up to the largest that friction can keep up."""
     reach = loop.largest[1]
     largest = max(LARGEST, reach) if np.isfinite(reach) else LARGEST
     return loop.unit * np.geomspace(SMALLEST, largest, COUNT)
@@ -583,7 +579,6 @@ def sampled_run(model: Model, loop: Loop, sensing: Sensing, limit: float | None)
 
 
 def _controller(loop: Loop, limit: float | None, speed: str) -> list[ct.NonlinearIOSystem]:
-    """A PID from e and a speed to u; a limit holds its integral back."""
     gains = (loop.kp, loop.ki, loop.kd)
     if limit is None:
         return [controllers.pid(*gains, inputs=["e", speed])]
@@ -596,7 +591,6 @@ def _controller(loop: Loop, limit: float | None, speed: str) -> list[ct.Nonlinea
 
 
 def _integral(loop: Loop, e: float) -> float:
-    """The integrator's state at which the torque reaches breakaway."""
     return (loop.kp * e - loop.curve.Fs) / loop.ki if loop.ki else 0.0
 
 
@@ -607,7 +601,6 @@ def _at_breakaway(loop: Loop, body: Any, e: float) -> list[float]:
 
 
 def continuous_run(model: Model, loop: Loop, seconds: float, limit: float | None) -> Run:
-    """Return a run of the PID loop in continuous time with all of a model."""
     body = plant(model)
     seen = ["theta", "u", *(k for k in body.output_labels if k == LOAD)]
     system = ct.interconnect(
@@ -623,7 +616,6 @@ def continuous_run(model: Model, loop: Loop, seconds: float, limit: float | None
 
 
 def loop_run(system: Any, seconds: float) -> Run:
-    """Return a run of any loop with the input r and the outputs theta and u: a step from rest."""
     missing = [k for k in ("theta", "u") if k not in (getattr(system, "output_labels", None) or ())]
     if missing or "r" not in system.input_labels:
         raise InputError(
@@ -824,7 +816,6 @@ def _searched(
     limit: float | None,
     budget: Budget,
 ) -> LimitCycles:
-    """What is known of the cycles of a PID around a model."""
     loop, law = Loop.of(model, gains), model.friction.block
     dry, about = loop.curve.Fs > 0.0, {}
     found = rigid = rigid_cycles(loop) if dry else LimitCycles((), None, None, False, {})
@@ -857,7 +848,6 @@ def _below(limit: float | None, loop: Loop) -> list[str]:
 
 
 def _of_effects(model: Model) -> list[str]:
-    """What of a model's effects acts at rest."""
     sensors = [p.key for p in model.effects if "sensor" in p.block.acts]
     inside = [p.key for p in model.effects if p.key not in sensors]
     parts = ((INCLUDED, inside), (LEFT_OUT, sensors))

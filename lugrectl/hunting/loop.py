@@ -72,7 +72,6 @@ class Curve:
         return max(self.Fs, float(np.abs(self.torque(PROBED) - self.viscous * PROBED).max()))
 
     def is_straight(self) -> bool:
-        """Whether the law is Coulomb and viscous friction alone."""
         F = self.torque(PROBED)
         return bool(np.abs(F - self.Fs - self.viscous * PROBED).max() <= STRAIGHT * abs(F[-1]))
 
@@ -83,7 +82,6 @@ class Curve:
 
 
 def curve_of(model: Model) -> Curve:
-    """Return the sliding curve of a model: of a law with states, its level h(w) + Fv w."""
     block, values = model.friction.block, dict(model.friction.values)
     unknown = [k for k, v in {"J": model.J, **values}.items() if v is None]
     if unknown:
@@ -121,7 +119,6 @@ class Lanes:
         return Lanes(*own, self.fall, self.calm, self.large)
 
     def many(self, count: int) -> Lanes:
-        """Return so many lanes of the first loop."""
         return self[np.zeros(count, int)]
 
     def drop(self, a: np.ndarray) -> np.ndarray:
@@ -131,8 +128,6 @@ class Lanes:
 
 @dataclass(frozen=True)
 class Loop:
-    """A PID position loop around a rigid drive."""
-
     curve: Curve
     J: float
     kp: float
@@ -159,7 +154,6 @@ class Loop:
         return self.unit * self.wn
 
     def lanes(self, count: int) -> Lanes:
-        """Return so many lanes of this loop."""
         return together([self], count)
 
     def is_stable(self) -> bool:
@@ -212,7 +206,6 @@ Hunts = Callable[..., bool | None]
 
 
 def varied(*values: Any) -> Callable[..., dict[str, float]]:
-    """Return kp, ki and kd of the PID by gains that are changed, from kp, ki, kd and kv."""
     own = {k: v for k, v in zip(ALL, values, strict=True) if v is not None}
     return lambda **changed: pid_gains(**(own or PAPER) | changed)
 
@@ -346,7 +339,6 @@ class End(NamedTuple):
 
 
 def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
-    """From a = 0 to the next a = 0 of each lane."""
     state, step, t = np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
     small, last = SMALL * np.minimum(1.0, np.abs(x)), step.copy()  # the step in which a lane stops
     rests, active = np.zeros(len(x), bool), np.arange(len(x))

@@ -79,7 +79,6 @@ class Sliding:
         return float(np.linalg.eigvals(A).real.max()) - ROUNDING * self.loop.wn
 
     def first_speed(self, v: np.ndarray, growth: np.ndarray) -> float:
-        """The speed below which sliding is unstable; 0: at none."""
         unstable = np.flatnonzero(growth > 0.0)
         if not len(unstable) or not unstable[0]:
             return float(v[0]) if len(unstable) else 0.0
@@ -258,7 +257,6 @@ def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
 
 
 def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterator[str]:
-    """What holds between the two speeds, and below the first."""
     low, high = sorted([start, end])
     between = f"between {number(low)} and {number(high)}" if low else f"below {number(high)}"
     if end > start:
@@ -341,7 +339,6 @@ class _Search:
                 yield speed, state
 
     def last_speed(self) -> float:
-        """The highest speed at which stick-slip persists, rad/s; 0: at none."""
         v, state = next(self.persisting(), (0.0, None))
         step = np.log(RATIO) / PARTS
         while v and step > CLOSE / PARTS:
