@@ -647,9 +647,9 @@ def assure(
         raise Refused(UNSTABLE)
     drawn = Members(beliefs, 2 * count, seed)
     pairs = list(zip(drawn, range(seed, seed + 2 * count), strict=True))
-    run = Jobs(executor, whole(jobs, "jobs", 1))
+    run, report = Jobs(executor, whole(jobs, "jobs", 1)), reporter(progress)
     study = Study(run, (pairs[:count], pairs[count:]), setting, confidence, hunts, still)
-    return study.answer(*study.chosen(named, reporter(progress)), reporter(progress), beliefs)
+    return study.answer(*study.chosen(named, report), report, beliefs)
 
 
 def _sensing(
