@@ -189,9 +189,7 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
         return None
     if all(part.block.acts == ("torque",) and not part.block.states for part in parts):
         own = {"J": model.J, "Fv": 0.0, "motion": model.motion}
-        model = Model.of(
-            friction="viscous", **own
-        )  # the same friction with and without: it cancels
+        model = Model.of(friction="viscous", **own)  # with and without them: it cancels
     full, bare = replace(model, effects=parts), replace(model, effects=())
     made, known = _Resisting(assemble(full), assemble(bare)).block(), full.known()
     return made.system(

@@ -406,8 +406,8 @@ class Bench:
         if kind not in self.loops:
             self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
         made = observer_block(self.name).name
-        factor = self.levels["wrong"] if factor is None else factor
-        values = {f"{made}.{k}": v for k, v in self.believed(factor).items()}
+        level = float(self.levels["wrong"] if factor is None else factor)
+        values = {f"{made}.{k}": v for k, v in self.believed(level).items()}
         block, gains = "pi" if kind == "velocity" else "pid", GAINS[scenario]
         values |= {f"{block}.{g}": v for g, v in self.terms.feedback(self.name, gains).items()}
         system = self.loops[kind]
@@ -463,7 +463,7 @@ class Bench:
 
     def parameters(self) -> float:
         """Return the largest speed error with one more parameter wrong: "J x0.8"."""
-        made, off = observer_block(self.name), dict.fromkeys(LUGRE, self.levels["off"])
+        made, off = observer_block(self.name), dict.fromkeys(LUGRE, float(self.levels["off"]))
         cases = wrong(self.name, self.terms.model.known(), OTHERS, off)
         errors = {
             case: self._error(1.0, **{f"{made.name}.{k}": v for k, v in values.items()})  # pyright: ignore
