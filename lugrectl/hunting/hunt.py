@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from ..blocks import controllers
 from ..blocks.drive import dead_time as delayed
@@ -651,6 +652,95 @@ def _motion(done: Any, r: float = 0.0) -> Motion:
     return Motion(done.time, min(sides.values(), key=lambda y: np.ptp(e - y)), rows["u"], sides)
 
 
+NUDGE = 1e-4  # of a state, by which a slope is measured
+NEWTON, REPEATS_TO = 15, 1e-6  # of Newton, and the relative distance of a half turn that repeats
+RTOL = 1e-9  # of a half turn
+SETTLES = 6  # half turns towards a cycle that attracts
+LONGEST = 400.0  # times kp/ki: the longest half turn
+
+
+class Bristles:
+    """The loop around a law of w with bristles. At e = 0, w < 0 its state is x = (w, I, z, ...):
+    speed, torque of the integral, and the friction's states. The half turn to the next e = 0, with
+    all signs changed, is a map of x; its fixed points are the symmetric cycles, and the eigenvalues
+    of its slope their multipliers of half a turn."""
+
+    def __init__(self, model: Model, loop: Loop) -> None:
+        self.loop, self.law = loop, model.friction.block
+        self.values: dict[str, Any] = self.law.defaults() | dict(model.friction.values)
+        self.bends = np.full(len(self.law.states), loop.curve.Fs / float(self.values["sigma0"]))
+        self.scale = np.r_[loop.speed, loop.curve.Fs, self.bends]
+
+    def rates(self, t: float, state: np.ndarray) -> np.ndarray:
+        F, *dz = self.law(state[1], *state[3:], **self.values)
+        de, dw, dq = self.loop.matrix @ state[:3]
+        return np.array([de, dw - F / self.loop.J, dq, *dz])
+
+    def crossing(self, state: np.ndarray) -> tuple[np.ndarray, float, float] | None:
+        """From a state to x at the next e = 0, with the time and the largest error."""
+        side = np.sign(state[0]) or np.sign(state[1])
+
+        def crossed(t: float, s: np.ndarray) -> float:
+            return s[0] + (side * 1e-9 * self.loop.unit if t == 0.0 else 0.0)
+
+        crossed.terminal, crossed.direction = True, -side  # type: ignore[attr-defined]
+        span = LONGEST * self.loop.kp / self.loop.ki
+        atol = 1e-9 * np.r_[self.loop.unit, self.scale]
+        options: Any = {"events": crossed, "rtol": RTOL, "atol": atol}
+        done = solve_ivp(self.rates, (0.0, span), state, "LSODA", **options)
+        if not len(done.t_events[0]):
+            return None
+        return done.y_events[0][0][1:], float(done.t_events[0][0]), float(np.abs(done.y[0]).max())
+
+    def half(self, x: np.ndarray) -> tuple[np.ndarray, float, float] | None:
+        made = self.crossing(np.r_[0.0, x]) if x[0] < 0.0 else None
+        return None if made is None else (-made[0], *made[1:])
+
+    def from_breakaway(self, e: float, turns: int) -> np.ndarray | None:
+        """The state x so many half turns after the first crossing from breakaway at e > 0."""
+        start = np.r_[e, 0.0, self.loop.kp * e - self.loop.curve.Fs, -self.bends]
+        made = self.crossing(start)
+        for _ in range(turns):
+            made = None if made is None else self.half(made[0])
+        return None if made is None else made[0]
+
+    def cycle(self, x: np.ndarray) -> Cycle | None:
+        """The cycle near x, by Newton."""
+        for _ in range(NEWTON):
+            steps = NUDGE * np.maximum(np.abs(x), 1e-3 * self.scale)
+            made = [one for one in map(self.half, [x, *(x + np.diag(steps))]) if one is not None]
+            if len(made) <= len(x):
+                return None
+            ends, (_, t, size) = np.array([end for end, *_ in made]), made[0]
+            A, missed = (ends[1:] - ends[0]).T / steps, ends[0] - x
+            if np.abs(missed / self.scale).max() < REPEATS_TO * abs(x[0]) / self.scale[0]:
+                turn = np.linalg.eigvals(A) ** 2
+                turn = turn[np.argsort(-np.abs(turn))]
+                return Cycle(size, 2.0 * t, bool(abs(turn[0]) < 1.0), tuple(turn.real.tolist()))
+            step = np.linalg.solve(A - np.eye(len(x)), -missed)
+            x = x + step * min(1.0, 0.5 * abs(x[0]) / (abs(step[0]) + 1e-300))
+        return None
+
+
+def bristle_cycles(
+    model: Model, loop: Loop, rigid: Iterable[Cycle], waited: tuple[Cycle, ...]
+) -> tuple[Cycle, ...]:
+    """Find the cycles that Newton reaches from those of the sliding curve, and from those found by
+    waiting after some half turns; else the latter as they are."""
+    law = model.friction.block
+    bristles = bool(law.states) and law.reads == ("w",) and "sigma0" in model.friction.values
+    if not (loop.ki and bristles) or model.effects:
+        return waited
+    own, found = Bristles(model, loop), list[Cycle]()
+    for start, turns in [*((c, 0) for c in rigid), *((c, SETTLES) for c in waited)]:
+        x = own.from_breakaway(start.amplitude, turns)
+        reached = None if x is None else own.cycle(x)
+        cycle = start if turns and reached is None else reached
+        if cycle and all(abs(cycle.amplitude / c.amplitude - 1.0) > ONE for c in found):
+            found.append(cycle)
+    return tuple(sorted(found, key=lambda c: c.amplitude))
+
+
 HORIZON = 15.0  # s, of the first run of a loop of blocks
 STEPS = np.geomspace(1e-3, 10.0, 9)  # rad, of the reference of a loop of blocks
 WAITS = 40.0  # kp/ki: a stick at 1/20 of the error at which kp alone breaks away
@@ -746,10 +836,11 @@ def limit_cycles(
     and loops of blocks are simulated from many starts, each for longer and longer until it rests,
     repeats or grows: what persists is a cycle, and nothing is proven. A swing rests, too, once it
     is below a tenth of the smallest start, or at the end of the budget where it still shrinks and
-    is below starts that rest. The border is bisected to 5 %; there are no multipliers, nor unstable
-    cycles. Counts are shaken by a hundredth, so that a swing that locks to a place within one is no
-    hunting; a swing that scatters may come to rest by chance, and is seen for 300 half turns or
-    the whole budget.
+    is below starts that rest. The border is bisected to 5 %. With bristles, Newton on the state at
+    e = 0 then gives multipliers, and unstable cycles where it reaches them from those of the
+    sliding curve. Counts are shaken by a hundredth, so that a swing that locks to a place within
+    one is no hunting; a swing that scatters may come to rest by chance, and is seen for 300 half
+    turns or the whole budget.
 
     Hunting by Stribeck friction: Olsson and Astrom, Friction Generated Limit Cycles, IEEE Trans.
     Control Systems Technology 9(4), 2001; Hensen, van de Molengraft and Steinbuch, Friction
@@ -830,6 +921,9 @@ def _searched(
         seconds += (WAITS * loop.kp / loop.ki if loop.ki else 0.0) + WAITS / loop.wn
         run, starts = continuous_run(model, loop, seconds, limit), np.r_[sizes, errors(loop)]
         found = Search(run, starts, budget).answer(where)
+        if limit is None:
+            cycles = bristle_cycles(model, loop, rigid.cycles, found.cycles)
+            found = replace(found, cycles=cycles)
         stable = [c.amplitude for c in rigid.cycles if c.stable]
         if rigid.diverges and limit is None:
             found = replace(found, diverges=True, messages=found.messages + rigid.messages)
