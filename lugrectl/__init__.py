@@ -28,9 +28,8 @@ _HOMES = {
     "blocks.table": "tabulated",
     "simulation.bristle_deflection": "deflection",
     "blocks.catalogue": "controllers effects laws observers",
-    "bench": "Assurance Compensation HuntingChance assure compensate hunting_chance",
-    "bench.compare": "ObserverComparison compare_observers",
-    "bench.recommend": "Recommendation recommend_observer",
+    "bench": "Assurance Compensation HuntingChance ObserverComparison Recommendation assure "
+    "compare_observers compensate hunting_chance recommend_observer",
     "hunting": "HuntingMap LimitCycles StickSlip hunting_map limit_cycles stick_slip_speed",
     "paper.equations": "PAPER",
     "design": "Certificate Design ObserverDesign certify design_gains excitation natural_decay",
@@ -73,9 +72,18 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
-    from .bench import Assurance, Compensation, HuntingChance, assure, compensate, hunting_chance
-    from .bench.compare import ObserverComparison, compare_observers
-    from .bench.recommend import Recommendation, recommend_observer
+    from .bench import (
+        Assurance,
+        Compensation,
+        HuntingChance,
+        ObserverComparison,
+        Recommendation,
+        assure,
+        compare_observers,
+        compensate,
+        hunting_chance,
+        recommend_observer,
+    )
     from .blocks.block import P
     from .blocks.catalogue import controllers, effects, laws, observers
     from .blocks.controllers import compensation, error, feedforward, pi, pid, prefilter

@@ -12,7 +12,7 @@ from .rst import escaped, filled, literal, prose, table, title, toctree
 TOPICS = {  # topic: the modules whose public names it holds
     "blocks": "blocks.block blocks.declaration blocks.plant blocks.drive "
     "blocks.table simulation.bristle_deflection",
-    "observers": "blocks.observers bench.compare bench.recommend",
+    "observers": "blocks.observers bench.observers",
     "controllers": "blocks.controllers blocks.sliding_control",
     "laws": "",
     "effects": "blocks.factories",

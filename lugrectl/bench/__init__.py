@@ -1,13 +1,17 @@
 """One loop bench: friction compensation before and after, how much of it to dare on drives that are
 not exactly the model, and friction observers at equal terms."""
 
-from .assure import Assurance, assure
-from .chance import HuntingChance, hunting_chance
-from .compare import Compared, ObserverComparison, compare_observers
+from .assure import Assurance, HuntingChance, assure, hunting_chance, seen_in
 from .compensate import Compensation, Run, compensate
 from .loop import effects_torque
-from .member_runs import seen_in
-from .recommend import Candidate, Recommendation, recommend_observer
+from .observers import (
+    Candidate,
+    Compared,
+    ObserverComparison,
+    Recommendation,
+    compare_observers,
+    recommend_observer,
+)
 
 __all__ = [
     "Assurance",

@@ -1,32 +1,362 @@
-"""How much friction compensation to dare, on drives that the log leaves possible."""
+"""How much friction compensation to dare, and how likely a loop hunts, on drives that the log
+leaves possible: probabilities from a number of members, and a bound that so many give.
+"""
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from functools import partial
-from typing import Any
+from functools import lru_cache, partial
+from itertools import count as numbers
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import stats
 
+from ..blocks.controllers import MEASURED
+from ..blocks.model import Model
 from ..blocks.observers import observer_block
-from ..core.display import Row, noticed
+from ..core.display import Row, Shown, noticed
 from ..core.display import number as figure
-from ..core.errors import InputError, Refused
+from ..core.errors import Diverged, InputError, Refused
+from ..core.jobs import JobError, run_jobs
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import Result, plain
 from ..core.validation import number, positive, share, whole
 from ..core.views import view
-from ..estimates.members import Belief, Members
+from ..estimates.fitted import Fitted
+from ..estimates.members import Belief, Members, refuse_unknown
+from ..hunting import limit_cycles
+from ..record import Record
 from ..simulation.encoder import Sensing
-from . import member_runs
-from .chance import Chance, Outcomes, band, bound, enough, enough_at_rest, hunting_at_most
-from .gains import controller, designed, fastest, given_gains, lacking
-from .loop import Task, enough_samples, kind_of, unit_of
-from .member_runs import HUNTS, RESTS, Choice, Jobs, Pairs, Setting, believed, grows
+from .loop import (
+    FASTEST,
+    PERIODS,
+    SETTLED,
+    SampledLoop,
+    Task,
+    controller,
+    designed,
+    enough_samples,
+    fastest,
+    given_gains,
+    kind_of,
+    samples,
+    sensing_of,
+    sine,
+    speed_of,
+    unit_of,
+    unknown,
+)
 
-NOTHING = Choice()
+RESTS, UNDECIDED, HUNTS = 0.0, 1.0, 2.0
+SURE = 0.95  # of a bound, and of the interval of a probability
+FATES = {"hunts": HUNTS, "rests": RESTS, "undecided": UNDECIDED}
+
+
+@dataclass(frozen=True, repr=False)
+class Chance(Shown):
+    """``count`` of ``members`` had a property: ``.value``, and ``.ci95`` by Clopper and Pearson."""
+
+    count: int
+    members: int
+
+    @property
+    def value(self) -> float:
+        return self.count / self.members
+
+    @property
+    def ci95(self) -> tuple[float, float]:
+        k, n, tail = self.count, self.members, (1.0 - SURE) / 2.0
+        low = float(stats.beta.ppf(tail, k, n - k + 1)) if k else 0.0
+        return low, float(stats.beta.ppf(1.0 - tail, k + 1, n - k)) if k < n else 1.0
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python."""
+        return {"value": self.value, "ci95": list(self.ci95), "count": self.count,
+                "members": self.members}  # fmt: skip
+
+    def words(self) -> str:
+        low, high = (100.0 * x for x in self.ci95)
+        ends = f"95 % from {low:.2g} to {high:.2g} %, {self.members} members"
+        return f"{100.0 * self.value:.3g} % ({ends})"
+
+    def _title(self) -> str:
+        return self.words()
+
+    def _rows(self) -> Iterable[Row]:
+        return ()
+
+
+@dataclass(frozen=True, repr=False)
+class Outcomes(Chance):
+    """The chance of hunting, with the members of which nothing was decided: ``.value`` is the share
+    that hunts, ``.rests`` and ``.unsure`` are the others."""
+
+    undecided: int = 0
+
+    @classmethod
+    def of(cls, fates: Sequence[float] | np.ndarray) -> Outcomes:
+        """From the fate of each member."""
+        hunting, open_ = (int(np.sum(np.equal(fates, one))) for one in (HUNTS, UNDECIDED))
+        return cls(hunting, len(fates), open_)
+
+    @property
+    def unsure(self) -> float:
+        return self.undecided / self.members
+
+    @property
+    def rests(self) -> float:
+        return 1.0 - self.value - self.unsure
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, with the three shares."""
+        shares = {"hunts": self.value, "rests": self.rests, "undecided": self.unsure}
+        return super().summary() | {"shares": shares}
+
+    def words(self) -> str:
+        more = f"; undecided {100.0 * self.unsure:.3g} %" if self.undecided else ""
+        return super().words() + more
+
+
+def hunting_at_most(members: int, part: float) -> int:
+    """How many may hunt so that the interval of the chance ends at ``part``; -1: too few."""
+    if part == 1.0:
+        return members
+    counts = np.arange(members)
+    ends = stats.beta.ppf(0.5 * (1.0 + SURE), counts + 1, members - counts)
+    return int(np.searchsorted(ends, part, "right")) - 1
+
+
+def spared(members: int, confidence: float) -> int:
+    """The largest k with P(Bin(members, 1 - confidence) <= k) <= 1 - SURE; -1: too few members."""
+    return int(np.searchsorted(
+        stats.binom.cdf(np.arange(members + 1), members, 1.0 - confidence), 1.0 - SURE, "right"
+    )) - 1  # fmt: skip
+
+
+def enough(confidence: float, spare: int = 1) -> int:
+    """The fewest members of which so many may lie beyond the bound."""
+    return next(n for n in numbers(spare + 1) if spared(n, confidence) >= spare)
+
+
+def enough_at_rest(part: float, spare: int = 0) -> int:
+    """The fewest members that show that at most this part hunts, though so many of them do."""
+    return next(n for n in numbers(1) if hunting_at_most(n, part) >= spare)
+
+
+def bound(values: np.ndarray, confidence: float) -> float:
+    """What a new member's value is below with ``confidence``, itself sure to 95 %."""
+    k = spared(len(values), confidence)
+    return float(np.sort(values)[-1 - k]) if k >= 0 else np.inf
+
+
+def band(values: np.ndarray, level: float = SURE) -> tuple[float, float]:
+    """The interval of a new member with this probability: below the k-th of n by k/(n + 1)."""
+    ordered, last, tail = np.sort(values), len(values) - 1, 0.5 * (1.0 - level)
+    low = max(tail * (last + 2) - 1.0, 0.0)
+    return between(ordered, low), between(ordered, last - low)
+
+
+def between(values: np.ndarray, place: float) -> float:
+    """Return a quantile; infinite beside an infinite value."""
+    low, high = values[math.floor(place)], values[math.ceil(place)]
+    if not math.isfinite(high):
+        return math.inf if place > math.floor(place) else float(low)
+    return float(low + (place - math.floor(place)) * (high - low))
+
+
+def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
+    """The models with their distributions, and the drive as recorded, of a result or its report."""
+    what = "p"
+    if isinstance(p, (str, Path)):
+        what = str(p)
+        try:
+            p = json.loads(Path(p).read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
+        except ValueError as error:
+            raise InputError(f"{p}: not a JSON document ({error}).") from None
+    if isinstance(p, Fitted):
+        beliefs = () if p.model is None else p.beliefs()
+        seen = seen_in(p.record, p.torque_noise) if beliefs else {}
+    elif isinstance(p, Mapping) and "members" in p and p.get("schema", 1) == 1:
+        beliefs, seen = tuple(Belief.read(one) for one in p["members"]), p.get("drive") or {}
+    else:
+        raise InputError(
+            f"{what} must be a result or the report.json of one, by this version of lugrectl."
+        )
+    if not beliefs:
+        raise Refused("the record was refused, so that there is no model to compensate with.")
+    for belief in beliefs:
+        refuse_unknown(belief)
+    return beliefs, seen
+
+
+def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
+    """A drive as it was recorded, as under "drive" in the JSON document, SI.
+
+    A noise of theta below that of its rounding is none: a log does not tell the two apart, and
+    noise that is not there would hide what rounding does to a loop.
+    """
+    if record is None:
+        return {}
+    made = sensing_of(record)
+    return {
+        "rate": 1.0 / made.dt,
+        "resolution": made.resolution,
+        "noise": made.noise if made.noise > made.resolution / np.sqrt(12.0) else 0.0,
+        "speed_noise": made.speed_noise,
+        "torque": torque,
+        "speed": speed_of(record),
+    }
+
+
+@dataclass(frozen=True, repr=False)
+class HuntingChance(Result):
+    """The answer of :func:`lugrectl.hunting_chance`; truthy if every member rests.
+
+    Attributes
+    ----------
+    chance : Outcomes
+        ``.value``, ``.ci95``, ``.count``, ``.members``, and the shares ``.rests`` and ``.unsure``.
+    amplitudes, periods : tuple of float
+        Of the largest cycle of each member that hunts, rad and s; nan where the loop diverges.
+    unit : str
+        Of the amplitudes.
+    loop : dict
+        Gains, rate, dead time and counts as given.
+
+    Examples
+    --------
+    >>> t = 1e-2 * np.arange(400)
+    >>> w = np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
+    >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
+    >>> lg.hunting_chance(fit, members=10, kp=2.0, ki=1.0, kd=0.1).chance
+    0 % (95 % from 0 to 31 %, 10 members)
+    """
+
+    chance: Outcomes
+    amplitudes: tuple[float, ...]
+    periods: tuple[float, ...]
+    unit: str
+    loop: Mapping[str, Any]
+
+    def __bool__(self) -> bool:
+        return not (self.chance.count or self.chance.undecided)
+
+    @property
+    def outcome(self) -> str:
+        """ "hunts" where a member does, else "undecided" where one is, else "rests"."""
+        return "hunts" if self.chance.count else "rests" if self else "undecided"
+
+    def summary(self) -> dict[str, Any]:
+        """Plain Python, as ``lugrectl hunt --json`` prints it for a report."""
+        made = {"schema": 1, "hunts": self.chance.count > 0, "chance": self.chance.summary()}
+        return plain(made | {k: getattr(self, k) for k in ("amplitudes", "periods", "loop")})
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draw amplitude over period of each member that hunts; returns the Axes."""
+        return view("loop_plots.chance")(self, ax)
+
+    def _title(self) -> str:
+        return f"hunts: {self.chance.words()}"
+
+    def _rows(self) -> Iterable[Row]:
+        if any(np.isfinite(self.amplitudes)):
+            yield Row("amplitude", float(np.nanmedian(self.amplitudes)), self.unit, "(median)")
+            yield Row("period", float(np.nanmedian(self.periods)), "s", "(median)")
+
+
+@shows_progress
+def hunting_chance(
+    p: Any,
+    *,
+    members: int = 40,
+    seed: int = 0,
+    executor: Executor | None = None,
+    jobs: int = 1,
+    progress: Wanted = None,
+    **loop: Any,
+) -> HuntingChance:
+    """How likely a position loop hunts, over the joint covariance of what a log determined.
+
+    Parameters
+    ----------
+    p : Diagnosis, Identification, dict or path
+        A result, or its ``report.json``.
+    members : int
+        Number of drives that are drawn; the interval of the probability says what that many know.
+    seed : int
+        Of the drives.
+    executor, jobs : Executor, int
+        As in :func:`sweep`: where members are searched, and on how many processes.
+    progress : callable, True, False or None
+        ``progress(fraction, what)``, or whether to show a bar. None: in Jupyter only.
+    loop
+        Gains, rate, dead time and counts, as for :func:`limit_cycles`.
+
+    Returns
+    -------
+    HuntingChance
+        ``.chance`` with its 95 % interval, and the cycles that were found.
+
+    Raises
+    ------
+    InputError
+        As :func:`limit_cycles`, and for a file that is no report.
+    Refused
+        For a value that neither the log determines nor the model declares with a std.
+
+    Notes
+    -----
+    k of N members have a cycle, or diverge; an undecided member neither hunts nor rests. The
+    interval of the probability is that of Clopper and Pearson, The Use of Confidence or Fiducial
+    Limits Illustrated in the Case of the Binomial,
+    Biometrika 26(4), 1934. Each member is searched as :func:`limit_cycles` says, with its limits.
+
+    Examples
+    --------
+    >>> t = 1e-2 * np.arange(400)
+    >>> w = np.sin(np.pi * t) + 0.5 * np.sin(8.0 * t)
+    >>> u = 0.002 * np.gradient(w, t) + 0.3 * np.tanh(w / 1e-3) + 0.02 * w
+    >>> fit = lg.identify({"t": t, "u": u, "w": w}, lg.Model.of(friction="coulomb"))
+    >>> found = lg.hunting_chance(fit, members=20, kp=2.0, ki=5.0, kd=0.1)
+    >>> bool(found), found.chance.members
+    (True, 20)
+    """
+    beliefs, _ = believed(p)
+    drawn, report = Members(beliefs, whole(members, "members", least=1), seed), reporter(progress)
+    work, rows = partial(_largest, loop), dict[int, tuple[float, float, float]]()
+    for i, one in run_jobs(work, list(drawn), executor=executor, jobs=jobs):
+        if isinstance(one, JobError):
+            raise (InputError if one.exit_code == 2 else Refused)(one.sentence)
+        rows[i] = one
+        report(len(rows) / len(drawn), f"{len(rows)} of {len(drawn)} drives")
+    fates = [rows[i][0] for i in range(len(drawn))]
+    found = [rows[i] for i in range(len(drawn)) if rows[i][0] == HUNTS]
+    return HuntingChance(
+        Outcomes.of(fates),
+        tuple(a for _, a, _ in found),
+        tuple(T for _, _, T in found),
+        "rad" if beliefs[0].model.motion == "rotary" else "m",
+        {k: v for k, v in loop.items() if v is not None},
+    )
+
+
+def _largest(loop: Mapping[str, Any], model: Model) -> tuple[float, float, float]:
+    """The fate of a drive, with amplitude and period of its largest cycle."""
+    found = limit_cycles(model, **loop)
+    last = found.cycles[-1] if found.cycles else None
+    amplitude, period = (np.nan, np.nan) if last is None else (last.amplitude, last.period)
+    return FATES[found.outcome], amplitude, period
+
+
 NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
 RESTING, UNSURE, BESIDE = RULES = ("rests", "does not hunt", "swings no farther than without")
 FIRST, MORE = 4, 5  # drives that are looked at first, and how many times as many then
@@ -315,23 +645,11 @@ def assure(
     named = _observers(setting, observers, gains)
     if grows(setting):
         raise Refused(UNSTABLE)
-    drawn, report = Members(beliefs, 2 * count, seed), reporter(progress)
+    drawn = Members(beliefs, 2 * count, seed)
     pairs = list(zip(drawn, range(seed, seed + 2 * count), strict=True))
-    run = Jobs(executor, whole(jobs, "jobs", 1))
-    tries = Tries(run, pairs[:count], setting, confidence)
-    for i, (name, gained) in enumerate(named.items()):
-        part = part_of(report, 0.2 * i / len(named), 0.2 * (i + 1) / len(named))
-        tries.add([Choice(name, gained, scale) for scale in SCALES], part)
-    if better := tries.better():
-        tries.near(better[0], part_of(report, 0.2, 0.25))
-    halves = [
-        Standstill(run, half, setting, still, hunts) for half in (pairs[:count], pairs[count:])
-    ]
-    best, rule = chosen(tries, halves, part_of(report, 0.25, 0.9))
-    compared = [NOTHING] if best is NOTHING else [NOTHING, best]
-    work = partial(member_runs.tracking, setting, compared)
-    errors = run(work, part_of(report, 0.9, 1.0), pairs[count:])
-    return _answer(tries, halves, (best, rule), errors, beliefs)
+    run, report = Jobs(executor, whole(jobs, "jobs", 1)), reporter(progress)
+    study = Study(run, (pairs[:count], pairs[count:]), setting, confidence, hunts, still)
+    return study.answer(*study.chosen(named, report), report, beliefs)
 
 
 def _sensing(
@@ -350,113 +668,262 @@ def _sensing(
 
 
 def _observers(setting: Setting, wanted: Any, gains: Any) -> dict[str, dict[str, Any]]:
-    """Return the observers that are tried, by full name, with their gains by the design rule."""
     given = OBSERVERS if wanted is None else [wanted] if isinstance(wanted, str) else wanted
     own, found, model = given_gains(gains), {}, setting.task.model
-    dt, speed = setting.sensing.dt, setting.speed
     for name in (observer_block(k).name for k in given):
-        if not (lacks := lacking(name, model)):
-            found[name] = own.get(name) or designed(model, name, dt, speed)[0]
+        why = unknown(name, model)
+        if why is None:
+            usual = designed(model, name, setting.sensing.dt, setting.speed)
+            found[name] = own.get(name) or usual[0]
         elif wanted is not None:
-            law = model.friction.block.name
-            raise InputError(
-                f"{name} must know {', '.join(lacks)}, which {law} friction does not have."
-            )
+            raise InputError(f"{name} cannot be tried: {why}")
     return found
 
 
-def _answer(
-    tries: Tries,
-    halves: Sequence[Standstill],
-    chosen: tuple[Choice, str],
-    errors: np.ndarray,
-    beliefs: Sequence[Belief],
-) -> Assurance:
-    """Return the result of a choice by one of the RULES; ``errors`` of members it has not seen."""
-    (best, rule), confidence, (first, last) = chosen, tries.confidence, halves
-    setting, tried = tries.setting, zip(tries.tried, tries.choices, strict=True)
-    none, own, task, sensing = errors[:, 0], errors[:, -1], setting.task, setting.sensing
-    swing, none_swing = (bound(last.rows(k)[:, 1], confidence) for k in (best, NOTHING))
-    return Assurance(
-        kind=task.kind,
-        scale=best.scale,
-        observer=best.observer and best.observer.removesuffix("_observer"),
-        gains=dict(best.gains),
-        controller=dict(task.controller),
-        confidence=confidence,
-        error=float(np.median(own)),
-        band=band(own),
-        bound=bound(own, confidence),
-        none=float(np.median(none)),
-        none_band=band(none),
-        hunts=last.outcomes(best),
-        none_hunts=last.outcomes(NOTHING),
-        swing=swing,
-        none_swing=none_swing,
-        still=last.still,
-        worse=Chance(int(np.sum(own > none)), len(own)),
-        unit=unit_of(task.kind, task.model),
-        tried=tuple(replace(one, hunts=first.share(choice)) for one, choice in tried),
-        errors={"assured": own, "none": none},
-        drive={
-            "rate": 1.0 / sensing.dt,
-            "dead_time": sensing.delay,
-            **{k: getattr(sensing, k) for k in ("resolution", "noise", "speed_noise")},
-            **{k: getattr(setting, k) for k in ("torque", "speed", "frequency")},
-        },
-        models=tuple((b.model.name, b.weight) for b in beliefs),
-        messages=_messages(tries, last, best, rule),
-    )
+CONSTANT = 1e-6  # of its range, by which the torque of a drive at rest still moves
+SHRINKS = 0.9  # of its size a third before: a swing that does not persist
+SETTLES = 0.5  # the same of a torque that approaches its end: what is left is less than this moved
+BLOCKS = 8  # means of the torque
+LINE = 4.0  # times their distance from it; eight random means reach that once in 600 times
+SLOW = 1e-3  # of the range of the torque: so slow it takes a thousand such runs to break away
+WAITS = (40, 320)  # kp/ki of the controller: a run at rest, longer where it is undecided
+SHORTEST, LONGEST = 1_000, 100_000  # samples of it
+NOISE, GREW = 1e-6, 100.0  # of a motion at its start: it has decayed, or it grows
+STEP, SMALL = 0.1, 1e-3  # of the amplitude of the sine: a step, and a swing that is none
+CHUNK = 16  # members in a job
 
 
-def _messages(tries: Tries, last: Standstill, best: Choice, rule: str) -> tuple[str, ...]:
-    """Return what the choice does not show."""
-    part, said, count = f"{100.0 * last.hunts:g} % of the drives", [], len(last.pairs)
-    if count < (least := enough_at_rest(last.hunts)):
-        ends = 100.0 * Outcomes(0, count).ci95[1]
-        said.append(f"{count} drives cannot show that at most {part} hunt: if none of them "
-                    f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
-    if best is NOTHING and tries.better():
-        said.append(f"compensations that track better swing at rest on more than {part}, and "
-                    "farther than without compensation.")  # fmt: skip
-    elif best is not NOTHING and rule == BESIDE:
-        said.append(f"every compensation hunts on more than {part}; this one swings no farther "
-                    "than without compensation.")  # fmt: skip
-    if unsure := last.outcomes(best).unsure:
-        seconds = last.setting.waits()[-1] * last.setting.sensing.dt
-        said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
-                    f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
-    return tuple(said)
+class Rest(NamedTuple):
+    """The fate of a run, the worst last in order, and the swing at its end, peak to peak."""
+
+    fate: float
+    swing: float
+
+
+def at_rest(theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last: bool) -> Rest:
+    """What the last thirds of a run say of a swing above ``still``; ``last``: no longer one comes.
+
+    A constant torque rests. In a stick with an error the integrator moves the torque one way until
+    the drive breaks away: then nothing is decided, also where it has not moved for long.
+    """
+    third = len(theta) // 3
+    before, now = slice(-2 * third, -third), slice(-third, None)
+    size, was = float(np.ptp(theta[now])), float(np.ptp(theta[before]))
+    moved = float(np.ptp(u[now]))
+    if moved <= CONSTANT * range_u:
+        return Rest(RESTS, size)
+    if min(size, was) > still and (last or size >= SHRINKS * was):
+        return Rest(HUNTS, size)
+    # a torque moves one way along a line, by more than it lies about it, and not too slowly
+    means = np.array([np.mean(part) for part in np.array_split(u[-2 * third :], BLOCKS)])
+    place = np.arange(BLOCKS)
+    line = np.polyval(np.polyfit(place, means, 1), place)
+    least = max(LINE * np.max(np.abs(means - line)), SLOW * range_u)
+    stays = abs(line[-1] - line[0]) <= least or moved <= SETTLES * np.ptp(u[before])
+    if max(size, was) <= still and stays:
+        return Rest(RESTS, size)
+    return Rest(UNDECIDED, max(size, was))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A compensation: the observer, its gains, and the share of its estimate that is added."""
+
+    observer: str | None = None
+    gains: tuple[tuple[str, Any], ...] = ()
+    scale: float = 0.0
+
+
+NOTHING = Choice()
+Pairs = Sequence[tuple[Model, int]]  # drives, each with the seed of its noise
+
+
+@dataclass(frozen=True, eq=False)
+class Setting:
+    """What is equal for all members: controller, belief, sensor, a sine of the speed from rest."""
+
+    task: Task
+    sensing: Sensing
+    torque: float
+    speed: float
+    frequency: float
+
+    def samples(self, periods: float) -> int:
+        return samples(periods, self.frequency, 1.0 / self.sensing.dt)
+
+    def rows(self, periods: float) -> dict[str, np.ndarray]:
+        t = self.sensing.dt * np.arange(self.samples(periods))
+        return sine(t, self.speed, self.frequency).rows(self.task.kind)
+
+    @property
+    def travel(self) -> float:
+        """Return the amplitude of the position in rad."""
+        return self.speed / (2.0 * np.pi * self.frequency)
+
+    def usual_still(self) -> float:
+        """Return the swing at rest that is no hunting: two counts, or a little of the travel."""
+        return 2.0 * self.sensing.resolution or SMALL * self.travel
+
+    def stopped(self, length: int) -> dict[str, np.ndarray]:
+        """Return a period of the sine, then so many samples at its start."""
+        return {k: np.r_[x, np.zeros(length)] for k, x in self.rows(1.0).items()}
+
+    def stepped(self, length: int) -> dict[str, np.ndarray]:
+        """Return the same after a step: of the position, or of the speed to 0."""
+        first = self.samples(1.0)
+        made = {k: np.zeros(first + length) for k in self.rows(0.0)}
+        if self.task.kind == "velocity":
+            made["r"][:first] = STEP * self.speed
+        else:
+            made["r"][1:] = STEP * self.travel
+        return made
+
+    def waits(self) -> list[int]:
+        kp, ki = (self.task.controller[k] for k in ("kp", "ki"))
+        unit = kp / ki if ki > 0.0 < kp else 0.25 / self.frequency
+        most = min(LONGEST, math.ceil(WAITS[-1] * unit / self.sensing.dt))
+        every = [max(SHORTEST, math.ceil(k * unit / self.sensing.dt)) for k in WAITS]
+        return sorted({min(n, most) for n in every})
+
+
+@lru_cache(maxsize=8)
+def loop_of(
+    setting: Setting, observer: str | None, gains: tuple[tuple[str, Any], ...]
+) -> SampledLoop:
+    task = setting.task
+    control = task.control(None if observer is None else task.model, observer, dict(gains))
+    return SampledLoop(task, setting.sensing, control, FASTEST * setting.speed)
+
+
+def grows(setting: Setting) -> bool:
+    known = setting.task.model.known()
+    free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
+    task, quiet = replace(setting.task, model=free), setting.sensing.quiet()
+    loop = loop_of(replace(setting, task=task, sensing=quiet), None, ())
+    first, before, now = 0.0, 0.0, 0.0
+    for length in setting.waits():
+        try:
+            y = loop.run(setting.stepped(length))[MEASURED[task.kind]]
+        except Diverged:
+            return True
+        first, before, now = (float(np.ptp(part)) for part in np.array_split(y[-length:], 3))
+        if now > GREW * first or max(before, now) <= NOISE * first:
+            break
+    return now > before and now > NOISE * first
+
+
+def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.ndarray:
+    """Return the RMS errors (members, choices) of members with several compensations."""
+    rows, counted, columns = setting.rows(PERIODS), slice(setting.samples(SETTLED), None), []
+    for choice in choices:
+        loop = loop_of(setting, choice.observer, choice.gains)
+        own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
+        columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+    return np.array(columns).T
+
+
+def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> np.ndarray:
+    """Return a :class:`Rest` of each, without noise: the worse after a stop and after a step."""
+    loop, lengths = loop_of(setting, choice.observer, choice.gains), setting.waits()
+    sensing, scale = setting.sensing.still(), {"compensation.scale": choice.scale}
+
+    def rest(model: Model, start: Any) -> Rest:
+        seen = Rest(UNDECIDED, math.inf)
+        for length in lengths:
+            try:
+                done = loop.run(start(length), model, sensing, **scale)  # pyright: ignore
+            except Diverged:
+                return Rest(HUNTS, math.inf)
+            theta, u, last = done["theta"][-length:], done["u_fb"], length == lengths[-1]
+            seen = at_rest(theta, u[-length:], float(np.ptp(u)), still, last)
+            if seen.fate != UNDECIDED:
+                break
+        return seen
+
+    starts = setting.stopped, setting.stepped
+    return np.array([max(rest(model, start) for start in starts) for model, _ in members])
+
+
+@dataclass(frozen=True)
+class Jobs:
+    executor: Executor | None
+    number: int
+
+    def __call__(self, work: Any, report: Progress, pairs: Pairs) -> np.ndarray:
+        """Return what comes of all members, in order, done in chunks."""
+        chunks = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
+        found: dict[int, np.ndarray] = {}
+        for i, rows in run_jobs(work, chunks, executor=self.executor, jobs=self.number):
+            if isinstance(rows, JobError):
+                raise Refused(f"members {i * CHUNK} and on: {rows.sentence}")
+            found[i] = rows
+            report(len(found) / len(chunks), "simulating drives")
+        return np.vstack([found[i] for i in range(len(chunks))])
 
 
 @dataclass(eq=False)
-class Standstill:
-    """What becomes of one half of the members at rest, with each choice; each is run once."""
+class Study:
+    """Compensations that are tried on the first half of the members, and the best that holds at
+    rest on both, with its errors on the last half."""
 
     run: Jobs
-    pairs: Pairs
+    halves: tuple[Pairs, Pairs]
     setting: Setting
-    still: float
+    confidence: float
     hunts: float
+    still: float
+    tried: dict[Choice, Tried] = field(default_factory=dict)
+    none: float = np.inf
     seen: dict[Any, np.ndarray] = field(default_factory=dict)
 
-    @property
-    def most(self) -> int:
-        return max(hunting_at_most(len(self.pairs), self.hunts), 0)
+    def chosen(
+        self, named: Mapping[str, Mapping[str, Any]], report: Progress
+    ) -> tuple[Choice, str]:
+        """Return the best choice that holds on both halves, by the first of the RULES with one."""
+        for i, (name, gains) in enumerate(named.items()):
+            part = part_of(report, 0.2 * i / len(named), 0.2 * (i + 1) / len(named))
+            self._add([Choice(name, tuple(gains.items()), scale) for scale in SCALES], part)
+        if better := self.better():
+            self._near(better[0], part_of(report, 0.2, 0.25))
+        for rule in RULES:
+            if (found := self._holding(rule, part_of(report, 0.25, 0.9))) is not NOTHING:
+                self._near(found, reporter(False))
+                return self._holding(rule, part_of(report, 0.25, 0.9)), rule
+        return NOTHING, BESIDE
 
-    def rows(self, choice: Choice, fails: Any = None) -> np.ndarray:
-        """Return a :class:`Rest` of each member, of the first ones once more than ``most`` fail."""
-        key = choice.observer, choice.scale
-        rows = self.seen.get(key, np.zeros((0, 2)))
-        while len(rows) < len(self.pairs) and (fails is None or fails(rows).sum() <= self.most):
-            more = self.pairs[len(rows) : max(FIRST, MORE * len(rows))]
-            work = partial(member_runs.waiting, self.setting, choice, self.still)
-            rows = self.seen[key] = np.vstack([rows, self.run(work, reporter(False), more)])
-        return rows
+    def _add(self, choices: Sequence[Choice], report: Progress) -> None:
+        choices = [one for one in choices if one not in self.tried]
+        work = partial(tracking, self.setting, [NOTHING, *choices])
+        none, *columns = self.run(work, report, self.halves[0]).T
+        self.none = self._upper(none)
+        for one, own in zip(choices, columns, strict=True):
+            name, worse = (one.observer or "").removesuffix("_observer"), np.mean(own > none)
+            row = (self._upper(own), float(np.median(own)), float(worse))
+            self.tried[one] = Tried(name, one.scale, *row)
 
-    def holds(self, choice: Choice, rule: str) -> bool:
-        """Return whether few enough members fail by one of the RULES."""
-        none = self.rows(NOTHING)[:, 1] if rule == BESIDE else np.zeros(0)
+    def _upper(self, errors: np.ndarray) -> float:
+        """Return the error that a share 1 - confidence of the members exceeds."""
+        return float(np.quantile(errors, self.confidence, method="higher"))
+
+    def _near(self, best: Choice, report: Progress) -> None:
+        self._add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
+
+    def better(self) -> list[Choice]:
+        """Return the choices that track better than none on nearly all drives, the best first."""
+        most, rows = 1.0 - self.confidence, self.tried
+        able = [k for k, row in rows.items() if row.worse <= most and row.upper < self.none]
+        return sorted(able, key=lambda k: rows[k].upper)
+
+    def _holding(self, rule: str, report: Progress) -> Choice:
+        for i, choice in enumerate(every := self.better()):
+            report((RULES.index(rule) + i / len(every)) / len(RULES), "waiting for drives to rest")
+            if all(self._holds(choice, rule, half) for half in range(2)):
+                return choice
+        return NOTHING
+
+    def _holds(self, choice: Choice, rule: str, half: int) -> bool:
+        """Return whether few enough members of a half fail by one of the RULES."""
+        none = self.rests(NOTHING, half)[:, 1] if rule == BESIDE else np.zeros(0)
 
         def fails(rows: np.ndarray) -> np.ndarray:
             fate, swing = rows.T
@@ -464,71 +931,76 @@ class Standstill:
                 return (fate != RESTS) & (swing > np.maximum(none[: len(rows)], self.still))
             return fate == HUNTS if rule == UNSURE else fate != RESTS
 
-        return bool(fails(self.rows(choice, fails)).sum() <= self.most)
+        return bool(fails(self.rests(choice, half, fails)).sum() <= self._most(half))
 
-    def outcomes(self, choice: Choice) -> Outcomes:
-        """Return the shares of all members."""
-        return Outcomes.of(self.rows(choice)[:, 0])
+    def _most(self, half: int) -> int:
+        return max(hunting_at_most(len(self.halves[half]), self.hunts), 0)
 
-    def share(self, choice: Choice) -> float | None:
-        """Return the share that hunts of those that were looked at."""
-        rows = self.seen.get((choice.observer, choice.scale))
-        return None if rows is None else float(np.mean(rows[:, 0] == HUNTS))
+    def rests(self, choice: Choice, half: int = 1, fails: Any = None) -> np.ndarray:
+        """Return a :class:`Rest` of each member of a half; of the first ones once more of them
+        fail than may."""
+        pairs, rows = self.halves[half], self.seen.get((choice, half), np.zeros((0, 2)))
+        while len(rows) < len(pairs) and (fails is None or fails(rows).sum() <= self._most(half)):
+            more = pairs[len(rows) : max(FIRST, MORE * len(rows))]
+            work = partial(waiting, self.setting, choice, self.still)
+            rows = np.vstack([rows, self.run(work, reporter(False), more)])
+            self.seen[choice, half] = rows
+        return rows
 
+    def answer(
+        self, best: Choice, rule: str, report: Progress, beliefs: Sequence[Belief]
+    ) -> Assurance:
+        setting, confidence = self.setting, self.confidence
+        work = partial(tracking, setting, list(dict.fromkeys([NOTHING, best])))
+        errors = self.run(work, part_of(report, 0.9, 1.0), self.halves[1])
+        none, own, task, sensing = errors[:, 0], errors[:, -1], setting.task, setting.sensing
+        fates, none_fates = self.rests(best), self.rests(NOTHING)
+        hunted = {k[0]: float(np.mean(v[:, 0] == HUNTS)) for k, v in self.seen.items() if not k[1]}
+        return Assurance(
+            kind=task.kind,
+            scale=best.scale,
+            observer=best.observer and best.observer.removesuffix("_observer"),
+            gains=dict(best.gains),
+            controller=dict(task.controller),
+            confidence=confidence,
+            error=float(np.median(own)),
+            band=band(own),
+            bound=bound(own, confidence),
+            none=float(np.median(none)),
+            none_band=band(none),
+            hunts=Outcomes.of(fates[:, 0]),
+            none_hunts=Outcomes.of(none_fates[:, 0]),
+            swing=bound(fates[:, 1], confidence),
+            none_swing=bound(none_fates[:, 1], confidence),
+            still=self.still,
+            worse=Chance(int(np.sum(own > none)), len(own)),
+            unit=unit_of(task.kind, task.model),
+            tried=tuple(replace(row, hunts=hunted.get(k)) for k, row in self.tried.items()),
+            errors={"assured": own, "none": none},
+            drive={
+                "rate": 1.0 / sensing.dt,
+                "dead_time": sensing.delay,
+                **{k: getattr(sensing, k) for k in ("resolution", "noise", "speed_noise")},
+                **{k: getattr(setting, k) for k in ("torque", "speed", "frequency")},
+            },
+            models=tuple((b.model.name, b.weight) for b in beliefs),
+            messages=self._messages(best, rule),
+        )
 
-@dataclass
-class Tries:
-    """Compensations on the first members, beside none."""
-
-    run: Jobs
-    pairs: Pairs
-    setting: Setting
-    confidence: float
-    choices: list[Choice] = field(default_factory=list)
-    tried: list[Tried] = field(default_factory=list)
-    none: float = np.inf
-
-    def add(self, choices: Sequence[Choice], report: Progress) -> None:
-        """Try these, too, where they are new."""
-        choices = [one for one in choices if one not in self.choices]
-        work = partial(member_runs.tracking, self.setting, [NOTHING, *choices])
-        errors = self.run(work, report, self.pairs)
-        none, self.none = errors[:, 0], self._upper(errors[:, 0])
-        self.choices += choices
-        for choice, own in zip(choices, errors.T[1:], strict=True):
-            name = (choice.observer or "").removesuffix("_observer")
-            worse = float(np.mean(own > none))
-            middle = float(np.median(own))
-            self.tried.append(Tried(name, choice.scale, self._upper(own), middle, worse))
-
-    def _upper(self, errors: np.ndarray) -> float:
-        """Return the error that a share 1 - confidence of the members exceeds."""
-        return float(np.quantile(errors, self.confidence, method="higher"))
-
-    def near(self, best: Choice, report: Progress) -> None:
-        """Try other shares of a choice."""
-        self.add([replace(best, scale=round(best.scale + d, 2)) for d in NEAR], report)
-
-    def better(self) -> list[Choice]:
-        """Return the choices that track better than none on nearly all drives, the best first."""
-        most, rows = 1.0 - self.confidence, zip(self.tried, self.choices, strict=True)
-        able = [row for row in rows if row[0].worse <= most and row[0].upper < self.none]
-        return [choice for _, choice in sorted(able, key=lambda row: row[0].upper)]
-
-
-def chosen(tries: Tries, halves: Sequence[Standstill], report: Progress) -> tuple[Choice, str]:
-    """Return the best choice that holds on both halves, by the first of the RULES with one."""
-
-    def holding(rule: str) -> Choice:
-        for i, choice in enumerate(every := tries.better()):
-            part = (RULES.index(rule) + i / len(every)) / len(RULES)
-            report(part, "waiting for drives to rest")
-            if all(half.holds(choice, rule) for half in halves):
-                return choice
-        return NOTHING
-
-    for rule in RULES:
-        if (found := holding(rule)) is not NOTHING:
-            tries.near(found, reporter(False))
-            return holding(rule), rule
-    return NOTHING, BESIDE
+    def _messages(self, best: Choice, rule: str) -> tuple[str, ...]:
+        part, said, count = f"{100.0 * self.hunts:g} % of the drives", [], len(self.halves[1])
+        if count < (least := enough_at_rest(self.hunts)):
+            ends = 100.0 * Outcomes(0, count).ci95[1]
+            said.append(f"{count} drives cannot show that at most {part} hunt: if none of them "
+                        f"does, up to {ends:.2g} % may; members={least} can.")  # fmt: skip
+        if best is NOTHING and self.better():
+            said.append(f"compensations that track better swing at rest on more than {part}, and "
+                        "farther than without compensation.")  # fmt: skip
+        elif best is not NOTHING and rule == BESIDE:
+            said.append(f"every compensation hunts on more than {part}; this one swings no farther "
+                        "than without compensation.")  # fmt: skip
+        if unsure := Outcomes.of(self.rests(best)[:, 0]).unsure:
+            seconds = self.setting.waits()[-1] * self.setting.sensing.dt
+            said.append(f"on {100.0 * unsure:.3g} % of the drives the torque still moves after "
+                        f"{seconds:.3g} s at rest: whether they hunt is not decided.")  # fmt: skip
+        return tuple(said)

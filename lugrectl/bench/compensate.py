@@ -31,9 +31,19 @@ from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
 from ..simulation.response import simulate
-from .chance import between
-from .gains import controller, observer_gains
-from .loop import Course, SampledLoop, Task, course, kind_of, sensing_of, sorted_out, unit_of
+from .assure import between
+from .loop import (
+    Course,
+    SampledLoop,
+    Task,
+    controller,
+    course,
+    kind_of,
+    observer_gains,
+    sensing_of,
+    sorted_out,
+    unit_of,
+)
 
 ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {
@@ -104,7 +114,6 @@ class Spread(Shown):
         }
 
     def rows(self, unit: str) -> list[Row]:
-        """Median and spread of each loop, for display."""
         words = "{:.3g} ({:.3g} to {:.3g}) {}"
         return [Row(f"on a drive, {k}", words.format(*self.of(k), unit)) for k in self.errors]
 
@@ -185,25 +194,18 @@ class Compensation(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "compensation" in the JSON document."""
-        return plain(
-            {
-                "loop": self.kind,
-                "observer": self.observer,
-                "signal": MEASURED[self.kind],
-                "unit": self.unit,
-                "none": self.none,
-                "before": self.before,
-                "after": self.after,
-                "controller": self.controller,
-                "observer_gains": self.gains,
-                "certificate": self.certificate.summary() if self.certificate else None,
-                "compensated": list(self.compensated),
-                "not_compensated": [{"name": n, "reason": why} for n, why in self.left],
-                "reference": self.reference,
-                "messages": list(self.messages),
-                "drive": self.drive.summary() if self.drive else None,
-            }
-        )
+        made = {"loop": self.kind, "observer": self.observer, "signal": MEASURED[self.kind]}
+        made |= {k: getattr(self, k) for k in ("unit", *LOOPS, "controller")}
+        made |= {
+            "observer_gains": self.gains,
+            "certificate": self.certificate.summary() if self.certificate else None,
+            "compensated": self.compensated,
+            "not_compensated": [{"name": n, "reason": why} for n, why in self.left],
+            "reference": self.reference,
+            "messages": self.messages,
+            "drive": self.drive.summary() if self.drive else None,
+        }
+        return plain(made)
 
     def to_frame(self) -> Any:
         """A DataFrame of the simulated loops: a row for each loop and time t, columns r, y, u."""
@@ -212,9 +214,8 @@ class Compensation(Result):
             key: pandas.DataFrame({"r": run.r, "y": run.y, "u": run.u}, index=run.t)
             for key, run in self.runs.items()
         }
-        if not columns:
-            return pandas.DataFrame(columns=["r", "y", "u"])
-        return pandas.concat(columns, names=["loop", "t"])
+        none = pandas.DataFrame(columns=["r", "y", "u"])
+        return pandas.concat(columns, names=["loop", "t"]) if columns else none
 
     def _title(self) -> str:
         watcher = f"{self.observer} observer" if self.observer else "no observer"
@@ -343,7 +344,7 @@ def compensate(
     J = _checked(model, loop, kd, table, covariance)
     record = None if record is None else as_record(record, model.motion)
     before = _completed(declared, model)
-    drives = Drives(covariance, whole(draws, "draws", least=1), whole(seed, "seed"))
+    draws, seed = whole(draws, "draws", least=1), whole(seed, "seed")
     own = controller({"kp": kp, "ki": ki, "kd": kd}, loop, bandwidth, J)
     task, unit = Task(model, loop, own, table), unit_of(loop, model)
     timed = any(part.block.timed for part in (*model.effects, *before.effects))
@@ -353,11 +354,14 @@ def compensate(
     designs = {k: observer_gains(one, observer, K1, K2, gains) for k, one in believed.items()}
     controls = {"none": task.control(None)}
     controls |= {k: task.control(one, observer, designs[k].gains) for k, one in believed.items()}
-    three, report = Three(task, way, controls, observer), reporter(progress)
+    three, report = Three(task, way, controls, _start(observer, way)), reporter(progress)
     loops = {key: task.closed(blocks, key) for key, blocks in controls.items()}
     runs, errors, messages = three.simulated(loops, report)
-    drive = None if record is None else three.spread(record, drives, report)
-    messages += _useless(errors) + ([] if drive is None else drive.advice(unit))
+    messages += _useless(errors)
+    drive = None
+    if record is not None:
+        drive = three.spread(record, covariance, draws, seed, report)
+        messages += drive.advice(unit)
     fed, left = sorted_out(model, table)
     return Compensation(
         kind=loop,
@@ -378,15 +382,13 @@ def compensate(
 
 
 def _checked(model: Model, loop: Any, kd: Any, table: Any, covariance: Any) -> float:
-    """Return J of the model; raise where an argument is of another kind."""
     if kind_of(loop) == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
-    if not (table is None or isinstance(table, Table)):
-        raise InputError(f"table must be the table of a diagnosis, not {shown(table)}.")
-    if not (covariance is None or isinstance(covariance, Joint)):
-        raise InputError(
-            f"covariance must be that of a diagnosis, result.covariance, not {shown(covariance)}."
-        )
+    for name, given, kind in (("table", table, Table), ("covariance", covariance, Joint)):
+        if not (given is None or isinstance(given, kind)):
+            raise InputError(
+                f"{name} must be that of a diagnosis, result.{name}, not {shown(given)}."
+            )
     if model.J is None:
         raise InputError(f"{model.name}: J has no value; identify it first.")
     return model.J
@@ -400,109 +402,88 @@ def _completed(declared: Any, model: Model) -> Model:
     return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
 
 
-@dataclass(frozen=True)
-class Drives:
-    """How drives are drawn: from what is known of the parameters, how many, the seed."""
+def drawn(model: Model, joint: Joint | None, number: int, seed: int) -> list[Model]:
+    """Return models with parameters from the joint distribution, each inside its bounds."""
+    if joint is None or not joint.names:
+        return [model] * (1 if joint is None else number)
+    known, limits = model.known(), model.declarations()
+    columns = {
+        k: np.clip(np.where(np.isfinite(v), v, known[k]), limits[k].low, limits[k].high)
+        for k, v in joint.sample(number, seed).items()
+        if k in known and not limits[k].whole
+    }
+    return [model.with_values({k: float(v[i]) for k, v in columns.items()}) for i in range(number)]
 
-    joint: Joint | None
-    number: int
-    seed: int
 
-    def of(self, model: Model) -> list[Model]:
-        """Return models with parameters from the joint distribution, each inside its bounds."""
-        if self.joint is None or not self.joint.names:
-            return [model] * (1 if self.joint is None else self.number)
-        known, limits = model.known(), model.declarations()
-        columns = {
-            k: np.clip(np.where(np.isfinite(v), v, known[k]), limits[k].low, limits[k].high)
-            for k, v in self.joint.sample(self.number, self.seed).items()
-            if k in known and not limits[k].whole
-        }
-        rows = range(self.number)
-        return [model.with_values({k: float(v[i]) for k, v in columns.items()}) for i in rows]
-
-    def names(self, model: Model) -> tuple[str, ...]:
-        """Return the parameters that differ from draw to draw."""
-        known = model.values()
-        return tuple(name for name in (self.joint.names if self.joint else ()) if name in known)
+def _start(observer: str | None, way: Course) -> dict[str, float]:
+    """The states that begin at the position of the reference, those of the observer too."""
+    states = ["plant_theta", "encoder_last"]
+    if observer is not None:
+        block = observer_block(observer)
+        pairs = zip(block.states, block.start, strict=True)
+        states += [f"{block.name}_{state}" for state, start in pairs if start == "theta"]
+    return dict.fromkeys(states, float(way.theta[0]))
 
 
 @dataclass(frozen=True, eq=False)
 class Three:
-    """Three loops that follow one reference."""
+    """Three loops that follow one reference, and where they start."""
 
     task: Task
     way: Course
     controls: Mapping[str, Sequence[Any]]
-    observer: str | None
-
-    @property
-    def start(self) -> dict[str, float]:
-        """The states that begin at the position of the reference, those of the observer too."""
-        states = ["plant_theta", "encoder_last"]
-        if self.observer is not None:
-            block = observer_block(self.observer)
-            pairs = zip(block.states, block.start, strict=True)
-            states += [f"{block.name}_{state}" for state, start in pairs if start == "theta"]
-        return dict.fromkeys(states, float(self.way.theta[0]))
+    start: Mapping[str, float]
 
     def simulated(
         self, loops: Mapping[str, Any], report: Progress
     ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
         """Return each loop's run and error, and a message for each loop that does not work."""
         runs, errors, messages = {}, dict[str, float](), []
-        rows, start = self.way.rows(self.task.kind), self.start
+        rows, signal = self.way.rows(self.task.kind), MEASURED[self.task.kind]
         for i, (key, system) in enumerate(loops.items()):
             report(i / len(loops), f"simulating the loop {LOOPS[key]}")
-            x0 = [start.get(state, 0.0) for state in system.state_labels]
-            try:
-                with warnings.catch_warnings(record=True) as said:
-                    warnings.simplefilter("always")
+            x0 = [self.start.get(state, 0.0) for state in system.state_labels]
+            errors[key] = math.inf
+            with warnings.catch_warnings(record=True) as said:
+                warnings.simplefilter("always")
+                try:
                     done = simulate(system, self.way.t, np.vstack(list(rows.values())), x0)
-            except Diverged as error:
-                errors[key] = math.inf
-                messages.append(
-                    f"The loop {LOOPS[key]} is unstable; its simulation diverged ({error})"
-                )
-                continue
+                except Diverged as error:
+                    messages.append(
+                        f"The loop {LOOPS[key]} is unstable; its simulation diverged ({error})"
+                    )
+                    continue
             signals: dict[str, Any] = dict(zip(OUTPUTS, done.outputs, strict=True))
-            y = signals[MEASURED[self.task.kind]]
-            runs[key] = Run(self.way.t, rows["r"], y, signals["u"])
-            errors[key] = rms(y - rows["r"])
+            runs[key] = Run(self.way.t, rows["r"], signals[signal], signals["u"])
+            errors[key] = rms(runs[key].y - rows["r"])
             messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
             messages += _trouble(runs[key], LOOPS[key])
         return runs, errors, messages
 
-    def spread(self, record: Record, drives: Drives, report: Progress) -> Spread:
+    def spread(
+        self, record: Record, joint: Joint | None, draws: int, seed: int, report: Progress
+    ) -> Spread:
         """Return the tracking error of each loop on drives like the recorded one."""
-        way, sensing = self.way, sensing_of(record)
+        way, sensing, model = self.way, sensing_of(record), self.task.model
+        models, names = drawn(model, joint, draws, seed), () if joint is None else joint.names
         torque = sensor_noise(record.u, record.resolution.get("u", 0.0))
         n = max(2, min(math.floor(min(way.t[-1], LONGEST) / sensing.dt), MOST))
         t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
         rows = {k: np.interp(t, way.t, x) for k, x in way.rows(self.task.kind).items()}
-        loops = {
-            key: SampledLoop(self.task, sensing, blocks, fastest, self.start)
-            for key, blocks in self.controls.items()
-        }
-        errors: dict[str, list[float]] = {key: [] for key in loops}
-        for i, model in enumerate(models := drives.of(self.task.model)):
-            report(i / len(models), "simulating drives like the recorded one")
-            for key, loop in loops.items():  # the same noise for each loop
-                own = {"torque": torque, "seed": drives.seed + i}
-                errors[key].append(loop.error(rows, model, **own))
+        errors = {key: np.zeros(len(models)) for key in self.controls}
+        for j, (key, blocks) in enumerate(self.controls.items()):
+            loop = SampledLoop(self.task, sensing, blocks, fastest, self.start)
+            for i, one in enumerate(models):  # the same noise for each loop
+                part = (j + i / len(models)) / len(errors)
+                report(part, "simulating drives like the recorded one")
+                errors[key][i] = loop.error(rows, one, torque=torque, seed=seed + i)
         speed = math.nan if sensing.speed_noise is None else sensing.speed_noise
-        return Spread(
-            1.0 / sensing.dt,
-            {"theta": sensing.noise, "w": speed, "u": torque},
-            sensing.resolution,
-            drives.names(self.task.model),
-            drives.seed,
-            {key: np.array(values) for key, values in errors.items()},
-        )
+        noise = {"theta": sensing.noise, "w": speed, "u": torque}
+        differ = tuple(k for k in names if k in model.values())
+        return Spread(1.0 / sensing.dt, noise, sensing.resolution, differ, seed, errors)
 
 
 def _useless(errors: Mapping[str, float]) -> list[str]:
-    """Messages if a compensation does not reduce the error."""
     made = []
     if errors["after"] > WORSE * errors["before"]:
         made.append(f"The error is larger {LOOPS['after']} than {LOOPS['before']}.")

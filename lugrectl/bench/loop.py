@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
@@ -15,15 +15,17 @@ from numpy.typing import ArrayLike
 from ..blocks import controllers
 from ..blocks.block import Block, unit_for
 from ..blocks.drive import dead_time
-from ..blocks.model import Model
-from ..blocks.observers import observer_block
+from ..blocks.model import Model, values_of
+from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
-from ..core.validation import array, shown
+from ..core.validation import array, number, positive, shown
+from ..design import Certificate, certify, design_gains
+from ..design.gains import RULES
 from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.findings import Table
-from ..loops.parts import MEASURED, OUTPUTS, Control, connected, read_of
+from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, read_of
 from ..record import Record
 from ..record.signal_noise import sensor_noise, smallest_step
 from ..simulation.encoder import Sensing, encoder
@@ -49,7 +51,6 @@ class Course:
     summary: dict[str, float] = field(default_factory=dict)
 
     def rows(self, kind: str) -> dict[str, np.ndarray]:
-        """Return the reference r of a kind of loop and its derivatives, by name."""
         if kind == "velocity":
             return {"r": self.w, "dr": self.a}
         return {"r": self.theta, "dr": self.w, "ddr": self.a}
@@ -66,7 +67,6 @@ def sine(
 
 
 def samples(periods: float, frequency: float, rate: float) -> int:
-    """Return the number of samples of so many periods."""
     return round(periods / frequency * rate) + 1
 
 
@@ -117,7 +117,6 @@ def _given(given: Any, kind: str) -> Course:
 
 
 def speed_of(record: Record) -> float:
-    """Return the speed of the usual reference."""
     return _range(record)[0]
 
 
@@ -188,9 +187,11 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
     parts = tuple(part for part in model.effects if _why_not(part.block) is None)
     if not parts:
         return None
-    idle = all(part.block.acts == ("torque",) and not part.block.states for part in parts)
+    if all(part.block.acts == ("torque",) and not part.block.states for part in parts):
+        own = {"J": model.J, "Fv": 0.0, "motion": model.motion}
+        model = Model.of(friction="viscous", **own)  # with and without them: it cancels
     full, bare = replace(model, effects=parts), replace(model, effects=())
-    made, known = _Resisting(assemble(full), assemble(bare), idle).block(), model.known()
+    made, known = _Resisting(assemble(full), assemble(bare)).block(), full.known()
     return made.system(
         name=name,
         inputs=["w_m", "theta_m"],
@@ -201,22 +202,17 @@ def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSyst
 
 @dataclass(frozen=True)
 class _Resisting:
-    """What ``full`` resists at u = 0 beyond ``bare``; ``idle``: both have the same friction."""
+    """What ``full`` resists at u = 0 beyond ``bare``."""
 
     full: Block
     bare: Block
-    idle: bool
 
     def __call__(self, t: Any, w: Any, theta: Any, *x: Any, **values: Any) -> tuple[Any, ...]:
-        first, second = len(self.full.states) - 2, len(self.bare.states) - 2
-        given = (0.0,) * (first + second) if self.idle else x
-        F, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *given[:first], **values)
-        resisting = -values["J"] * dw
-        if self.idle:  # both contain the same friction, which cancels
-            return (resisting - F,)
+        first = len(self.full.states) - 2
+        _, _, dw, *rates = self.full(t, 0.0, 0.0, theta, w, *x[:first], **values)
         own = {k: values[k] for k in self.bare.parameters}
-        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *given[first:], **own)
-        return resisting - alone, *rates, *others
+        alone, _, _, *others = self.bare(t, 0.0, 0.0, theta, w, *x[first:], **own)
+        return -values["J"] * dw - alone, *rates, *others
 
     def block(self) -> Block:
         full, bare = self.full.states[2:], self.bare.states[2:]
@@ -226,7 +222,7 @@ class _Resisting:
             function=self,
             inputs=("w", "theta"),
             outputs=("u",),
-            states=() if self.idle else (*full, *(f"{s}_bare" for s in bare)),
+            states=(*full, *(f"{s}_bare" for s in bare)),
             parameters=self.full.parameters,
             timed=True,
         )
@@ -238,18 +234,16 @@ TURNS = {"velocity": "rad/s", "position": "rad"}
 
 @dataclass(frozen=True)
 class Task:
-    """What loops share: drive, kind, gains, a table on the drive; ``noisy``: its torque is."""
+    """What loops share: drive, kind, gains, a table on the drive."""
 
     model: Model
     kind: str
     controller: Mapping[str, float]
     table: Table | None = None
-    noisy: bool = True
 
     def control(
         self, believed: Model | None, observer: str | None = None, gains: Any = None
     ) -> list[Any]:
-        """Return the blocks of the controller, which compensates by a model (None: nothing)."""
         if believed is None:
             return Control(self.kind, self.controller).blocks(self.model)
         made = Control(self.kind, self.controller, observer, gains or {}).blocks(believed)
@@ -262,36 +256,28 @@ class Task:
         return made
 
     def closed(self, control: Sequence[Any], name: str) -> ct.InterconnectedSystem:
-        """Return the loop in continuous time."""
         parts = [plant(self.model), sensor(self.model), *control, *self._acting()]
         return connected(parts, read_of(parts), OUTPUTS, name)
 
     def body(self, model: Model, command: str = "u") -> ct.InterconnectedSystem:
         """Return a drive, from the command and its noise n_u to what its sensors see."""
-        entry = "u_act" if self.noisy else command
-        parts = [plant(model, inputs=[entry, "d"]), sensor(model, outputs=["w_s", "theta_s"])]
-        parts += [
-            controllers.compensation(name=name, inputs=[signal], outputs=[entry])
-            for name, signal in (("command", command), ("torque_noise", "n_u"))
-            if self.noisy
-        ]
-        inputs = [command, *["n_u"] * self.noisy, "d"]
-        outputs = ["theta", "w", "theta_s", "w_s"]
-        return connected([*parts, *self._acting()], inputs, outputs, "drive_body")
+        noisy = ct.summing_junction([command, "n_u"], "u_act", name="torque")
+        parts = [noisy, plant(model, inputs=["u_act", "d"]), *self._acting()]
+        parts.append(sensor(model, outputs=["w_s", "theta_s"]))
+        inputs, outputs = [command, "n_u", "d"], ["theta", "w", "theta_s", "w_s"]
+        return connected(parts, inputs, outputs, "drive_body")
 
     def _acting(self) -> list[Any]:
         return [] if self.table is None else [self.table.block()]
 
 
 def kind_of(loop: Any) -> str:
-    """Return the kind of loop that is meant."""
     if not isinstance(loop, str) or loop not in TURNS:
         raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(TURNS)}.")
     return loop
 
 
 def unit_of(kind: str, model: Model) -> str:
-    """Return the unit of what a loop follows."""
     return unit_for(TURNS[kind], model.motion)
 
 
@@ -365,7 +351,6 @@ class SampledLoop:
         return rms((y - rows["r"])[counted])
 
     def _body(self, model: Model) -> tuple[Any, set[str]]:
-        """Return the drive of a structure, and the parameters that it has."""
         key = (self.late, model.friction.block.name, *(p.key for p in model.effects))
         if key not in self.bodies:
             names = {*plant(model).params, *sensor(model).params}
@@ -408,7 +393,6 @@ class Terms:
     bodies: dict[Any, Any] = field(default_factory=dict)
 
     def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
-        """Return the gains of the controller beside an observer."""
         known = self.model.known()
         if not self.equal or corrected(name) or "sigma0" not in known:
             return dict(gains)
@@ -426,13 +410,11 @@ class Terms:
     def control(
         self, name: str, kind: str, gains: Mapping[str, float], believed: Mapping[str, float]
     ) -> list[Any]:
-        """Return the blocks of the controller; ``believed`` goes before the values of the drive."""
         known = {k: v for k, v in believed.items() if k in observer_block(name).parameters}
         own, ahead = self.own(name, kind) | known, self.ahead or kind == "position"
         return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
 
     def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
-        """Return the loop in continuous time, with noise of position and velocity, and load d."""
         parts = [
             plant(self.model, inputs=["u_late", "d"]),
             dead_time(0.0, inputs=["u"], outputs=["u_late"]),
@@ -453,14 +435,13 @@ class Terms:
         rows: Mapping[str, np.ndarray],
     ) -> dict[str, np.ndarray]:
         """Return the signals of a sampled drive by name. Raises Diverged."""
-        task = Task(self.model, kind, {}, noisy=False)
+        task = Task(self.model, kind, {})
         loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
         with interpreted():  # each loop runs a few times only
             return loop.run(rows)
 
 
 def corrected(name: str) -> bool:
-    """Return whether an observer is corrected by the tracking error."""
     made = observer_block(name)
     return bool({"e", "s"} & {*made.inputs}) and "k" in made.parameters
 
@@ -477,3 +458,107 @@ def wrong(
             largest = max(factors.values(), key=lambda factor: abs(factor - 1.0))
             cases[f"{', '.join(keys)} x{largest:g}"] = {k: f * known[k] for k, f in factors.items()}
     return cases
+
+
+LIGHT = 0.1  # of critical damping; with less damping by sigma1 design_gains is not used
+LAG = 0.4  # rad that sampling and dead time take at the crossover
+LUGRE = ("J", "sigma0", "sigma1", "Fc", "Fs", "Fv", "vs")
+K = 0.35  # of an observer that the tracking error corrects, where no bristles say how much
+
+
+def controller(
+    given: Mapping[str, float | None], kind: str, rate: float, J: float
+) -> dict[str, float]:
+    """Return the given gains; if none is given, those with every pole at -rate."""
+    names = ("kp", "ki") if kind == "velocity" else ("kp", "ki", "kd")
+    if any(v is not None for v in given.values()):
+        return {k: 0.0 if given[k] is None else number(given[k], k) for k in names}
+    return all_at(kind, J, positive(rate, "bandwidth", "1/s"))
+
+
+def fastest(sensing: Sensing) -> float:
+    """Return the crossover in rad/s that sampling and dead time allow."""
+    return LAG / (0.5 * sensing.dt * (1.0 + (sensing.speed_noise is None)) + sensing.delay)
+
+
+def correction(known: Mapping[str, Any], bandwidth: float) -> float:
+    """Return k that adds as much integral as the PI of this crossover has."""
+    if not known.get("sigma0"):
+        return K
+    k = known["J"] * bandwidth**2 / 20.0 / known["sigma0"]
+    damping = known.get("sigma1") or 0.0
+    return float(min(k, 0.5 * known["J"] * bandwidth / damping) if damping else k)
+
+
+def unknown(name: str, model: Model) -> str | None:
+    needs, have = observer_block(name).parameters, model.values()
+    missing = [k for k in LUGRE if k in needs and have.get(k) is None]
+    law = model.friction.block.name
+    if not missing:
+        return None
+    return f"it must know {', '.join(missing)}, which the model with {law} friction does not have."
+
+
+def given_gains(gains: Any) -> dict[str, dict[str, Any]]:
+    if gains is None:
+        return {}
+    if not isinstance(gains, Mapping) or not all(isinstance(v, Mapping) for v in gains.values()):
+        raise InputError(f"gains must be a dict of dicts by observer, not {shown(gains)}.")
+    checked = {observer_block(name).name: dict(own) for name, own in gains.items()}
+    for name, own in checked.items():
+        observer_block(name).check(own)
+    return checked
+
+
+def designed(
+    model: Model, name: str, dt: float, speed: float, **more: float
+) -> tuple[dict[str, Any], Certificate]:
+    usual = {"dt": dt, "M": 1.5 * speed, "speed": speed, "w0": 0.2 * speed} | more
+    choices = RULES[name].choices if name in RULES else {}
+    own: dict[str, Any] = {k: v for k, v in usual.items() if k in choices}
+    design = design_gains(values_of(model), observer=name, **own)
+    return dict(design.gains), design.certificate
+
+
+class Chosen(NamedTuple):
+    """Gains of an observer, the same as plain values, and the certificate."""
+
+    gains: dict[str, Any]
+    plain: dict[str, Any]
+    certificate: Certificate | None
+
+
+def observer_gains(
+    believed: Model, name: str | None, K1: Gain | None, K2: Gain | None, gains: Any
+) -> Chosen:
+    """Return the gains of an observer; K1 and K2 that are left out by design."""
+    if not (gains is None or isinstance(gains, Mapping)):
+        raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
+    own = dict(gains or {})
+    if name is None or observer_block(name).name != "proposed_observer":
+        own |= {k: K for k, K in (("K1", K1), ("K2", K2)) if K is not None}
+        return Chosen(own, _plain(own), None)
+    if (K1 is None) != (K2 is None):
+        raise InputError("give both K1 and K2, or neither.")
+    numbers = not (callable(K1) or callable(K2))
+    if numbers and "sigma1" not in believed.friction.values:
+        raise InputError(
+            f"the {name} observer copies LuGre friction, but {believed.name} has "
+            f"'{believed.friction.block.name}' friction; choose observer='disturbance' or None."
+        )
+    known = believed.known()
+    critical = 2.0 * math.sqrt(known.get("J", 0.0) * known.get("sigma0", 0.0))
+    if K1 is not None:
+        own |= {"K1": K1, "K2": K2}
+    elif known.get("sigma1", math.inf) < LIGHT * critical:
+        # with sigma1 = 0 the errors at rest have the polynomial s^2 + (K2/J) s - K1 sigma0/J:
+        # this puts both poles at -sqrt(sigma0/J)
+        own |= {"K1": -1.0, "K2": critical}
+    else:
+        own |= design_gains(believed).gains
+    plain = _plain(own)
+    return Chosen(own, plain, certify(believed, own["K1"], own["K2"]) if numbers else None)
+
+
+def _plain(gains: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: "a function of w" if callable(v) else number(v, k) for k, v in gains.items()}

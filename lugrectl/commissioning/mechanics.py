@@ -37,8 +37,6 @@ NEIGHBOURS = 4  # points that share data: windows overlap by half
 FIXED = 4  # parameters besides those of the pairs: log J, log B, delay, log lag
 SEEN = 0.5  # coherence below which a point says nothing of the mechanics
 FEWEST = 12  # points
-FAR, PLACES = 30.0, 60  # how far beyond the last frequency a resonance is looked for, how often
-LIGHTEST = 0.01  # damping ratio of a resonance that the log does not show
 SMOOTH = 0.12  # of the sampling rate: what the motion of a resting axis needs is slow
 EDGE = 0.95  # of the highest frequency: beyond it a pair stands for something else
 
@@ -74,7 +72,6 @@ class Mechanics:
 
     @property
     def top(self) -> float:
-        """The last frequency."""
         return float(self.fit.w[-1])
 
     @property
@@ -103,7 +100,6 @@ class Mechanics:
         return (1.0 + 1j * w * np.exp(self.x[3])) * np.exp(1j * w * self.x[2])
 
     def shape(self, w: np.ndarray) -> Shape:
-        """Numerator and denominator of the pairs."""
         num, den = np.ones((2, len(w)), complex)
         for a, za, r, zr in np.exp(self.pairs).tolist():
             num *= quadratic(1j * w, a, za)
@@ -129,31 +125,6 @@ class Mechanics:
         """Of the 95 % disc of the response, as a share of it."""
         made = np.concatenate(self._errors) @ _log_response(self.x, w, self.fit.dt)[1].T
         return np.sqrt(-np.log(0.05) * np.sum(np.abs(made) ** 2, axis=0))
-
-    def unseen(self, w: np.ndarray) -> np.ndarray:
-        """The most that a resonance beyond the last frequency may add to the response (n,): r/(2 z
-        w) of one at w, r w/|a^2 - w^2| of one at a, with the largest r that the points leave."""
-        a, most = self._residues
-        own = np.interp(w, a, most) / (2.0 * LIGHTEST * w)
-        w = w[:, None]
-        off = np.maximum(np.abs(a**2 - w**2), 2.0 * LIGHTEST * a * w)
-        return np.maximum(own, np.max(most * w / off, axis=1))
-
-    @cached_property
-    def _residues(self) -> tuple[np.ndarray, np.ndarray]:
-        """Frequencies a beyond the last one, and for each the largest residue r (95 %) of
-        r s/(s^2 + 2 z a s + a^2), added to the response, whatever the parameters become with it:
-        half of the points, as windows overlap by half, with their deviations."""
-        fit, s, made = self.fit, 1j * self.fit.w, []
-        e, G, weight = fit.linear(self.x)
-        spread = np.sqrt(2.0 * max(float(np.mean(weight * e**2)), 1.0))
-        beyond = self.top * np.geomspace(1.0, FAR, PLACES)
-        for a in beyond.tolist():
-            one = fit.stacked(s / (s**2 + 2.0 * LIGHTEST * a * s + a**2) / self.response(fit.w))
-            own = one + G @ _step(one, G, weight)
-            seen = float(weight @ own**2)
-            made.append(max(-float(weight * own @ e), 0.0) / seen + Z95 * spread / np.sqrt(seen))
-        return beyond, np.array(made)
 
     def modes(self) -> tuple[Mode, ...]:
         """Every antiresonance and resonance within the measured frequencies, with intervals."""
@@ -297,7 +268,6 @@ def fit_mechanics(found: Response, raw: Response, dt: float) -> Mechanics | None
 
 
 def _bic(found: tuple[float, np.ndarray], points: int) -> float:
-    """Half-overlapping windows: of n points n/2 are independent, each with two errors."""
     return points * np.log(found[0] / points) + len(found[1]) * np.log(points)
 
 

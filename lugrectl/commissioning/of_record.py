@@ -21,7 +21,6 @@ from ..core.unit_names import unit_for
 from ..core.views import view
 from ..record import pooled, record_of, refuse_dead
 from ..record.as_record import as_logs
-from ..torque_balance.columns import driven
 from .friction import Friction, fit_friction, load_motion, problem_of
 from .mechanics import FEWEST, Mechanics, Mode, fit_mechanics
 from .runs import NARROW, Response, Run, Shape, Window, local_response, runs_of, windows
@@ -219,13 +218,10 @@ def _shown(mode: Mode) -> tuple[str, str, str]:
 # What a model knows besides friction and inertia, along the measured motion, to be taken out.
 # Torques of position, speed and time go off the torque; what acts on the torque itself is applied
 # to it; what changes the level of friction scales its terms, and a change of Fv is a torque. A
-# delay or lag of the torque and the lag of a sensor are linear: they stay in the response. So does
-# the load behind a gap: taken out is what its torque differs by from that of a load without it.
+# delay or lag of the torque and the lag of a sensor are linear: they stay in the response.
 
 LINEAR = ("input_delay", "actuator_lag", "velocity_sensor_lag", "elastic_coupling")
-GAP = "backlash"
-TIGHT = {"gap": 0.0, "load_friction": 0.0}
-LEFT = "{} is not taken out: {}."
+LEFT = "{} is not taken out: it is no torque of position, speed and time with known values."
 ACTS = {"torque", "input", "Fc", "Fs", "Fv", "+Fc", "+Fs"}
 
 
@@ -234,34 +230,22 @@ def known_effects(runs: Sequence[Run], model: Model) -> tuple[list[Run], list[st
     InputError for a value that it leaves open."""
     parts, said, friction = [], [], model.friction.values
     for part in model.effects:
-        why = _why_left(part, friction)
-        if why:
-            said.append(LEFT.format(part.key, why))
-        elif why is None:
-            if missing := [k for k, v in part.values.items() if v is None]:
-                raise InputError(
-                    f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, "
-                    "and give the model with its value."
-                )
-            parts.append(part)
+        needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in part.block.acts]
+        stays = bool(part.block.states) or any(p.shared for p in part.block.parameters.values())
+        stays = stays or not {*part.block.acts} <= ACTS
+        if part.block.name in LINEAR:
+            continue
+        if stays or any(friction.get(k, 0.0) is None for k in needed):
+            said.append(LEFT.format(part.key))
+            continue
+        if missing := [k for k, v in part.values.items() if v is None]:
+            raise InputError(
+                f"{part.key}: {', '.join(missing)} must be known to take it out: identify it, "
+                "and give the model with its value."
+            )
+        parts.append(part)
     parts.sort(key=lambda part: STAGES.index(stage(part.block)))
     return [_along(run, parts, friction) for run in runs], said
-
-
-def _why_left(part: Part, friction: Mapping[str, float | None]) -> str | None:
-    """Why an effect stays; "" where it is a part of the response, None where it is taken out."""
-    block = part.block
-    if block.name in LINEAR:
-        return ""
-    if block.states and block.name != GAP:
-        return "it remembers the motion"
-    if any(p.shared for p in block.parameters.values()):
-        return "it depends on other values of the drive"
-    if not {*block.acts} <= ACTS:
-        return f"it changes {', '.join(block.acts)}"
-    needed = [k for act, k in (("+Fc", "Fc"), ("Fv", "Fv")) if act in block.acts]
-    open_ = [k for k in needed if friction.get(k, 0.0) is None]
-    return f"{open_[0]} is not declared" if open_ else None
 
 
 def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]) -> Run:
@@ -270,15 +254,8 @@ def _along(run: Run, parts: Sequence[Part], friction: Mapping[str, float | None]
     signals = {"t": run.t + 0.5 * run.dt, "theta": middle, "w": run.speed, "u": run.u}
     signals["load"], resisting, level = run.load, run.load.copy(), np.ones(len(run.u))
     for part in parts:
-        block, known = part.block, dict(part.values)
-        if block.name == GAP:
-            known = block.defaults() | known
-            motion = {k: signals[k] for k in ("theta", "w")}
-            sets: list[Any] = [known, known | TIGHT]
-            (made,) = driven(block, sets, motion, [(slice(0, len(run.u)), run.dt)])
-            acts = {"torque": made[:, 0] - made[:, 1]}
-        else:
-            acts = dict(block.deeds(block(*(signals[name] for name in block.reads), **known)))
+        values = part.block(*(signals[name] for name in part.block.reads), **part.values)
+        acts = dict(part.block.deeds(values))
         if "input" in acts:
             signals["u"] = np.broadcast_to(acts["input"], run.u.shape)
         torque, viscous = acts.get("torque", 0.0), friction.get("Fv") or 0.0
@@ -422,7 +399,6 @@ def _verdict(found: FrequencyResponse, dry: bool, reverses: bool) -> list[str]:
 
 
 def _slow(w: np.ndarray) -> float:
-    """Below how many rad/s the effect of friction is looked at."""
     return max(2.0 * np.pi * SLOW, 3.0 * float(w[0]))
 
 
@@ -447,9 +423,9 @@ def _answer(runs: Sequence[Run], dry: bool, motion: str) -> FrequencyResponse:
     mechanics = stage.mechanics if sure.sum() >= FEWEST else None
     modes, inertia, interval = (), None, None
     if mechanics is not None:
-        modes = mechanics.modes()
-        if _narrow(mechanics.inertia[1]):
-            inertia, interval = mechanics.inertia
+        modes, (inertia, interval) = mechanics.modes(), mechanics.inertia
+        if not _narrow(interval):
+            inertia, interval = None, None
     return FrequencyResponse(
         frd=ct.FrequencyResponseData(r.P, r.w, dt),
         raw=ct.FrequencyResponseData(raw.P, r.w, dt),
@@ -481,7 +457,6 @@ def _narrow(ci95: tuple[float, float]) -> bool:
 
 
 def _change(raw: Response, taken: Response) -> np.ndarray:
-    """By how many dB friction changes the response (n,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.abs(20.0 * np.log10(np.abs(raw.P / taken.P)))
 

@@ -64,21 +64,17 @@ class Run:
         return strokes(self.steps)
 
     def spectrum(self, x: np.ndarray) -> np.ndarray:
-        """The spectrum of signals (n,) or (n, m)."""
         return np.asarray(rfft(x, axis=0))
 
     def signal(self, X: np.ndarray) -> np.ndarray:
-        """The signals (n,) or (n, m) of spectra."""
         return np.asarray(irfft(X, len(self.u), axis=0))
 
     @cached_property
     def fine_speed(self) -> np.ndarray:
-        """The speed (FINER n,) in each part of an interval."""
         return self.steps * (FINER / self.dt)
 
     @cached_property
     def speed(self) -> np.ndarray:
-        """The mean speed (n,) in each interval."""
         return means(self.fine_speed)
 
     @cached_property
@@ -104,7 +100,6 @@ def point(w: np.ndarray, dt: float | None) -> np.ndarray:
 
 
 def means(x: np.ndarray) -> np.ndarray:
-    """Return the means (n,) over intervals of what is given in their parts."""
     return x.reshape(-1, FINER).mean(axis=1)
 
 
@@ -177,12 +172,10 @@ class Window:
 
     @property
     def free(self) -> int:
-        """Equations that the transients leave."""
         return len(self.poly) - self.transient.shape[1]
 
 
 def window(runs: Sequence[Run], centre: float, half: float) -> Window:
-    """Return the window of a half-width in rad/s."""
     parts, polys = [], []
     for run in runs:
         first, last = np.searchsorted(run.w, [centre - half, centre + half])

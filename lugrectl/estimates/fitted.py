@@ -127,7 +127,7 @@ class Fitted(Result):
         """The JSON document: what both results have, and ``more``; never NaN or Infinity."""
         model, every = self.model, self.records or ([self.record] if self.record else [])
         nested = model.to_dict() if model else {"plant": {}, "friction": {}, "effects": []}
-        seen = view("member_runs.seen_in", "bench")(self.record, self.torque_noise)
+        seen = view("assure.seen_in", "bench")(self.record, self.torque_noise)
         made = {
             "model": {k: nested[k] for k in ("plant", "friction", "effects")}
             | {"stated": model.statements() if model else {}},

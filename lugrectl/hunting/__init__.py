@@ -1,8 +1,7 @@
 """Friction limit cycles of position loops, by the map from stick to stick."""
 
-from .hunt import limit_cycles
+from .hunt import Cycle, LimitCycles, limit_cycles
 from .map import HuntingMap, hunting_map
-from .result import Cycle, LimitCycles
 from .stick_slip import StickSlip, stick_slip_speed
 
 __all__ = [

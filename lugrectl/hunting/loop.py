@@ -4,16 +4,34 @@ values of them at which something begins or ends.
 J dw/dt = u - F(w), de/dt = w, u = -(kp e + ki int e + kd w). Units: e in Fs/kp, torque in Fs, time
 in 1/wn = sqrt(J/kp). What is left of the gains is delta = kd/sqrt(kp J) and rho = ki/(kp wn); the
 linear loop is stable iff delta > rho (Routh). Many loops and starts at once are lanes.
+
+From stick to stick: the state of a PID loop in a stick is its error alone.
+
+At rest the error of a stick is constant and u changes by -ki e, so that breakaway is towards zero,
+at |u| = Fs. A stop of the same sign may follow, or a reversal without a stop (|u| > Fs at w = 0).
+The half-turn map T(e) goes from breakaway at e > 0 to the first stick on the other side, which it
+counts positive; it is continuous where stops appear and vanish, which the map from stop to stop is
+not.
+
+A slip in the direction of -e, from w = 0 to w = 0, has the state (x, a, y): the error, the speed
+a = -w >= 0, and the excess y = -u - Fs of the torque without damping over breakaway,
+
+    dx/dt = -a,    da/dt = y - delta a + (Fs - F(a)),    dy/dt = rho x - a.
+
+It begins at a = 0 and y >= 0 and ends at a = 0 with y <= 0; x is monotone, so that the largest
+error stands at an end. The excess is a state because it keeps its digits where e is small. Dormand
+and Prince, order 5 with an error of order 4; each lane has its own step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.integrate import RK45
 from scipy.linalg import expm
 
 from ..blocks.friction import free_level, level
@@ -26,7 +44,6 @@ SHARP = 1e-15  # rad/s, the width of a smooth sign: far below REST
 PROBED = np.geomspace(1e-6, 1e3, 200)  # speeds in rad/s at which a curve is compared with a line
 STRAIGHT = 1e-9  # of Fs, by which a straight curve may differ from its line
 STEP, PER_OCTAVE, ENOUGH = 0.05, 100, 1e-3  # of an L1 norm: units of time, steps, relative tail
-NEAR = 1e-5  # relative distance of two speeds between which a slope is measured
 
 
 @dataclass(frozen=True)
@@ -55,7 +72,6 @@ class Curve:
         return max(self.Fs, float(np.abs(self.torque(PROBED) - self.viscous * PROBED).max()))
 
     def is_straight(self) -> bool:
-        """Whether the law is Coulomb and viscous friction alone."""
         F = self.torque(PROBED)
         return bool(np.abs(F - self.Fs - self.viscous * PROBED).max() <= STRAIGHT * abs(F[-1]))
 
@@ -66,7 +82,6 @@ class Curve:
 
 
 def curve_of(model: Model) -> Curve:
-    """Return the sliding curve of a model: of a law with states, its level h(w) + Fv w."""
     block, values = model.friction.block, dict(model.friction.values)
     unknown = [k for k, v in {"J": model.J, **values}.items() if v is None]
     if unknown:
@@ -90,7 +105,7 @@ def curve_of(model: Model) -> Curve:
 class Lanes:
     """delta, rho and the unit of speed in rad/s, each (n,); ``fall`` of a speed in rad/s. A stick
     at an error of at most ``calm`` (units) is known to come to rest; a swing beyond ``large`` grows
-    without bound. ``drift``: the speed of a reference (units) in the direction of the slip."""
+    without bound."""
 
     delta: np.ndarray
     rho: np.ndarray
@@ -98,30 +113,21 @@ class Lanes:
     fall: Callable[[np.ndarray], np.ndarray]
     calm: float = 0.0
     large: float = 300.0
-    drift: np.ndarray | None = None
 
     def __getitem__(self, which: np.ndarray) -> Lanes:
         own = (self.delta[which], self.rho[which], self.speed[which])
-        drift = None if self.drift is None else self.drift[which]
-        return Lanes(*own, self.fall, self.calm, self.large, drift)
+        return Lanes(*own, self.fall, self.calm, self.large)
 
     def many(self, count: int) -> Lanes:
-        """Return so many lanes of the first loop."""
         return self[np.zeros(count, int)]
 
     def drop(self, a: np.ndarray) -> np.ndarray:
         """1 - F/Fs at the speed a."""
         return self.fall(a * self.speed)
 
-    def steepness(self, a: np.ndarray) -> np.ndarray:
-        """dF/da / Fs at the speed a."""
-        return (self.drop(a * (1.0 - NEAR)) - self.drop(a * (1.0 + NEAR))) / (2.0 * NEAR * a)
-
 
 @dataclass(frozen=True)
 class Loop:
-    """A PID position loop around a rigid drive."""
-
     curve: Curve
     J: float
     kp: float
@@ -147,10 +153,8 @@ class Loop:
         """rad/s, the unit of speed."""
         return self.unit * self.wn
 
-    def lanes(self, count: int, drift: np.ndarray | None = None) -> Lanes:
-        """Return so many lanes of this loop; ``drift`` in rad/s."""
-        lanes = together([self], count)
-        return lanes if drift is None else replace(lanes, drift=drift / self.speed)
+    def lanes(self, count: int) -> Lanes:
+        return together([self], count)
 
     def is_stable(self) -> bool:
         """Whether fast motion decays (Routh): (kd + Fv) kp > ki J with the slope Fv of F there."""
@@ -202,7 +206,6 @@ Hunts = Callable[..., bool | None]
 
 
 def varied(*values: Any) -> Callable[..., dict[str, float]]:
-    """Return kp, ki and kd of the PID by gains that are changed, from kp, ki, kd and kv."""
     own = {k: v for k, v in zip(ALL, values, strict=True) if v is not None}
     return lambda **changed: pid_gains(**(own or PAPER) | changed)
 
@@ -296,3 +299,238 @@ def _changes(
     pairs = zip(sure, sure[1:], strict=False)
     changes = [(change(a, b), bool(at(b))) for a, b in pairs if at(a) != at(b)]
     return changes, at(sure[0]) if sure else None
+
+
+RTOL, FLOOR = 1e-7, 1e-3  # error of a step, relative to a state or to this part of its unit
+SMALL = 1e-6  # of the start or the unit: an error and speed below it have come to rest
+SLIP_STEPS = 4000  # of one slip; a longer one creeps
+LOOK = 40  # steps, after which it is looked for creeping
+NEARLY = 0.02  # relative difference of a creeping speed from rho x
+SLOWER = np.array([1.0, 0.5, 0.25, 0.125])[:, None]  # speeds at which a creep must be damped
+FIRST = 1e-3  # the first step
+A = np.vstack([np.pad(RK45.A[1:], ((0, 0), (0, 1))), RK45.B])  # stages, the last the new state
+LOW, HIGH = 1e-3, 30.0  # units: errors at which T is looked at, and beyond while friction can
+ROUNDS, NEAR = 300, 10.0  # of T, interpolated; |D| of a half turn that neither rests nor grows
+COULOMB = (
+    "Coulomb and viscous friction alone, with kd kp > ki J: the rest is globally asymptotically "
+    "stable (Bisoffi, Da Lio, Teel and Zaccarian, IEEE Trans. Automatic Control 63(8), 2018)"
+)
+NO_INTEGRAL = (
+    "without integral action the energy J w^2/2 + kp e^2/2 falls in every motion, since "
+    "(kd w + F(w)) w > 0"
+)
+
+
+def proven(loop: Loop) -> str | None:
+    """Return why the loop has no limit cycle, where that is known."""
+    if loop.ki == 0.0:
+        damped = np.all(loop.kd * PROBED + loop.curve.torque(PROBED) > 0.0)
+        return NO_INTEGRAL if damped else None
+    return COULOMB if loop.curve.is_straight() and loop.is_stable() else None
+
+
+class End(NamedTuple):
+    """Where slips end: error, excess and duration; ``rests`` where a slip creeps to zero."""
+
+    x: np.ndarray
+    y: np.ndarray
+    t: np.ndarray
+    rests: np.ndarray
+
+
+def slip(lanes: Lanes, x: np.ndarray, y: np.ndarray) -> End:
+    state, step, t = np.array([x, 0.0 * x, y]), np.full(len(x), FIRST), np.zeros(len(x))
+    small, last = SMALL * np.minimum(1.0, np.abs(x)), step.copy()  # the step in which a lane stops
+    rests, active = np.zeros(len(x), bool), np.arange(len(x))
+    own, now, slope = lanes, state.copy(), _rates(lanes, state)
+    for k in range(1, SLIP_STEPS + 1):
+        new, slopes = _stepped(own, now, step, slope)
+        missed = step * (RK45.E @ slopes.reshape(7, -1)).reshape(now.shape)
+        size = np.maximum(np.abs(now), np.abs(new)) + FLOOR
+        worst = np.max(np.abs(missed) / (RTOL * size), axis=0)  # by what is allowed
+        good = worst <= 1.0
+        stops = good & (new[1] <= 0.0)
+        crept = good & (np.abs(new[0]) < small[active]) & (new[1] < small[active])
+        if k % LOOK == 0:
+            crept |= good & ~stops & _creeps(own, new, slopes[-1])
+        goes = good & ~stops & ~crept
+        t[active[goes]] += step[goes]
+        last[active[stops]], state[:, active[stops]] = step[stops], now[:, stops]
+        rests[active[crept]] = True
+        now, slope = np.where(goes, new, now), np.where(goes, slopes[-1], slope)
+        step = step * np.clip(0.9 * np.maximum(worst, 1e-10) ** -0.2, 0.2, 5.0)
+        left = ~(stops | crept)
+        if not left.all():
+            active, own = active[left], own[left]
+            now, slope, step = now[:, left], slope[:, left], step[left]
+        if not len(active):
+            break
+    rests[active] = True
+    ends, more = _stopped(lanes, state, last)
+    return End(ends[0], np.minimum(ends[2], 0.0), t + more, rests)
+
+
+def _rates(lanes: Lanes, state: np.ndarray) -> np.ndarray:
+    x, a, y = state
+    return np.array([-a, y - lanes.delta * a + lanes.drop(a), lanes.rho * x - a])
+
+
+def _stepped(
+    lanes: Lanes, state: np.ndarray, h: np.ndarray, slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The state after a step, and the slopes of all stages; the last is that of the new state."""
+    slopes, new = np.empty((7, *state.shape)), state
+    rows, slopes[0] = slopes.reshape(7, -1), slope
+    for k, row in enumerate(A, 1):
+        new = state + h * (row[:k] @ rows[:k]).reshape(state.shape)
+        slopes[k] = _rates(lanes, new)
+    return new, slopes
+
+
+def _creeps(lanes: Lanes, state: np.ndarray, slope: np.ndarray) -> np.ndarray:
+    """Whether the torque follows friction that grows with the speed: x decays, without a stop."""
+    x, a, _ = state  # then y and a hardly change, a = rho x, and the same holds at lower speeds
+    follows = (x > 0.0) & (np.abs(slope[2]) < NEARLY * lanes.rho * np.abs(x))
+    follows &= np.abs(slope[1] + lanes.rho * a) < NEARLY * lanes.rho * a
+    if not follows.any():
+        return follows
+    damped = SLOWER * lanes.delta * a - np.array([lanes.drop(s * a) for s in SLOWER[:, 0]])
+    return follows & np.all(damped[:-1] > damped[1:], axis=0) & (damped[-1] > 0.0)
+
+
+def _stopped(lanes: Lanes, state: np.ndarray, h: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The end a = 0 within the last step, by the method of Illinois on its length."""
+    slope, low, high = _rates(lanes, state), np.zeros_like(h), h.copy()
+    at_low, new = state[1].copy(), _stepped(lanes, state, h, slope)[0]
+    at_high = new[1].copy()
+    for k in range(60):
+        gap = at_low - at_high
+        part = np.where((gap > 0.0) & (k % 4 < 3), at_low / np.where(gap > 0.0, gap, 1.0), 0.5)
+        tried = low + (high - low) * np.where((part > 0.0) & (part < 1.0), part, 0.5)
+        new = _stepped(lanes, state, tried, slope)[0]
+        ahead = new[1] > 0.0
+        at_high = np.where(ahead, 0.5 * at_high, new[1])
+        at_low = np.where(ahead, new[1], 0.5 * at_low)
+        low, high = np.where(ahead, tried, low), np.where(ahead, high, tried)
+        if np.all((high - low <= 1e-13 * h) | (np.abs(new[1]) <= 1e-15)):
+            break
+    return new, tried
+
+
+STICKS, RESTS, GROWS, SWINGS = 0, 1, 2, 3  # fate: next stick, rest, too large, never a stick
+REVERSALS = 300  # without a stick, after which a loop swings
+RISES = 4  # reversals at a larger and larger error and torque, after which it goes on so
+ALIKE = 1e-4  # relative change from reversal to reversal of a swing that repeats
+STOPS = 60  # on one side, after which a loop creeps: it comes to rest
+NEVER = 50.0  # the excess of what rests (negative) or never sticks
+
+
+@dataclass
+class Turn:
+    """What happened up to the next stick of each lane: its error ``x`` (units), signed for a stop
+    and positive for a half turn; ``t`` with the wait for breakaway; ``high`` and ``low``, the
+    largest errors on the side of the start and on the other."""
+
+    x: np.ndarray
+    t: np.ndarray
+    high: np.ndarray
+    low: np.ndarray
+    stops: np.ndarray
+    fate: np.ndarray
+
+    @classmethod
+    def begun(cls, x: np.ndarray) -> Turn:
+        stops, fate = np.zeros((2, len(x)), int)
+        return cls(x.copy(), np.zeros(len(x)), x.copy(), 0.0 * x, stops, fate)
+
+    def reach(self, lanes: np.ndarray, high: np.ndarray, low: np.ndarray) -> None:
+        """Note errors that some lanes reached on either side."""
+        self.high[lanes] = np.maximum(self.high[lanes], high)
+        self.low[lanes] = np.maximum(self.low[lanes], low)
+
+
+def next_stick(lanes: Lanes, x: np.ndarray) -> Turn:
+    """Follow each lane from breakaway at x > 0 to the next stick, through reversals without one."""
+    made, active, at, side = Turn.begun(x), np.arange(len(x)), x.copy(), 1.0
+    excess, rises = np.zeros(len(x)), np.zeros(len(x), int)
+    for _ in range(REVERSALS):
+        own = lanes[active]
+        end = slip(own, at, excess)
+        made.x[active] = side * end.x
+        made.reach(active, side * end.x, -side * end.x)
+        ahead, over = -end.x, -2.0 - end.y
+        fate = np.where(end.rests, RESTS, np.where(over <= 0.0, STICKS, SWINGS))
+        wait = np.where(end.x > 0.0, -end.y, -over) / (own.rho * np.abs(end.x) + 1e-300)
+        made.t[active] += end.t + np.where(fate == STICKS, wait, 0.0)
+        fate[np.abs(end.x) > lanes.large] = GROWS
+        repeats = (np.abs(ahead - at) < ALIKE * at) & (np.abs(over - excess) < ALIKE * at)
+        rises = np.where((ahead > at) & (over > excess), rises + 1, 0)
+        made.fate[active] = fate
+        goes = (fate == SWINGS) & ~(repeats | (rises >= RISES))
+        active, side, at = active[goes], -side, ahead[goes]
+        excess, rises = over[goes], rises[goes]
+        if not len(active):
+            break
+    return made
+
+
+def half_turn(lanes: Lanes, x: np.ndarray) -> Turn:
+    """Return T(x): from breakaway at x > 0 to the first stick on the other side."""
+    made, active, at = Turn.begun(x), np.arange(len(x)), x.copy()
+    for _ in range(STOPS):
+        one = next_stick(lanes[active], at)
+        made.t[active] += one.t
+        made.reach(active, one.high, one.low)
+        made.stops[active] += one.fate == STICKS
+        made.fate[active], made.x[active] = one.fate, np.abs(one.x)
+        stays = (one.fate == STICKS) & (one.x > 0.0)
+        made.fate[active[stays & (one.x <= lanes.calm)]] = RESTS
+        goes = stays & (one.x > lanes.calm)
+        active, at = active[goes], one.x[goes]
+        if not len(active):
+            break
+    made.fate[active] = RESTS
+    return made
+
+
+def excess(lanes: Lanes, x: np.ndarray) -> np.ndarray:
+    """Return log(T(x)/x), -NEVER for what comes to rest, NEVER for what never sticks or grows."""
+    made = half_turn(lanes, x)
+    with np.errstate(divide="ignore"):
+        return _bounded(np.log(made.x / x), made.fate)
+
+
+def _bounded(D: np.ndarray, fate: np.ndarray) -> np.ndarray:
+    return np.where(fate == STICKS, D, np.where(fate == RESTS, -NEVER, NEVER))
+
+
+def excess_on(lanes: Lanes, x: np.ndarray, loops: int = 1) -> np.ndarray:
+    """:func:`excess` of so many loops, in rows, on an increasing grid, with one slip from each: a
+    stop on the same side, at S(x) < x, goes on as from there, T(x) = T(S(x)), interpolated."""
+    made = next_stick(lanes, np.tile(x, loops))
+    rows = zip(made.x.reshape(loops, -1), made.fate.reshape(loops, -1), strict=True)
+    return np.array([_followed(np.log(x), stop, fate) for stop, fate in rows])
+
+
+def _followed(place: np.ndarray, stop: np.ndarray, fate: np.ndarray) -> np.ndarray:
+    """D on a grid of log errors from the next stick of each."""
+    stays = (fate == STICKS) & (stop > 0.0)
+    with np.errstate(divide="ignore"):
+        logT = np.log(np.abs(stop))
+    fate[0] = RESTS if stays[0] else fate[0]
+    for i in 1 + np.flatnonzero(stays[1:]):
+        at = np.interp(logT[i], place[:i], np.arange(i))
+        low, part = int(at), at % 1.0
+        high = min(low + 1, i - 1)
+        fate[i] = fate[low if part < 0.5 else high]
+        logT[i] = logT[low] + part * (logT[high] - logT[low])
+    return _bounded(logT - place, fate)
+
+
+def kept(x: np.ndarray, D: np.ndarray) -> np.ndarray:
+    """Return the errors that iterating T keeps, as it is interpolated on the grid of D."""
+    place, at = np.log(x), np.log(x)
+    for _ in range(ROUNDS):
+        growth = np.interp(at, place, D)
+        at = (at + growth)[(np.abs(growth) < NEAR) & (at + growth > np.log(LOW))]
+    return np.exp(at)

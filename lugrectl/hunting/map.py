@@ -15,9 +15,19 @@ from ..core.errors import InputError
 from ..core.result import Result, picked
 from ..core.validation import number, positive, whole
 from ..core.views import view
-from .loop import Loop, curve_of, pid_gains, ranges, together
-from .rigid import HIGH, LOW, kept, proven
-from .stick_map import NEVER, excess_on
+from .loop import (
+    HIGH,
+    LOW,
+    NEVER,
+    Loop,
+    curve_of,
+    excess_on,
+    kept,
+    pid_gains,
+    proven,
+    ranges,
+    together,
+)
 
 ERRORS = np.geomspace(LOW, HIGH, 72)  # units, at which T is compared with e
 QUIET, STARTED, HUNTING, UNDECIDED = 0, 1, 2, 3

@@ -1,4 +1,8 @@
-"""``lugrectl.stick_slip_speed``: below which speeds a moving position loop sticks and slips."""
+"""``lugrectl.stick_slip_speed``: below which speeds a moving position loop sticks and slips.
+
+Two questions: whether steady sliding is stable, from the loop linearized about it, bristles in
+their steady deflection; and whether stick-slip persists, from simulations of e = theta - v t.
+"""
 
 from __future__ import annotations
 
@@ -9,164 +13,86 @@ from typing import Any
 
 import control as ct
 import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
 
 from ..blocks import controllers
 from ..blocks.model import Model, as_model
 from ..blocks.plant import plant
 from ..core.display import Row, noticed, number
+from ..core.errors import Refused
 from ..core.progress import Wanted, reporter, shows_progress
 from ..core.result import Result, picked
 from ..core.unit_names import unit_for
 from ..core.views import view
 from ..simulation.response import simulate
-from .bristles import SPEEDS, Bristles
-from .loop import Lanes, Loop, critical, ranges, varied
-from .search import quietly
-from .stick_map import STICKS, next_stick
+from .hunt import quietly
+from .loop import Loop, critical, ranges, varied
 
-SMALLEST = 0.03  # units, of the errors at breakaway from which a search starts
-ERRORS, STARTS = 16, 8  # so many of them for the map, and for a simulation
-ALIKE = 1e-4  # relative change from breakaway to breakaway of what repeats
-FOLLOWED = 4  # images of the errors at breakaway of a speed
-SLOW, STRIDE = 0.2, 0.3  # shares of the way to where it repeats: of a slow breakaway, of a stride
-SLOWEST = 3e-4  # the least such share that is known
-SLIPS, BRIEF = 60, 12  # slips, after which what still sticks persists, or may do so
+NEAR = 1e-6  # relative step of a difference about steady sliding
+SPEEDS = np.geomspace(1e4, 1e-8, 400)  # rad/s, at which sliding is looked at
+ROUNDING = 1e-6  # of wn: elements that slip together have an eigenvalue of 0
+BENDS = 100.0  # times its bend that a bristle is dragged
+
+
+class Sliding:
+    """The loop J dw/dt = u - F about w = v, with a friction law that may have states."""
+
+    def __init__(self, model: Model, loop: Loop) -> None:
+        self.loop, self.law = loop, model.friction.block
+        self.values = self.law.defaults() | dict(model.friction.values)
+        self.count, self.bend, self.z = len(self.law.states), 0.0, np.zeros(0)
+        if self.count:
+            if self.law.reads != ("w",) or "sigma0" not in model.friction.values:
+                raise Refused(f"{self.law.name} is no law of w with sigma0: stick-slip is unknown.")
+            self.bend = loop.curve.Fs / float(self.values["sigma0"] or 0.0)
+
+    def friction(self, w: float, z: np.ndarray) -> np.ndarray:
+        """F and dz/dt."""
+        if not self.count:
+            return np.array([float(self.loop.curve.torque(np.array([w]))[0])])
+        return np.array(self.law(w, *z, **self.values), float)
+
+    def bent(self, v: float) -> np.ndarray:
+        """z in steady sliding, found from that of the speed before."""
+        if self.count and not len(self.z):
+            span, z = (0.0, BENDS * self.bend / v), np.zeros(self.count)
+            self.z = solve_ivp(lambda t, z: self.friction(v, z)[1:], span, z, "LSODA").y[:, -1]
+        if self.count:
+            done = root(lambda z: self.friction(v, z * self.bend)[1:], self.z / self.bend)
+            self.z = done.x * self.bend
+        return self.z
+
+    def growth(self, v: float) -> float:
+        """The largest real part of an eigenvalue of the loop linearized about w = v, 1/s; a
+        rounding error counts as decay."""
+        at = np.r_[v, self.bent(v)]
+        steps = NEAR * np.r_[v, np.full(self.count, self.bend)]
+        ends = [[self.friction(x[0], x[1:]) for x in (at + d, at - d)] for d in np.diag(steps)]
+        slope = np.array([(a - b) / (2.0 * d) for (a, b), d in zip(ends, steps, strict=True)]).T
+        A = np.zeros((3 + self.count, 3 + self.count))
+        A[:3, :3], moved = self.loop.matrix, [1, *range(3, len(A))]
+        A[1, moved] -= slope[0] / self.loop.J
+        A[3:, moved] = slope[1:]
+        if not self.loop.ki:
+            A = np.delete(np.delete(A, 2, 0), 2, 1)
+        return float(np.linalg.eigvals(A).real.max()) - ROUNDING * self.loop.wn
+
+    def first_speed(self, v: np.ndarray, growth: np.ndarray) -> float:
+        unstable = np.flatnonzero(growth > 0.0)
+        if not len(unstable) or not unstable[0]:
+            return float(v[0]) if len(unstable) else 0.0
+        return float(brentq(self.growth, v[unstable[0]], v[unstable[0] - 1]))  # type: ignore
+
+
+SMALLEST = 0.03  # units, of the errors at breakaway from which a simulation starts
+STARTS = 8  # so many of them
 PERIODS, STICK, WAITS = 20.0, 15.0, 3.0  # 2 pi/wn, Fs/(kp v) and kp/ki that a part of a run lasts
 RUN_PARTS, POINTS = 8, 3000  # parts of a run, at most, and points of a part
 STEADY = 0.99  # relative size of the error's swing in a part and the one before: it persists
-STILL, FAST = 0.1, 0.5  # of v: a drive that is slower sticks; one that is always faster slides
+STILL = 0.01, 0.1  # of v: a drive that is slower sticks, rigid or with bristles, which creep
+FAST = 0.5  # of v: one that is always faster slides
 SHARE = 0.9  # of the torque at breakaway: a stick in which a run begins
-
-
-def _errors(loop: Loop, error: float, count: int) -> np.ndarray:
-    """Errors x at breakaway up to ``error``, units; without ki all breakaways are one, at 1."""
-    x = np.geomspace(SMALLEST, max(error, 1.0), count // 2)
-    return np.r_[-x, x] if loop.ki else np.ones(1)
-
-
-@dataclass(frozen=True)
-class RampMap:
-    """Stick-slip of a rigid drive; its state is the error at breakaway, units."""
-
-    loop: Loop
-
-    def candidates(self, v: np.ndarray, error: float) -> Iterator[tuple[float, float]]:
-        """Speeds at which stick-slip goes on for a while, and its state; highest first."""
-        starts = np.tile(_errors(self.loop, error, ERRORS), (len(v), 1))
-        found = persisting(self.loop, v, starts, BRIEF)
-        for k in np.flatnonzero(np.isfinite(found))[::-1]:
-            yield float(v[k]), float(found[k])
-
-    def followed(self, v: np.ndarray, x: float) -> list[float | None]:
-        """Where stick-slip from a state persists: the state then."""
-        found = persisting(self.loop, v, np.full((len(v), 1), x), SLIPS)
-        return [float(x) if np.isfinite(x) else None for x in found]
-
-
-class RampRuns:
-    """Stick-slip of a drive whose friction has states; its state is that of the loop of
-    e = theta - v t, in which nothing grows but theta."""
-
-    def __init__(self, model: Model, loop: Loop) -> None:
-        frame = ct.nlsys(
-            lambda t, x, u, p: [u[0] - u[1]], lambda t, x, u, p: x, inputs=["w", "v"],
-            outputs=["e"], states=["e"], name="frame",
-        )  # fmt: skip
-        parts = [plant(model), frame, controllers.pid(loop.kp, loop.ki, loop.kd)]
-        self.system = ct.interconnect(
-            parts, inputs=["v"], outputs=["w", "e"], check_unused=False, name="loop"
-        )
-        self.model, self.loop = model, loop
-
-    def run(self, v: float, state: Any) -> Any:
-        """The state after a stick-slip that persists at v; None: it slides on."""
-        loop = self.loop
-        span = PERIODS * 2.0 * np.pi / loop.wn + STICK * loop.curve.Fs / (loop.kp * v)
-        span = max(span, WAITS * loop.kp / loop.ki if loop.ki else 0.0)
-        t, swing, slowest = np.linspace(0.0, span, POINTS), np.inf, 0.0
-        for _ in range(RUN_PARTS):
-            done = quietly(simulate, self.system, t, {"v": v}, state)
-            w, e = np.asarray(done.outputs)[:, POINTS // 5 :]
-            was, swing, slowest = swing, float(np.ptp(e)), float(w.min())
-            if slowest > FAST * v:
-                return None
-            state = np.asarray(done.states)[:, -1]
-            state[0] = 0.0  # theta, which nothing reads
-            if slowest < STILL * v and STEADY * was < swing < was / STEADY:
-                return state
-        return state if slowest < STILL * v else None
-
-    def candidates(self, v: np.ndarray, error: float) -> Iterator[tuple[float, Any]]:
-        """Speeds at which stick-slip persists, and its state; highest first."""
-        starts = [self._stuck(-x * self.loop.unit) for x in _errors(self.loop, error, STARTS)]
-        for speed in map(float, v[::-1]):
-            found = (self.run(speed, start) for start in starts)
-            state = next((s for s in found if s is not None), None)
-            if state is not None:
-                yield speed, state
-
-    def followed(self, v: np.ndarray, state: Any) -> list[Any]:
-        """Where stick-slip from a state persists, from speed to speed: the state then."""
-        made = []
-        for speed in map(float, v):
-            made.append(state := self.run(speed, state))
-            if state is None:
-                break
-        return made
-
-    def _stuck(self, e: float) -> list[float]:
-        """A stick at the error e, or without ki at the torque's, before it breaks away."""
-        loop, friction = self.loop, self.model.friction
-        u = SHARE * loop.curve.Fs
-        bends = [u / float(friction.values["sigma0"] or np.inf)]
-        bends += [0.0] * (len(friction.block.states) - 1)
-        own = [e, (u + loop.kp * e) / loop.ki] if loop.ki else [-u / loop.kp, 0.0]
-        return [0.0, 0.0, *bends, *own]
-
-
-def next_breakaway(lanes: Lanes, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the error x of the next breakaway under a reference, and whether there is one."""
-    # a stick begins at an excess -2 <= y <= 0 and ends at 0, or backward at -2
-    stop, v = next_stick(lanes, x), np.asarray(lanes.drift)
-    rate, bend = v + lanes.rho * stop.x, lanes.rho * v
-    with np.errstate(all="ignore"):
-        back, ahead = rate**2 - 2.0 * bend * (stop.y + 2.0), np.sqrt(rate**2 - 2.0 * bend * stop.y)
-        forward = np.where(rate > 0.0, -2.0 * stop.y / (rate + ahead), (ahead - rate) / bend)
-        backward = 2.0 * (stop.y + 2.0) / (np.sqrt(np.maximum(back, 0.0)) - rate)
-        new = stop.x + v * np.where((rate < 0.0) & (back >= 0.0), backward, forward)
-    return new, stop.fate == STICKS
-
-
-def persisting(loop: Loop, v: np.ndarray, x: np.ndarray, rounds: int) -> np.ndarray:
-    """Return an error at breakaway that follows so many others, units, at each speed v in rad/s,
-    from the first ones x (n, count); nan: none."""
-    # where a slow integral lets the error change alike from breakaway to breakaway, many of them
-    # are taken in one stride
-    place, made = np.repeat(np.arange(len(v)), x.shape[1]), np.full(len(v), np.nan)
-    lanes, x = loop.lanes(len(place), v[place]), x.ravel()
-    was, stride = np.full(len(x), np.nan), np.ones(len(x))
-    for k in range(rounds):
-        new, sticks = next_breakaway(lanes, x)
-        change = new - x
-        nearing = np.clip(np.nan_to_num((1.0 - change / was) / stride, nan=1.0), -1.0, 1.0)
-        close = ALIKE * (np.abs(x) + np.asarray(lanes.drift)) * np.clip(nearing, SLOWEST, 1.0)
-        repeats = sticks & (np.abs(change) <= close)
-        made[place[repeats]] = new[repeats]
-        goes = sticks & np.isnan(made[place])
-        for one in np.unique(place[goes]) if k == 0 else ():  # a few, from the least error on
-            own = np.flatnonzero(goes & (place == one))
-            goes[own], own = False, own[np.argsort(new[own])]
-            goes[own[np.linspace(0, len(own) - 1, FOLLOWED).astype(int)]] = True
-        slow = np.abs(nearing) < SLOW
-        stride = np.where(slow, STRIDE / np.maximum(np.abs(nearing), SLOWEST), 1.0)[goes]
-        was = change[goes]
-        lanes, place, x = lanes[goes], place[goes], x[goes] + stride * was
-        if not len(x):
-            break
-    made[place] = x
-    return made
-
-
 LOWEST, RATIO = 1e-5, 1.1  # the lowest speed in Fs/sqrt(kp J); from speed to speed of a search
 CLOSE, PARTS = 2e-3, 8  # relative width of a bracket, and speeds in it at a time
 
@@ -280,14 +206,15 @@ def stick_slip_speed(
     (kd + dF/dw) kp > ki J.
 
     ``speed_end``: in a stick the error falls at v and u changes by kp v - ki e, so that breakaway
-    at |u| = Fs has one free number, the error. The map from breakaway to breakaway is iterated
-    from 16 errors at speeds from 1e-5 Fs/sqrt(kp J) to the highest at which a drive can stop; the
-    highest at which it goes on is followed upwards. Friction with states is simulated from 8
-    errors instead; what repeatedly falls below a tenth of v sticks. Steady sliding and stick-slip
-    exist both between the two speeds where ``speed_end`` is the higher one; where it is the lower
-    one, the loop swings about v without sticking. Absence is searched, not proven. A slip of more
-    than some 40 periods counts as sliding: damping ratios below 1e-3 are not resolved. Effects
-    are left out, and the loop is continuous.
+    at |u| = Fs has one free number, the error. The loop is simulated from 8 errors (without ki all
+    breakaways are one) at speeds from the highest at which a drive can stop down to
+    1e-5 Fs/sqrt(kp J); the first at which it goes on is followed upwards. What repeatedly falls
+    below a hundredth of v sticks, with bristles a tenth; Coulomb and viscous friction alone never
+    does (Popov). Steady sliding and stick-slip exist both between the two speeds where
+    ``speed_end`` is the higher one; where it is the lower one, the loop swings about v without
+    sticking. Absence is searched, not proven. What still sticks after some 160 periods counts as
+    stick-slip: damping ratios below 1e-3 are not resolved. Effects are left out, and the loop is
+    continuous.
 
     Dependence of the two speeds on damping: Armstrong-Helouvry, Stick Slip and Control in
     Low-Speed Motion, IEEE Trans. Automatic Control 38(10), 1993; Thomsen and Fidlin, Analytical
@@ -324,13 +251,12 @@ def _found(model: Model, gains: Mapping[str, float]) -> StickSlip:
     if not loop.is_stable():
         said = "fast motion does not decay: (kd + Fv) kp > ki J does not hold"
         return StickSlip(np.inf, np.inf, about, messages=(said,), motion=model.motion)
-    start, end = search.bristles.first_speed(*search.growth), search.last_speed()
+    start, end = search.sliding.first_speed(*search.growth), search.last_speed()
     said = tuple(_said(start, end, *search.growth))
     return StickSlip(start, end, about, {}, said, search.growth, model.motion)
 
 
 def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterator[str]:
-    """What holds between the two speeds, and below the first."""
     low, high = sorted([start, end])
     between = f"between {number(low)} and {number(high)}" if low else f"below {number(high)}"
     if end > start:
@@ -344,41 +270,83 @@ def _said(start: float, end: float, v: np.ndarray, growth: np.ndarray) -> Iterat
 
 
 class _Search:
-    """A loop that is stable, and how stick-slip is found and followed in it."""
+    """A loop that is stable, and the stick-slip in it: that of e = theta - v t, so that nothing
+    grows but theta."""
 
     def __init__(self, model: Model, gains: Mapping[str, float]) -> None:
-        self.loop = Loop.of(model, gains)
-        self.bristles = Bristles(model, self.loop)
-        own = self.bristles.count
-        self.ramps: Any = RampRuns(model, self.loop) if own else RampMap(self.loop)
+        self.model, self.loop = model, Loop.of(model, gains)
+        self.sliding = Sliding(model, self.loop)
 
     @cached_property
     def growth(self) -> tuple[np.ndarray, np.ndarray]:
         """At falling speeds."""
-        return SPEEDS, np.array([self.bristles.growth(v) for v in SPEEDS])
+        return SPEEDS, np.array([self.sliding.growth(v) for v in SPEEDS])
+
+    @cached_property
+    def system(self) -> Any:
+        frame = ct.nlsys(
+            lambda t, x, u, p: [u[0] - u[1]], lambda t, x, u, p: x, inputs=["w", "v"],
+            outputs=["e"], states=["e"], name="frame",
+        )  # fmt: skip
+        pid = controllers.pid(self.loop.kp, self.loop.ki, self.loop.kd)
+        parts = [plant(self.model), frame, pid]
+        return ct.interconnect(
+            parts, inputs=["v"], outputs=["w", "e"], check_unused=False, name="loop"
+        )
+
+    def stuck(self, e: float) -> list[float]:
+        """A stick at the error e, or without ki at the torque's, before it breaks away."""
+        loop, u = self.loop, SHARE * self.loop.curve.Fs
+        bends = np.zeros(self.sliding.count)
+        bends[:1] = SHARE * self.sliding.bend
+        own = [e, (u + loop.kp * e) / loop.ki] if loop.ki else [-u / loop.kp, 0.0]
+        return [0.0, 0.0, *bends, *own]
+
+    def run(self, v: float, state: Any) -> Any:
+        """The state after a stick-slip that persists at v; None: it slides on."""
+        loop, still = self.loop, STILL[self.sliding.count > 0] * v
+        span = PERIODS * 2.0 * np.pi / loop.wn + STICK * loop.curve.Fs / (loop.kp * v)
+        span = max(span, WAITS * loop.kp / loop.ki if loop.ki else 0.0)
+        t, swing, slowest = np.linspace(0.0, span, POINTS), np.inf, 0.0
+        for _ in range(RUN_PARTS):
+            done = quietly(simulate, self.system, t, {"v": v}, state)
+            w, e = np.asarray(done.outputs)[:, POINTS // 5 :]
+            was, swing, slowest = swing, float(np.ptp(e)), float(w.min())
+            if slowest > FAST * v:
+                return None
+            state = np.asarray(done.states)[:, -1]
+            state[0] = 0.0  # theta, which nothing reads
+            if slowest < still and STEADY * was < swing < was / STEADY:
+                return state
+        return state if slowest < still else None
 
     def persisting(self) -> Iterator[tuple[float, Any]]:
         """Speeds at which stick-slip persists and its state, from the highest on."""
-        if self.loop.curve.Fs <= 0.0:
+        curve, loop = self.loop.curve, self.loop
+        # by Popov's criterion steady sliding attracts all motions where F - Fs is viscous
+        if curve.Fs <= 0.0 or (not self.sliding.count and curve.is_straight()):
             return
-        (top, error), unit, (v, growth) = self.loop.largest, self.loop.speed, self.growth
-        low, top = LOWEST * unit, top * unit
+        (top, error), (v, growth) = loop.largest, self.growth
+        low, top = LOWEST * loop.speed, top * loop.speed
         grid = np.geomspace(low, top, int(np.log(top / low) / np.log(RATIO)))
         grid = np.sort(np.r_[grid, np.clip(v[np.argmax(growth)], low, top)])
-        for speed, x in self.ramps.candidates(grid, error):
-            kept = self.ramps.followed(np.array([speed]), x)[0]
-            if kept is not None:
-                yield speed, kept
+        x = np.geomspace(SMALLEST, max(error, 1.0), STARTS // 2)
+        starts = [self.stuck(e * loop.unit) for e in (np.r_[x, -x] if loop.ki else np.ones(1))]
+        for speed in map(float, grid[::-1]):
+            found = (self.run(speed, start) for start in starts)
+            state = next((s for s in found if s is not None), None)
+            if state is not None:
+                yield speed, state
 
     def last_speed(self) -> float:
-        """The highest speed at which stick-slip persists, rad/s; 0: at none."""
-        v, x = next(self.persisting(), (0.0, None))
+        v, state = next(self.persisting(), (0.0, None))
         step = np.log(RATIO) / PARTS
         while v and step > CLOSE / PARTS:
-            tried = v * np.exp(step * np.arange(1, PARTS + 1))
-            made = self.ramps.followed(tried, x)
-            kept = [k for k, one in enumerate(made) if one is not None]
-            if kept:
-                v, x = float(tried[kept[-1]]), made[kept[-1]]
-            step = step if kept and kept[-1] == PARTS - 1 else step / PARTS
+            kept = 0
+            for speed in v * np.exp(step * np.arange(1, PARTS + 1)):
+                now = self.run(float(speed), state)
+                if now is None:
+                    break
+                v, state, kept = float(speed), now, kept + 1
+            step = step if kept == PARTS else step / PARTS
         return v

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import lugrectl as lg
-from lugrectl.bench.loop import Terms
 from lugrectl.blocks.block import members
 
 from ..cases.observed import P, believing, longer
@@ -31,30 +30,6 @@ def test_at_equal_feedback_the_natural_observer_is_better(found):
     assert found["existing"].feedback["velocity.ki"] == 0.16
 
 
-@pytest.mark.parametrize("kind", ["velocity", "position"])
-def test_feedback_at_rest_is_the_same(kind):
-    """From the error to u, with the drive and the bristles at rest, at any frequency."""
-    import control as ct
-
-    responses = []
-    for name in ("natural_observer", "existing_observer"):
-        terms = Terms(lg.Model.of(P), 0.35, True)
-        base = {"kp": 1.6, "ki": 0.16} if kind == "velocity" else {"kp": 15.0, "ki": 0.0, "kd": 1.2}
-        loop = terms.closed(name, kind, base)
-        linear = ct.linearize(loop, np.zeros(loop.nstates), np.zeros(loop.ninputs))
-        row, column = loop.output_labels.index("u"), loop.input_labels.index("r")
-        responses.append([linear(1j * om)[row, column] for om in (0.3, 5.0, 80.0)])
-    assert responses[0] == pytest.approx(responses[1], rel=1e-6)
-
-
-def test_noise_of_the_encoder_reaches_the_torque_through_the_controller(found):
-    """w is the difference of 1e-5 rad RMS at 1 kHz: 14 mrad/s times kp = 1.81 at least in part."""
-    for row in found:
-        assert 5e-3 < row.noise < 0.1
-        assert row.position is row.cycle is row.delay is None
-        assert row.cost > 0.0
-
-
 def test_a_good_figure_may_depend_on_one_parameter():
     """The temperature observer takes sigma0 for known; the disturbance observer has only J."""
     names = ["temperature", "disturbance"]
@@ -65,36 +40,11 @@ def test_a_good_figure_may_depend_on_one_parameter():
     assert found["disturbance"].parameters == pytest.approx(found["disturbance"].velocity, rel=0.01)
 
 
-def test_parameters_hardly_off_change_nothing():
-    found = lg.compare_observers(P, ["natural"], scenarios=["velocity", "parameters"], off=1e-6)
-    assert found["natural"].parameters == pytest.approx(found["natural"].velocity, rel=1e-4)
-
-
-def test_a_coarse_encoder_makes_more_noise_and_a_fine_one_none(found):
-    def noise(resolution):
-        terms = {"scenarios": ["noise"], "resolution": resolution}
-        return lg.compare_observers(P, ["natural"], **terms)["natural"].noise
-
-    assert noise(1e-9) == pytest.approx(found["natural"].noise, rel=1e-3)
-    assert noise(2 * np.pi / 65536) > 2 * found["natural"].noise
-
-
 @longer
 def test_a_loop_bears_the_dead_time_that_its_bandwidth_allows():
     """With k = 0 nothing is added: the crossover kp/J leaves pi/2/(kp/J) = 2.2 ms."""
     found = lg.compare_observers(P, ["proposed"], scenarios=["delay"], equal=False)
     assert 0.5e-3 < found["proposed"].delay < 3e-3
-
-
-@longer
-def test_every_observer_is_compared():
-    found = lg.compare_observers(P, scenarios=["velocity"])
-    assert [f"{k}_observer" for k in found.names] == [
-        k for k in members("observer") if k != "no_observer"
-    ]
-    assert all(np.isfinite(row.velocity) for row in found)
-    best = min(found, key=lambda row: row.velocity)
-    assert best.name in ("temperature", "extended_state", "disturbance", "position_coulomb")
 
 
 def test_none_is_the_loop_without_an_observer_and_a_name_may_stand_alone():
@@ -132,21 +82,6 @@ def test_a_coarser_encoder_inside_the_loop_makes_a_larger_error(sampled):
     assert finer.rounding == pytest.approx(sampled["natural"].sampled["1000"], rel=0.1)
 
 
-def test_steps_of_one_length_are_as_exact_as_those_of_the_sampled_block():
-    """A block whose rates are not affine: 4 Runge-Kutta steps against as many as are needed."""
-    from lugrectl.simulation.sampled_block import at_samples
-
-    block, n = lg.temperature_observer(P), 120
-    made = at_samples(block, 1e-3, [{"w": 0.1, "zhat": 1e-3}])
-    t = 1e-3 * np.arange(n)
-    w = 0.1 * np.sin(20 * t)
-    given = np.array([w, 0.3 * np.sign(w)])
-    fine, quick = (lg.simulate(b, t, given).outputs[0] for b in (lg.sampled(block, 1e-3), made))
-    assert type(made.outfcn.step).__module__ == "lugrectl.simulation.sampled_block"
-    assert np.abs(fine).max() > 0.2
-    assert np.abs(fine - quick).max() < 1e-3
-
-
 def test_the_answer_has_the_forms_of_every_list(found):
     said = str(found)
     assert said.splitlines()[1].split()[0] == "observer" and "natural" in said
@@ -166,11 +101,6 @@ def test_each_scenario_of_each_observer_is_reported_as_it_begins():
     assert said[2][1] == "simulating disturbance_observer, scenario rounding"
 
 
-def test_what_was_not_compared_is_named(found):
-    with pytest.raises(lg.InputError, match="'proposed' was not compared; there is natural"):
-        found["proposed"]
-
-
 # ---- a drive with another law ---------------------------------------------------------
 
 
@@ -184,20 +114,6 @@ def test_a_law_of_ones_own_is_the_plant_and_observers_that_copy_lugre_are_left_o
     assert f"natural left out: {why}" in repr(found)
     assert f"natural left out: {why}" in found._repr_html_()
     assert json.loads(found.to_json())["refused"] == found.refused
-
-
-def test_the_plant_has_the_friction_of_the_law(smooth):
-    """Without an observer more of it leaves a larger error."""
-    weak, strong = (lg.Model.of(J=0.002, friction=smooth, Fc=Fc) for Fc in (0.1, 0.4))
-    errors = [lg.compare_observers(drive, [None], scenarios="velocity")["no_observer"].velocity
-              for drive in (weak, strong)]  # fmt: skip
-    assert errors[1] > 1.2 * errors[0]
-
-
-def test_a_sampled_drive_of_another_law_is_compared_too(smooth):
-    drive = lg.Model.of(J=0.002, friction=smooth)
-    found = lg.compare_observers(drive, "disturbance", scenarios=["rounding", "load"])
-    assert 0.0 < found["disturbance"].rounding < 0.1 and found["disturbance"].load < 0.1
 
 
 def test_where_no_observer_is_left_one_sentence_says_why(smooth):

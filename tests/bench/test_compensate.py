@@ -5,14 +5,13 @@ import math
 from dataclasses import replace
 from types import SimpleNamespace
 
-import control as ct
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import lugrectl as lg
 from lugrectl.bench import effects_torque
-from lugrectl.bench.compensate import Drives, Spread
+from lugrectl.bench.compensate import Spread, drawn
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
@@ -23,7 +22,6 @@ from lugrectl.report import fragment, text
 from ..cases.made_up import bare
 from ..cases.made_up import diagnosis as diagnosed
 from ..cases.schema import SCHEMA, VALID, closed, document, jsonschema
-from ..cases.wired import simulate
 
 MODEL = lg.Model.of(lg.table1())
 FULL = (
@@ -43,32 +41,6 @@ def test_the_augmented_model_tracks_better(velocity):
     assert velocity.compensated == ("gravity", "torque_ripple", "coulomb_asymmetry")
     assert not velocity.left and not velocity.messages
     assert velocity.certificate and velocity.certificate.rate > 0.0
-
-
-def test_errors_are_those_of_the_runs(velocity):
-    for key in ("none", "before", "after"):
-        run = velocity.runs[key]
-        own = math.sqrt(np.mean((run.y - run.r) ** 2))
-        assert getattr(velocity, key) == pytest.approx(own)
-
-
-def test_the_loops_are_systems_that_python_control_simulates(velocity):
-    loop, run = velocity.loop["before"], velocity.runs["before"]
-    assert isinstance(loop, ct.InterconnectedSystem)
-    t = run.t[:41]
-    dr = np.gradient(run.r, run.t)[:41]
-    x0 = np.zeros(loop.nstates)
-    x0[loop.state_labels.index("plant_theta")] = -2.0 / np.pi
-    response = simulate(loop, t, [run.r[:41], dr], x0, rtol=1e-7, atol=1e-10)
-    w = response.outputs[loop.output_labels.index("w")]
-    assert np.max(np.abs(w - run.y[:41])) < 1e-2 * np.ptp(run.y[:41])
-
-
-@pytest.mark.slow
-def test_position_loop_too():
-    c = lg.compensate(FULL, loop="position", observer="natural")
-    assert c.unit == "rad" and c.after < 0.1 * c.before < 0.1 * c.none
-    assert set(c.controller) == {"kp", "ki", "kd"}
 
 
 def test_with_nothing_added_nothing_changes():
@@ -96,16 +68,6 @@ def test_gains_given_are_used_and_certified():
     assert loops.gains["before"] == loops.gains["after"] == gains
     assert loops.controller == {"kp": 1.6, "ki": 0.16}
     assert loops.certificate.rate == pytest.approx(lg.certify(lg.table1(), **gains).rate)
-
-
-def test_default_reference_stays_inside_the_record():
-    t = np.arange(0.0, 12.0, 1e-3)
-    theta = 5.0 + 0.7 * np.sin(3.0 * t)
-    record = lg.Record(t=t, u=0.0 * t, theta=theta, w=2.1 * np.cos(3.0 * t))
-    run = lg.compensate(MODEL, loop="position", record=record, observer=None).runs["none"]
-    assert theta.min() < run.r.min() and run.r.max() < theta.max()
-    speed = np.gradient(run.r, run.t)
-    assert 0.3 < np.abs(speed).max() < 2.1
 
 
 @pytest.mark.parametrize(
@@ -200,12 +162,6 @@ def test_command_line(tmp_path, capsys):
     assert "Compensation in simulation" in (tmp_path / "x" / "report.html").read_text()
 
 
-def test_each_closes_no_loop(capsys):
-    line = ["diagnose", "a.csv", "--model", "m.toml", "--each", "--compensate", "velocity"]
-    assert main(line) == 2
-    assert "--each" in capsys.readouterr().err
-
-
 # --- drives like the recorded one, which are not exactly the model -----------------------
 
 VISCOUS = lg.Model.of(J=0.0022, friction="viscous", Fv=0.0005)
@@ -257,19 +213,6 @@ def test_sample_time_encoder_counts_and_noise_are_those_of_the_record(driven):
     assert drive.drawn == NAMES and len(drive.errors["after"]) == 6
 
 
-def test_the_same_seed_gives_the_same_drives_and_another_one_others(driven):
-    again, other = compensated(), compensated(seed=1)
-    for key, errors in driven.drive.errors.items():
-        assert np.array_equal(errors, again.drive.errors[key])
-        assert not np.array_equal(errors, other.drive.errors[key])
-
-
-def test_the_spread_grows_with_the_covariance(driven):
-    sharp, wide = compensated(0.001), compensated(0.3)
-    sizes = [c.drive.of("after")[2] - c.drive.of("after")[1] for c in (sharp, driven, wide)]
-    assert sizes[0] < sizes[1] < sizes[2]
-
-
 def test_without_a_covariance_the_drive_has_the_estimate_and_without_a_record_there_is_none():
     c = lg.compensate(HEAVY, declared=VISCOUS, observer=None, record=record())
     assert c.drive.drawn == () and len(c.drive.errors["after"]) == 1
@@ -301,10 +244,10 @@ def test_a_loop_that_diverges_on_some_drives_is_counted_and_has_an_infinite_end(
 
 
 def test_drawn_parameters_stay_inside_their_bounds():
-    drives = Drives(joint(3.0), 50, 0).of(HEAVY)
+    drives = drawn(HEAVY, joint(3.0), 50, 0)
     assert all(one.J > 0 and one.values()["gravity.amplitude"] >= 0 for one in drives)
     assert len({one.J for one in drives}) == 50
-    assert drives[0].values() == Drives(joint(3.0), 50, 0).of(HEAVY)[0].values()
+    assert drives[0].values() == drawn(HEAVY, joint(3.0), 50, 0)[0].values()
 
 
 def test_the_report_and_its_schema_carry_the_spread(driven):

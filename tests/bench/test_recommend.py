@@ -40,16 +40,6 @@ def drive(log, **known):
     return lg.recommend_observer(P, log, **own, **known).drive
 
 
-def test_each_case_is_reported_as_it_begins():
-    said = []
-    lg.recommend_observer(P, observers=["natural", "disturbance"], rate=250,
-                          progress=lambda part, what: said.append((part, what)))  # fmt: skip
-    shares = [part for part, _ in said]
-    assert shares == sorted(shares) and shares[0] == 0.0 and 0.6 < shares[-1] < 1.0
-    assert said[0][1] == "simulating the loop without an observer" and len(said) > 6
-    assert "simulating natural_observer, Fc, Fs x0.8" in [what for _, what in said]
-
-
 def test_the_order_is_that_of_the_largest_error(found):
     worst = [row.worst for row in found]
     assert worst == sorted(worst) and len(found) == 3
@@ -78,12 +68,6 @@ def test_reasons_name_the_figures_that_decide(found):
         assert all(said.endswith(".") and said[0].isupper() for said in row.reasons)
 
 
-def test_the_gains_of_the_best_fit_into_a_loop(found):
-    for row in found:
-        loop = lg.velocity_loop(P, row.name, **row.gains)
-        assert f"{row.name}_observer" in [block.name for block in loop.syslist]
-
-
 def test_a_drive_with_a_position_only_takes_observers_of_the_position():
     own = {"measured": "theta", "uncertainty": 0, "frequency": 4.0}
     made = lg.recommend_observer(P, rate=500, observers=FEW, **own)
@@ -91,17 +75,6 @@ def test_a_drive_with_a_position_only_takes_observers_of_the_position():
     assert set(made.refused) == set(FEW) - {"position_coulomb"}
     assert "reads w, and this drive measures only theta" in made.refused["natural"]
     assert made.controller["kd"] == pytest.approx(P.J * made.drive["bandwidth"])
-
-
-def test_a_drive_with_a_speed_only_takes_none_of_the_position():
-    made = lg.recommend_observer(
-        P,
-        {"rate": 500, "measured": "w", "speed_noise": 1e-3, "frequency": 4.0},
-        observers=FEW[1:3],
-        uncertainty=0.0,
-    )
-    assert made.names == ("disturbance",)
-    assert "measures only w" in made.refused["position_coulomb"]
 
 
 def test_an_observer_of_bristles_is_not_admissible_on_a_drive_without_them():
@@ -132,13 +105,6 @@ def test_a_weak_answer_says_so():
     assert not any("The sensor" in said for said in made["natural"].reasons)
 
 
-def test_an_observer_that_knows_only_the_inertia_is_no_faster_than_three_controllers():
-    made = lg.recommend_observer(
-        P, rate=8000, bandwidth=100, observers="disturbance", uncertainty=0.0, frequency=8.0
-    )
-    assert made[0].gains["tau"] == pytest.approx(1.0 / 300.0)
-
-
 def test_gains_without_a_rule_can_be_left_out():
     own = {
         "rate": 500,
@@ -161,27 +127,6 @@ def test_a_record_gives_rate_step_and_noise():
     assert spec["speed_noise"] == pytest.approx(0.02, rel=0.1)
     assert spec["measured"] == ["theta", "w"]
     assert spec["speed"] == pytest.approx(0.8 * 0.8 * np.pi, rel=0.02)
-
-
-def test_an_argument_goes_before_the_record():
-    log = {k: v for k, v in logged().items() if k != "w"}
-    spec = drive(log, measured="theta w", speed=0.1, resolution=0.0)
-    assert spec["speed"] == 0.1 and spec["measured"] == ["theta", "w"] and spec["resolution"] == 0.0
-    assert spec["speed_noise"] is None and spec["rate"] == pytest.approx(500.0)
-
-
-def test_a_record_in_any_form_will_do(tmp_path):
-    pandas = pytest.importorskip("pandas")
-    frame = pandas.DataFrame(logged(250.0, 1e-6, 1e-3, 600))
-    path, drive = tmp_path / "run.csv", tmp_path / "drive.toml"
-    frame.to_csv(path, index=False)
-    lg.write_model(lg.Model.of(P), drive)
-    options = {"observers": "disturbance", "uncertainty": 0.0, "frequency": 4.0}
-    one, other = (
-        lg.recommend_observer(model, log, **options) for model, log in ((drive, path), (P, frame))
-    )
-    assert one[0].worst == pytest.approx(other[0].worst)
-    assert one.drive["source"] == "run.csv"
 
 
 def test_the_answer_has_the_forms_of_every_result(found):
@@ -212,11 +157,3 @@ def test_what_was_not_considered_is_named(found):
     )
     with pytest.raises(lg.InputError, match="natural is not admissible: it reads w"):
         made["natural"]
-
-
-def test_what_the_model_says_of_its_sensors_acts_in_the_loop():
-    late = lg.Model.of(P).with_effect("velocity_sensor_lag", {"time_constant": 2e-3})
-    own = {"rate": 1000, "measured": "w", "speed_noise": 1e-3, "uncertainty": 0.0}
-    one, other = (lg.recommend_observer(p, observers="disturbance", **own) for p in (P, late))
-    assert other[0].worst > 2.0 * one[0].worst  # near the end of its phase margin
-    assert other.messages[0].startswith("The drive has velocity_sensor_lag")

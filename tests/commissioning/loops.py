@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import control as ct
 import numpy as np
-from numba import njit
 
 from . import drives
 
@@ -111,27 +110,3 @@ def bandwidth(gains, J):
     """The asymptote that the search makes as high as it can."""
     kp, ki, _ = gains
     return (ki / J) ** (1 / 3) if ki else (kp / J) ** 0.5
-
-
-@njit(cache=True)
-def rests(kp, ki, kd, dt, late, J, Fc, Fs, vs, Fv, start, n):
-    """The span of theta in the last third of n samples of a rigid axis with Coulomb and Stribeck
-    friction that sticks, from an error in a stick that is about to break away."""
-    sub, theta, w, u = 40, start, 0.0, 0.0
-    h, before = dt / sub, start
-    whole = (Fs - kp * start) / ki if ki > 0 else 0.0
-    line = np.full(late + 1, kp * start + ki * whole)
-    low, high = np.inf, -np.inf
-    for k in range(n):
-        whole += dt / 2 * (theta + before) if k else 0.0
-        line[k % (late + 1)] = -(kp * theta + ki * whole + kd * (theta - before) / dt)
-        before = theta
-        u = line[(k + 1) % (late + 1)]
-        for _ in range(sub):
-            level = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
-            free = w + h / J * (u - Fv * w)
-            w = np.sign(free) * max(abs(free) - h / J * level, 0.0)
-            theta += h * w
-        if k > 2 * n // 3:
-            low, high = min(low, theta), max(high, theta)
-    return high - low

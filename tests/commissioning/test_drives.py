@@ -81,13 +81,6 @@ def test_a_log_of_quick_moves_is_trusted_where_the_coherence_is_high(quick):
     assert any("the band holds" in found.messages[0] for _, found in quick)
 
 
-def test_a_drive_without_friction_is_not_made_worse():
-    drive = drives.draw(4, friction=False)
-    found = answer(drive, lg.Model.of(friction="viscous"), seconds=6.0)
-    assert np.array_equal(found.frd.frdata, found.raw.frdata) and found.friction == {}
-    assert np.median(decibel(found.frd, drive)) < 0.2 and found.correction == 0.0
-
-
 def creeping(Fc, Fs):
     """The log of a multisine alone, with such shares of the largest torque as friction."""
     drive = drives.draw(12)
@@ -105,22 +98,6 @@ def test_friction_that_governs_a_log_is_warned_of():
     assert not found.trusted and found.correction > 2
     assert found.governed.any() and np.isnan(found.high[found.governed]).all()
     assert "no band holds" in found.messages[0] and "quick moves" in found.messages[-1]
-
-
-def test_a_log_without_reference_answers_too(quick):
-    drive, found = quick[1]
-    assert not found.reference and quick[0][1].reference
-    assert np.median(decibel(found.frd, drive)) < 0.1
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_runs_are_averaged():
-    drive = drives.draw(2)
-    logs = [drives.log(drive, 15.0, run=k) for k in (1, 2, 3)]
-    one, three = (lg.frequency_response(x, lg.Model.of()) for x in (logs[:1], logs))
-    assert len(three.frequency) == len(one.frequency)
-    assert np.median(decibel(three.frd, drive)) < 0.8 * np.median(decibel(one.frd, drive))
 
 
 @pytest.mark.slow

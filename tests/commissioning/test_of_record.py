@@ -14,7 +14,6 @@ import pytest
 import lugrectl as lg
 from lugrectl.cli import main
 from lugrectl.commissioning import UncertainResponseWarning
-from lugrectl.commissioning.friction import impossible
 from lugrectl.commissioning.of_record import unwrapped
 from lugrectl.linear import AxisAsLoopWarning
 
@@ -75,14 +74,6 @@ def test_plain_data_and_a_short_text(found):
     assert "kg m2" in repr(found) and len(repr(found).splitlines()) < 15
 
 
-def test_the_picture_shows_magnitude_phase_and_coherence(found):
-    axes = found.plot()
-    assert [ax.get_ylabel().split(" ")[0] for ax in axes] == ["|P|", "phase", "coherence"]
-    line = next(x for x in axes[0].lines if x.get_label() == "friction taken out")
-    assert (np.isnan(line.get_ydata()) == ~found.certain).all()
-    plt.close(axes[0].figure)
-
-
 def test_an_axis_that_never_reverses_keeps_its_response():
     found = lg.frequency_response(log(bias=40.0), MODEL)
     assert np.array_equal(found.frd.frdata, found.raw.frdata)
@@ -108,30 +99,12 @@ def test_no_friction_is_taken_out_where_none_shows():
     assert np.array_equal(found.frd.frdata, found.raw.frdata)
 
 
-def test_runs_of_clocks_that_differ_a_little_are_averaged():
-    found = lg.frequency_response([log(), log(dt=2.02e-3)], MODEL)
-    assert any("resampled" in m for m in found.messages)
-    assert found.inertia == pytest.approx(J, rel=0.02)
-    low, high = found.inertia_ci95 or (0.0, 0.0)
-    assert low < (found.inertia or 0.0) < high
-
-
 def test_the_phase_is_unwrapped_along_what_is_certain():
     w, sure = np.arange(1.0, 41.0), np.arange(40) % 3 == 0
     true = -0.3 * w
     angle = true + np.where(sure, 0.0, np.random.default_rng(0).uniform(-3, 3, 40))
     made = unwrapped(w, np.exp(1j * angle), sure)
     assert np.allclose((made - true)[sure], 0.0) and np.abs(made - true).max() < np.pi + 0.01
-
-
-def test_a_log_that_excites_too_little_is_not_trusted():
-    t = 2e-3 * np.arange(8000)
-    w = 10 * np.sin(20 * t)
-    noise = np.random.default_rng(1).normal(0, 0.05, (2, 8000))
-    slow = {"t": t, "u": J * np.gradient(w, t) + Fc * np.sign(w) + noise[0], "w": w + noise[1]}
-    found = lg.frequency_response(slow, MODEL)
-    assert found.certain.mean() < 0.5 and "points are certain" in " ".join(found.messages)
-    assert found.modes == () and not any(np.isfinite(found.low[~found.certain]))
 
 
 def _drift(t, w):
@@ -156,40 +129,6 @@ def test_effects_on_the_level_of_friction_are_taken_out(effect):
     made = [lg.frequency_response(one, x) for x in (model, lg.Model.of(model, effects=effects))]
     left, taken = (np.median(1 - x.coherence[x.frequency < 60]) for x in made)
     assert taken < 0.5 * left
-
-
-def _behind_a_gap(t, w, inertia, stiffness, damping, gap, parts=20):
-    """The mean torque in each interval of a load behind a spring with a gap."""
-    h, twist, speed, made = (t[1] - t[0]) / parts, 0.0, w[0], []
-    for now, after in zip(w, np.append(w[1:], w[-1]), strict=True):
-        total = 0.0
-        for share in (np.arange(parts) + 0.5) / parts:
-            motor = now + share * (after - now)
-            out = twist - min(max(twist, -gap / 2), gap / 2)
-            torque = (stiffness * out + damping * (motor - speed)) if out else 0.0
-            speed, twist = speed + h * torque / inertia, twist + h * (motor - speed)
-            total += torque / parts
-        made.append(total)
-    return np.array(made)
-
-
-@pytest.mark.slow
-@pytest.mark.sample
-def test_a_gap_is_taken_out_and_its_load_stays():
-    one, first, zeta = log(), 2 * np.pi * 60, 0.2
-    stiffness, damping = J * first**2, 2 * zeta * J * first
-    made = _behind_a_gap(one["t"], one["w"], J, stiffness, damping, 0.01)
-    one["u"] = J * np.diff(one["w"], append=one["w"][-1]) / 2e-3 + Fc * np.sign(one["w"]) + made
-    load = {"load_inertia": J, "stiffness": stiffness, "damping": damping}
-    effect = {"name": "backlash", "gap": 0.01, **load}
-    errors = []
-    for effects in ([], [effect]):
-        found = lg.frequency_response(one, lg.Model.of(friction="coulomb", effects=effects))
-        s = 1j * found.frequency / first
-        follows = (2 * zeta * s + 1) / (s**2 + 2 * zeta * s + 1)
-        true = 1 / np.abs(found.frequency * J * (1 + follows))
-        errors.append(np.quantile(np.abs(np.log(found.magnitude / true)), [0.5, 0.9]))
-    assert (errors[1] < 0.5 * errors[0]).all(), errors
 
 
 def test_what_cannot_be_taken_out_is_named():
@@ -267,9 +206,3 @@ def test_the_command_refuses_with_a_code_of_its_own(folder, capsys):
     assert json.loads(said.out)["frequency"] == [] and "longest stretch" in said.err
     assert main([*BODE, "--out", "bode.txt"]) == 2
     assert "picture must be a file" in capsys.readouterr().err
-
-
-def test_friction_is_no_larger_than_the_largest_torque():
-    """One stroke: a bristle that never slips grows with the path, whatever its level."""
-    assert impossible(("Fc", "dF", "damping"), (4e6, 0.1, 1.0), most=1.5) == "Fc"
-    assert impossible(("Fc", "dF"), (0.3, 0.1), most=1.5) is None

@@ -84,15 +84,6 @@ def test_ten_more_drives():
     assert stable.all() and np.mean(peak <= 2) >= 0.95 and np.quantile(share, 0.2) >= 0.85
 
 
-def test_the_margins_are_those_of_a_dense_sweep(quick):
-    drive = quick[0][0]
-    w = loops.frequencies(drive)
-    w = w[w > 1.0][::3]
-    found = lg.tune(ct.frd(drive.response(w), w, 1 / drive.rate), "PID", notch=False)
-    assert found.margins.Ms == pytest.approx(loops.sensitivity(drive, pid(found)), rel=1e-3)
-    assert found.worst == pytest.approx(1.6, rel=1e-3)
-
-
 @pytest.mark.parametrize("structure, rate", [("P-PI", None), ("PID", 1000.0), ("PI", 1000.0)])
 def test_a_system_and_a_model(structure, rate):
     model = lg.Model.of(J=0.01, friction="viscous", Fv=0.01)
@@ -140,15 +131,6 @@ def test_no_gains_of_a_log_that_friction_governs(quick):
     known = quick[0][1]
     with pytest.raises(lg.Refused, match="friction governs"):
         lg.tune(replace(known, governed=np.ones(len(known.frequency), bool)))
-
-
-def test_gains_where_friction_governs_the_low_end_only(quick):
-    """It is left out there, and the fitted mechanics stands in."""
-    drive, known = quick[0]
-    part = replace(known, governed=known.frequency < 2 * np.pi * 8)
-    assert not part.certain[0] and known.certain[0]
-    stable, peak, share = judged(drive, lg.tune(part, notch=False))
-    assert stable and peak < 1.76 and share > 0.7
 
 
 @pytest.mark.parametrize("outcome", ["rests", "hunts", "undecided"])
@@ -201,24 +183,3 @@ def test_the_bandwidth_of_a_slow_axis_with_dead_time_is_minus_3_db():
 def test_what_cannot_be_tuned_is_said(axis, options, said):
     with pytest.raises((lg.InputError, lg.Refused), match=said):
         lg.tune(axis, **options)
-
-
-def spans(found, model, late):
-    """What is left of the motion from three errors in a stick, in a simulation of our own."""
-    p = model.known()
-    own = (p["J"], p["Fc"], p["Fs"], p["vs"], p["Fv"])
-    unit = p["Fs"] / pid(found)[0]
-    starts, n = (0.1 * unit, unit, 5 * unit), int(found.rate * 4 * (60 + 40 * found.kp / found.ki))
-    return [loops.rests(*pid(found), 1 / found.rate, late, *own, x, n) for x in starts]
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:.*switches without end")
-@pytest.mark.parametrize("structure", ["P-PI", "PID"])
-def test_no_hunting_where_none_is_asked_for(structure):
-    hunts, quiet = (
-        lg.tune(HUNTS, structure, dead_time=1e-3, rate=1000.0, hunting=on) for on in (True, False)
-    )
-    assert not hunts.limit_cycles and max(spans(hunts, HUNTS, 1)) > 1e-5
-    assert quiet.limit_cycles and max(spans(quiet, HUNTS, 1)) < 1e-6
-    assert 0 < quiet.bandwidth < hunts.bandwidth and "hunting" in "".join(quiet.messages)

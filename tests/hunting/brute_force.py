@@ -140,18 +140,3 @@ def dragged(J, kp, ki, kd, Fc, Fs, vs, Fv, v, e, periods, step):
         q -= h * ki * 0.5 * (x + before)
         stops += k > n // 2 and w == 0.0 and was != 0.0
     return stops
-
-
-@njit(cache=True)
-def dragged_bristles(J, kp, ki, kd, Fc, Fs, vs, Fv, sigma0, sigma1, v, e, periods, step):
-    """The least speed in the last half of so many 2 pi/wn under r = v t with LuGre friction."""
-    h, x, w, q, z, least = step * np.sqrt(J / kp), e, 0.0, kp * e, 0.0, v
-    n = int(2.0 * np.pi * periods / step)
-    for k in range(n):
-        g = Fc + (Fs - Fc) * np.exp(-((w / vs) ** 2))
-        new = (z + h * w) / (1.0 + h * sigma0 * abs(w) / g)
-        F = sigma0 * new + sigma1 * (new - z) / h + Fv * w
-        z, w = new, w + h * (q - kp * x - kd * w - F) / J
-        x, q = x + h * (w - v), q - h * ki * x
-        least = min(least, w) if k > n // 2 else v
-    return least

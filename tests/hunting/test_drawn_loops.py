@@ -64,41 +64,6 @@ def test_bristles_in_a_drawn_loop_agree_with_another_simulation():
     assert size == pytest.approx(large.amplitude, rel=2e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("seed", "bend"), [(61, 3e-3), (61, 1e-3), (34, 1e-3), (64, 1e-3), (87, 1e-3)]
-)
-def test_what_neither_rests_nor_hunts_follows_the_unstable_cycle_of_bristles(seed, bend):
-    model, gains, own = with_bristles(seed, bend)
-    small, _ = lg.limit_cycles(model, **gains).cycles
-    low, high = 0.3 * small.amplitude, 2.0 * small.amplitude
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        hunts = brute.with_bristles(**own, e=middle, turns=40, step=1e-3) > 0.0
-        low, high = (low, middle) if hunts else (middle, high)
-    size = brute.with_bristles(**own, e=high, turns=4, step=1e-3)
-    assert size == pytest.approx(small.amplitude, rel=0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [308, pytest.param(312, marks=pytest.mark.sample)])
-def test_what_neither_grows_nor_shrinks_follows_the_unstable_cycle_that_never_sticks(seed):
-    own = drawn(seed).own
-    ki = 1.2 * (own["kd"] + own["Fv"]) * own["kp"] / own["J"]  # beyond Routh's limit
-    loop = replace(drawn(seed), own=own | {"ki": ki})
-    found = lg.limit_cycles(loop.model, **{k: loop.own[k] for k in ("kp", "ki", "kd")})
-    (free,) = [c for c in found.cycles if c.stops == 0]
-    assert found.diverges and not free.stable and free.multipliers[0] > 1.0 > free.multipliers[1]
-    low, high = 0.5 * free.amplitude, 4.0 * free.amplitude
-    for _ in range(30):
-        middle = 0.5 * (low + high)
-        grows = loop.from_breakaway([middle])[0][0] == brute.GROWS
-        low, high = (low, middle) if grows else (middle, high)
-    _, sizes, periods = loop.from_breakaway([low], turns=24)
-    assert sizes[0] == pytest.approx(free.amplitude, rel=0.01)
-    assert periods[0] == pytest.approx(free.period, rel=0.01)
-
-
 def compare_map(seed, share):
     """A map over ki and the friction against the other simulation at each of its points."""
     loop = drawn(seed)

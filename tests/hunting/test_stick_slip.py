@@ -56,23 +56,10 @@ def test_stick_slip_persists_just_below_speed_end_and_not_above(number):
     assert low > 5 and high == 0
 
 
-def test_stick_slip_with_bristles_persists_just_below_speed_end_and_not_above():
-    own, found = loop(1, "lugre", **BRISTLES)[2], speeds(1, "lugre")
-    more = {"periods": 100, "step": 1e-3}
-    low, high = (
-        min(brute.dragged_bristles(**own, v=f * found.speed_end, e=e, **more) for e in starts(own))
-        for f in (0.97, 1.03)
-    )
-    assert low < 0.1 * found.speed_end and high > 0.9 * found.speed_end
-    assert found.speed_start == pytest.approx(speeds(1).speed_start, rel=0.02)
-
-
-def test_damping_ends_stick_slip_at_a_gain(monkeypatch):
-    monkeypatch.setattr("lugrectl.hunting.loop.SCANNED", 3)
-    model, gains, _ = loop(0)
-    (kd,) = lg.stick_slip_speed(model, **gains, vary={"kd": (3.2, 3.45)}).critical["kd"]
-    less, more = (lg.stick_slip_speed(model, kp=3.0, kd=f * kd) for f in (0.98, 1.02))
-    assert less.speed_end > 0.0 and more.speed_end == 0.0
+def test_stiff_bristles_hardly_change_the_speeds():
+    soft, rigid = speeds(1, "lugre"), speeds(1)
+    assert soft.speed_start == pytest.approx(rigid.speed_start, rel=0.02)
+    assert soft.speed_end == pytest.approx(rigid.speed_end, rel=0.02)
 
 
 def test_between_the_two_speeds_the_start_decides_or_it_swings():
