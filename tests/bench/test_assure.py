@@ -1,6 +1,7 @@
 """How much compensation to dare, against drives of our own."""
 
 import json
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -21,7 +22,19 @@ from lugrectl.bench.assure import (
     hunting_at_most,
 )
 
+from . import drives
+
 MEMBERS = 26  # the fewest of which one may hunt where a fifth of all drives may
+ALL = (0.85, 0.9, 0.95, 0.975, 1.0, 1.025, 1.05, 1.1)  # shares, for a drive that is known
+
+
+def declared(truth, random):
+    """What is known of a drive beside its log: presliding and Stribeck's curve, more or less."""
+    values = {k: truth[k] * np.exp(s * random.normal()) for k, s in SPREAD.items()}
+    return lg.Model.of(**{k: {"value": v, "std": SPREAD[k] * v} for k, v in values.items()})
+
+
+SPREAD = {"sigma0": 0.3, "sigma1": 0.4, "vs": 0.4, "Fs": 0.1}
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +105,52 @@ def test_the_chance_of_hunting_is_that_of_its_members(fit):
     assert found and found.chance.ci95 == pytest.approx((0.0, 0.8419), abs=1e-4)
     loose = lg.hunting_chance(fit, members=2, kp=2.0, ki=500.0, kd=0.1)
     assert not loose and loose.chance.count == 2
+
+
+def true_figures(n, seed, seconds, counts, dt, noise):
+    """Of n drives with logs, by the route that a user takes: whether the band holds the true
+    error, that error, the one without compensation, and the least for a drive that is known; of
+    tracking alone, whatever it does at rest."""
+    random = np.random.default_rng(seed)
+    truth = drives.drawn(n, random)
+    t, u, theta = drives.logged(truth, dt, seconds, random, counts, noise)
+    rows = []
+    for i in range(n):
+        one = {k: getattr(truth[i], k) for k in drives.NAMES}
+        kind = ("velocity", "position")[i % 2]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            known = declared(one, random)
+            fit = lg.identify({"t": t, "u": u[:, i], "theta": theta[:, i]}, known)
+            found = lg.assure(fit, loop=kind, observers="natural", hunts=1.0, seed=i)
+        own = fit.model.known() | found.controller
+        given = (kind, found.drive["speed"], dt, counts)
+
+        def error(believed, share, one=truth[i], given=given):
+            kind, *rest = given
+            return float(drives.missed(one, believed, kind, share, *rest))
+
+        best = min(error(one | found.controller, share) for share in ALL)
+        error_of = error(own, found.scale), error(own, 0.0), best
+        rows.append([found.band[0] <= error_of[0] <= found.band[1], *error_of])
+    return np.array(rows).T
+
+
+@pytest.mark.slow
+def test_the_band_and_the_gain_hold_on_a_few_drives_that_nothing_has_seen():
+    inside, error, none, best = true_figures(2, 17, 6.0, 2**13, 1e-3, 0.01)
+    assert inside.all() and np.all(error < none)
+    assert np.mean((none - error) / (none - best)) > 0.85
+
+
+@pytest.mark.slow
+def test_the_band_holds_as_often_as_it_says_and_the_gain_is_nearly_that_of_a_known_drive():
+    kinds = ((12.0, 2**16, 1e-3, 0.005), (6.0, 2**13, 1e-3, 0.01), (10.0, 2**14, 2e-3, 0.01))
+    every = [true_figures(20, 40 + i, *kind) for i, kind in enumerate(kinds)]
+    inside, error, none, best = np.concatenate(every, axis=1)
+    assert 0.9 <= inside.mean() <= 0.98
+    assert np.mean(error > none) <= 0.05
+    assert np.mean((none - error) / (none - best)) >= 0.85
 
 
 # ---- standstill is a condition --------------------------------------------------------
