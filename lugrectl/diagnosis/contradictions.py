@@ -81,7 +81,7 @@ def checked(parts: Sequence[Stretch], model: Model, names: Sequence[str]) -> Bal
     found = replace(found, unlike=tuple(left_out.values()), notes=(*notes, *found.notes))
     if said := in_another_unit(parts, model, found):
         return replace(found, against=(said,), hopeless=True)
-    if not doubtful(found):
+    if not parts or not doubtful(found):
         return against_stated(parts, model, found)
     others = {SIGN: [replace(part, u=-part.u) for part in parts]}
     role = "w" if parts[0].theta is None else "theta"  # a w beside theta may be left out: no sign

@@ -177,8 +177,10 @@ class Loop:
         own = self.matrix.copy()
         own[1, 1] -= self.curve.viscous / self.J
         step = STEP / self.wn
-        M, x, total = expm(step * own), np.array([0.0, 1.0 / self.J, 0.0]), np.zeros(2)
-        last = total + np.inf
+        M: Any = expm(step * own)
+        x: Any = np.array([0.0, 1.0 / self.J, 0.0])
+        total: Any = np.zeros(2)
+        last: Any = total + np.inf
         while np.any(last > ENOUGH * total):
             last = np.zeros(2)
             for _ in range(PER_OCTAVE):

@@ -27,6 +27,7 @@ WIDTHS = (0.010, 0.012, 0.0144, 0.0173, 0.0208, 0.025, 0.03, 0.036, 0.05, 0.07, 
 WIDE = 0.035  # a declared inertia needs no wider window unless the noise asks for it
 NOISY = 0.03  # noise of J a in one row, in friction, that is small enough
 LOST = 0.05  # share of J that noise in the acceleration may take away
+FINE_WAVE = 0.1  # of the power of the fast torque: a wave over the angle that needs narrow windows
 LEAST_ROWS = 30  # rows in which something moves: fewer say nothing
 MOST_ROWS = 40_000  # windows overlap less, and widen, where there would be more
 SPARSEST = 3  # times the usual distance of windows: every sample is in one

@@ -36,7 +36,7 @@ from .maps import Still, is_map, map_of
 from .motion import Motion, sampled
 from .search import Search, golden
 from .table import Contender, Table, Unknown, proven
-from .windows import Declared, Rows, Width
+from .windows import Declared, Rows, Width, fine_wave
 
 
 def logged_late(view: View, table: Table) -> float:
@@ -183,6 +183,11 @@ def wide_enough(motion: Motion, model: Model) -> Width:
         width.range = (J / 1.1, 1.1 * J) if J else width.range
     if J and np.ptp(motion.u) == 0:  # all torques are known up to one factor: J is declared
         width.sure, width.impossible, width.range = False, False, (J, J)
+    wave = fine_wave(motion, width.h) if model.motion != "linear" else 0.0
+    if wave:  # at windows this narrow noise would take the inertia
+        narrow = 4 / (wave * float(np.median(np.abs(motion.w))))
+        width.h = min(width.h, max(narrow, 3 * motion.dt, 0.004))
+        width.range = (J / 1.4, 1.4 * J) if J and width.sure else width.range
     width.range = inertia_range(width.range, model)
     return width
 

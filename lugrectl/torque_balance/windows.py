@@ -13,6 +13,7 @@ from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import ndimage
 from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
@@ -289,3 +290,43 @@ class Width:
             if half < 0.3 * first.J:
                 self.range = first.J - half, first.J + half
         return good
+
+
+def fine_wave(motion: Motion, h: float) -> float:
+    """Waves per radian of the strongest wave over the angle that windows of h would hide, of a
+    drive that turns steadily; 0 where there is none."""
+    steady = _steady_parts(motion) if motion.span >= 2 * np.pi else []
+    if not steady:
+        return 0.0
+    wide = max(3, int(2 * h / motion.dt))
+    fast, theta, w = [], [], []
+    for at, on in steady:
+        u = motion.u[at]
+        fast.append((u - ndimage.uniform_filter1d(u, wide, mode="nearest"))[on])
+        theta.append(motion.theta[at][on])
+        w.append(motion.w[at][on])
+    r, th = (np.concatenate(x)[: const.ENOUGH] for x in (fast, theta))
+    speed = float(np.median(np.abs(np.concatenate(w))))
+    n = np.arange(1, const.ORDERS + 1)
+    n = n[(n * speed * motion.dt < 1.2) & (n * speed * h > 5)]
+    if not len(n):
+        return 0.0
+    turn, r, power = np.exp(1j * th), r - r.mean(), np.var(r) + 1e-300
+    wave, part = turn ** n[0], []
+    for _ in n:
+        part.append(2 * abs(np.mean(r * wave)) ** 2 / power)
+        wave = wave * turn
+    best = int(np.argmax(part))
+    clear = part[best] > const.FINE_WAVE and part[best] > 20 * np.median(part)
+    return float(n[best]) if clear else 0.0
+
+
+def _steady_parts(motion: Motion) -> list[tuple[slice, np.ndarray]]:
+    """The pieces that turn at about one speed, with the samples that do; none unless most do."""
+    keep = []
+    for at, _ in motion.pieces:
+        w = np.median(motion.w[at])
+        on = np.abs(motion.w[at] - w) < 0.5 * abs(w)
+        if on.mean() > 0.6:
+            keep.append((at, on))
+    return keep if sum(on.sum() for _, on in keep) >= 0.6 * len(motion) else []

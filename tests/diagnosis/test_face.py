@@ -210,7 +210,7 @@ def test_samples_go_into_a_simulation_a_sweep_and_a_search_for_cycles():
 def test_models_are_drawn_by_their_weights():
     d = answer("ambiguous")
     drawn, others = d.sample(1000, seed=3), sum(rival.weight for rival in d.rivals)
-    with_it = np.isfinite(drawn[f"{d.effects[0].name}.amplitude"])
+    with_it = np.isfinite(drawn[f"{d.effects[0].name}.phase"])
     assert 0.1 < np.mean(with_it) == pytest.approx(1.0 - others, abs=0.05)
     with pytest.raises(lg.InputError, match="different models"):
         drawn.columns_of("plant")

@@ -63,7 +63,7 @@ def test_the_answer_has_the_face_of_a_map():
     assert np.max(steps) < 0.05 * FC  # without what hangs on the angle
     for curve in found.map.curves.values():
         assert len(curve) == len(found.map.at)
-    assert [ax.get_xlabel() for ax in found.plot()].count("w [rad/s]") == 2
+    assert [ax.get_xlabel() for ax in found.plot()].count("w [rad/s]") == 1
     assert found.map.plot().get_ylabel().startswith("mean torque")
     assert "Mean torque of the held-out runs" in str(found)
 

@@ -17,21 +17,21 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from ...blocks.block import unit_for
-from ...blocks.effects import held_late
-from ...blocks.model import Model
-from ...blocks.plant import Part as Placed
-from ...blocks.plant import assemble
-from ...core.deadline import check as check_time
-from ...core.errors import InputError, Refused
-from ...core.numeric import Z95, rms
-from ...core.option_names import option
-from ...engine.runtime.backend import compiler
-from ...engine.runtime.batch_run import Lanes
-from ...estimates.covariance import Joint, Residuals, residuals_of
-from ...estimates.findings import Traces
-from ...record import Record, consistent, long_enough_to_judge
-from ...record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
+from ..blocks.block import unit_for
+from ..blocks.effects import held_late
+from ..blocks.model import Model
+from ..blocks.plant import Part as Placed
+from ..blocks.plant import assemble
+from ..core.deadline import check as check_time
+from ..core.errors import InputError, Refused
+from ..core.numeric import Z95, rms
+from ..core.option_names import option
+from ..engine.runtime.backend import compiler
+from ..engine.runtime.batch_run import Lanes
+from ..estimates.covariance import Joint, Residuals, residuals_of
+from ..estimates.findings import Traces
+from ..record import Record, consistent, long_enough_to_judge
+from ..record.signal_noise import repeating, repeats, sensor_noise, share_noise, smallest_step
 
 # ---- records as a simulation takes them: noise, training windows, and samples held out
 
@@ -524,7 +524,9 @@ def observer_gain(
 def _riccati(A: np.ndarray, H: np.ndarray, Q: np.ndarray) -> np.ndarray:
     """P = A (P^-1 + H' H)^-1 A' + Q, even if it is ill-conditioned, by the structure-preserving
     doubling of Chu, Fan and Lin (2004)."""
-    a, G, P = A.T, H.T @ H, Q
+    a: Any = A.T  # types of a loop's own values take the checker minutes
+    G: Any = H.T @ H
+    P: Any = Q
     for _ in range(DOUBLINGS):
         half = np.linalg.solve(np.eye(len(A)) + G @ P, np.hstack([a, G]))
         a_half, G_half = half[:, : len(A)], half[:, len(A) :]
