@@ -35,6 +35,7 @@ Term = tuple[str, np.ndarray, float, list[int], tuple[str, ...]]
 
 
 def comparison(made: Answer, least: float, alpha: float) -> Comparison:
+    """The comparison behind an answer."""
     d = made.decision
     assert d is not None  # there is no comparison without a search
     friction = _friction(made.last)
@@ -107,6 +108,7 @@ def _share(
 
 
 def _unknown(made: Answer, friction: float) -> list[Share]:
+    """The unknown torque that the verdict is about."""
     on = set(made.depends_on)
     unknown = made.decision.unknown if made.decision else ()
     odd = next((c for c in unknown if c.depends_on == on), None)

@@ -22,8 +22,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial, wraps
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, lru_cache, wraps
 from typing import Any, TypeVar
 
 import numpy as np
@@ -42,16 +42,29 @@ Pieces = Sequence[tuple[slice, float]]
 T = TypeVar("T")
 
 
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A block as the key of what is known of it: its function and declaration are one object."""
+
+    block: Block
+
+    def __hash__(self) -> int:
+        return hash((self.block.kind, self.block.name, self.block.function))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Known) and self.block == other.block
+
+
 def once_a_block(function: Callable[[Block], T]) -> Callable[[Block], T]:
     """What is asked of a block, answered once for each."""
-    known: dict[Any, tuple[Block, T]] = {}
+
+    @lru_cache(maxsize=256)
+    def answered(known: Known) -> T:
+        return function(known.block)
 
     @wraps(function)
     def asked(block: Block) -> T:
-        key = block.kind, block.name, block.function
-        if key not in known or known[key][0] != block:
-            known[key] = block, function(block)
-        return known[key][1]
+        return answered(Known(block))
 
     return asked
 
@@ -160,7 +173,6 @@ SERVED = ("torque", "input", "sensor", "J", "Fc", "Fs", "Fv", "+J", "+Fc", "+Fs"
 SIGNALS = ("t", "theta", "w", "u", "d", "load")
 
 TINY = np.finfo(float).tiny  # a speed that has a direction at rest
-unknown = partial(np.zeros, 1)  # of a signal
 
 Values = Mapping[str, Any]
 
@@ -176,17 +188,15 @@ class Along:
     path: np.ndarray  # the stiffer position, without jumps between the pieces
     pieces: Pieces  # stretches of even time and their step: nothing looks across a cut
     u: np.ndarray  # as recorded, or as earlier effects on the input left it
-    d: np.ndarray  # measured load torque
-    # deflection of the bristle in units of its limit, and its derivative by an asymmetry of that
-    z: np.ndarray = field(default_factory=unknown)
-    follows: np.ndarray = field(default_factory=unknown)
-    # Coulomb and Stribeck part of friction, the level of that (>= 0), and torque of all loads
-    coulomb: np.ndarray = field(default_factory=unknown)
-    level: np.ndarray = field(default_factory=unknown)
-    viscous: np.ndarray = field(default_factory=unknown)
-    load: np.ndarray = field(default_factory=unknown)
-    J: float = 0.0
-    values: Mapping[str, float] = field(default_factory=dict)  # of the plant and its friction law
+    z: np.ndarray  # deflection of the bristle in units of its limit
+    follows: np.ndarray  # its derivative by an asymmetry of that limit
+    coulomb: np.ndarray  # Coulomb and Stribeck part of friction
+    level: np.ndarray  # of that, >= 0
+    viscous: np.ndarray
+    load: np.ndarray  # torque of the loads: declared ones and the measured d
+    J: float
+    values: Mapping[str, float]  # of the plant and its friction law
+    d: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.t)
@@ -202,10 +212,12 @@ class Along:
 
     def signals(self, block: Block) -> dict[str, np.ndarray]:
         """What a block reads. One with an inertia or a sensor moves with the stiffer motion."""
-        own = {k: getattr(self, k) for k in SIGNALS}
+        d = np.zeros(len(self)) if self.d is None else self.d
+        own = {k: getattr(self, k) for k in SIGNALS} | {"d": d}
         return own | self.stiff if _is_stiff(block) else own
 
     def each(self, function: Any, x: np.ndarray) -> np.ndarray:
+        """``function(x, dt)`` of each piece."""
         made = np.zeros(x.shape)
         for piece, dt in self.pieces:
             made[piece] = function(x[piece], dt)
@@ -223,6 +235,7 @@ class Columns:
 
     @property
     def torque(self) -> np.ndarray:
+        """Both parts together (n, k)."""
         wide, narrow = (0.0 if x is None else x for x in (self.wide, self.narrow))
         return np.asarray(wide + narrow)
 
@@ -271,14 +284,18 @@ def needs_inertia(block: Block) -> bool:
 @once_a_block
 def refused(block: Block) -> str:
     """One sentence why a block cannot be a candidate, '' if it can."""
-    odd = [f"acts on {act}" for act in block.acts if act not in SERVED]
-    odd += [f"reads {name}" for name in block.inputs if name not in SIGNALS]
-    if block.kind not in ("effect", "friction") or block.kind == "effect" and not block.acts:
-        odd.append(f"is a {block.kind} that acts on nothing")
+    if block.kind not in ("effect", "friction"):
+        return f"{block.name} is a {block.kind}, neither an effect nor a friction law"
+    if block.kind == "effect" and not block.acts:
+        return f"{block.name} acts on nothing inside a drive"
+    for act in block.acts:
+        if act not in SERVED:
+            return f"{block.name} acts on {act}, which is no torque along a motion"
+    for name in block.inputs:
+        if name not in SIGNALS:
+            return f"{block.name} reads {name}, which no log has"
     if "sensor" in block.acts and len(block.acts) > 1:
-        odd.append("acts on more than the sensor")
-    if odd:
-        return f"{block.name} {' and '.join(odd)}, which no log of a drive shows"
+        return f"{block.name} acts on more than the sensor"
     log = _some_motion()
     try:
         with np.errstate(all="ignore"):
@@ -305,11 +322,14 @@ def columns(block: Block, values: Values, along: Along) -> Columns:
 
 def lanes(block: Block, sets: Sequence[Values], along: Along) -> Columns:
     """The columns of :func:`columns` for each set of values, side by side."""
-    known, one, usual = linear(block), np.ones(len(sets)), _usual(block, along)
+    known = linear(block)
+    one = np.ones(len(sets))
     if not known:
+        usual = _usual(block, along)
         made = _torques(block, [_completed(block, values, usual) for values in sets], along)
         return Columns(*made, low=one, high=one)
-    p, more, per = block.own[block.gain], _places(block, along), scaled(block) or ()
+    p, more = block.own[block.gain], _places(block, along)
+    usual, per = _usual(block, along), scaled(block) or ()
     each = [_scaled(block, values, usual, per) | place for values in sets for place in more]
     made = Columns(*_torques(block, each, along), low=one, high=one)
     neutral = p.neutral or 0.0
@@ -356,22 +376,25 @@ def step_of(block: Block, key: str, value: float, along: Along) -> float:
     """How far to go for a difference: a share of a positive quantity; of a frequency or an order
     what moves the end of the log by 0.1 rad; of a place or an instant a share of the log's."""
     p = block.parameters[key]
-    reach, time = (max(float(np.ptp(x)), 1e-12) for x in (along.path, along.t))
+    reach = max(float(np.ptp(along.path)), 1e-12)
     if p.unit == "Hz":
-        return const.STEP_TURN / (2 * np.pi * time)
+        return const.STEP_TURN / (2 * np.pi * max(float(np.ptp(along.t)), 1e-12))
     if p.whole:
         return const.STEP_TURN / reach
     if p.angle:
         return const.STEP_TRAVEL
+    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}.get(
+        p.unit, 1e-6
+    )
+    if p.low >= 0.0:
+        return max(const.STEP_SHARE * abs(value), least) if np.isfinite(value) else const.STEP_SHARE
     if p.instant:
-        return const.STEP_DURATION * time
-    if p.low < 0.0 and p.unit == "rad":
-        return const.STEP_TRAVEL * reach
-    least = {"s": 0.1 * along.pieces[0][1], "rad": 0.1 * const.STEP_TRAVEL * reach}
-    if not np.isfinite(value):
-        return const.STEP_SHARE
-    size = abs(value) if p.low >= 0.0 else max(abs(value), abs(p.value or 0.0))
-    return max(const.STEP_SHARE * size, least.get(p.unit, 1e-6))
+        return const.STEP_DURATION * float(np.ptp(along.t))
+    return (
+        const.STEP_TRAVEL * reach
+        if p.unit == "rad"
+        else max(const.STEP_SHARE * abs(value), const.STEP_SHARE * abs(p.value), least)
+    )
 
 
 # Coefficients and parameters
@@ -418,6 +441,7 @@ def _usual(block: Block, along: Along) -> dict[str, Any]:
 
 
 def _completed(block: Block, values: Values, usual: Values) -> dict[str, Any]:
+    """The given values, and usual ones of the other parameters."""
     for key in values:
         if key not in block.parameters:
             block.check({key: values[key]})
@@ -455,6 +479,7 @@ def _spanned(block: Block) -> str | None:
 
 
 def _turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Entries of a and of b in turn."""
     return np.stack([a, b], axis=1).reshape(2 * len(a), *a.shape[1:])
 
 
@@ -600,9 +625,21 @@ def _some_motion() -> Along:
     t = dt * np.arange(250)
     theta = 0.7 * np.sin(11.0 * t + 0.3) + 0.4 * np.sin(29.0 * t) + 3.0 * t
     w, u = slope(theta, dt), 1.5 * np.sin(17.0 * t) + 0.4
-    way, one = np.tanh(w), np.ones(len(t))
-    friction = {"coulomb": 0.3 * way, "level": 0.3 * one, "viscous": 0.02 * w}
-    made = Along(t, theta, w, bend(theta, dt), theta, ((slice(0, len(t)), dt),), u, 0 * one)
-    values = {"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5}
-    load = 0.2 * np.sin(theta)
-    return replace(made, z=way, follows=way**2, load=load, J=0.01, values=values, **friction)
+    way = np.tanh(w)
+    return Along(
+        t=t,
+        theta=theta,
+        w=w,
+        acceleration=bend(theta, dt),
+        path=theta,
+        pieces=((slice(0, len(t)), dt),),
+        u=u,
+        z=way,
+        follows=way**2,
+        coulomb=0.3 * way,
+        level=np.full(len(t), 0.3),
+        viscous=0.02 * w,
+        load=0.2 * np.sin(theta),
+        J=0.01,
+        values={"Fc": 0.3, "Fs": 0.4, "Fv": 0.02, "vs": 1.0, "sigma0": 100.0, "sigma1": 0.5},
+    )

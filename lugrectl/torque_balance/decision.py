@@ -9,17 +9,18 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..blocks.block import is_ours, members
 from ..blocks.model import Model
 from ..core.numeric import rms
-from ..core.regression import paired, robust
+from ..core.regression import Prior, paired, robust
 from . import constants as const
 from .columns import refused
 from .friction import OFFSET, WEIGHT, Term, View
-from .last_fit import best_law, state_of
+from .last_fit import Interval, best_law, state_of
 from .maps import Still
 from .search import Search
 from .table import Contender, Table, Unknown, errors_of, is_lateness, proven
@@ -47,6 +48,7 @@ class Decision:
         self.least, self.alpha = least, alpha
         own = [b for b in members("effect").values() if not is_ours(b.home)]
         self.notes = [LEFT_OUT.format(why) for why in map(refused, own) if why]
+        self.memory: dict[str, Any] = {}
         self._known: dict[tuple[int, ...], tuple[list[Contender], list[Contender]]] = {}
         self.joined: list[Term] = []  # so large that they join the base before anything is judged
         self.heavy: dict[str, list[str]] = {}  # the names that explain these as well
@@ -63,39 +65,42 @@ class Decision:
         self.before, self.free_of_base = table.mark(), int(table.fit.free.sum())
         self.decide(frozenset())
 
+    def _search(self) -> Search:
+        return Search(self.table, self.width.sure, self.never, self.memory)
+
     def _look(self) -> None:
-        self.search = Search(self.table, self.width.sure, self.never)
+        """The rows of the table beside the base as it stands."""
+        self.search = self._search()
         self.named, self.unknown = self.search.rows(), self.strangers.rows()
 
     def _beside(self) -> tuple[list[Contender], list[Contender]]:
         """The rows beside what is chosen; looked for once, as the chosen ones live on in them."""
         key = tuple(id(c) for c in self.table.chosen)
         if key not in self._known:
-            search = Search(self.table, self.width.sure, self.never)
-            self._known[key] = search.rows(), self.strangers.rows()
+            self._known[key] = self._search().rows(), self.strangers.rows()
         return self._known[key]
 
     # ---- a load that hides everything else
     def _weight_first(self) -> None:
-        """Gravity so large that nothing else can be seen before it is in the model joins the base,
-        with names that explain it as well; where an inertia hides it, if the base is better so."""
+        """Gravity so large that nothing else can be seen before it is in the model joins the base;
+        where an inertia plays its part and hides it, the whole base is settled again with it."""
         known = {t.name for t in self.view.terms}
         if WEIGHT in known or WEIGHT in self.never or self.linear or self.view.motion.span < 0.8:
             return
         weight = next((c for c in self.named if c.name == WEIGHT), None)
-        clear = weight is not None and weight.gain > const.SURELY
-        if weight is not None and clear and (self.width.heavy or self._hides(weight)):
+        if not (self.width.heavy or weight is not None and weight.share > const.HEAVY):
+            return
+        if weight is None or weight.gain < const.SURELY:
+            if self.width.heavy:
+                self._join(const.LESS)
+            return
+        if self.width.heavy or self._beside_the_likeliest(weight):
             rivals = (c for c in self.named if c.name in (OFFSET, "return_spring"))
             alike = [c for c in rivals if self.alike(weight, c)]
             best, left = self._likeliest([weight, *alike]) if alike else (WEIGHT, [])
             self._join(np.inf)
             others = [name for name in (best, *left) if name != WEIGHT]
             self.heavy = {WEIGHT: others} if others else {}
-        elif self.width.heavy and not clear:
-            self._join(const.LESS)
-
-    def _hides(self, weight: Contender) -> bool:
-        return weight.share > const.HEAVY and weight.gain >= 0.5 * self.named[0].gain
 
     def _join(self, less: float) -> None:
         """Gravity becomes part of the base, unless that leaves more than ``less`` of before."""
@@ -110,6 +115,18 @@ class Decision:
         else:
             v.terms.remove(term)
             table.restart()
+
+    def _beside_the_likeliest(self, weight: Contender) -> bool:
+        """Is it still there beside the likeliest contender, whatever that is?"""
+        top = self.named[0]
+        if weight.gain >= 0.5 * top.gain:
+            return True
+        if top.C is None or weight.C is None:
+            return False
+        C, prior = np.column_stack([top.C, weight.C]), Prior.joined(top.prior, weight.prior)
+        both = self.table.enter(Contender(WEIGHT, {}, top.block, C=C, prior=prior))
+        large = rms(weight.C @ both.b[-2:]) > const.HEAVY * self.view.size
+        return both.gain - top.gain > max(const.SURELY, 0.2 * weight.gain) and large
 
     # ---- what is proven, what is large enough, what is better
     def proven(self, c: Contender, e0: np.ndarray) -> bool:
@@ -144,8 +161,8 @@ class Decision:
             self._extend(self._among(good[0], good[1 : const.FIRSTS]))
         elif self.odd:
             self.verdict, self.depends_on = "unexplained", sorted(self.odd[0].depends_on)
-        if self.verdict == "unexplained" and self.odd:
-            self._two_at_once(large)
+        if self.verdict == "unexplained" and self.odd and large:
+            self._two_at_once(large[: const.TOGETHER])
         absent = [_part(self.table, n) for n in missing(self.view.model) if n not in banned]
         self.parts = [p for p in absent
                       if proven(p.gain, p.error, self.alpha) and p.share > const.FLOOR]  # fmt: skip
@@ -183,15 +200,16 @@ class Decision:
         last = best_law(view, state, table.scale, straight=True)
         r = last.fit.r * last.scale / table.scale
         e = view.blocks.seen(r, table.stretch(last.values["J"]))
-        return e, int(last.interval.blocks[0][-1]) + 1
+        return e, int(Interval(last).blocks[0][-1]) + 1
 
     def _extend(self, c: Contender) -> None:
         """c joins the base; what is left decides: a further name, an unknown torque, or none."""
         table = self.table
         table.extend(c)
         named, unknown = self._beside()
+        rest = [g for g in unknown if self.proven(g, table.e)]
         more = [n for n in named if self.proven(n, table.e) and n.name not in self._taken()]
-        odd, far = self._stranger([g for g in unknown if self.proven(g, table.e)], more)
+        odd, far = self._stranger(rest, more)
         if odd is not None:
             self.verdict, self.alternatives = "unexplained", {}
             self.depends_on = sorted(odd.depends_on)
@@ -216,42 +234,44 @@ class Decision:
         self, rest: list[Contender], more: list[Contender]
     ) -> tuple[Contender | None, bool]:
         """An unknown torque that takes much of what the named ones took and that no further name
-        comes near, and whether it does by far more than all names together."""
-        first, best = self.table.chosen[0], more[0].gain if more else 0.0
-        large = [g for g in rest if g.share > 2 * self.least]
-        top = self.odd[0] if self.odd and large else None
-        gained = float(np.sum(self.table.e - self.e0)) + best
-        if top and self.better(top, first):
-            if top.gain > const.FAR * gained:
-                return top, True
-            if more and top.gain > max(gained, (1 + const.REST) * first.gain):
-                return top, False
-        much = next((g for g in large if g.share > const.REST * first.share), None)
-        if much is None or max(const.REST * first.gain, best / const.NEAR) >= much.gain:
-            return None, False
-        return top or much, False
+        comes near; or one that does more than all names together. And whether by far."""
+        first = self.table.chosen[0]
+        gained = float(np.sum(self.table.e - self.e0))
+        best, top, odd = more[0].gain if more else 0.0, self.odd[0] if self.odd else None, None
+        large = [g for g in rest if g.share > max(2 * self.least, const.REST * first.share)]
+        if large and large[0].gain > const.REST * first.gain and best < const.NEAR * large[0].gain:
+            odd = top or large[0]
+        if top is None or not any(g.share > 2 * self.least for g in rest):
+            return odd, False
+        if not self.better(top, first):
+            return odd, False
+        if more and top.gain > max(gained + best, (1 + const.REST) * first.gain):
+            odd = top
+        far = top.gain > const.FAR * (gained + best)
+        return (top if far else odd), far
 
-    def _two_at_once(self, large: list[Contender]) -> None:
+    def _two_at_once(self, firsts: list[Contender]) -> None:
         """One unknown torque may be two that have names: the pair that explains more than it."""
-        table, chosen = self.table, list(self.table.chosen)
-        pairs: list[tuple[float, Contender, Contender]] = []
-        for c in large[: const.TOGETHER]:
+        table, pairs = self.table, []
+        saved = self.verdict, self.alternatives, self.depends_on, list(table.chosen)
+        for c in firsts:
             table.back(self.before)
             table.extend(c)
-            more = (n for n in self._beside()[0] if n.name not in self._taken())
-            n = next((n for n in more if n.share > self.floor(n)), None)
-            if n is not None:
-                pairs.append((float(np.sum(n.e - self.e0)), c, n))
+            named = self._beside()[0]
+            more = [n for n in named if n.name not in self._taken() and n.share > self.floor(n)]
+            if more:
+                pairs.append((float(np.sum(more[0].e - self.e0)), c, more[0]))
         table.back(self.before)
-        best = max(pairs, key=lambda pair: pair[0], default=None)
-        enough = const.NEAR * self.odd[0].gain
-        if best is None or best[0] <= enough or not self.proven(best[2], self.e0):
-            for c in chosen:
+        if pairs:
+            total, c, n = max(pairs, key=lambda p: p[0])
+            if total > const.NEAR * self.odd[0].gain and self.proven(n, self.e0):
+                self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
                 table.extend(c)
-            return
-        self.verdict, self.alternatives, self.depends_on, self.odd = "found", {}, [], []
-        table.extend(best[1])
-        self._extend(best[2])
+                self._extend(n)
+                return
+        for c in saved[3]:
+            table.extend(c)
+        self.verdict, self.alternatives, self.depends_on = saved[:3]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, wraps
-from typing import Any, NamedTuple, TypeVar
+from functools import cache, cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,78 +59,6 @@ class Term:
         return "input" in self.block.acts
 
 
-T = TypeVar("T")
-Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
-
-
-@dataclass
-class State:
-    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape."""
-
-    k: dict[str, float]
-    terms: list[Term]
-    vs: float
-    exponent: float = 2.0
-    grease: float = 0.0  # exponent of a bend of the friction curve, 0 without one
-    bare: bool = False  # what every drive has is held to its size
-    constant: bool = False  # a constant torque is a term, of any size
-    late: float = 0.0  # s: so much later than logged the torque acts
-    absent: frozenset[str] = frozenset()  # parts of friction that the law does not have
-
-    def copy(self, **other: Any) -> State:
-        own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
-        return replace(self, **own | other)
-
-    @property
-    def named(self) -> list[Term]:
-        return [t for t in self.terms if not t.declared]
-
-    def without_names(self, **other: Any) -> State:
-        return self.copy(terms=[t.copy() for t in self.terms if t.declared], **other)
-
-    def delayed(self, view: View) -> bool:
-        """Whether the torque may act at any time; at steady speeds it has none."""
-        return not (self.bare or view.is_map)
-
-    def apply(self, view: View) -> None:
-        """Friction and load along the log, which effects scale."""
-        m, k = view.motion, self.k
-        fine, view.z = view.deflection(self.bristle(view))
-        dip = m.coarse(fine * self.fall(m.fine_w))
-        view.coulomb = k["Fc"] * view.z + k["dip"] * dip
-        level = k["Fc"] + k["dip"] * self.fall(m.w)
-        view.level = np.maximum(level, 0.1 * abs(k["Fc"]))
-        view.viscous = k["Fv"] * m.w
-        if self.grease:
-            view.viscous = view.viscous + k.get("grease", 0.0) * view.grease(self.grease)
-        view.J = k["J"]
-        view.set_load(self.terms)
-        self.dip = dip
-
-    def bristle(self, view: View) -> float:
-        """The length of the bristles, rad; next to none where the law has none."""
-        return const.RIGID * view.x0 if "presliding" in self.absent else view.x0
-
-    def fall(self, w: np.ndarray) -> np.ndarray:
-        """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
-        return free_level(w, 0.0, 1.0, self.vs, self.exponent)
-
-    def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
-        new = self.copy()
-        for name, x in zip(names, b, strict=True):
-            if isinstance(name, str):
-                new.k[name] = float(x)
-                if name == "late" and self.delayed(view):
-                    new.late += float(x) * view.longest_hold
-            elif isinstance(name[1], int):
-                new.terms[name[0]].b[name[1]] = x
-            else:
-                term, key = new.terms[name[0]], name[1]
-                p = term.block.own[key]
-                term.q[key] = float(np.clip(term.q[key] + x, p.low, p.high))
-        return new
-
-
 class Seen(NamedTuple):
     """Columns of an effect in the rows (m, k), and the bounds of their coefficients (k,)."""
 
@@ -139,25 +67,13 @@ class Seen(NamedTuple):
     high: np.ndarray
 
 
-def kept(method: Callable[[View, float], T]) -> Callable[[View, float], T]:
-    """What a view has made once for a number it keeps."""
-
-    @wraps(method)
-    def known(self: View, x: float) -> T:
-        key = method.__name__, x
-        if key not in self.known:
-            self.known[key] = method(self, x)
-        return self.known[key]
-
-    return known
-
-
 class View:
     """One description of a log, as one regression sees it: motion, windows, a friction law.
 
     ``u`` (n,) is the torque after the drive's own effects on it. ``z``, ``coulomb``, ``viscous``,
     ``level``, ``load`` (n,) are the friction and load along the log that effects scale, ``J`` the
-    inertia, ``size`` the RMS friction torque, ``force`` that of all torque.
+    inertia, ``size`` the RMS friction torque, ``force`` that of all torque, ``settled`` what
+    all of these depend on.
     """
 
     is_map = False  # runs at steady speeds
@@ -168,9 +84,6 @@ class View:
     signals = frozenset({"t", "theta", "w", "u"})  # on which an unknown torque may depend
     never: frozenset[str] = frozenset()  # effects that such a log cannot show
     held_out: Sequence[tuple[int, float, float]] = ()  # (run, start, end), s; none: alternate parts
-    coulomb: np.ndarray  # friction along the log (n,), once it is settled
-    level: np.ndarray
-    viscous: np.ndarray
 
     def __init__(
         self,
@@ -186,8 +99,9 @@ class View:
         self.terms = [t.copy() for t in terms]
         self.hold = motion.hold  # a torque that is read at instants is so early
         self.longest_hold = float(motion.hold.max())
-        # a held torque is no later than a current loop
-        self.latest = const.FREE_LATE / self.longest_hold
+        self.latest = (
+            const.FREE_LATE / self.longest_hold
+        )  # a held torque is no later than a current loop
         self.noise = float(np.mean(rows.shake**2))
         self.blocks = self._blocked()
         self.typical = float(np.median(rows.w))
@@ -195,9 +109,11 @@ class View:
         self.J = self.declared.get("J", 0.0)
         self.load = motion.d
         self._path = strokes(motion.fine_steps)
-        self.known: dict[Any, Any] = {}
-        self.found: dict[str, list[tuple[float, ...]]] = {}  # loads behind a spring
-        self.loads: dict[Any, Seen] = {}  # what the motion drives, seen in the rows
+        self._follows: dict[float, np.ndarray] = {}
+        self._bristles: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+        self._in_rows: dict[Any, np.ndarray] = {}
+        self._made: dict[Any, Seen] = {}
+        self._room, self.settled = const.ROOM, b""
 
     def _blocked(self) -> Blocks:
         number = int(
@@ -218,19 +134,31 @@ class View:
         return bool(fast - slow > const.ONE_SPEED * self.typical)
 
     def on(self, mask: Any = slice(None)) -> View:
+        """The same motion and law on some of the rows, by default on all."""
         made = copy(self)
         made.rows, made.terms = self.rows.only(mask), [t.copy() for t in self.terms]
-        made.K, made.loads = made.rows.K, {}
-        made.known = {k: x for k, x in self.known.items() if k[0] in ("deflection", "follows")}
+        made.K, made._in_rows, made._made, made._room = made.rows.K, {}, {}, const.ROOM
         made.noise = float(np.mean(made.rows.shake**2))
         made.blocks = made._blocked()
         return made
 
+    def once(self, key: Any, make: Callable[[], Seen]) -> Seen:
+        """What is known by its key is made once, while there is room for it."""
+        if key in self._made:
+            return self._made[key]
+        made = make()
+        if made.rows.size <= self._room:
+            self._made[key], self._room = made, self._room - made.rows.size
+        return made
+
     def seen_of(self, N: np.ndarray) -> np.ndarray:
         """What the rows leave (m, k) of waves over theta of orders N (k,)."""
-        m, passed = self.motion.main, self.rows.w[:, None] * N
-        slow = (passed * (m.dt * m.spread)) ** 2
-        return np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
+        key = N.tobytes()
+        if key not in self._in_rows:
+            m, passed = self.motion.main, self.rows.w[:, None] * N
+            slow = (passed * (m.dt * m.spread)) ** 2
+            self._in_rows[key] = np.exp(-((passed * self.rows.h) ** 2) / 18) / (1 + slow**2 * slow)
+        return self._in_rows[key]
 
     @cached_property
     def with_offset(self) -> np.ndarray:
@@ -261,6 +189,7 @@ class View:
         return self.K @ (self.hold * self.motion.slope(self.motion.held(u)))
 
     def by(self, motion: Motion, rows: Rows) -> View:
+        """The same log by another description of its motion."""
         made = View(motion, rows, self.model, self.J_range, self.terms)
         made.sure, made.logged_late, made.w_above = self.sure, self.logged_late, self.w_above
         return made
@@ -277,43 +206,49 @@ class View:
             setattr(self, key, getattr(other, key))
 
     # ---- the law
-    @kept
     def deflection(self, x0: float) -> tuple[np.ndarray, np.ndarray]:
         """A bristle of length x0 (rad) over its level: between the samples, and at them."""
-        fine = np.r_[0.0, bristle(*self._path, x0)]
-        return fine, self.motion.coarse(fine)
+        if x0 not in self._bristles:
+            fine = np.r_[0.0, bristle(*self._path, x0)]
+            self._bristles[x0] = fine, self.motion.coarse(fine)
+        return self._bristles[x0]
 
-    @kept
     def bristle_rows(self, x0: float) -> np.ndarray:
         """The bristle in the rows (m, 3), its rate, and what a reversal inside a window blurs."""
-        (fine, z), m = self.deflection(x0), self.motion
-        blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
-        return self.K @ np.column_stack([z, m.slope(z), blurred])
+        if x0 not in self._in_rows:
+            (fine, z), m = self.deflection(x0), self.motion
+            blurred = m.coarse(fine * level(m.fine_w, 0.0, 1.0, self.rows.smear))
+            self._in_rows[x0] = self.K @ np.column_stack([z, m.slope(z), blurred])
+        return self._in_rows[x0]
 
-    @kept
     def near_rest(self, x0: float) -> np.ndarray:
         """What friction may do near rest beside a bristle of length x0, in the rows (m, k)."""
-        m, made = self.motion, []
-        fine = last = self.deflection(x0)[0]
-        for kind, x, _ in const.NEAR_REST:
-            if kind == "turn":
-                new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
-                shape, last = new - last, new
-            else:
-                shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
-            made.append(self.K @ m.coarse(shape))
-        return np.column_stack(made)
+        key, m, made = ("near", x0), self.motion, []
+        if key not in self._in_rows:
+            fine = last = self.deflection(x0)[0]
+            for kind, x, _ in const.NEAR_REST:
+                if kind == "turn":
+                    new = self.deflection(x * m.top * self.rows.h + self.x0)[0]
+                    shape, last = new - last, new
+                else:
+                    shape = fine * free_level(m.fine_w, 0.0, 1.0, x * m.top, 1.0)
+                made.append(self.K @ m.coarse(shape))
+            self._in_rows[key] = np.column_stack(made)
+        return self._in_rows[key]
 
-    @kept
     def grease_rows(self, exponent: float) -> np.ndarray:
         """|w|^exponent sign(w) in the rows (m,)."""
-        return self.K @ self.grease(exponent)
+        key = "grease", exponent
+        if key not in self._in_rows:
+            self._in_rows[key] = self.K @ self.grease(exponent)
+        return self._in_rows[key]
 
-    @kept
     def follows(self, x0: float) -> np.ndarray:
         """How the bristle (n,) follows an asymmetry of its level."""
-        up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
-        return self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
+        if x0 not in self._follows:
+            up, down = (bristle(*self._path, x0, side * const.ASYMMETRY) for side in (1, -1))
+            self._follows[x0] = self.motion.coarse(np.r_[0.0, (up - down) / (2 * const.ASYMMETRY)])
+        return self._follows[x0]
 
     def stribeck(self, x0: float, vs: float) -> np.ndarray:
         """Columns (n, 4) that depend on the Stribeck speed: bump, short and long tail, bend."""
@@ -430,45 +365,57 @@ class View:
     def set_law(self, x0: float, vs: float) -> None:
         self.x0, self.vs, self.B = x0, vs, self.base(x0, vs)
         _, self.z = self.deflection(x0)
+        self.law = self.stribeck(x0, vs)
 
     # ---- along the log
-    def state(self, b: np.ndarray) -> State:
-        """The plain law nearest to the coefficients of the base, with its effects."""
-        k = dict(zip(self.names, b.tolist(), strict=False))
+    def torques(self, b: np.ndarray) -> None:
+        """Friction and load along the log from the coefficients of the base."""
+        settled = np.r_[b, self.x0, self.vs].tobytes()
+        if settled != self.settled:  # what depends on another friction makes room
+            old = [key for key in self._made if self.settled in key]
+            self._room += sum(self._made.pop(key).rows.size for key in old)
+            self.settled = settled
+        m, k = self.motion, dict(zip(self.names, b, strict=False))
+        near_rest = [k[n] for n in ("bump", "short_tail", "long_tail", "bend")]
+        self.coulomb = k["Fc"] * self.z + self.law @ near_rest
+        self.viscous = k["Fv"] * m.w + k["grease"] * self.grease(const.GREASE[0])
+        self.friction, self.J = self.coulomb + self.viscous, float(b[0])
         for term in self.terms:
             if not term.on_input:
                 term.b = np.array([k[term.key, i] for i in range(len(linear(term.block)))])
-        Fc, Fv = k["Fc"] + 0.5 * (k["short_tail"] + k["long_tail"]), k["Fv"]
-        law = {
-            "J": k["J"],
-            "Fc": Fc if Fc > 0 else 0.3 * self.size,
-            "dip": k["bump"] + 0.5 * k["short_tail"],
-            "Fv": Fv if Fv > 0 else 0.01 * self.size / max(self.motion.top, 1e-12),
-            "grease": k["grease"],
-        }
-        terms = [t.copy() for t in self.terms]
-        return State(law, terms, self.vs, grease=const.GREASE[0] if k["grease"] > 0 else 0.0)
-
-    def settle(self, b: np.ndarray) -> None:
-        """Friction and load along the log from the coefficients of the base."""
-        own = [j for j, n in enumerate(self.names) if n in FRICTION[:-2]]
-        self.size = max(rms(self.B[:, own] @ b[own]), const.LEAST_FRICTION * self.force)
-        self.state(b).apply(self)
+        self.set_load(self.terms)
+        self.level = self._level(k)
+        self.size = max(rms(self.K @ self.friction), const.LEAST_FRICTION * self.force)
 
     def set_load(self, terms: Sequence[Term]) -> None:
+        """The load torque (n,): measured, and of terms that are loads."""
         loads = [self.columns(t.block, t.q).wide @ t.b for t in terms if t.block.load]
         self.load = self.motion.d + sum(loads)
 
+    def _level(self, k: Mapping[Any, float]) -> np.ndarray:
+        """The level of sliding friction (n,), as it is declared where it is."""
+        m, known = self.motion, self.declared
+        if {"Fs", "Fc", "vs"} <= known.keys() and known["Fc"] > 0:
+            scale = max(k["Fc"], 0.3 * rms(self.coulomb))
+            return level(m.w, scale, scale * known["Fs"] / known["Fc"], known["vs"])
+        made = k["Fc"] + (k["bump"] + k["bend"] * np.abs(m.w)) * level(m.w, 0.0, 1.0, self.vs)
+        for name, v in (("short_tail", 1.5 * self.vs), ("long_tail", self.tail(self.vs))):
+            made = made + k[name] * free_level(m.w, 0.0, 1.0, v, 1.0)
+        return made
+
     def along(self, **other: Any) -> Along:
         """The signals of the log for blocks, some of them replaced."""
-        parts = ("z", "coulomb", "level", "viscous", "load")
-        made = {k: getattr(self, k) for k in parts if hasattr(self, k)}
-        if hasattr(self, "x0"):
-            made["follows"] = self.follows(self.x0)
-        made |= {"u": self.u, "J": self.J, "values": self.declared, **other}
-        return replace(places(self.motion), **made)
+        m, zero = self.motion, np.zeros(1)
+        known = {k: getattr(self, k, zero) for k in ("z", "coulomb", "level", "viscous", "load")}
+        made = {
+            "t": m.t, "theta": m.theta, "w": m.w, "acceleration": m.acceleration, "path": m.path,
+            "pieces": m.pieces, "u": self.u, "J": self.J, "values": self.declared,
+            "follows": self.follows(self.x0) if hasattr(self, "x0") else zero, **known,
+        }  # fmt: skip
+        return Along(**{**made, **other})
 
     def columns(self, block: Block, q: Mapping[str, float]) -> Columns:
+        """The columns of an effect along the log."""
         return columns(block, q, self.along(u=self.motion.held(self.u)))
 
     def in_rows(self, made: Columns) -> np.ndarray:
@@ -490,8 +437,11 @@ class View:
 
 def places(motion: Motion) -> Along:
     """The motion alone, before anything is known of the drive."""
-    m = motion
-    return Along(m.t, m.theta, m.w, m.acceleration, m.path, m.pieces, m.u, m.d)
+    none = np.zeros(len(motion))
+    unknown = dict.fromkeys(("z", "follows", "coulomb", "level", "viscous", "load"), none)
+    return Along(t=motion.t, theta=motion.theta, w=motion.w, acceleration=motion.acceleration,
+                 path=motion.path, pieces=motion.pieces, u=motion.u, J=0.0, values={},
+                 **unknown)  # fmt: skip
 
 
 def declared_terms(model: Model, along: Along) -> list[Term]:

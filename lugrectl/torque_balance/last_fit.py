@@ -17,26 +17,98 @@ than SCALE.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..blocks.block import Block, members
 from ..blocks.declared_values import Stated
+from ..blocks.friction import free_level
 from ..core.errors import Refused
 from ..core.numeric import Z95, rms
 from ..core.regression import Prior, left_out_covariance, log_density, memory_blocks, robust, spread
 from . import constants as const
 from .columns import changed_input, columns, linear, nonlinear, scaled, slopes, step_of, to_values
-from .friction import OFFSET, WEIGHT, Name, State, Term, View
+from .friction import OFFSET, WEIGHT, Term, View
 from .table import Table, is_lateness
 from .windows import Rows
 
+Name = Any  # of a coefficient: a text, (place of a term, place of its column or name of a value)
 LAW = {"Fc", "Fs", "Fv", "vs", "delta"}
 CONSTANT = {OFFSET, "coulomb_asymmetry"}
 NEAR = {"turn": "presliding", "dip": "stribeck"}  # what friction near rest is a part of
+
+
+@dataclass
+class State:
+    """What the last fit stands at: coefficients ``k`` of the plain law, effects, its shape."""
+
+    k: dict[str, float]
+    terms: list[Term]
+    vs: float
+    exponent: float = 2.0
+    grease: float = 0.0  # exponent of a bend of the friction curve, 0 without one
+    bare: bool = False  # what every drive has is held to its size
+    constant: bool = False  # a constant torque is a term, of any size
+    late: float = 0.0  # s: so much later than logged the torque acts
+    absent: frozenset[str] = frozenset()  # parts of friction that the law does not have
+
+    def copy(self, **other: Any) -> State:
+        own = {"k": dict(self.k), "terms": [t.copy() for t in self.terms]}
+        return replace(self, **own | other)
+
+    @property
+    def named(self) -> list[Term]:
+        """The effects beside the declared ones."""
+        return [t for t in self.terms if not t.declared]
+
+    def without_names(self, **other: Any) -> State:
+        return self.copy(terms=[t.copy() for t in self.terms if t.declared], **other)
+
+    def delayed(self, view: View) -> bool:
+        """Whether the torque may act at any time; at steady speeds it has none."""
+        return not (self.bare or view.is_map)
+
+    def apply(self, view: View) -> None:
+        """Friction and load along the log, which effects scale."""
+        m, k = view.motion, self.k
+        fine, view.z = view.deflection(self.bristle(view))
+        dip = m.coarse(fine * self.fall(m.fine_w))
+        view.coulomb = k["Fc"] * view.z + k["dip"] * dip
+        level = k["Fc"] + k["dip"] * self.fall(m.w)
+        view.level = np.maximum(level, 0.1 * abs(k["Fc"]))
+        view.viscous = k["Fv"] * m.w
+        if self.grease:
+            view.viscous = view.viscous + k.get("grease", 0.0) * view.grease(self.grease)
+        view.friction, view.J = view.coulomb + view.viscous, k["J"]
+        view.set_load(self.terms)
+        self.dip = dip
+
+    def bristle(self, view: View) -> float:
+        """The length of the bristles, rad; next to none where the law has none."""
+        return const.RIGID * view.x0 if "presliding" in self.absent else view.x0
+
+    def fall(self, w: np.ndarray) -> np.ndarray:
+        """exp(-|w/vs|^exponent): the Stribeck curve from 1 to 0."""
+        return free_level(w, 0.0, 1.0, self.vs, self.exponent)
+
+    def updated(self, names: Sequence[Name], b: np.ndarray, view: View) -> State:
+        """The state that a fit says."""
+        new = self.copy()
+        for name, x in zip(names, b, strict=True):
+            if isinstance(name, str):
+                new.k[name] = float(x)
+                if name == "late" and self.delayed(view):
+                    new.late += float(x) * view.longest_hold
+            elif isinstance(name[1], int):
+                new.terms[name[0]].b[name[1]] = x
+            else:
+                term, key = new.terms[name[0]], name[1]
+                p = term.block.own[key]
+                term.q[key] = float(np.clip(term.q[key] + x, p.low, p.high))
+        return new
 
 
 class Design:
@@ -76,7 +148,7 @@ class Design:
         high: float = np.inf,
         centre: float = 0.0,
     ) -> None:
-        """A column with what is known of its coefficient; none is LARGE times all torque."""
+        """A column with what is known of its coefficient; none is above LARGE times all torque."""
         most = const.LARGE * self.view.force / max(rms(column), const.NOTHING)
         self.names.append(name)
         self._columns.append(column)
@@ -234,16 +306,14 @@ class LastFit:
         """What the fit leaves in the rows (m,), N m."""
         return self.design.y - self.design.X @ self.fit.b
 
-    @cached_property
-    def interval(self) -> Interval:
-        return Interval(self)
-
     def part(self, *names: str) -> np.ndarray:
+        """The torque (m,) of columns with these names."""
         at = [j for j, n in enumerate(self.design.names) if n in names]
         return self.design.X[:, at] @ self.fit.b[at]
 
     @cached_property
     def friction(self) -> np.ndarray:
+        """The friction torque (m,) in the rows."""
         return self.part("Fc", "dip", "Fv", "grease", "damping")
 
     @cached_property
@@ -302,11 +372,13 @@ class LastFit:
 
 
 def places(design: Design, i: int) -> list[int]:
+    """The places of the linear coefficients of effect i."""
     return [j for j, n in enumerate(design.names)
             if isinstance(n, tuple) and n[0] == i and isinstance(n[1], int)]  # fmt: skip
 
 
 def quantities(design: Design, b: np.ndarray) -> dict[str, float]:
+    """Everything that is reported, from the coefficients."""
     state, v = design.state, design.view
     at, w, m = dict(zip(design.names, b, strict=True)), v.typical, v.motion
     held = at.get("offset", 0.0) * np.sign(np.mean(m.w)) if m.one_way else 0.0
@@ -343,11 +415,23 @@ def _of_fitted(block: Block, state: State, at: dict[Name, float]) -> float:
 
 
 def state_of(table: Table) -> State:
-    made = table.view.state(table.fit.b)
-    made.k["J"], made.grease = table.J, 0.0
+    """The last fit begins where the table ended."""
+    v = table.view
+    b = dict(zip(v.names, table.fit.b, strict=False))
+    Fc, Fv = b["Fc"] + 0.5 * (b["short_tail"] + b["long_tail"]), b["Fv"]
+    k = {
+        "J": table.J,
+        "Fc": Fc if Fc > 0 else 0.3 * v.size,
+        "dip": b["bump"] + 0.5 * b["short_tail"],
+        "Fv": Fv if Fv > 0 else 0.01 * v.size / max(v.motion.top, 1e-12),
+    }
+    terms = [t.copy() for t in v.terms]
+    for term in terms:
+        if (term.key, 0) in b:
+            term.b = np.array([b[term.key, i] for i in range(len(linear(term.block)))])
     for c in table.chosen:
-        made.terms += c.terms([t.name for t in made.terms])
-    return made
+        terms += c.terms([t.name for t in terms])
+    return State(k, terms, v.vs)
 
 
 def with_stated(prior: Prior, j: int, one: Stated, value: float | None) -> Prior:
@@ -442,7 +526,8 @@ class Interval:
         last, d = self.last, self.last.design
         v, b = last.view, last.fit.b
         size = np.mean(d.X**2, axis=0) * len(d.y)
-        told = last.fit.free | np.array([n in ("J", "Fc", "Fv") for n in d.names])
+        at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
+        told = last.fit.free | np.isin(np.arange(len(b)), [at[k] for k in ("J", "Fc", "Fv")])
         precision = np.where(told, d.prior.precision, 1e9 * size / last.scale**2)
         if v.J_range and not v.sure:  # a declared J that is held is known that well
             precision[0] = 16 / max(float(np.ptp(v.J_range)), const.SCALE * v.J_range[1]) ** 2
@@ -462,32 +547,33 @@ class Interval:
         torque of the same kind as what is named, friction of another warmth, and an inertia of
         another motor's constant."""
         last, d, b = self.last, self.last.design, self.last.fit.b
-        level = max(abs(float(b[d.names.index("Fc")])), 0.1 * rms(d.y))
-        own = {
-            "Fc": 1.0,
-            "Fv": 1.0,
-            "offset": float(d.constant),
-            "J": const.ALONG * last.fit.free[0],
-        }
-        share = [own.get(n, 0.0) if isinstance(n, str) else float(isinstance(n[1], int))
-                 for n in d.names]  # fmt: skip
-        size = np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
-        return np.array(share) * const.BACKGROUND * level / size
+        at = {n: j for j, n in enumerate(d.names) if isinstance(n, str)}
+        level = max(abs(float(b[at["Fc"]])), 0.1 * rms(d.y))
+        share = np.zeros(len(b))
+        share[
+            [j for j, n in enumerate(d.names) if isinstance(n, tuple) and isinstance(n[1], int)]
+        ] = 1
+        share[[at["Fc"], at["Fv"], *([at["offset"]] if d.constant else [])]] = 1
+        share[at["J"]] = const.ALONG * last.fit.free[at["J"]]
+        return share * const.BACKGROUND * level / np.sqrt(np.mean(d.X**2, axis=0) + 1e-300)
 
     @property
     def of_constant(self) -> float:
         """The variance of J by what the motor's constant may differ over the angle."""
-        return float(self._little[0] ** 2)
+        return float(self._little[self.last.design.names.index("J")] ** 2)
 
     @cached_property
     def _slopes(self) -> np.ndarray:
         """Derivatives (values, k) of what is reported by the coefficients."""
-        d, b, made = self.last.design, self.last.fit.b, []
+        d, b = self.last.design, self.last.fit.b
         sd = np.sqrt(np.maximum(np.diag(self.coefficients), 0.0)) + 1e-300
-        for step in np.diag(const.STEP_SD * sd):
+        made = np.zeros((len(self.names), len(b)))
+        for j in range(len(b)):
+            step = np.zeros(len(b))
+            step[j] = const.STEP_SD * sd[j]
             up, down = quantities(d, b + step), quantities(d, b - step)
-            made.append([wrapped(up[k] - down[k], k) / (2 * step.max()) for k in self.names])
-        return np.array(made).T
+            made[:, j] = [wrapped(up[k] - down[k], k) / (2 * step[j]) for k in self.names]
+        return made
 
     def covariance(self) -> np.ndarray:
         """Covariance (values, values) of ``names`` by this description of the log alone."""
@@ -542,6 +628,7 @@ def best_law(view: View, state: State, scale: float, straight: bool = False) -> 
 
 
 def apart(other: LastFit, last: LastFit) -> dict[str, float]:
+    """How far the values of another fit are from those of the last one."""
     return {k: other.values[k] - x for k, x in last.values.items() if k in other.values}
 
 

@@ -70,16 +70,22 @@ class _Steady:
         speeds = np.array([_speed(s, at) for s, at in cells])
         usual = float(np.median(speeds)) if len(speeds) else 0.0
         own = np.abs(speeds - usual) < const.STEADY_SPEED * abs(usual)
-        much = usual != 0 and float(np.mean(own)) > const.STEADY_SHARE
-        self.number, self.w = parts[0].run, 0.0
-        self.steady = much and total >= const.FEWEST_SAMPLES
+        self.number = parts[0].run
+        self.steady = (
+            total >= const.FEWEST_SAMPLES
+            and usual != 0
+            and float(np.mean(own)) > const.STEADY_SHARE
+        )
         self.cells = [cell for cell, on in zip(cells, own, strict=True) if on]
-        if self.steady:  # over all cells of a stretch at once: coarse counts tell little of one
-            each = {id(s): (s, []) for s, _ in self.cells}
-            for s, at in self.cells:
-                each[id(s)][1].extend(at.tolist())
-            speeds = [_speed(s, np.array(at)) for s, at in each.values()]
-            self.w = float(np.average(speeds, weights=[len(at) for _, at in each.values()]))
+        self.w = self._whole() if self.steady else 0.0
+
+    def _whole(self) -> float:
+        """Speed over all cells of a stretch at once: coarse counts tell little of a short one."""
+        first = {id(s): s for s, _ in self.cells}
+        each = [(s, np.concatenate([at for x, at in self.cells if x is s])) for s in first.values()]
+        return float(
+            np.average([_speed(s, at) for s, at in each], weights=[len(at) for _, at in each])
+        )
 
     @property
     def turns(self) -> float:
@@ -95,9 +101,12 @@ class _Steady:
             size = np.diff(ends)
             d, theta = (np.zeros(len(s.u)) if x is None else x for x in (s.d, s.theta))
             theta = theta + 0.5 * s.dt * self.w  # a held torque acts half a sample later
-            sums = np.add.reduceat(np.column_stack([s.t, s.u, d, theta])[at], ends[:-1])
+            means = (
+                np.add.reduceat(np.column_stack([s.t, s.u, d, theta])[at], ends[:-1])
+                / size[:, None]
+            )
             part = first + np.repeat(np.arange(many), nodes)
-            rows.append(np.column_stack([sums / size[:, None], size, part]))
+            rows.append(np.column_stack([means, size, part]))
             first += many
         t, u, d, theta, size, part = np.vstack(rows).T
         dt = self.cells[0][0].dt
@@ -206,6 +215,7 @@ class MapView(View):
         return bool(b[0] * np.sum(np.abs(m.w)) + b[1] * np.sum(m.w**2) < 0)
 
     def by_run(self, x: np.ndarray) -> np.ndarray:
+        """Means (runs,) of rows (m,)."""
         return np.bincount(self.apart, x) / np.bincount(self.apart)
 
     def _ways(self, x: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -94,6 +94,7 @@ def _plant(last: LastFit, known: Mapping[str, float], sure: bool) -> dict[str, f
 
 
 def _values(last: LastFit, model: Model, sure: bool) -> dict[str, float]:
+    """A value for each parameter of the model."""
     known = model.known()
     plant, law = _plant(last, known, sure), model.friction.block
     if {"Fs", "vs"} <= law.own.keys() - known.keys() and means_the_same(law):
@@ -113,6 +114,7 @@ def _at(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def model_values(answer: Answer, model: Model) -> ModelValues:
+    """The model of the last fit of an answer with intervals and covariance."""
     made = completed(answer.last, model, answer.sure, answer.parts)
     told, values, names = _told(answer, made), answer.values, answer.interval.names
     held, own = made.held(), made.declarations()
@@ -148,6 +150,7 @@ def _told(answer: Answer, model: Model) -> dict[str, str]:
 
 
 def _only(joint: Joint, at: Sequence[int]) -> Joint:
+    """The distribution of some of the values."""
     names = tuple(joint.names[i] for i in at)
     return Joint(names, joint.values[at], joint.matrix[np.ix_(at, at)], joint.positive[at])
 
@@ -160,11 +163,13 @@ def with_scale(joint: Joint) -> Joint:
 
 
 def as_estimates(joint: Joint, model: Model) -> dict[str, Estimate]:
+    """Values of a joint distribution with their intervals."""
     both = zip(joint.names, joint.values.tolist(), joint.interval().tolist(), strict=True)
     return {k: Estimate(x, model.unit(k), _within(model, k, x, ends)) for k, x, ends in both}
 
 
 def _within(model: Model, key: str, value: float, ends: Sequence[float]) -> tuple[float, float]:
+    """The interval of a value inside its bounds."""
     low, high = model.bounds(key)
     return min(max(ends[0], low), value), max(min(ends[1], high), value)
 
@@ -203,8 +208,11 @@ def told_by_balance(model: Model) -> bool:
 
 def misfit(last: LastFit, model: Model) -> float:
     """How far a model's law is from the friction of a last fit: RMS in rows, over friction."""
-    made = torque(model.friction.block, model.friction.values, last.view.along()).torque[:, 0]
-    return rms(np.nan_to_num(last.view.K @ made - last.friction, nan=1e6)) / last.view.size
+    made = torque(model.friction.block, model.friction.values, last.view.along()).wide
+    if made is None:
+        return 0.0
+    off = last.view.K @ made[:, 0] - last.friction
+    return rms(np.nan_to_num(off, nan=1e6)) / last.view.size
 
 
 def law_values(last: LastFit, model: Model) -> dict[str, float]:
@@ -226,10 +234,14 @@ def _nearest(
     last: LastFit, law: Block, known: Mapping[str, float], keys: Sequence[str]
 ) -> dict[str, float]:
     """The values of a law; ``keys`` are free, and start at the known ones."""
-    v, own, along = last.view, law.own, last.view.along()
-    target = last.friction + last.left
+    v, own, target = last.view, law.own, last.friction + last.left
     rows = np.arange(0, len(target), max(1, len(target) // const.ENOUGH_ROWS))
-    K = csr_matrix(v.K[rows])
+    K, alone = csr_matrix(v.K[rows]), not law.states and law.inputs == ("w",)
+    if alone:  # samples at which no row looks do not matter
+        used, places = np.unique(K.indices, return_inverse=True)
+        K, w = csr_matrix((K.data, places, K.indptr)), v.motion.w[used]
+    else:
+        along = v.along()
     start = np.array([known[k] or own[k].value or 1e-3 for k in keys])
     ends = np.array([(own[k].low, own[k].high) for k in keys]).T
 
@@ -238,7 +250,12 @@ def _nearest(
         return {**known, **dict(zip(keys, found, strict=True))}
 
     def off(x: np.ndarray) -> np.ndarray:
-        made = torque(law, values(x), along).torque[:, 0]
+        if alone:
+            made = law(w, **values(x))[0]
+        else:
+            wide = torque(law, values(x), along).wide
+            assert wide is not None  # a law of friction acts along the log
+            made = wide[:, 0]
         return np.nan_to_num((K @ made - target[rows]) / last.scale, nan=1e6)
 
     bounds = (-const.FURTHEST_LOG, const.FURTHEST_LOG)

@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -29,8 +28,7 @@ from scipy import ndimage
 from scipy.linalg import solveh_banded
 
 from ..core.errors import Refused
-from ..core.numeric import rms
-from ..core.regression import Prior, robust, weight
+from ..core.regression import NU
 from ..record import Stretch
 from . import constants as const
 
@@ -77,12 +75,6 @@ def half_response(kernel: np.ndarray) -> float:
     H = np.abs(np.fft.rfft(kernel, 4096))
     low = np.flatnonzero(H < 0.5 * H[0])
     return np.pi * (int(low[0]) if len(low) else 2048) / 2048
-
-
-def bump(half: int) -> np.ndarray:
-    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
-    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
-    return phi / phi.sum()
 
 
 Function = Callable[[np.ndarray], np.ndarray]
@@ -139,22 +131,22 @@ class Samples:
         if len(self) <= most:
             return self
         size = max(most // 12, 10 * const.SHORTEST)
-        return self.within(np.arange(len(self)) % int(size * len(self) / most) < size)
+        period = int(size * len(self) / most)
+        at = [slice(a, min(a + size, p.stop)) for p in self.pieces
+              for a in range(p.start, p.stop, period)]  # fmt: skip
+        return self.only([one for one in at if one.stop - one.start >= const.SHORTEST])
 
-    def within(self, here: np.ndarray) -> Samples:
-        """The samples ``here`` (n,), cut where they do not go on."""
-        at = []
-        for piece in self.pieces:
-            cut = np.flatnonzero(np.diff(here[piece])) + 1 + piece.start
-            ends = [piece.start, *cut.tolist(), piece.stop]
-            at += [slice(a, b) for a, b in pairwise(ends) if here[a] and b - a >= const.SHORTEST]
+    def only(self, at: Sequence[slice]) -> Samples:
+        """Parts of the log as pieces of their own."""
+        theta, w = (None if x is None else joined(x, at) for x in (self.theta, self.w))
+        made = {k: joined(getattr(self, k), at) for k in ("t", "stamp", "u", "d", "ok", "run")}
+        pieces = in_turn([one.stop - one.start for one in at])
+        return replace(self, theta=theta, w=w, pieces=pieces, **made)
 
-        def joined(x: np.ndarray | None) -> np.ndarray | None:
-            return None if x is None else np.concatenate([x[:0], *(x[one] for one in at)])
 
-        keys = ("t", "stamp", "u", "d", "ok", "run", "theta", "w")
-        made: dict[str, Any] = {k: joined(getattr(self, k)) for k in keys}
-        return replace(self, pieces=in_turn([one.stop - one.start for one in at]), **made)
+def joined(x: np.ndarray, at: Sequence[slice]) -> np.ndarray:
+    """Parts of x (n, ...), one after the other."""
+    return np.concatenate([x[one] for one in at])
 
 
 def in_turn(sizes: Sequence[int]) -> tuple[slice, ...]:
@@ -220,19 +212,18 @@ class Sensors:
         if self.theta is not None and self.w is not None:
             self.differenced = self._differenced()
             self._compare()
-        if self.theta is not None:
-            self.position, self.variance = self.theta, self.theta_variance
-            return
-        assert self.w is not None  # the position is summed from the speed
-        self.position = samples.each(
-            lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * samples.dt], self.w
-        )
-        self.variance = self.w_variance * samples.dt**2 * const.DRIFT + 1e-300
 
     def _noise(self, x: np.ndarray, white: np.ndarray, quantile: float) -> float:
         """Standard deviation of the noise of a channel where the motion is calm."""
         own, unit = (local_noise(y, self.samples.pieces, quantile) for y in (x, white))
         return own / unit
+
+    def only(self, samples: Samples, at: Sequence[slice]) -> Sensors:
+        """The same channels in parts of the log."""
+        made = copy(self)
+        made.samples, made.theta = samples, samples.theta
+        made.w = None if self.w is None else joined(self.w, at)
+        return made
 
     def _differenced(self) -> bool:
         """Whether the noise of w is that of differences of theta: then w measures nothing."""
@@ -269,12 +260,16 @@ class Sensors:
             for at in self.samples.pieces
             if at.stop - at.start > size
         ]
-        return np.concatenate([np.zeros(0), *parts])
+        return np.concatenate(parts) if parts else np.zeros(0)
 
     def _moved(self, T: float) -> np.ndarray:
         """w(t + T)."""
         assert self.w is not None
+        if not T:
+            return self.w
         steps = -T / self.samples.dt
+        if abs(steps - round(steps)) < const.WHOLE_SAMPLE:
+            return self.samples.each(lambda x: moved(x, round(steps)), self.w)
         return self.samples.each(lambda x: ndimage.shift(x, steps, order=3, mode="nearest"), self.w)
 
     def _reconcile(self) -> None:
@@ -282,57 +277,70 @@ class Sensors:
         leave an error of second order. Beyond three samples it is shifted first."""
         dt = self.samples.dt
         half = max(4, int(const.KERNEL / dt))
-        phi = bump(half - 1)
-        phi = np.r_[0.0, phi, 0.0]
+        phi = (1 - (np.arange(-half, half + 1) / half) ** 2) ** 3
+        phi /= phi.sum()
         dphi = np.gradient(phi) / dt
-        assert self.theta is not None and self.w is not None
+        assert self.theta is not None
         turned = self._windows(self.theta, dphi)
         moves = np.abs(turned) > const.AT_REST * np.max(np.abs(turned), initial=0.0)
         if moves.sum() < 8:
             return
-        shift, one = self._far(turned, phi), np.ones(len(turned))
+        shift = self._far(turned, phi)
         for _ in range(3):
-            w = self._moved(shift) if shift else self.w
-            X = np.column_stack([self._windows(w, phi), self._windows(w, dphi), one])
-            b, left, weights, scale = by_own_scale(X, turned, moves)
+            w = self._moved(shift)
+            columns = [self._windows(w, phi), self._windows(w, dphi), np.ones(len(turned))]
+            b, weights, scale = _robust_line(np.column_stack(columns), turned, moves)
             rest = b[1] / b[0] if shift else b[1]
-            self.gain = float(b[0])
-            self.lag = shift + float(np.clip(rest, -const.FILTER, const.FILTER))
+            self.gain, self.lag = (
+                float(b[0]),
+                shift + float(np.clip(rest, -const.FILTER, const.FILTER)),
+            )
             if abs(self.lag) < min(3 * dt, 8e-3):
                 break
             shift = float(np.clip(self.lag, -0.05, const.VERY_LATE))
-        self.foreign = rms(left[moves]) > const.MOSTLY * rms(turned[moves])
+        X = np.column_stack(columns)
+        left = np.mean((turned - X @ b)[moves] ** 2)
+        self.foreign = bool(left > const.MOSTLY**2 * np.mean(turned[moves] ** 2))
         if self.foreign:
             self.gain, self.lag = 1.0, 0.0
             return
         inverse = np.linalg.pinv(X * np.sqrt(weights)[:, None])
-        error = np.sqrt(2.5 * (inverse**2).sum(axis=1)) * scale
+        error = np.sqrt(2 * (inverse**2).sum(axis=1)) * scale
         self.gain_error, self.lag_error, self.offset_error = error.tolist()
         self.offset = -float(b[2]) if abs(b[2]) > 4 * error[2] else 0.0
         if abs(self.lag) > const.FAR_W:  # so late is no filter of one kind
             self.lag_error = max(self.lag_error, 0.03 * abs(self.lag))
-        self._correct(w, bool(shift), scale * np.sqrt(0.5 * half) * 0.6)
+        self._correct(shift, scale * np.sqrt(0.5 * half) * 0.6)
 
-    def _correct(self, w: np.ndarray, shifted: bool, left: float) -> None:
+    def _correct(self, shift: float, left: float) -> None:
         """w without its lag; ``left`` is the noise of a sample that the misfit means."""
-        dt = self.samples.dt
-        self.w = (self.gain if self.scaled else 1.0) * w - self.offset
-        if self.late:
-            if not shifted:
-                self.w = self.w + self.lag * self.samples.each(lambda x: slope(x, dt), self.w)
+        assert self.w is not None
+        dt, late = self.samples.dt, self.late
+        self.w = (self.gain if self.scaled else 1.0) * self.w - self.offset
+        if shift:
+            self.w = self._moved(shift)
+        elif late:
+            self.w = self.w + self.lag * self.samples.each(lambda x: slope(x, dt), self.w)
+        if late:
             self.w_variance *= 1 + 0.5 * min((self.lag / dt) ** 2, 50.0)
         self.w_variance = max(self.w_variance, left**2)
 
     def _far(self, turned: np.ndarray, phi: np.ndarray) -> float:
         """How late w is (s) beyond what a filter does, by a grid; 0 where no delay fits clearly."""
-        one, misfit = np.ones(len(turned)), []
-        grid = np.arange(0.0, const.VERY_LATE, const.LATE_STEP)
+        if len(turned) < 40:
+            return 0.0
+        grid = np.arange(0.0, const.VERY_LATE + 0.005, 0.01)
+        misfit = []
         for T in grid:
-            X = np.column_stack([self._windows(self._moved(T), phi), one])
-            misfit.append(np.mean((turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]) ** 2))
+            X = np.column_stack([self._windows(self._moved(T), phi), np.ones(len(turned))])
+            r = turned - X @ np.linalg.lstsq(X, turned, rcond=None)[0]
+            misfit.append(float(np.mean(r**2)))
         best = int(np.argmin(misfit))
-        clear = grid[best] >= const.FAR_W and misfit[best] < 0.5 * misfit[0]
-        return float(grid[best]) if clear else 0.0
+        return (
+            float(grid[best])
+            if grid[best] >= const.FAR_W and misfit[best] < 0.5 * misfit[0]
+            else 0.0
+        )
 
 
 def _alike(x: np.ndarray, y: np.ndarray) -> float:
@@ -341,53 +349,53 @@ def _alike(x: np.ndarray, y: np.ndarray) -> float:
     return float(abs(np.corrcoef(x / sizes[0], y / sizes[1])[0, 1])) if all(sizes) else 0.0
 
 
-def by_own_scale(
-    X: np.ndarray, y: np.ndarray, of: Any = slice(None)
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """A robust fit of y (m,) by X (m, k): coefficients, residuals, weights, and the scale, that of
-    some of the residuals."""
-    k, scale, prior = np.ones(len(y)), 1.0, Prior.free(X.shape[1])
+def moved(x: np.ndarray, steps: int) -> np.ndarray:
+    """x (n,) so many samples later; its ends are held."""
+    return x[np.clip(np.arange(len(x)) - steps, 0, len(x) - 1)]
+
+
+def _robust_line(
+    X: np.ndarray, y: np.ndarray, moves: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coefficients, weights and scale of a robust line; rows that rest say nothing of scale."""
+    weights = np.ones(len(y))
     for _ in range(6):
-        fit = robust(X, y, prior, scale, 0.0, k, 1)
-        r = fit.r * scale
-        scale = 1.5 * float(np.median(np.abs(r[of]))) + 1e-300
-        k = weight(r / scale)
-    return fit.b, r, k, scale
+        root = weights[:, None] ** 0.5
+        b = np.linalg.lstsq(X * root, y * root[:, 0], rcond=None)[0]
+        r = y - X @ b
+        scale = 1.5 * float(np.median(np.abs(r[moves]))) + 1e-15
+        weights = 1 / (1 + (r / scale) ** 2 / NU)
+    return b, weights, scale
 
 
 THIRD = np.array([-1.0, 3, -3, 1])  # third difference: what the smoothing holds small
 SLOPE = np.array([1.0, -8, 0, 8, -1])  # 12 dt times the slope of fourth order
 
 
-class SmoothRuns:
-    """The smooth motion of the runs of one rate: ``theta``, ``w`` (n,) soft, for friction and
-    places; ``acceleration``, ``path`` (n,) stiff, for inertia; ``shake`` (n,) the acceleration
-    that noise makes; ``pulse`` the smoothing's impulse response, ``spread`` samples wide."""
+class Smoother:
+    """Penalised least squares on theta and w, banded, piece by piece."""
 
-    def __init__(self, sensors: Sensors, stiffness: float | None = None) -> None:
-        self.sensors, self.samples, self.dt = sensors, sensors.samples, sensors.samples.dt
-        self.of_w = 0.0 if sensors.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
+    def __init__(self, sensors: Sensors) -> None:
+        samples = sensors.samples
+        self.sensors, self.dt, self.w = sensors, samples.dt, sensors.w
+        self.variance = sensors.theta_variance
+        if sensors.theta is not None:
+            self.theta = sensors.theta
+        else:
+            assert sensors.w is not None
+            self.theta = samples.each(
+                lambda w: np.r_[0, np.cumsum(0.5 * (w[1:] + w[:-1])) * self.dt], sensors.w
+            )
+            self.variance = sensors.w_variance * self.dt**2 * const.DRIFT + 1e-300
+        self.of_w = 0.0 if self.w is None else 1 / (sensors.w_variance * 144 * self.dt**2)
         self._systems: dict[int, tuple[np.ndarray, np.ndarray]] = {}
-        seen = sensors.position, sensors.w
-        self.stiffness = stiffness = self._as_noise_asks(*seen) if stiffness is None else stiffness
-        stiff = self.theta = self._smoothed(stiffness, *seen)
-        if stiffness > const.SOFT:  # a stiff motion turns back at the wrong time
-            self.theta = self._smoothed(stiffness * const.SOFT, *seen)
-        self.w = self.each(slope, self.theta)
-        self.acceleration = self.each(bend, stiff)
-        self.path = stiff[0] + np.r_[0, np.cumsum(self._joined(np.diff(stiff)))]
-        self.pulse = self._pulse()
-        self.spread = 1 / max(1e-9, abs(half_response(self.pulse)))
-        self.shake = self._shaken()
-        self.between = int(np.clip(round(self.dt / const.FINE), 1, 10))
-        self.fine_steps, self.fine_w = self._between_samples()
 
-    @classmethod
-    def of(cls, samples: Samples) -> SmoothRuns:
-        """The motion as smooth as the noise asks, judged on parts of a long log."""
-        few = samples.some(const.ENOUGH)
-        made = cls(Sensors(few))
-        return made if few is samples else cls(Sensors(samples), made.stiffness)
+    def only(self, samples: Samples, at: Sequence[slice]) -> Smoother:
+        """The same for parts of the log."""
+        made = copy(self)
+        made.sensors, made.theta = self.sensors.only(samples, at), joined(self.theta, at)
+        made.w, made._systems = made.sensors.w, {}
+        return made
 
     def _system(self, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Penalty and data matrices of n samples, upper banded (5, n)."""
@@ -396,7 +404,7 @@ class SmoothRuns:
             for i in range(4):
                 for j in range(i, 4):
                     penalty[4 - (j - i), j : n - 3 + j] += THIRD[i] * THIRD[j]
-            data[4] += 1 / self.sensors.variance
+            data[4] += 1 / self.variance
             for i in range(5):
                 for j in range(i, 5):
                     data[4 - (j - i), j : n - 4 + j] += self.of_w * SLOPE[i] * SLOPE[j]
@@ -405,13 +413,13 @@ class SmoothRuns:
 
     def _solved(self, stiffness: float, right: np.ndarray) -> np.ndarray:
         penalty, data = self._system(len(right))
-        return solveh_banded(data + penalty * stiffness / self.sensors.variance, right)
+        return solveh_banded(data + penalty * stiffness / self.variance, right)
 
-    def _smoothed(self, stiffness: float, theta: np.ndarray, w: np.ndarray | None) -> np.ndarray:
-        """theta (n,) by penalised least squares, banded, piece by piece."""
+    def __call__(self, stiffness: float, theta: np.ndarray, w: np.ndarray | None) -> np.ndarray:
+        """theta (n,) smoothed."""
         out = np.zeros(len(theta))
-        for at in self.samples.pieces:
-            right = theta[at] / self.sensors.variance
+        for at in self.sensors.samples.pieces:
+            right = theta[at] / self.variance
             if w is not None:
                 of_w = self.of_w * 12 * self.dt * w[at][2:-2]
                 for j in range(5):
@@ -419,35 +427,85 @@ class SmoothRuns:
             out[at] = self._solved(stiffness, right)
         return out
 
-    def _as_noise_asks(self, theta: np.ndarray, w: np.ndarray | None) -> float:
-        """The stiffness from smooth to rough in half decades, until the residual is the noise."""
+    def stiffness(self) -> float:
+        """From smooth to rough in half decades, until the residual is the noise."""
         grid = 10.0 ** np.arange(8, -3, -0.5)
-        for stiffness in grid.tolist():
-            x = self._smoothed(stiffness, theta, w)
-            parts = [(theta - x) ** 2 / self.sensors.variance]
-            if w is not None:
-                parts.append((w - self.each(slope, x)) ** 2 / self.sensors.w_variance)
-            if max(np.mean(np.minimum(x, const.FAR_RESIDUAL)) for x in parts) < const.NOISE_FIT:
-                break
-        return stiffness
+        for stiffness in grid:
+            x = self(stiffness, self.theta, self.w)
+            misfit = np.mean(np.minimum((self.theta - x) ** 2 / self.variance, const.FAR_RESIDUAL))
+            if self.w is not None:
+                w = self.sensors.samples.each(lambda y: slope(y, self.dt), x)
+                of_w = (self.w - w) ** 2 / self.sensors.w_variance
+                misfit = max(misfit, np.mean(np.minimum(of_w, const.FAR_RESIDUAL)))
+            if misfit < const.NOISE_FIT:
+                return float(stiffness)
+        return float(grid[-1])
 
-    def _pulse(self) -> np.ndarray:
+    def pulse(self, stiffness: float) -> np.ndarray:
         """Impulse response (2 m + 1,) of the smoothing, sum 1."""
-        longest = max(at.stop - at.start for at in self.samples.pieces)
-        m = int(min(max(40, 12 * self.stiffness ** (1 / 6)), 4000, longest // 6))
+        longest = max(at.stop - at.start for at in self.sensors.samples.pieces)
+        m = int(min(max(40, 12 * stiffness ** (1 / 6)), 4000, longest // 6))
         data = self._system(2 * m + 1)[1]
         one = np.zeros(2 * m + 1)
         one[m] = data[4, m]
         for i in range(1, min(5, m + 1)):
             one[m + i] = one[m - i] = data[4 - i, m]
-        p = self._solved(self.stiffness, one)
+        p = self._solved(stiffness, one)
         far = np.flatnonzero(np.abs(p) > 4e-3 * np.abs(p).max())
         reach = max(m - int(far[0]), int(far[-1]) - m)
         p = p[m - reach : m + reach + 1]
         return p / p.sum()
 
-    def each(self, function: Any, x: np.ndarray) -> np.ndarray:
-        return self.samples.each(lambda y: function(y, self.dt), x)
+
+class SmoothRuns:
+    """The smooth motion of the runs of one rate: ``theta``, ``w`` (n,) soft, for friction and
+    places; ``acceleration``, ``path`` (n,) stiff, for inertia; ``shake`` (n,) the acceleration
+    that noise makes; ``pulse`` the smoothing's impulse response, ``spread`` samples wide."""
+
+    def __init__(self, smoother: Smoother, stiffness: float) -> None:
+        sensors = smoother.sensors
+        samples = sensors.samples
+        self.smoother, self.sensors, self.samples = smoother, sensors, samples
+        self.stiffness, self.dt = stiffness, samples.dt
+        stiff = smoother(stiffness, smoother.theta, smoother.w)
+        self.theta = stiff
+        if stiffness > 1e-2:  # a stiff motion turns back at the wrong time
+            self.theta = smoother(stiffness * const.SOFT, smoother.theta, smoother.w)
+        self.w = self.slope(self.theta)
+        self.acceleration = self.bend(stiff)
+        self.path = stiff[0] + np.r_[0, np.cumsum(self._joined(np.diff(stiff)))]
+        self.pulse = smoother.pulse(stiffness)
+        self.spread = 1 / max(1e-9, abs(half_response(self.pulse)))
+        self.shake = self._shaken()
+        self.between = int(np.clip(round(self.dt / const.FINE), 1, 10))
+        self.fine_steps, self.fine_w = self._between_samples()
+
+    @classmethod
+    def of(cls, samples: Samples) -> SmoothRuns:
+        """The motion as smooth as the noise asks, judged on parts of a long log."""
+        smoother = Smoother(Sensors(samples))
+        few = samples.some(const.ENOUGH)
+        judge = smoother if few is samples else Smoother(Sensors(few))
+        return cls(smoother, judge.stiffness())
+
+    def only(self, at: Sequence[slice]) -> SmoothRuns:
+        """Parts of the log, as smooth as it is."""
+        made, k = copy(self), self.between
+        made.samples = self.samples.only(at)
+        made.smoother = self.smoother.only(made.samples, at)
+        made.sensors = made.smoother.sensors
+        for key in ("theta", "w", "acceleration", "path", "shake"):
+            setattr(made, key, joined(getattr(self, key), at))
+        fine = [slice(k * one.start, k * one.stop) for one in at]
+        made.fine_w = joined(self.fine_w, fine)
+        made.fine_steps = made._joined(joined(np.r_[self.fine_steps, 0.0], fine)[:-1], k)
+        return made
+
+    def slope(self, x: np.ndarray) -> np.ndarray:
+        return self.samples.each(lambda y: slope(y, self.dt), x)
+
+    def bend(self, x: np.ndarray) -> np.ndarray:
+        return self.samples.each(lambda y: bend(y, self.dt), x)
 
     def _joined(self, steps: np.ndarray, per_sample: int = 1) -> np.ndarray:
         """Steps (n - 1,) without those from one piece to the next."""
@@ -457,11 +515,12 @@ class SmoothRuns:
 
     def _shaken(self) -> np.ndarray:
         """White noise of the channels' size, sent through the same smoothing."""
-        n, s = len(self.samples), self.sensors  # a long log has the same noise again and again
+        n = len(self.samples)  # a long log has the same noise again and again
         white = np.random.default_rng(1).standard_normal((2, min(n, const.ENOUGH)))
-        theta, w = np.resize(white[0], n), np.resize(white[1], n)
-        w = None if s.w is None else w * s.w_variance**0.5
-        return self.each(bend, self._smoothed(self.stiffness, theta * s.variance**0.5, w))
+        theta = np.resize(white[0], n) * self.smoother.variance**0.5
+        w = np.resize(white[1], n) * self.sensors.w_variance**0.5
+        noise = self.smoother(self.stiffness, theta, None if self.smoother.w is None else w)
+        return self.bend(noise)
 
     def _between_samples(self) -> tuple[np.ndarray, np.ndarray]:
         """Steps and speeds between the samples, by the cubic through position and speed."""
@@ -503,10 +562,11 @@ class Motion:
             np.concatenate([getattr(r.samples, k) for r in self.runs])
             for k in ("t", "stamp", "u", "d", "ok", "run")
         )
-        self.theta, self.w, self.acceleration, self.path, self.shake, self.fine_w = (
+        self.theta, self.w, self.acceleration, self.path, self.shake = (
             np.concatenate([getattr(r, k) for r in self.runs])
-            for k in ("theta", "w", "acceleration", "path", "shake", "fine_w")
+            for k in ("theta", "w", "acceleration", "path", "shake")
         )
+        self.fine_w = np.concatenate([r.fine_w for r in self.runs])
         ends = [np.r_[r.fine_steps, 0.0] for r in self.runs]
         self.fine_steps = np.concatenate(ends)[:-1]  # no step leads from one rate to the next
         self.at = in_turn([len(r.samples) for r in self.runs])
@@ -525,7 +585,8 @@ class Motion:
         return cls([SmoothRuns.of(samples) for samples in groups])
 
     def varied(self, stiffer: float) -> Motion:
-        return Motion([SmoothRuns(r.sensors, r.stiffness * stiffer) for r in self.runs])
+        """The same log, smoothed with another stiffness."""
+        return Motion([SmoothRuns(r.smoother, r.stiffness * stiffer) for r in self.runs])
 
     def lowered(self, above: float) -> Motion:
         """The same log with speeds that are lower by so much (rad/s)."""
@@ -538,6 +599,12 @@ class Motion:
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def _each(self, function: Callable[[SmoothRuns, np.ndarray], np.ndarray], x: np.ndarray):
+        if len(self.runs) == 1:
+            return function(self.main, x)
+        pairs = zip(self.runs, self.at, strict=True)
+        return np.concatenate([function(r, x[at]) for r, at in pairs])
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Mean (n,) or (n, k) around each sample of a torque held from each to the next."""
@@ -552,12 +619,19 @@ class Motion:
         return np.concatenate(parts)
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        return np.concatenate([slope(x[at], dt) for at, dt in self.pieces])
+        """dx/dt (n,), piece by piece."""
+        return self._each(lambda r, y: r.slope(y), x)
+
+    def bend(self, x: np.ndarray) -> np.ndarray:
+        """Second derivative of x (n,), piece by piece."""
+        return self._each(lambda r, y: r.bend(y), x)
 
     def coarse(self, X: np.ndarray) -> np.ndarray:
         """Values between the samples (k n,) or (k n, m) -> at the samples."""
         if X.ndim == 1:
             return self.coarse(X[:, None])[:, 0]
+        if len(self.runs) == 1:
+            return self.main.coarse(X)
         parts = zip(self.runs, in_turn([len(r.fine_w) for r in self.runs]), strict=True)
         return np.concatenate([r.coarse(X[at]) for r, at in parts])
 

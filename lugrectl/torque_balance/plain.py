@@ -124,6 +124,7 @@ def of_sensors(last: LastFit) -> dict[str, Value]:
 
 
 def _units(last: LastFit) -> dict[str, str]:
+    """The unit of each value by the names of the plain answer."""
     motion = last.view.model.motion
     made = {name: unit_for(unit, motion) for name, unit in UNITS.items()}
     return made | {

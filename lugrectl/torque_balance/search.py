@@ -25,6 +25,11 @@ OF_THE_LAW = {"sublinear_viscous", "stribeck", "presliding"}  # parts of frictio
 Values = dict[str, float]
 
 
+def kept(sets: Sequence[Values]) -> tuple[tuple[tuple[str, float], ...], ...]:
+    """Sets of values as a key."""
+    return tuple([tuple(values.items()) for values in sets])
+
+
 def polish(
     gains: Callable[[np.ndarray], np.ndarray], x: Sequence[float], step: Sequence[float], turns: int
 ) -> np.ndarray:
@@ -61,6 +66,7 @@ def _top(around: np.ndarray, values: np.ndarray) -> np.ndarray | None:
 
 
 def golden(gain: Callable[[float], float], a: float, b: float, turns: int = 7) -> float:
+    """The largest gain between a and b, by golden sections."""
     for _ in range(turns):
         x, y = a + 0.382 * (b - a), a + 0.618 * (b - a)
         a, b = (a, y) if gain(x) > gain(y) else (x, b)
@@ -71,6 +77,7 @@ class Search:
     """All contenders beside one base; ``tried``: whether they promise something or not.
 
     ``sure``: the log determines the inertia; else only what does not depend on it is tried.
+    ``memory`` keeps the loads that earlier searches beside other bases found.
     """
 
     def __init__(
@@ -78,14 +85,20 @@ class Search:
         table: Table,
         sure: bool,
         never: Collection[str],
+        memory: dict[str, Any],
         only: Collection[str] | None = None,
     ) -> None:
         self.table, self.view, self.sure, self.never = table, table.view, sure, frozenset(never)
-        self.only = only
+        self.memory, self.only = memory, only
         self.linear = self.view.model.motion == "linear"
         self.motion = "linear" if self.linear else "rotary"
         self.span = float(np.ptp(self.view.motion.theta))
         self.along = self.view.along(u=self.view.motion.held(self.view.u))
+        chosen = [c for c in table.chosen if c.block is not None]
+        self.changed = {
+            "u": tuple((c.name, *kept(c.each)) for c in chosen if c.u is not None),
+            "load": tuple((c.name, *kept(c.each)) for c in chosen if c.block and c.block.load),
+        }
         self.turns = 2 if table.quick and only is None else const.TURNS
         self.few = self._at_rows()
 
@@ -141,24 +154,26 @@ class Search:
 
     def _seen(self, block: Block, sets: Sequence[Values], screening: bool = False) -> Seen:
         """Columns of an effect at each set of values, in the rows (m, k sets); for ``screening`` by
-        the signals at the rows, where it has no memory. What the motion drives is made once."""
+        the signals at the rows, where it has no memory. What has been made of the same motion,
+        friction and torque is not made again."""
         few = screening and not (block.states or block.exact is not None or self.view.is_map)
-        key = block.name, tuple(tuple(values.items()) for values in sets)
-        if key in self.view.loads:
-            return self.view.loads[key]
-        each = lanes(block, sets, self.few if few else self.along)
-        parts = [x for x in (each.wide, each.narrow) if x is not None]
-        rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
-        made = Seen(rows, each.low, each.high)
-        if block.states and of_motion(block):
-            self.view.loads[key] = made
-        return made
+
+        def made() -> Seen:
+            each = lanes(block, sets, self.few if few else self.along)
+            parts = [x for x in (each.wide, each.narrow) if x is not None]
+            rows = sum(parts[1:], parts[0]) if few else self.view.in_rows(each)
+            return Seen(rows, each.low, each.high)
+
+        drive = [] if of_motion(block) else [self.view.settled]
+        drive += [chosen for signal, chosen in self.changed.items() if signal in block.reads]
+        return self.view.once((block.name, few, *kept(sets), *drive), made)
 
     def _gains(self, block: Block, X: np.ndarray) -> np.ndarray:
+        """Gain of each set of values."""
         if len(linear(block)) == 2:
-            return self.table.gains(X, 2)[0]
+            return self.table.gains_of_pairs(X)
         gain, b = self.table.gains(X)
-        b, p = b[:, 0], block.own[block.gain]
+        p = block.own[block.gain]
         meant = (b >= p.low) & (b <= p.high)
         if any(one.passed for one in block.own.values()):
             meant &= np.mean(np.abs(X) > 1e-9 * np.abs(X).max(), axis=0) < const.MINORITY
@@ -191,6 +206,7 @@ class Search:
         return at(polish(gains, [q[k] for k in steps], [*steps.values()], turns))
 
     def _contender(self, block: Block, *each: Values, cost: float = 0.0, **other: Any) -> Contender:
+        """The contender of one effect, or of several of its kind at once."""
         made = [self._seen(block, [q]) for q in each]
         C, low, high = (np.concatenate(x, axis=-1) for x in zip(*made, strict=True))
         prior = Prior.free(C.shape[1], low=low, high=high)
@@ -198,12 +214,15 @@ class Search:
                          more=each[1:], **other)  # fmt: skip
 
     def again(self, c: Contender) -> Contender:
+        """The same contender beside this base."""
         assert c.block is not None
         if c.C is None:
             return Contender(c.name, c.q, c.block, u=self.view.changed(c.block, c.q), cost=c.cost)
         return self._contender(c.block, *c.each, cost=c.cost)
 
     def _there(self, c: Contender) -> bool:
+        """Whether it has joined the base already, at these values."""
+
         def place(one: Contender) -> tuple:
             own = one.block.own if one.block else {}
             hertz = [round(v, 1) for k, v in one.q.items() if own[k].unit == "Hz"]
@@ -237,9 +256,9 @@ class Search:
         X = self._seen(block, [{key: n} for n in N], screening=True).rows
         if not self.view.is_map:  # the middle of a row stands for its window
             X = X * np.repeat(self.view.seen_of(N), 2, axis=1)
-        gains = self.table.gains(X, 2)[0]
+        gains = self.table.gains_of_pairs(X)
         cost = float(np.log(len(N)))
-        for i in np.argsort(gains)[::-1][:1]:
+        for i in np.argsort(gains)[::-1][: const.ORDER_WAYS.get(block.name, 1)]:
             q = {key: float(N[i])}
             if self.linear:
                 step = 0.3 * (N[1] - N[0]) if len(N) > 1 else 0.1 * q[key]
@@ -338,21 +357,16 @@ class Search:
         return np.r_[0, np.geomspace(0.01, 0.6, 12) * np.quantile(size, 0.7)]
 
     def _of_spring(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
-        """A load of 1 kg m2 behind a spring or a gap, driven by the measured motion: by frequency
-        (Hz), damping ratio and gap (rad)."""
-
-        def load(f: float, z: float, *gap: float) -> Values:
-            omega = 2 * np.pi * f
-            made = {"stiffness": omega**2, "damping": 2 * z * omega}
-            return made | dict(zip(("gap",), gap, strict=False))
-
-        def gains_of(tried: Sequence[Sequence[float]]) -> np.ndarray:
-            return self._gains(block, self._seen(block, [load(*one) for one in tried]).rows)
-
-        found = self.view.found.setdefault(block.name, [])  # beside other bases
-        tried = [*self._springs("gap" in keys, gains_of), *found]
-        gains = gains_of(tried)
-        best, slowest = tried[int(np.argmax(gains))], tried[0][0]
+        """A load behind a spring or a gap, driven by the measured motion. Where a gap lies depends
+        little on the spring and on other effects: it is searched once, and only polished again."""
+        many = 3 if "gap" in keys else 2
+        again = block.name in self.memory
+        tried = self._springs(block, keys)
+        if not tried:
+            return
+        gains = self._loads(block, [self._load(keys, *one) for one in tried])
+        best, slowest = tried[int(np.argmax(gains))], min(f for f, _, _ in tried)
+        self.memory[block.name] = best if gains.max() >= 2 * const.SCREEN else None
         if gains.max() < 2 * const.SCREEN:
             return
 
@@ -361,28 +375,43 @@ class Search:
             inside = (p[:, 0] > 0.8 * slowest) & (p[:, 0] < const.FASTEST) & (p[:, 1] <= 1)
             made = np.full(len(p), -1.0)
             if inside.any():
-                made[inside] = self._each(block, [load(*one) for one in p[inside].tolist()])
+                made[inside] = self._each(block, [self._load(keys, *x) for x in p[inside].tolist()])
             return made
 
         steps = [0.08, 0.3, 0.2 if self.table.quick else 0.03]
-        x = np.exp(polish(around, np.log(best).tolist(), steps[: len(best)], self.turns)).tolist()
-        if x[0] >= 0.84 * slowest and x[1] <= 0.95:  # else J falls with frequency
-            found[:] = [tuple(x)]
-            cost = np.log(3 * (const.GAPS if "gap" in keys else const.RATES))
-            yield self._contender(block, load(*x), cost=float(cost))
+        turns = 2 if again else self.turns
+        x = polish(around, np.log(best[:many]).tolist(), steps[:many], turns)
+        f, z, *gap = np.exp(x).tolist()
+        if f < 0.84 * slowest or z > 0.95:
+            return  # at the edge of what a resonance may be: J that falls with frequency
+        self.memory[block.name] = (f, z, *gap) if gap else (f, z, 0.0)
+        cost = np.log(22 * 3) if many == 2 else np.log(3 * const.GAPS)
+        yield self._contender(block, self._load(keys, f, z, *gap), cost=float(cost))
 
-    def _springs(self, gap: bool, gains: Callable[[list], np.ndarray]) -> list[tuple[float, ...]]:
-        """Frequencies (Hz), damping ratios and gaps (rad) to try; where a gap lies depends little
-        on the spring."""
-        if not gap:
+    def _springs(self, block: Block, keys: Sequence[str]) -> list[tuple[float, float, float]]:
+        """Frequencies (Hz), damping ratios and gaps (rad) to try."""
+        if "gap" not in keys:
             fast = min(const.RINGING[1], 0.3 / self.view.motion.dt)
-            rates = np.geomspace(const.RINGING[0], fast, const.RATES).tolist()
-            return [(f, z) for f in rates for z in (0.03, 0.1, 0.3)]
+            rates = np.geomspace(const.RINGING[0], fast, 22).tolist()
+            return [(f, z, 0.0) for f in rates for z in (0.03, 0.1, 0.3)]
+        if block.name in self.memory:
+            known = self.memory[block.name]
+            near = (0.96, 1.0, 1.04) if known else ()
+            return [(known[0], known[1], x * known[2]) for x in near]
         reach, count = min(self.span, 6.28), self.view.motion.count
         gaps = 2 * np.geomspace(max(count, 4e-4 * reach), 0.04 * reach, const.GAPS)
-        at = int(np.argmax(gains([(80.0, 0.3, x) for x in gaps.tolist()])))
+        at = int(np.argmax(self._loads(block, [self._load(keys, 80.0, 0.3, g) for g in gaps])))
         near = gaps[max(at - 1, 0) : at + 2].tolist()
-        return [(f, 0.3, x) for f in (45.0, 80.0, 140.0) for x in near]
+        return [(f, 0.3, gap) for f in (45.0, 80.0, 140.0) for gap in near]
+
+    def _load(self, keys: Sequence[str], f: float, z: float, gap: float = 0.0) -> Values:
+        """Values of a load of 1 kg m2 with this frequency (Hz), damping ratio and gap (rad)."""
+        omega = 2 * np.pi * f
+        made = {"stiffness": omega**2, "damping": 2 * z * omega}
+        return made | ({"gap": float(gap)} if "gap" in keys else {})
+
+    def _loads(self, block: Block, sets: Sequence[Values]) -> np.ndarray:
+        return self._gains(block, self._seen(block, sets).rows)
 
     def _of_any(self, block: Block, keys: Sequence[str]) -> Iterator[Contender]:
         """A grid of all values, the best of it polished."""
@@ -401,6 +430,7 @@ class Search:
         yield self._contender(block, self._polished(block, q, steps, gains.max()), cost=cost)
 
     def _grid(self, block: Block, p: P, many: int) -> np.ndarray:
+        """Values of any parameter, within its bounds."""
         m = self.view.motion
         if p.choices:
             return np.array(p.choices)

@@ -27,7 +27,7 @@ from ..blocks.friction import free_level
 from ..blocks.model import Model
 from ..core.errors import Refused
 from ..core.option_names import option
-from ..core.regression import Prior, paired, robust
+from ..core.regression import Prior, log_density, paired, robust
 from ..record import Stretch
 from . import constants as const
 from .columns import columns, linear, searched
@@ -61,7 +61,7 @@ def logged_late(view: View, table: Table) -> float:
         return 0.0
     # a torque that is lost, or depends on the place, makes the rest late
     strange = Unknown(table, view.model.motion == "linear", True).rows()
-    others = [c.gain for c in Search(table, True, ()).rows()]
+    others = [c.gain for c in Search(table, True, (), {}).rows()]
     others += [table.enter(c).gain for c in strange if c.depends_on == {"theta"}]
     return best if late.gain > max(others, default=0.0) else 0.0
 
@@ -76,38 +76,39 @@ def speed_offset(view: View, table: Table) -> tuple[float, float]:
     blurred = max(const.AT_REST * m.top, m.sensors.w_variance**0.5)
 
     @lru_cache
-    def scores(offset: float) -> np.ndarray:
+    def promise(offset: float) -> float:
         w = m.w - offset
         way = np.tanh(w / blurred)
         law = np.column_stack([way, way * free_level(w, 0.0, 1.0, const.CURVE * m.top, 1.0)])
         both = np.column_stack([X, v.K @ law])
-        fit = robust(both, v.y, Prior.free(both.shape[1]), table.scale)
-        return v.blocks.seen(fit.r, 1.0)
+        r = robust(both, v.y, Prior.free(both.shape[1]), table.scale).r
+        return float(np.sum(log_density(r)))
+
+    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
+    i = int(np.argmax([promise(x) for x in grid]))
+    best = golden(promise, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
+    if promise(best) - promise(0.0) < const.SCREEN:
+        return 0.0, 0.0
+
+    @lru_cache
+    def scores(offset: float) -> np.ndarray:
+        return Table(view.lowered(offset), table.scale).e
 
     def total(offset: float) -> float:
         return float(scores(offset).sum())
 
-    grid = np.r_[-const.OFFSETS[::-1], 0.0, const.OFFSETS] * m.top
-    i = int(np.argmax([total(x) for x in grid]))
-    best = golden(total, grid[max(i - 1, 0)], grid[min(i + 1, len(grid) - 1)])
-    if total(best) - total(0.0) < const.SCREEN:
-        return 0.0, 0.0
-
-    @lru_cache
-    def by_table(offset: float) -> np.ndarray:
-        return Table(view.lowered(offset), table.scale).e
-
-    best = golden(lambda x: float(by_table(x).sum()), 0.5 * best, 1.5 * best, 11)
-    e = by_table(best) - np.log(len(grid)) / len(table.e)
+    best = golden(total, 0.5 * best, 1.5 * best, 11)
+    e = scores(best) - np.log(len(grid)) / len(table.e)
     if not proven(*paired(e, table.e)):
         return 0.0, 0.0
     step = const.NEAR_BY * abs(best)
-    up, down = by_table(best + step), by_table(best - step)
-    bend = float(np.sum(2 * by_table(best) - up - down)) / step**2
-    # by what the blocks say alone; slower than blurred is rest
-    error = float(np.linalg.norm(up - down)) / (2 * step * bend) if bend > 0 else abs(best)
-    error = const.WHOLE * error if bend > 0 else error
-    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))
+    up, down = scores(best + step), scores(best - step)
+    bend = float(np.sum(2 * scores(best) - up - down)) / step**2
+    error = (
+        const.WHOLE * np.linalg.norm(up - down) / (2 * step * bend)
+    )  # by what the blocks say alone
+    error = float(error) if bend > 0 else abs(best)
+    return best, float(np.hypot(error, blurred / np.sqrt(12.0)))  # slower is rest
 
 
 def as_acted(stretches: Sequence[Stretch], late: float, above: float) -> list[Stretch]:
@@ -193,6 +194,7 @@ def wide_enough(motion: Motion, model: Model) -> Width:
 
 
 def refuse_dead(view: View, width: Width | Still) -> None:
+    """Refused where the torque has nothing to do with the motion."""
     coasts = np.ptp(view.motion.u) == 0 and not view.is_map
     # friction must explain a motion without changes of torque
     if coasts and (
@@ -237,7 +239,7 @@ def find_open(view: View, sure: bool) -> None:
     opened = [t for t in view.terms if _missing(t)]
     view.terms = [t for t in view.terms if not _missing(t)]
     for term in opened:
-        rows = Search(Table(view), sure, (), only={term.name}).rows()
+        rows = Search(Table(view), sure, (), {}, only={term.name}).rows()
         found = rows[0].q if rows else {}
         own, middle = term.block.own, np.median(view.motion.t)  # at an end an event is none
         usual = {k: float(middle if own[k].instant else own[k].value or 0.0)
@@ -260,14 +262,40 @@ def enough(view: View, width: Width) -> View:
     if m.duration < 2 * seconds:
         return view
     length = seconds / const.PARTS
-    number = int(m.duration / length) + 1
-    i, part = np.arange(const.PARTS - const.STRANGE), (width.t / length).astype(int)
-    chosen = np.zeros(number, bool)  # one in each of equal periods but not at equal distances
-    chosen[((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)] = True
-    many = np.maximum(np.bincount(part, minlength=number), 1)
-    left = np.bincount(part, width.r**2, number) / many
-    chosen[np.argsort(np.where(chosen, -1.0, left))[-const.STRANGE :]] = True
-    here = chosen[(m.elapsed / length).astype(int)]
-    parts = [r.samples.within(here[at]) for r, at in zip(m.runs, m.at, strict=True)]
-    few = Motion.of([samples for samples in parts if len(samples)])
+    chosen = np.zeros(int(m.duration / length) + 1, bool)
+    chosen[_spread(len(chosen))] = True
+    order = np.argsort(np.where(chosen, -1.0, _left(width, length, len(chosen))))
+    chosen[order[-const.STRANGE :]] = True
+    few = _only(m, chosen[(m.elapsed / length).astype(int)])
     return view.by(few, Rows(few, view.rows.h))
+
+
+def _spread(number: int) -> np.ndarray:
+    """Places of parts among so many, one in each of equal periods but not at equal distances."""
+    i = np.arange(const.PARTS - const.STRANGE)
+    return ((i + const.GOLDEN * i % 1.0) * number / len(i)).astype(int)
+
+
+def _left(width: Width, length: float, number: int) -> np.ndarray:
+    """What a plain balance leaves (number,) of each part: the mean square of its worst block."""
+    block = (width.t / const.BLOCK).astype(int)
+    many = np.maximum(np.bincount(block), 1)
+    power = np.bincount(block, width.r**2) / many
+    made = np.zeros(number)
+    part = np.minimum((np.arange(len(power)) * const.BLOCK / length).astype(int), number - 1)
+    np.maximum.at(made, part, power)
+    return made
+
+
+def _only(motion: Motion, here: np.ndarray) -> Motion:
+    """The motion in the samples ``here`` (n,), cut where they do not go on."""
+    runs = []
+    for r, own in zip(motion.runs, motion.at, strict=True):
+        at = []
+        for piece in r.samples.pieces:
+            change = np.flatnonzero(np.diff(here[own][piece])) + 1 + piece.start
+            ends = [piece.start, *change.tolist(), piece.stop]
+            at += [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)
+                   if here[own][a] and b - a >= const.SHORTEST]  # fmt: skip
+        runs += [r.only(at)] if at else []
+    return Motion(runs)

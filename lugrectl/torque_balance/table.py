@@ -78,6 +78,7 @@ class Contender:
 
     @property
     def order(self) -> tuple[float, ...]:
+        """The whole numbers among its values: orders of the angle."""
         own = {} if self.block is None else self.block.own
         return tuple(x for k, x in self.q.items() if own[k].whole)
 
@@ -97,6 +98,7 @@ class Contender:
     def added(
         self, view: View, X: np.ndarray, y: np.ndarray, prior: Prior
     ) -> tuple[np.ndarray, np.ndarray, Prior]:
+        """Rows, torque and prior of a base with this contender."""
         if self.u is not None:
             X, y = X.copy(), view.torque(self.u) - view.K @ view.motion.d
             X[:, 1] = view.lateness(self.u) * (1e-9 if self.lateness else 1.0)
@@ -129,7 +131,8 @@ class Table:
         if settled:
             v.set_law(v.x0, v.vs)
         else:
-            self.scale = v.choose(self.scale, beside)
+            found = v.choose(self.scale, beside)
+            self.scale = found if self.scale is None else self.scale
         self.X, self.y, self.prior = v.B, v.y, v.prior(v.B)
         joined = {t.key for t in v.terms}
         self.imitates = np.array(
@@ -148,7 +151,7 @@ class Table:
             if self.likeliest is not None:
                 X, y, prior = self.likeliest.added(v, self.X, self.y, self.prior)
                 b = robust(X, y, prior, self.scale, v.noise, fit.w, 3).b
-            v.settle(b)
+            v.torques(b)
             v.J = self.J
         v.set_load([*v.terms, *(t for c in self.chosen for t in c.terms())])
         if self.quick or self.scale_J is None:
@@ -191,30 +194,39 @@ class Table:
         new = (W * W).sum(axis=0) > const.NEW**2 * before  # else the base has it already
         return W * new
 
-    def gains(
-        self, C: np.ndarray, k: int = 1, precision: Any = 0.0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What each group of k columns takes off the weighted sum of squares (nats, doubled), and
-        their coefficients (groups, k), with this precision of a prior."""
+    def _told(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Products of weighted columns without what the base explains of them: with what it leaves
+        of y, with themselves, and of each first with each second one."""
         W = C * self.root[:, None]
         P = self.Q.T @ W
-        before, c = (W * W).sum(axis=0), W.T @ self.rest_of_y
-        G, inside = (np.einsum("mgi,mgj->gij", x.reshape(len(x), -1, k), x.reshape(len(x), -1, k))
-                     for x in (W, P))  # fmt: skip
-        G = G - inside
-        at = np.arange(k)
-        old = (G[:, at, at].ravel() <= const.NEW**2 * before).reshape(-1, k)  # the base has it
-        G[old[:, :, None] | old[:, None, :]] = 0.0
-        G[:, at, at] += precision * self.scale**2 + 1e-9 * G[:, at, at] + TINY
-        c = np.where(old, 0.0, c.reshape(-1, k))
-        b = np.linalg.solve(G, c[:, :, None])[:, :, 0]
-        return (c * b).sum(axis=1) / self.scale**2, b
+        before = _products(W, W)
+        n = before - _products(P, P)
+        new = n > const.NEW**2 * before  # else the base has it already
+        x = _products(W[:, :-1:2], W[:, 1::2]) - _products(P[:, :-1:2], P[:, 1::2])
+        both = new[:-1:2] & new[1::2]
+        return W.T @ self.rest_of_y * new, n * new + TINY, x * both
+
+    def gains(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What each column takes off the weighted sum of squares (nats, doubled); coefficients."""
+        c, n, _ = self._told(C)
+        return c**2 / n / self.scale**2, c / n
+
+    def gains_of_pairs(self, C: np.ndarray) -> np.ndarray:
+        """The same for columns two by two."""
+        c, n, x = self._told(C)
+        det = np.maximum(n[::2] * n[1::2] - x * x, 1e-9 * n[::2] * n[1::2])
+        both = c[::2] ** 2 * n[1::2] - 2 * c[::2] * c[1::2] * x + c[1::2] ** 2 * n[::2]
+        return both / (det + TINY) / self.scale**2
 
     def promise(self, c: Contender) -> float:
         """Screened gain in nats: all of its columns at once, at the weights of the base."""
         if c.C is None:
             return np.inf
-        return float(self.gains(c.C, c.k, c.prior.precision)[0][0]) / 2
+        W = self.beside(c.C)
+        G, g = W.T @ W, W.T @ self.rest_of_y
+        own = c.prior.precision * self.scale**2
+        G[np.diag_indices(c.k)] += own + 1e-9 * np.diag(G) + TINY
+        return float(g @ np.linalg.solve(G, g)) / self.scale**2 / 2
 
     # ---- one row
     def entered(self, promised: Collection[tuple[float, Contender]]) -> list[Contender]:
@@ -272,6 +284,7 @@ class Table:
         return tau - U @ (U.T @ tau)
 
     def extend(self, c: Contender) -> None:
+        """The chosen contender becomes part of the base."""
         self.X, self.y, self.prior = c.X, c.y, c.full
         if c.u is not None:
             self.view.u = c.u
@@ -328,6 +341,11 @@ class Table:
         self.scale = max(scale, 1.38 * float(np.median(alone)), alike)
         self.rest = rms(r) / self.view.size
         self.weights = weight(r / self.scale)
+
+
+def _products(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Of each column of A with that of B."""
+    return np.einsum("ij,ij->j", A, B)
 
 
 Signals = tuple[str, ...]
@@ -401,6 +419,7 @@ class Unknown:
 
 
 def likeliest(contenders: list[Contender]) -> list[Contender]:
+    """The best of each name, the likeliest first."""
     best: dict[str, Contender] = {}
     for c in contenders:
         if c.name not in best or c.gain > best[c.name].gain:
@@ -415,11 +434,13 @@ def waves(theta: np.ndarray, n: int) -> np.ndarray:
 
 
 def spline(x: np.ndarray, n: int) -> np.ndarray:
+    """n cubic B-splines over [0, 1] at x."""
     knots = np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3]
     return BSpline.design_matrix(np.clip(x, 0, 1 - 1e-12), knots, 3).toarray()
 
 
 def product(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Every column of A times every column of B."""
     return (A[:, :, None] * B[:, None, :]).reshape(len(A), -1)
 
 

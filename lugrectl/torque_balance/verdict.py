@@ -223,16 +223,18 @@ def answer(
     if view.is_map and view.values >= len(np.unique(view.motion.run)):
         raise Refused(UNTESTED, MORE_SPEEDS)
     split = Split.of(few, held_out)
-
-    def judged(train: View, test: View) -> Answer:
-        decision = Decision(train, width, (), least, alpha)
-        return _Judge(few, train, test, split, decision, view).answer()
-
-    made = judged(few.on(split.train), few.on(split.test))
+    train, test = few.on(split.train), few.on(split.test)
+    decision = Decision(train, width, (), least, alpha)
+    judge = _Judge(few, train, test, split, decision, view)
+    if not view.is_map and judge.short():
+        judge.keep(Decision(few.on(), width, (), least, alpha))
+    made = judge.answer()
     if not view.is_map:
         return made
     # a few runs fewer name less: all are chosen by, and a choice by a part says how it predicts
-    other, made = made, judged(view.on(), view.on())
+    train, test, other = view.on(), view.on(), made
+    decision = Decision(train, width, (), least, alpha)
+    made = _Judge(view, train, test, split, decision, view).answer()
     for key in ("without", "with_names", "refitted", "trained", "declared_error"):
         setattr(made, key, getattr(other, key))
     if made.verdict != "unexplained" and view.follows_speed(made.last.left):
@@ -254,10 +256,11 @@ class _Judge:
         self.view, self.train, self.test, self.split = view, train, test, split
         self.decision, self.all = decision, every
         self.struck: set[str] = set()
-        self.candidates: list[tuple[float, str]] = []  # less their share of friction
+        self.candidates: list[tuple[float, str]] = []
         self.notes: list[str] = []
         self.absent: frozenset[str] = frozenset()  # parts of friction that are not named
-        self.apart: tuple[LastFit, list[dict[str, float]]] | None = None
+        self.whole: tuple[Interval, np.ndarray] | None = None  # intervals by every description
+        self.apart: tuple[LastFit, list[dict[str, float]]] | None = None  # by others of them
 
     def answer(self) -> Answer:
         last = self._held()
@@ -265,23 +268,21 @@ class _Judge:
         without = self._without(trained.state)
         full, plain = Unseen.of(trained, self.test), Unseen.of(without, self.test)
         verdict, named = self._verdict(last, full, plain, without)
+        if not named and (self.absent or last.state.named):
+            last = self._plain(last)
+            trained = self._on_training_rows(last.state)
         if not named:  # the declared model is what is shown
-            if self.absent or last.state.named:
-                last = self._plain(last)
-                trained = self._on_training_rows(last.state)
             without, plain = trained, Unseen.of(trained, self.test)
             full = plain
         few, last = last, self._of_all(last)
-        V = last.interval.covariance() + last.interval.between(self._others(few))
+        interval, V = self._intervals(last, few)
         d, rivals = self.decision, self._rivals(few)
         other = [apart(rival, few) for rival in rivals]
-        V = V + last.interval.between(
-            [{k: x for k, x in one.items() if k in PLANT} for one in other]
-        )
+        V = V + interval.between([{k: x for k, x in one.items() if k in PLANT} for one in other])
         left = few.left_by_declared(self.test)
         made = Answer(
-            verdict, d, self.all, self.split, last, last.interval, last.interval.values(V), V,
-            plain, full, without, trained, d.alternatives, depends_on=d.depends_on,
+            verdict, d, self.all, self.split, last, interval, interval.values(V), V, plain, full,
+            without, trained, d.alternatives, depends_on=d.depends_on,
             notes=[*d.notes, *self.notes], rivals=rivals,
             # the largest first, but what the plain answer has
             candidates=[name for _, name in sorted(self.candidates)
@@ -290,8 +291,23 @@ class _Judge:
         )  # fmt: skip
         self._late_speed(made)
         self._whole_inertia(made)
-        last.state.apply(last.view)
         return made
+
+    def short(self) -> bool:
+        """Whether names are given, of so few independent stretches that half of them mislead."""
+        d = self.decision
+        if not (d.table.chosen or d.parts):
+            return False
+        last = LastFit(d.view, state_of(d.table), d.table.scale)
+        return bool(Interval(last).blocks[0][-1] + 1 < const.FEW)
+
+    def keep(self, whole: Decision) -> None:
+        """Of the names of training rows those that all rows have, too."""
+        there = {*_names(whole), *(t.name for t in whole.joined)}
+        there |= {n for names in whole.alternatives.values() for n in names}
+        while own := {*_names(self.decision)} - there:
+            self.struck |= own
+            self.decision.decide(self.struck)
 
     # ---- what the last fit holds
     def _held(self) -> LastFit:
@@ -299,11 +315,13 @@ class _Judge:
         while True:
             self._share()
             last = best_law(self.view, self._found_again(self.view), self.decision.table.scale)
-            last = self._bent(self._without_small_waves(last))
-            lost = self._lost(last, last.interval.values())
+            last = self._without_small_waves(last)
+            values = Interval(last).values()
+            last = self._bent(last, values)
+            lost = self._lost(last, values)
             if not lost and last.state.named:
-                V = last.interval.covariance() + last.interval.between(self._others(last))
-                lost = self._lost(last, last.interval.values(V))
+                interval, V = self._intervals(last, last)
+                lost = self._lost(last, interval.values(V))
             if not lost:
                 return last
             self._strike(last, lost[-1])
@@ -312,7 +330,7 @@ class _Judge:
         """The chosen effects at their values on all rows: an order, an instant, a gap."""
         d, table = self.decision, Table(view, self.decision.table.scale)
         for c in d.table.chosen:
-            search = Search(table, d.width.sure, d.never, only={c.name})
+            search = Search(table, d.width.sure, d.never, dict(d.memory), only={c.name})
             rows = [row for row in search.rows() if row.order == c.order]
             rows.append(table.enter(search.again(c)))
             table.extend(max(rows, key=lambda row: row.gain))
@@ -323,35 +341,36 @@ class _Judge:
         names = [t.name for t in last.state.terms]
         if len(names) == len(set(names)):
             return last
-        values = last.interval.values()
+        values = Interval(last).values()
         kept = [t for i, t in enumerate(last.state.terms)
                 if t.declared or t.name not in names[:i] or holds(last, values, i)]  # fmt: skip
+        if len(kept) == len(names):
+            return last
         return LastFit(self.view, last.state.copy(terms=[t.copy() for t in kept]), last.scale)
-
-    def _stays(self, last: LastFit) -> float:
-        """What lasts longer than a window of what a fit leaves, as a share of friction."""
-        return Unseen.left(last.left, self.view.rows).stays / self.view.size
 
     def _lost(self, last: LastFit, values: dict[str, Value]) -> list[int]:
         """Effects that the fit does not hold; of further ones those explaining less than stays."""
-        stays, terms = self._stays(last), last.state.terms
-        own = [i for i, t in enumerate(terms) if not t.declared and t.name != GREASE_NAME]
+        stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
+        own = [i for i, t in enumerate(last.state.terms)
+               if not t.declared and t.name != GREASE_NAME]  # fmt: skip
+        names = [last.state.terms[i].name for i in own]
         floors = {c.name: self.decision.floor(c) for c in reversed(self.decision.table.chosen)}
-        first = {terms[i].name: i for i in reversed(own)}  # waves of one effect count once
 
         def kept(i: int) -> bool:
-            share = last.share(i)
-            large = share > const.HELD * floors.get(terms[i].name, 0.0)
+            name, share = last.state.terms[i].name, last.share(i)
+            large = name not in floors or share > const.HELD * floors[name]
             return holds(last, values, i) and large and (i == own[0] or share > stays)
 
-        return [i for i in own if first[terms[i].name] == i and not kept(i)]
+        # waves of one effect count once
+        return [i for j, i in enumerate(own) if names.index(names[j]) == j and not kept(i)]
 
     def _strike(self, last: LastFit, i: int) -> None:
-        name, d = last.state.terms[i].name, self.decision
+        name = last.state.terms[i].name
         self.notes.append(f"{name} is not held by the last fit.")
-        if last.share(i) > 2 * d.least:  # large, but not sure, or more stays
+        if last.share(i) > 2 * self.decision.least:  # large, but not sure, or more stays
             self.candidates.append((-last.share(i), name))
         self.struck.add(name)
+        d = self.decision
         if name in {t.name for t in d.joined}:
             for v in (self.view, self.train, self.test):
                 v.terms = [t for t in v.terms if t.name != name]
@@ -359,17 +378,19 @@ class _Judge:
         else:
             d.decide(self.struck)
 
-    def _bent(self, last: LastFit) -> LastFit:
+    def _bent(self, last: LastFit, values: dict[str, Value]) -> LastFit:
         """A bend of the friction curve that is worth a name is an effect; else it is dropped."""
         state = last.state
         if not state.grease:
             return last
-        x, plain = last.interval.values()["grease"], state.copy(grease=0.0)
-        sure = x[0] > const.SURE_BEND * (x[0] - x[1]) / Z95 and not self.view.motion.one_way
-        if sure and last.bend() > max(self.decision.least, self._stays(last)):
+        x, bend = values["grease"], last.bend()
+        stays = Unseen.left(last.left, self.view.rows).stays / self.view.size
+        sure = x[0] > const.SURE_BEND * (x[0] - x[1]) / Z95
+        plain = state.copy(grease=0.0)
+        if not self.view.motion.one_way and sure and bend > max(self.decision.least, stays):
+            block = members("effect")[GREASE_NAME]
             c = np.array([last.fit.b[last.design.names.index("grease")]])
-            q = {"exponent": state.grease}
-            plain.terms.append(Term(members("effect")[GREASE_NAME], GREASE_NAME, q, c))
+            plain.terms.append(Term(block, GREASE_NAME, {"exponent": state.grease}, c))
         return LastFit(self.view, plain, last.scale)
 
     # ---- held-out rows
@@ -383,10 +404,12 @@ class _Judge:
 
     def _on_training_rows(self, state: State) -> LastFit:
         """The same names fitted to training rows, from where the table ended."""
+        scale, names = self.decision.table.scale, {t.key for t in state.terms}
         begun = state_of(self.decision.table)
-        here = {t.key: t for t in begun.terms}
-        begun.terms = [here.get(t.key, t.copy()) for t in state.terms]
-        return best_law(self.train, begun, self.decision.table.scale, straight=True)
+        begun.terms = [t for t in begun.terms if t.key in names]
+        here = {t.key for t in begun.terms}
+        begun.terms += [t.copy() for t in state.terms if t.key not in here]
+        return best_law(self.train, begun, scale, straight=True)
 
     def _without(self, state: State) -> LastFit:
         """The same without names, and with what every drive has held to its size."""
@@ -397,38 +420,42 @@ class _Judge:
     def _verdict(
         self, last: LastFit, full: Unseen, plain: Unseen, without: LastFit
     ) -> tuple[str, bool]:
-        d, v = self.decision, self.view
-        named = [i for i, t in enumerate(last.state.terms) if not t.declared]
+        """The verdict with the held-out error, and whether names are shown."""
+        d, v, state = self.decision, self.view, last.state
+        named = [i for i, t in enumerate(state.terms) if not t.declared]
+        verdict = d.verdict
         if not named and not d.parts:
-            return self._nothing(last, full), False
-        if d.heavy and {t.name for t in d.joined} & {t.name for t in last.state.named}:
+            if verdict in ("found", "ambiguous"):
+                verdict = "adequate"
+            if d.rest > const.MOSTLY:
+                verdict = "unexplained"
+                self.notes.append("Most of the torque has nothing to do with the motion.")
+            if verdict == "adequate" and not v.is_map and self._left(last, v, full):
+                verdict = "unexplained"
+                d.depends_on = sorted(d.unknown[0].depends_on) if d.unknown else []
+            return verdict, False
+        joined = {t.name for t in d.joined}
+        if d.heavy and any(state.terms[i].name in joined for i in named):
             d.alternatives |= d.heavy
-        held = "ambiguous" if d.alternatives else "found"  # a bend, or a load in the base, too
-        verdict = "unexplained" if d.verdict == "unexplained" else held
+            verdict = "ambiguous" if verdict == "found" else verdict
+        if verdict == "adequate":  # a bend, or a load that joined the base
+            verdict = "ambiguous" if d.alternatives else "found"
         shares = [*(last.share(i) for i in named), *(p.share for p in d.parts)]
         stays = full.stays / v.size
         explained = float(np.sqrt(np.sum(np.square(shares))))
-        # of a map the runs are too few for a standard error
-        sure = v.is_map or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
-        if not (sure and full.error < plain.error and explained > stays):
+        few = v.is_map  # runs are too few for a standard error
+        sure = few or gain(plain, full, v.motion.duration) > errors_of(d.alpha)
+        lower = sure and full.error < plain.error
+        much = full.error < const.MOSTLY * v.force
+        if not (lower and explained > stays):
             return self._no_names(last, named, plain, without), False
-        if full.error >= const.MOSTLY * v.force:
+        if not much:
             return "unexplained", True
-        if verdict == "unexplained" and min(shares) > const.CLEAR * stays and d.rest < const.MOSTLY:
-            d.depends_on, verdict = [], held
+        clear = min(shares) > const.CLEAR * stays and d.rest < const.MOSTLY
+        if verdict == "unexplained" and clear:
+            d.depends_on = []
+            verdict = "ambiguous" if d.alternatives else "found"
         return verdict, True
-
-    def _nothing(self, last: LastFit, full: Unseen) -> str:
-        d = self.decision
-        if d.rest > const.MOSTLY:
-            self.notes.append("Most of the torque has nothing to do with the motion.")
-            return "unexplained"
-        if d.verdict == "unexplained":
-            return "unexplained"
-        if self.view.is_map or not self._left(last, self.view, full):
-            return "adequate"
-        d.depends_on = sorted(d.unknown[0].depends_on) if d.unknown else []
-        return "unexplained"
 
     def _left(self, fit: LastFit, of: View, full: Unseen) -> bool:
         """Whether torque stays that matters, which is said."""
@@ -456,16 +483,31 @@ class _Judge:
         return "unexplained"
 
     def _plain(self, last: LastFit) -> LastFit:
+        """The declared model alone, fitted to all rows."""
         state = last.state.without_names(absent=self.absent, constant=True)
         return best_law(self.view, state, last.scale, straight=True)
 
     # ---- all rows
     def _of_all(self, few: LastFit) -> LastFit:
+        """The fit of the same model to all rows."""
         if self.all is self.view:
             return few
+        state = few.state.copy()
         self.all.terms = [t.copy() for t in self.view.terms]
         self.all.settle_as(self.train)
-        return LastFit(self.all, few.state.copy(), few.scale)
+        if state.named:
+            again = {t.key: t for t in self._found_again(self.all).terms}
+            state.terms = [again.get(t.key, t) for t in state.terms]
+        return LastFit(self.all, state, few.scale, turns=2)
+
+    def _intervals(self, last: LastFit, few: LastFit) -> tuple[Interval, np.ndarray]:
+        """Intervals of the model that is shown; how much its description matters, ``few`` say."""
+        if self.whole is None or self.whole[0].last is not last:
+            interval = Interval(last)
+            V = interval.covariance() + interval.between(self._others(few))
+            last.state.apply(last.view)
+            self.whole = interval, V
+        return self.whole
 
     def _others(self, last: LastFit) -> list[dict[str, float]]:
         """How far the values by every other description are from those of a fit."""
@@ -476,7 +518,6 @@ class _Judge:
                 slow = float(np.quantile(self.view.rows.w, 0.2)) + 1e-9
                 widest = 5 / (max(orders) * slow) / self.view.rows.h
             self.apart = last, other_views(last, widest)
-            last.state.apply(last.view)
         return self.apart[1]
 
     def _rivals(self, last: LastFit) -> list[LastFit]:
@@ -529,6 +570,10 @@ def common_factor(ratios: Mapping[str, float]) -> float | None:
     own = np.array([ratios.get(k, 0.0) for k in PLANT])
     alike = bool(own.all()) and np.ptp(own) < const.ALIKE_FACTORS * own.mean()
     return float(own.mean()) if alike else None
+
+
+def _names(d: Decision) -> list[str]:
+    return [*(c.name for c in d.table.chosen), *(p.name for p in d.parts)]
 
 
 def holds(last: LastFit, values: dict[str, Value], i: int) -> bool:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import ndimage
@@ -18,11 +19,15 @@ from scipy.sparse import block_diag, csr_matrix
 
 from ..core.errors import Refused
 from ..core.numeric import rms
-from ..core.regression import Prior, normal_equations
+from ..core.regression import Prior, normal_equations, robust, weight
 from . import constants as const
-from .motion import Motion, SmoothRuns, bump, by_own_scale, slope
+from .motion import Motion, SmoothRuns
 
-LONGER = "Record a longer run in which the drive moves."
+
+def bump(half: int) -> np.ndarray:
+    """Weights (2 half + 1,) of a window: smooth, positive, sum 1."""
+    phi = (1 - (np.arange(-half, half + 1) / (half + 1)) ** 2) ** 3
+    return phi / phi.sum()
 
 
 def centres(pieces: Sequence[slice], reach: int, step: int) -> np.ndarray:
@@ -41,10 +46,13 @@ def averages(kernel: np.ndarray, at: np.ndarray, n: int) -> csr_matrix:
 
 
 def half_samples(h: float, dt: float) -> int:
+    """Half-width in samples of a window of half-width h (s)."""
     return max(2, int(round(h / dt)))
 
 
 class _Windows:
+    """The windows of the runs of one rate."""
+
     def __init__(self, runs: SmoothRuns, h: float, top: float, sparser: int = 1) -> None:
         samples, n, half = runs.samples, len(runs.samples), half_samples(h, runs.dt)
         phi, soft = bump(half), len(runs.pulse) > 3
@@ -97,7 +105,7 @@ class Rows:
             raise Refused(
                 f"the drive moves in {len(self.at)} windows of {2e3 * h:.3g} ms; "
                 f"{const.LEAST_ROWS} are needed.",
-                LONGER,
+                "Record a longer run in which the drive moves.",
             )
         one = len(parts) == 1
         self.K = parts[0].K if one else block_diag([p.K for p in parts], "csr")
@@ -116,6 +124,7 @@ class Rows:
         return float(np.median(self.w)) * self.h
 
     def only(self, mask: np.ndarray) -> Rows:
+        """The same without some rows."""
         made = copy(self)
         for key in ("at", "K", "narrow", "t", "w", "a", "shake"):
             setattr(made, key, getattr(self, key)[mask])
@@ -141,76 +150,103 @@ class Probe:
     """
 
     def __init__(self, motion: Motion, h: float, declared: Declared) -> None:
-        self.h, self.declared, m = h, declared, motion
-        direction, one = np.tanh(m.w / max(0.01 * m.top, 1e-12)), np.ones(len(m))
-        plain = np.column_stack([direction, m.w, one, m.slope(m.u), declared.place])
-        signals = np.column_stack([plain, m.u, np.abs(m.w), m.elapsed])
-        rows = [_accelerations(r, h, signals[at]) for r, at in zip(m.runs, m.at, strict=True)]
-        # what the acceleration itself shows where it is calm, in every other window
-        bends = np.abs(np.diff(np.concatenate([x[::2, 0] for x in rows]), 2))
-        self.calm = float(np.quantile(bends, 0.15)) / 0.189 / 2.45 if len(bends) else 0.0
-        every = np.concatenate(rows)
-        every = every[every[:, -2] > 0.01 * m.top]
-        X, (noise, y, _, self.t) = every[:, :-4], every[:, -4:].T
-        self.enough = len(X) >= 3 * X.shape[1]
+        self.h, self.declared = h, declared
+        direction = np.tanh(motion.w / max(0.01 * motion.top, 1e-12))
+        late, none = motion.slope(motion.u), np.ones(len(motion))
+        signals = np.column_stack([direction, motion.w, none, late, declared.place])
+        X, y, moves, variance, thin, t = [], [], [], [], [], []
+        for run, at in zip(motion.runs, motion.at, strict=True):
+            a, own, K, middle, every = self._windows(run)
+            t.append(motion.elapsed[at][middle])
+            X.append(np.column_stack([a, K @ signals[at]]))
+            y.append(K @ motion.u[at])
+            moves.append(K @ np.abs(motion.w[at]) > 0.01 * motion.top)
+            variance.append(np.full(len(a), own))
+            thin.append(a[::every])
+        moving = np.concatenate(moves)
+        self.enough = bool(moving.sum() >= 3 * signals.shape[1] + 3)
         if self.enough:
-            self._fit(X, y, noise)
-            self._judge(m, float(noise.mean()))
+            noise, self.t = np.concatenate(variance)[moving], np.concatenate(t)[moving]
+            self._robust(np.concatenate(X)[moving], np.concatenate(y)[moving], noise)
+            self._judge(motion, np.concatenate(thin), float(noise.mean()))
 
-    def _fit(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
-        size = np.sqrt(np.mean(X**2, axis=0)) + 1e-300
-        X, prior = X / size, Prior.free(len(size))
-        b, r, k, scale = by_own_scale(X, y)
-        self._X, self._b, self.r, self._size = X, b, r, size
-        power = float(np.mean(r * r)) + 1e-300
-        alike = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
-        memory = 1 + 2 * sum(max(0.0, one) for one in alike)  # rows that tell as much as one
-        inverse = np.linalg.inv(normal_equations(X, y, k, prior, scale, 0.0)[0])
-        told, place = inverse[0, 0] / size[0] ** 2, b[5:]
-        self._V = inverse * (scale**2 * memory + 1e-300)
-        self.J, self.error = float(b[0] / size[0]), float(self._V[0, 0] ** 0.5 / size[0])
+    def _windows(self, runs: SmoothRuns) -> tuple:
+        """Acceleration, its noise (variance), the averages and the centres of the windows of one
+        rate, and every how many windows are independent."""
+        samples, s, dt = runs.samples, runs.sensors, runs.dt
+        half = half_samples(self.h, dt)
+        phi = bump(half)
+        second = np.convolve(phi, [1, -2, 1]) / dt**2
+        first = np.convolve(phi, [0.5, 0, -0.5]) / dt
+        of_theta = s.theta_variance * float(np.sum(second**2))
+        of_w = s.w_variance * float(np.sum(first**2)) if s.w is not None else np.inf
+        if s.filtered:  # a filtered difference of theta tells little more than theta
+            of_w = max(of_w, 0.25 * of_theta)
+        variance = 1 / (1 / of_theta + 1 / of_w)
+        step = max(1, int(0.55 * half))
+        at = centres(samples.pieces, half, step)
+        K = averages(phi, at, len(samples))
+        a = np.zeros(len(at))
+        if s.theta is not None:
+            a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
+        if s.w is not None:
+            a += variance / of_w * (K @ runs.slope(s.w))
+        return a, variance, K, at, max(1, round(half / step))
+
+    def _robust(self, X: np.ndarray, y: np.ndarray, noise: np.ndarray) -> None:
+        k, size = np.ones(len(y)), np.sqrt(np.mean(X**2, axis=0)) + 1e-300
+        X, many, scale = X / size, len(size), 1.0
+        prior = Prior.free(many)
+        for _ in range(6):
+            fit = robust(X, y, prior, scale, 0.0, k, 1)
+            r = fit.r * scale
+            scale = 1.5 * float(np.median(np.abs(r))) + 1e-300
+            k = weight(r / scale)
+        self._X, self._b, self.r, self._scale, self._size = X, fit.b, r, scale, size
+        G, _ = normal_equations(X, y, k, prior, scale, 0.0)
+        self._inverse = np.linalg.inv(G)
+        self.rms = rms(y) + 1e-300
+        told = self._inverse[0, 0] / size[0] ** 2
+        self.J = float(fit.b[0] / size[0])
+        self.error = float(scale * np.sqrt(self._memory * told))
         self.lost = float(noise.mean() * k.sum() * told)
-        self.residual, self.rms = rms(r), rms(y) + 1e-300
+        self.residual = rms(r)
         self.left = self.residual / self.rms
-        # gravity that is certain beside everything that is linear
-        self.heavy = bool(place @ np.linalg.solve(self._V[5:, 5:], place) > 50)
 
-    def _judge(self, motion: Motion, variance: float) -> None:
-        b, size, w, known = self._b, self._size, np.abs(motion.w), self.declared
+    @cached_property
+    def _memory(self) -> float:
+        """Rows that tell as much as one that knows nothing of its neighbours."""
+        r = self.r
+        power = float(np.mean(r * r)) + 1e-300
+        c = [float(np.mean(r[j:] * r[:-j])) / power for j in range(1, 8)]
+        return 1 + 2 * sum(max(0.0, one) for one in c)
+
+    def _judge(self, motion: Motion, thin: np.ndarray, variance: float) -> None:
+        b, size, w = self._b, self._size, np.abs(motion.w)
         friction = rms(self._X[:, 1:3] @ b[1:3]) + 1e-12 * self.rms
         work = b[1] / size[1] * np.mean(w) + b[2] / size[2] * np.mean(motion.w**2)
         self.drag = float(work / (self.rms * np.mean(w) + 1e-300))
-        self.heavy &= known.weight and rms(self._X[:, 5:] @ b[5:]) > const.HEAVY * friction
-        J = max(self.J, 0.0) if known.J is None else known.J
-        if known.J is not None and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
-            friction = J * size[0]
-        small = const.NOISY * (known.Fc or max(friction, 0.1 * np.std(motion.u)))
-        small = max(small, 0.3 * self.residual * (known.J is None), 1e-100)
-        shown = 0.5 * self.calm * (known.J is not None)
-        self.noisy = float(J * max(np.sqrt(variance), shown) / small)
+        place = b[5:]  # gravity that is large, and certain beside everything that is linear
+        chi2 = place @ np.linalg.solve(self._inverse[5:, 5:], place)
+        certain = chi2 / (self._scale**2 * self._memory + 1e-300) > 50
+        large = rms(self._X[:, 5:] @ place) > const.HEAVY * friction
+        self.heavy = self.declared.weight and bool(certain and large)
+        self.noisy = self._noise(motion, friction, thin, variance)
 
-
-def _accelerations(runs: SmoothRuns, h: float, signals: np.ndarray) -> np.ndarray:
-    """In windows of the runs of one rate: the acceleration without smoothing, the means of signals
-    (n, k), of which the last three stand behind the variance of the acceleration's noise."""
-    samples, s, dt = runs.samples, runs.sensors, runs.dt
-    half = half_samples(h, dt)
-    phi = bump(half)
-    of_theta = s.theta_variance * float(np.sum((np.convolve(phi, [1, -2, 1]) / dt**2) ** 2))
-    of_w = s.w_variance * float(np.sum((np.convolve(phi, [0.5, 0, -0.5]) / dt) ** 2))
-    of_w = np.inf if s.w is None else of_w
-    if s.filtered:  # a filtered difference of theta tells little more than theta
-        of_w = max(of_w, 0.25 * of_theta)
-    variance = 1 / (1 / of_theta + 1 / of_w)
-    at = centres(samples.pieces, half, max(1, int(const.OVERLAP * half)))
-    K = averages(phi, at, len(samples))
-    a = np.zeros(len(at))
-    if s.theta is not None:
-        a += variance / of_theta * (K @ np.r_[0, np.diff(s.theta, 2), 0]) / dt**2
-    if s.w is not None:
-        a += variance / of_w * (K @ runs.each(slope, s.w))
-    means = K @ signals
-    return np.column_stack([a, means[:, :-3], np.full(len(a), variance), means[:, -3:]])
+    def _noise(self, motion: Motion, friction: float, thin: np.ndarray, variance: float) -> float:
+        """Noise of J a in a row over what is small enough."""
+        J, known = self.declared.J, self.declared.J is not None
+        if known and np.ptp(motion.u) == 0:  # coasting: friction is what J a is
+            friction = J * self._size[0]
+        small = const.NOISY * (self.declared.Fc or max(friction, 0.1 * np.std(motion.u)))
+        if J is None:
+            J, small = max(self.J, 0.0), max(small, 0.3 * self.residual)
+        small = max(small, 1e-100)
+        noisy = J * np.sqrt(variance) / small
+        if known and len(thin) > 2:  # what the acceleration itself shows where it is calm
+            calm = np.quantile(np.abs(np.diff(thin, 2)), 0.15) / 0.189 / 2.45
+            noisy = max(noisy, J * calm / (2 * small))
+        return float(noisy)
 
 
 class Width:
@@ -223,31 +259,36 @@ class Width:
     """
 
     def __init__(self, motion: Motion, declared: Declared) -> None:
-        self.motion, self.declared, J = motion, declared, declared.J
+        self.motion, self.declared = motion, declared
         longest = max((at.stop - at.start) * dt for at, dt in motion.pieces)
         few = 3 * max(r.dt for r in motion.runs)
         grid = sorted({max(h, few) for h in const.WIDTHS if 8 * max(h, few) < longest}) or [few]
         self.sure, self.range = True, None
         self.tried: list[Probe] = []
-        self._try(grid, J is not None)
+        self._try(grid, declared.J is not None)
         if not self.tried:
-            raise Refused("too few windows in which something moves.", LONGER)
+            raise Refused(
+                "too few windows in which something moves.",
+                "Record a longer run in which the drive moves.",
+            )
         good = [p for p in self.tried if self._calm(p) and p.lost < const.LOST]
-        good = self._undeclared(good) if J is None else self._declared(J, grid, good)
+        good = self._undeclared(good) if declared.J is None else self._declared(grid, good)
         last = self.tried[-5:]
         self.impossible = all(p.J < -3 * p.error for p in last) and last[-1].drag < 0.05
         # a balance that explains all else excludes the declared inertia, and finds none
+        least = const.LOST * (declared.J or 0.0)
         self.against = all(
-            p.left < const.LOST and p.J < 3 * p.error and p.J + 3 * p.error < const.LOST * (J or 0)
+            p.left < const.LOST and p.J < 3 * p.error and p.J + 3 * p.error < least
             for p in self.tried
         )
-        p = good[0] if good else min(self.tried, key=lambda p: max(p.noisy, p.lost / const.LOST))
+        p = good[0] if good else min(self.tried, key=self._cost)
         if not self.sure:  # waves over the angle want narrow windows
             p = next((q for q in self.tried if q.noisy < 3), p)
         self.h, self.heavy, self.t, self.r = p.h, p.heavy, p.t, p.r
 
     def _try(self, grid: list[float], stop: bool) -> None:
-        for p in (Probe(self.motion, h, self.declared) for h in grid):
+        for h in grid:
+            p = Probe(self.motion, h, self.declared)
             if not p.enough:
                 continue
             self.tried.append(p)
@@ -257,11 +298,16 @@ class Width:
     def _calm(self, p: Probe) -> bool:
         return p.noisy < 1 or self.declared.J is not None and p.h > const.WIDE
 
-    def _declared(self, J: float, grid: list[float], good: list[Probe]) -> list[Probe]:
+    def _cost(self, p: Probe) -> float:
+        return max(p.noisy, p.lost / const.LOST, 1.0 - 0.5 * (p.h < 0.1))
+
+    def _declared(self, grid: list[float], good: list[Probe]) -> list[Probe]:
         """A declared inertia is held where the log does not tell it; where narrow windows lose it
         to noise, wider ones are asked as if it was not declared."""
-        p = good[0] if good else self.tried[-1]
-        if p.J + 3 * p.error < 0.7 * J or not any(q.error < 0.3 * J for q in self.tried):
+        J, p = self.declared.J, good[0] if good else self.tried[-1]
+        assert J is not None
+        lost = p.J + 3 * p.error < 0.7 * J
+        if lost or not any(q.error < 0.3 * J for q in self.tried):
             self._try([h for h in grid if h > self.tried[-1].h], False)
             wide = self._undeclared(self.tried)
             if self.sure:
@@ -270,23 +316,22 @@ class Width:
         return good
 
     def _undeclared(self, good: list[Probe]) -> list[Probe]:
-        """Those that agree on an inertia with wider ones."""
         known = [p for p in self.tried if p.J > 0 and p.error < 0.3 * p.J]
         told = [p for p in known if p.error < 0.15 * p.J]
 
-        def near(p: Probe, probes: list[Probe]) -> list[Probe]:
-            return [q for q in probes if p.h <= q.h < const.SEVERAL * p.h]
+        def lost(p: Probe) -> float:
+            """What wider windows say that this one loses, as a share of J."""
+            best = max(
+                (q.J - q.error for q in told if p.h <= q.h < const.SEVERAL * p.h), default=0.0
+            )
+            return 1 - p.J / best if best > 0 else 0.0
 
-        def loses(p: Probe) -> bool:
-            best = max((q.J - q.error for q in near(p, told)), default=0.0)
-            return best > 0 and p.J <= (1 - const.LOST) * best
-
-        good = [p for p in good if p in known and not loses(p)]
+        good = [p for p in good if p in known and lost(p) < const.LOST]
         self.sure = bool(good and told) and known[-1].J - 2 * known[-1].error < 1.2 * good[0].J
         if self.sure:
             first = good[0]
-            spread = float(np.ptp([p.J for p in near(first, known)]))
-            half = max(3 * first.error, spread, 0.05 * first.J)
+            near = [p.J for p in known if first.h <= p.h < const.SEVERAL * first.h]
+            half = max(3 * first.error, float(np.ptp(near)), 0.05 * first.J)
             if half < 0.3 * first.J:
                 self.range = first.J - half, first.J + half
         return good
@@ -307,7 +352,7 @@ def fine_wave(motion: Motion, h: float) -> float:
         w.append(motion.w[at][on])
     r, th = (np.concatenate(x)[: const.ENOUGH] for x in (fast, theta))
     speed = float(np.median(np.abs(np.concatenate(w))))
-    n = np.arange(1, const.ORDERS + 1)
+    n = np.arange(1, const.FINEST_ORDER + 1)
     n = n[(n * speed * motion.dt < 1.2) & (n * speed * h > 5)]
     if not len(n):
         return 0.0
