@@ -236,7 +236,11 @@ class _Text:
         marks, commas = decimals(cell for row in rows for cell in row)
         table = str.maketrans(marks)
         if marks:
-            rows = [[c if is_stamp(c) else c.translate(table) for c in row] for row in rows]
+            plain = {c for row in rows for c in row if _FIGURES.fullmatch(c.strip())}
+            rows = [
+                [c.translate(table) if c in plain and not is_stamp(c) else c for c in row]
+                for row in rows
+            ]
         columns = [
             self.column(i, numbers, cells, said)
             for i, cells in zip(indices, zip(*rows, strict=True), strict=True)
