@@ -27,10 +27,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import Any
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 from ..blocks.friction import along, level, strokes
 from .mechanics import Mechanics, quadratic
@@ -44,9 +42,6 @@ STEPS = (0.25, 0.12, 0.06)  # of the search, decades and samples
 EARLIEST = 0.6  # samples: a motion in counts shows a reversal late, and rests hide it
 MOTOR, LOAD = ("Fc", "dF", "damping"), ("load Fc", "load dF")
 STEEPEST, FALLS = 1.5, 0.9  # dF/Fc: Fs up to 2.5 Fc, friction that falls by up to 90 % at low speed
-CONE = np.array([[1.0, 1.0], [-FALLS, STEEPEST]])  # Fc and dF of two shares from 0 on
-POSSIBLE = np.zeros((5, 5))  # levels that friction can have, of such shares and the damping
-POSSIBLE[:2, :2], POSSIBLE[2, 2], POSSIBLE[3:, 3:] = CONE, 1.0, CONE
 COST = attrgetter("cost")
 STEP = 0.3  # rad of the load's fastest oscillation in a step, at most
 SHORTEST = 1e-3  # of the distance between the load's reversals: a bristle stiffer than this
@@ -65,6 +60,7 @@ class LoadMotion:
 
 
 def load_motion(run: Run, mechanics: Mechanics, friction: float, distance: float) -> LoadMotion:
+    """Compute the motion of the load, with about so much friction (N m or N) on it."""
     wa, za, ratio, _ = np.exp(mechanics.pairs[0]).tolist()
     share = 1.0 - 1.0 / (1.0 + ratio) ** 2  # of the inertia, on the load
     braking = friction / (share * mechanics.inertia[0])
@@ -99,6 +95,22 @@ def _terms(
     z = along(*path, distance)
     middle = 0.5 * (z + np.append(0.0, z[:-1]))
     return z, np.stack([means(middle), means(middle * level(speed, 0.0, 1.0, vs))], axis=1)
+
+
+def impossible(names: Sequence[str], levels: Sequence[float], most: float = np.inf) -> str | None:
+    """Return a term to be left out, whose level no friction has: the least certain of several;
+    ``most`` is the largest torque, and friction that the axis overcomes is no larger."""
+    found = dict(zip(names, levels, strict=True))
+    large = [k for k in ("load Fc", "Fc") if found.get(k, 0.0) > most]
+    if large:
+        return large[0]
+    for key, change in (("load Fc", "load dF"), ("Fc", "dF")):
+        whole = found.get(key, 0.0)
+        if change in found and not -FALLS * whole <= found[change] <= STEEPEST * whole:
+            return change
+    if "damping" in found and not found.get("Fc", 0.0) > 0.0:  # of a bristle that is not there
+        return "damping"
+    return next((k for k in ("load Fc", "damping", "Fc") if found.get(k, 0.0) < 0.0), None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,11 +159,13 @@ class Problem:
         return run.spectrum(made * share[:, None]) * self.advance[i][:, None]
 
     def without(self, found: Friction) -> Friction:
+        """The same shapes with no friction."""
         none = [np.zeros((len(y), 0)) for y in self.left]
         spectra = tuple(np.zeros_like(F) for F in found.spectra)
-        return replace(found, spectra=spectra, levels={}, cost=_levels(none, self.left, 0.0)[1])
+        return replace(found, spectra=spectra, levels={}, cost=_levels(none, self.left)[1])
 
     def tried(self, distance: float, vs: float, early: float) -> Friction:
+        """The best levels at these shapes."""
         made = [
             self.spectra(i, distance, vs) * np.exp(1j * run.w * run.dt * early)[:, None]
             for i, run in enumerate(self.runs)
@@ -160,9 +174,9 @@ class Problem:
         both = zip(self.bases, self.windows, strict=True)
         X = [without(Q, one.rows(shaped)) for Q, one in both]
         most = max(float(np.abs(run.u).max()) for run in self.runs)
-        levels, cost = _levels(X, self.left, most)
-        named = dict(zip(self.names, levels.tolist(), strict=True))
-        return Friction(tuple(F @ levels for F in made), named, distance, vs, early, cost)
+        levels, cost = _possible(X, self.left, self.names, most)
+        spectra = tuple(F @ np.array([*levels.values()]) for F in made)
+        return Friction(spectra, levels, distance, vs, early, cost)
 
 
 def problem_of(
@@ -171,6 +185,7 @@ def problem_of(
     shapes: Sequence[Shape],
     torques: Sequence[np.ndarray],
 ) -> Problem:
+    """Pose the problem of the spectra of the commands ``torques``."""
     every = windows(runs, 0.0, 2.0 * np.pi * min(TOP, SHARE / runs[0].dt), SPACING)
     moved = [shape.den * run.W for shape, run in zip(shapes, runs, strict=True)]
     driven = [shape.num * U for shape, U in zip(shapes, torques, strict=True)]
@@ -213,21 +228,32 @@ def _ranges(runs: Sequence[Run]) -> tuple[float, float, float, float]:
     return low, max(0.1 * path / max(turns, 1), 10.0 * low), 0.01 * speed, 0.5 * speed
 
 
-def _levels(X: list[np.ndarray], y: Sequence[np.ndarray], most: float) -> tuple[np.ndarray, float]:
-    """Levels that friction can have, of up to ``most``, common to all windows, which are weighted
-    by what each leaves."""
+def _possible(
+    X: list[np.ndarray], y: Sequence[np.ndarray], names: Sequence[str], most: float
+) -> tuple[dict[str, float], float]:
+    """Levels that friction can have, and the cost; fewer terms where all together cannot."""
+    kept = list(names)
+    while True:
+        at = [names.index(k) for k in kept]
+        levels, cost = _levels([x[:, at] for x in X], y)
+        wrong = impossible(kept, levels.tolist(), most)
+        if wrong is None:
+            return {k: 0.0 for k in names} | dict(zip(kept, levels.tolist(), strict=True)), cost
+        kept.remove(wrong)
+
+
+def _levels(X: list[np.ndarray], y: Sequence[np.ndarray]) -> tuple[np.ndarray, float]:
+    """Real coefficients common to all windows, weighted by what each window leaves."""
     sizes = np.array([len(one) for one in y])
     A, b = np.concatenate(X), np.concatenate(y)
     A, b = (np.concatenate([np.real(x), np.imag(x)]) for x in (A, b))
-    m = A.shape[1]
-    shares, levels, left = POSSIBLE[:m, :m], np.zeros(m), np.ones(len(sizes))
-    at, scale = np.repeat(np.arange(len(sizes)), sizes), left
+    at = np.repeat(np.arange(len(sizes)), sizes)
+    levels, left = np.zeros(A.shape[1]), np.ones(len(sizes))
+    scale = left
     for _ in range(PASSES):
         weight = np.tile((1.0 / scale)[at], 2)
-        if m:
-            R: Any = np.linalg.qr(np.c_[A @ shares, b] * weight[:, None], "r")
-            bounds = (np.zeros(m), np.where(np.arange(m) == 2, np.inf, most))
-            levels = shares @ lsq_linear(R[:, :-1], R[:, -1], bounds, "bvls").x
+        if A.shape[1]:
+            levels = np.linalg.lstsq(A * weight[:, None], b * weight, rcond=None)[0]
         square = (b - A @ levels) ** 2
         square = square[: len(at)] + square[len(at) :]
         left = np.sqrt(np.bincount(at, square) / sizes) + 1e-300
