@@ -9,11 +9,11 @@ import lugrectl as lg
 from lugrectl.blocks.block import members
 from lugrectl.record import read_log
 
-from ..real.__main__ import ask
 from ..real.row import VERDICTS, Row, Source, score, value, way, wrong_values
 from ..real.rows import all_rows
 from ..scores.judges import values_of
 from ..scores.question import Answer
+from .ask import ask
 
 DATA = Path(os.environ.get("LUGRECTL_DATA", Path(__file__).parents[3] / "shared" / "data"))
 measured = pytest.mark.skipif(not DATA.is_dir(), reason=f"no measured data at {DATA}")
