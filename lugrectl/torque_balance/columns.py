@@ -1,9 +1,4 @@
-"""Blocks with states along a measured motion, integrated by the engine.
-
-Position and speed between the samples are those of the cubic through both; u is held by an effect
-on it, everything else goes in straight lines. A step of the states takes the signals of its middle.
-
-Any registered block as columns along a measured motion.
+"""Any registered block as columns along a measured motion.
 
 No equation of an effect or of a friction law stands here: a block's own function is evaluated
 along the motion, its states are integrated along it, and its declaration says the rest (what it
@@ -16,6 +11,10 @@ An effect is linear in its strength, the distance of its first parameter from th
 One with an inertia and a spring is linear in it if the other parameters in N m or kg are scaled
 with it: these count per unit of strength then. A phase or a rest that is declared with ``span``
 is a second column. What else is fitted enters by :func:`slopes`.
+
+Blocks with states are integrated by the engine. Position and speed between the samples are those
+of the cubic through both; u is held by an effect on it, everything else goes in straight lines. A
+step of the states takes the signals of its middle.
 """
 
 from __future__ import annotations

@@ -6,12 +6,10 @@ one regression. Every value of an answer comes from it.
 What a value is not linear in has a column of slopes, and the fit is repeated at the value that it
 says.
 
-The intervals of the last fit.
-
-Blocks are left out; laws that the log does not tell apart count by their likelihood; other
-descriptions of the same drive, a stiffer and a softer motion in wider windows and the drive with an
-alternative in place of a name, count by how far their values lie apart; and no sensor is better
-than SCALE.
+For its intervals blocks are left out; laws that the log does not tell apart count by their
+likelihood; other descriptions of the same drive, a stiffer and a softer motion in wider windows and
+the drive with an alternative in place of a name, count by how far their values lie apart; and no
+sensor is better than SCALE.
 """
 
 from __future__ import annotations

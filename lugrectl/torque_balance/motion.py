@@ -1,12 +1,7 @@
-"""Derivatives and noise of sampled signals.
+"""The motion of a log, smoothed once: as far as the noise of its channels asks.
 
-The sound samples of a log: runs of one rate and one set of channels, as they were read.
-
-What the channels of the motion are worth: their noise, and how late w is against theta.
-
-The motion, smoothed once: as far as the noise of its channels asks.
-
-Of each rate, theta and w are fitted by penalised least squares,
+From the sound samples as they were read, by what the channels are worth: their noise, and how late
+w is against theta. Of each rate, theta and w are fitted by penalised least squares,
 
     sum (theta - x)^2 / V_theta + sum (w - dx/dt)^2 / V_w + stiffness sum (d3 x)^2 / V_theta
 

@@ -1,12 +1,12 @@
-"""What the channels have that is none of the drive: u that was logged late, w that is not 0 at
-rest. Each is a row of the table beside the base; a proven one is undone before anything is asked.
+"""The log as the table sees it: motion, windows, declared effects with all of their values; of a
+long log parts that are enough.
+
+What the channels have that is none of the drive, u that was logged late, w that is not 0 at rest,
+is a row of the table beside the base; a proven one is undone before anything is asked.
 
 A bus or a filtered current makes u late. The base knows lateness as a slope du/dt, which is true
 for a hold; where that reaches its bound, the column itself is tried earlier. Where w stands alone,
 the place of the step of friction tells its offset.
-
-The log as the table sees it: motion, windows, declared effects with all of their values; of a
-long log parts that are enough.
 
 What rows tell of a model grows with their number, what a search costs, too: beyond some minutes
 more of the same motion decides nothing.

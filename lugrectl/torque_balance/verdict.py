@@ -1,6 +1,4 @@
-"""Rows that no step of a fit or a choice sees, and what models leave on them.
-
-The answer of the torque balance: what is missing, and every value, from one last fit.
+"""The answer of the torque balance: what is missing, and every value, from one last fit.
 
 Names are chosen on training rows. They stand where the last fit holds them and where the torque
 error of rows falls that no fit and no choice has seen; then all rows give the values.
