@@ -1,4 +1,4 @@
-"""Every number that was chosen between a record and its verdict, and what it means.
+"""The numbers that the torque balance chose between a record and its verdict, and what they mean.
 
 Times are in s, "friction" is the RMS friction torque of the record.
 """

@@ -90,14 +90,6 @@ def cycle(observer, factor, **options):
     return float(np.ptp(theta))
 
 
-def sampled_velocity_error(estimate, dt=STEP):
-    """As :func:`velocity_error`, with controller and observer sampled at dt and the torque held."""
-    drive = [lg.error(), lg.compensation(), lg.sampled(lg.pi(), dt), lg.sampled(estimate, dt)]
-    t = np.arange(0.0, 5.0 + dt / 2, dt)
-    done = lg.simulate_sampled(lg.plant(P), drive, t, {"r": 0.1 * np.sin(2 * np.pi * t)})
-    return rms(signals_by(done, "e")[t >= 1.0])
-
-
 def signals_by(response, name):
     """One output of a response by name."""
     return np.atleast_2d(response.outputs)[response.output_labels.index(name)]
