@@ -184,9 +184,8 @@ def unfit_law(made: Answer, shown: Model, plain: Balance, least: float) -> str:
 # ---- a channel in another unit or sign: the log is fitted again without each such fault
 
 
-Levels = (
-    np.ndarray
-)  # J, Fc and Fv, and their relative errors; those that are unknown are nan, (2, 3)
+# J, Fc and Fv, and their relative errors (2, 3); those that are unknown are nan
+Levels = np.ndarray
 
 
 def levels(found: Balance) -> Levels | None:
