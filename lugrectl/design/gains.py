@@ -40,13 +40,9 @@ LEAST = 1e-9  # of the fastest rate: below it no decay is claimed
 
 
 def common_rate(corners: Sequence[np.ndarray]) -> tuple[float, np.ndarray] | None:
-    """The largest r found with A'P + P A + 2 r P <= 0 for all A of ``corners``, and P.
-
-    If the error system is affine in quantities that move inside a box, its corners decide, and V =
-    x'P x decays as V(t) <= V(0) exp(-2 r t) however these quantities move. Every r that is found is
-    a bound, the best one or not: r(P) = -max eig(L^-1 (A'P + P A) L'^-1)/2, P = L L', is searched
-    for by the method of Nelder and Mead. States are scaled so that the entries have about one size.
-    """
+    """The largest r found with A'P + P A + 2 r P <= 0 for all A of ``corners``, and P: V = x'P x
+    then decays as exp(-2 r t) however the errors move between them. Every r is a bound, the best
+    one or not."""
     size, n = max(float(np.abs(A).max()) for A in corners), len(corners[0])
     scaled = [A / size for A in corners]
     starts: list[np.ndarray] = [np.eye(n)]  # and functions of stable corners and their mean
@@ -87,8 +83,7 @@ def _improved(corners: Sequence[np.ndarray], P: np.ndarray) -> tuple[float, np.n
     x = np.linalg.cholesky(P)[lower]
     for _ in range(ROUNDS):
         x = minimize(missed, x, method="Nelder-Mead", options={"maxiter": 600}).x
-    made = matrix(x)
-    return -missed(x), made / np.trace(made)
+    return -missed(x), matrix(x) / np.trace(matrix(x))
 
 
 SPEED = 1.0  # rad/s, up to which a certificate that has a limit holds, unless given
@@ -128,15 +123,12 @@ class Rule(NamedTuple):
 
 RULES: dict[str, Rule] = {}  # by observer
 METHODS: dict[str, Rule] = {}  # of the proposed one
-LUGRE = "J sigma0 sigma1 Fc Fs Fv vs"
+BRISTLES = "J sigma0 sigma1 Fc Fs vs"
+LUGRE = f"{BRISTLES} Fv"
 
 
-def rule(observer: str, needs: str, **choices: float | None) -> Callable[[Any], Any]:
-    """Enter the function below as the rule of an observer."""
-    return _entering(RULES, f"{observer}_observer", needs, choices)
-
-
-def _entering(table: dict[str, Rule], name: str, needs: str, choices: Any) -> Callable[[Any], Any]:
+def rule(table: dict[str, Rule], name: str, needs: str, /, **choices: float | None) -> Any:
+    """Enter the function below as the rule of an observer, or a method of the proposed one."""
 
     def enter(build: Any) -> Any:
         table[name] = Rule(build, needs, choices)
@@ -159,7 +151,7 @@ def _noise(m: Any, rate: float, bound: str = "") -> str:
     return f"noise of w reaches Fhat with {bound}{m.J * rate:.3g} N m s/rad"
 
 
-@rule("natural", "sigma0 Fc Fs vs")
+@rule(RULES, "natural_observer", "sigma0 Fc Fs vs")
 def _natural(m: Any, c: Choices) -> Made:
     return {}, claim([RELAXES, RIGHT])
 
@@ -171,7 +163,7 @@ def _corrected(m: Any, c: Choices) -> float:
     return m.J * rate**2 / m.sigma0 if c["k"] is None else c["k"]
 
 
-@rule("existing", LUGRE, rate=None, k=None, kp=0.0)
+@rule(RULES, "existing_observer", LUGRE, rate=None, k=None, kp=0.0)
 def _existing(m: Any, c: Choices) -> Made:
     k = _corrected(m, c)
     most = 4.0 / m.sigma1 * (1.0 + c["kp"] / (k * m.sigma1)) if k else math.inf
@@ -184,12 +176,12 @@ def _existing(m: Any, c: Choices) -> Made:
     return {"k": k}, claim(said, valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s")
 
 
-@rule("lyapunov", LUGRE, rate=None, k=None)
+@rule(RULES, "lyapunov_observer", LUGRE, rate=None, k=None)
 def _lyapunov(m: Any, c: Choices) -> Made:
     return {"k": _corrected(m, c)}, claim([FORWARD, "s tends to 0; " + RELAXES, RIGHT])
 
 
-@rule("normal_force", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
+@rule(RULES, "normal_force_observer", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
 def _normal_force(m: Any, c: Choices) -> Made:
     kd = 1.25 * m.sigma0 * m.J / m.sigma1 if c["kd"] is None else c["kd"]
     kp = kd**2 / (4.0 * m.J) if c["kp"] is None else c["kp"]
@@ -204,7 +196,7 @@ def _normal_force(m: Any, c: Choices) -> Made:
     return {"k": c["k"], "gamma": gamma}, claim(said, holds=bool(verdict))
 
 
-@rule("temperature", LUGRE, k=0.0, gamma=5.0, M=SPEED)
+@rule(RULES, "temperature_observer", LUGRE, k=0.0, gamma=5.0, M=SPEED)
 def _temperature(m: Any, c: Choices) -> Made:
     k, gamma = c["k"], c["gamma"]
     a, low = _slides(m, c["M"]), min(m.Fc, m.Fs) / m.Fs
@@ -218,7 +210,7 @@ def _temperature(m: Any, c: Choices) -> Made:
     return {"k": k, "gamma": gamma}, claim(said, 0.0 - k)
 
 
-@rule("friction_state", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
+@rule(RULES, "friction_state_observer", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
 def _friction_state(m: Any, c: Choices) -> Made:
     p = c["bandwidth"] or _limited(1.5 * math.sqrt(m.sigma0 / m.J), c)
     most = c["M"]
@@ -232,7 +224,7 @@ def _friction_state(m: Any, c: Choices) -> Made:
     return {"bandwidth": p}, claim(said, -p, rate, valid, holds=rate is not None)
 
 
-@rule("position_lugre", LUGRE, pole=None, M=SPEED, dt=None)
+@rule(RULES, "position_lugre_observer", LUGRE, pole=None, M=SPEED, dt=None)
 def _position_lugre(m: Any, c: Choices) -> Made:
     p = c["pole"] or _limited(3.0 * math.sqrt(m.sigma0 / m.J), c, 1.0)
     gains, corners = position_corners(m, p, c["M"])
@@ -277,7 +269,7 @@ def _slowest(A: np.ndarray) -> float:
     return float(np.linalg.eigvals(A).real.max())
 
 
-@rule("position_coulomb", "J Fv", rate=None, L=None, dt=None)
+@rule(RULES, "position_coulomb_observer", "J Fv", rate=None, L=None, dt=None)
 def _position_coulomb(m: Any, c: Choices) -> Made:
     r = c["rate"] or _limited(200.0, c) / 4.0
     L, k = c["L"] or 8.0 * r, m.J * r
@@ -290,14 +282,14 @@ def _position_coulomb(m: Any, c: Choices) -> Made:
     return {"k": k, "L": L}, claim(said)
 
 
-@rule("disturbance", "J", tau=None, dt=None)
+@rule(RULES, "disturbance_observer", "J", tau=None, dt=None)
 def _disturbance(m: Any, c: Choices) -> Made:
     tau = c["tau"] or 1.0 / _limited(100.0 if c["dt"] is None else math.inf, c)
     said = [f"{CONSTANT} tau sup|dD/dt|", _noise(m, 1.0 / tau)]
     return {"tau": tau}, claim(said, -1.0 / tau, 1.0 / tau)
 
 
-@rule("extended_state", "J", bandwidth=None, dt=None)
+@rule(RULES, "extended_state_observer", "J", bandwidth=None, dt=None)
 def _extended(m: Any, c: Choices) -> Made:
     p = c["bandwidth"] or _limited(100.0 if c["dt"] is None else math.inf, c)
     said = [
@@ -308,7 +300,7 @@ def _extended(m: Any, c: Choices) -> Made:
     return {"bandwidth": p}, claim(said, -p, SHARE * p)
 
 
-@rule("general_coulomb", "J Fv", rate=None, w0=0.1, dt=None)
+@rule(RULES, "general_coulomb_observer", "J Fv", rate=None, w0=0.1, dt=None)
 def _general_coulomb(m: Any, c: Choices) -> Made:
     r, w0 = c["rate"] or _limited(50.0, c), c["w0"]
     said = [
@@ -319,7 +311,7 @@ def _general_coulomb(m: Any, c: Choices) -> Made:
     return {"k": m.J * r, "w0": w0}, claim(said)
 
 
-@rule("friedland_park", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
+@rule(RULES, "friedland_park_observer", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
 def _friedland_park(m: Any, c: Choices) -> Made:
     r, mu, v = c["rate"] or _limited(50.0, c), c["mu"], c["speed"]
     said = [
@@ -331,7 +323,7 @@ def _friedland_park(m: Any, c: Choices) -> Made:
     return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, claim(said)
 
 
-@rule("adaptive", LUGRE, gamma=10.0, K2=None, dt=None)
+@rule(RULES, "adaptive_observer", LUGRE, gamma=10.0, K2=None, dt=None)
 def _adaptive(m: Any, c: Choices) -> Made:
     gamma = c["gamma"]
     K2 = c["K2"] or m.J * max(_limited(40.0 * gamma, c), 4.0 * gamma)
@@ -609,15 +601,8 @@ def design_gains(
     return ObserverDesign(short, gains, own, replace(certificate, lemma=short))
 
 
-def method(name: str, **choices: float | None) -> Callable[[Any], Any]:
-    """Enter the function below as a method of the proposed observer."""
-    return _entering(
-        METHODS, name, "J sigma0 sigma1 Fc Fs vs", {"C": 1.0, "alpha": None, **choices}
-    )
-
-
-@method("bounded", A=None, M=None)
-@method("time-varying", A=None)
+@rule(METHODS, "bounded", BRISTLES, C=1.0, alpha=None, A=None, M=None)
+@rule(METHODS, "time-varying", BRISTLES, C=1.0, alpha=None, A=None)
 def _scheduled(m: Any, c: Choices) -> Made:
     """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M:
     V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
@@ -647,23 +632,17 @@ def _scheduled(m: Any, c: Choices) -> Made:
             "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
         )
     certificate = Certificate(
-        holds=True,
-        lemma="lemma4" if M is None else "lemma5",
-        conditions=(*said, MATCHED),
-        pole_at_rest=slowest_pole(m, K1.offset, at_rest),
-        A=A,
-        B=0.0,
-        C=C,
-        alpha=alpha,
-        alpha_unit="N m s/rad",
-        P=np.diag([A, C]),
-        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
-        Q1=np.diag([2.0 * A, 0.0]),
+        True,
+        "lemma4" if M is None else "lemma5",
+        (*said, MATCHED),
+        slowest_pole(m, K1.offset, at_rest),
+        *(None, A, 0.0, C, alpha, "N m s/rad", None),
+        *map(np.diag, ([A, C], [0.0, 2.0 * C * alpha / m.J], [2.0 * A, 0.0])),
     )
     return {"K1": K1, "K2": K2}, certificate
 
 
-@method("constant", beta=None)
+@rule(METHODS, "constant", BRISTLES, C=1.0, alpha=None, beta=None)
 def _constant(m: Any, c: Choices) -> Made:
     C, alpha = c["C"], c["alpha"] or m.sigma0 / m.sigma1
     beta = c["beta"] or 2.0 * C * (m.sigma1 / m.J) ** 2

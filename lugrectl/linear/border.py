@@ -9,7 +9,7 @@ v = infinity.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,11 +42,9 @@ class Border:
         """Return the v of frequencies in rad/s."""
         return w if self.dt is None else np.tan(0.5 * self.dt * w)
 
-    def point(self, v: float, less: float = 0.0) -> complex:
-        """Return s or z at the place jv, of T(s - less) or T((1 - less) z)."""
-        if self.dt is None:
-            return 1j * v - less
-        return (1.0 - less) * (-1.0 + 0j if math.isinf(v) else (1 + 1j * v) / (1 - 1j * v))
+    def points(self, w: np.ndarray, less: float = 0.0) -> np.ndarray:
+        """Return s or z at frequencies in rad/s, of T(s - less) or T((1 - less) z)."""
+        return 1j * w - less if self.dt is None else (1.0 - less) * np.exp(1j * w * self.dt)
 
     def rate(self, less: float) -> float:
         """Return the eps in 1/s of T(s - less), or T((1 - less) z) = T(exp(-eps dt) z)."""
@@ -67,21 +65,18 @@ class Border:
         with np.errstate(all="ignore"):
             return np.log(np.asarray(poles, dtype=complex)) / self.dt
 
-    def marks(self, poles: np.ndarray) -> np.ndarray:
-        """Return poles in the variable whose imaginary axis the frequencies lie on."""
-        if self.dt is None:
-            return poles
-        with np.errstate(all="ignore"):
-            return (poles - 1) / (poles + 1)
-
     def show(self, poles: Iterable[complex], name: str = "poles ") -> str:
         shown = show_poles([*map(complex, poles)])
         return f"{name}{shown} 1/s" if self.dt is None else f"z = {shown}"
 
-    def least_stable(self, pole: complex) -> str:
+    def least_stable(self, poles: Sequence[complex]) -> str:
+        """Return where poles are, the least stable first."""
+        if not len(poles):
+            return f"no poles {self.outside}"
         if self.dt is None:
-            return f"poles left of the axis (the rightmost at Re s = {pole.real:.6g} 1/s)"
-        return f"poles inside the unit circle (the largest |z| = {abs(pole):.6g})"
+            at = f"{complex(poles[0]).real:.6g}"
+            return f"poles left of the axis (the rightmost at Re s = {at} 1/s)"
+        return f"poles inside the unit circle (the largest |z| = {abs(poles[0]):.6g})"
 
     def mapped(self, a: Poly, degree: int) -> Poly:
         """Return a of s or z as a polynomial in s or, times (1 - v)^degree, in v."""
@@ -98,8 +93,14 @@ class Border:
         m = self.mapped(a, len(a) - 1)
         return len(m) == len(a) and hurwitz(m)
 
-    def has_outside(self, a: Poly) -> bool:
-        return not self.stable(a) and axis_roots(self.mapped(a, len(a) - 1))[1]
+    def unstable(self, a: Poly) -> tuple[int, list[float]]:
+        """Return how many roots of a are outside, and the frequencies of those on the border."""
+        if self.stable(a):
+            return 0, []
+        m = self.mapped(a, len(a) - 1)
+        on, right = axis_roots(m)
+        many = max(1, sum(v.real > TINY * abs(v) for v in roots(m))) if right else 0
+        return many, [self.frequency(v) for v in [*on, *[math.inf] * (len(m) < len(a))]]
 
     def roots(self, a: Poly) -> tuple[complex, ...]:
         """Return the roots of a, the least stable first (floats: not for decisions); those near

@@ -1,4 +1,4 @@
-"""T(jw) on a grid of frequencies, for the plots of the checks."""
+"""T(jw) at many frequencies, for the plots of the checks."""
 
 from __future__ import annotations
 
@@ -8,13 +8,11 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
+from .axis import spread
 from .border import border_of, is_sampled
 from .delayed import DelayedTransfer
-from .transfer import is_measured, response, roots
+from .transfer import is_measured, response
 
-POINTS = 800
-BEYOND = 30.0  # the grid reaches this factor beyond the outermost pole, zero or mark
-ROUND = np.tan(np.linspace(-1.5, 1.5, 81))  # points about each pole, in widths of its peak
 TURNS = 100.0  # rad of phase of the longest dead time that are drawn
 NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phase
 
@@ -30,29 +28,14 @@ def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
     if not isinstance(T, DelayedTransfer | ct.TransferFunction | ct.StateSpace):
         T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
     border, late = border_of(T), 0.0
-    poles: Any = np.zeros(0, complex)
+    end = top = NEAR * border.frequency(np.inf)
     with np.errstate(all="ignore"):
         if isinstance(T, DelayedTransfer):
-            late = max(T.dead_times, default=0.0)
-            around = np.array(
-                [root for q in (T.num, T.den) for _, p in q.terms for root in roots(p)]
-            )
-            around = np.append(around, [1.0 / late] if late else [])
+            around, late = T.num.roots() + T.den.roots(), max(T.dead_times, default=0.0)
+            end = max(TURNS / late, *(3.0 * w for w in marks if w < np.inf)) if late else end
         else:
-            poles, zeros = (border.rates(np.asarray(x, complex)) for x in (T.poles(), T.zeros()))
-            around = np.append(poles, zeros)
-        end = NEAR * border.frequency(np.inf)
-        places = np.append(np.abs(around)[np.abs(around) <= end], marks)
-        places = places[np.isfinite(places) & (places > 0)]
-        places = places if len(places) else np.array([min(end / BEYOND, 1.0)])
-        low, top = places.min() / BEYOND, min(places.max() * BEYOND, end)
-        if late:
-            top = max(min(top, TURNS / late), 3.0 / late, *(3.0 * w for w in marks if w < np.inf))
-        top = end if border.dt else top
-        peaks = np.abs(poles.imag)[:, None] + np.abs(poles.real)[:, None] * ROUND
-        turns = np.arange(1, min(top * late * 8.0, 40.0 * POINTS)) / (8.0 * late or 1.0)
-        w = np.concatenate([np.geomspace(low, top, POINTS), places, peaks.ravel(), turns])
-        w = np.unique(w[(w >= low) & (w <= top)])
+            around = border.rates(np.append(T.poles(), T.zeros()))
+        w = spread(around, *marks, late=late, top=top, end=end)
         values = np.asarray(
             T(np.exp(1j * w * border.dt) if border.dt else 1j * w, warn_infinite=False)
         )

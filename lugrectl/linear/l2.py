@@ -89,12 +89,9 @@ def l2_check(p: Any, K2: float | None = None) -> L2Verdict:
     Hence e_z is in L2 if e_w is; if w is bounded, so is de_z/dt, and e_z -> 0 (Barbalat). This
     gives no rate, and does not show that e_w is in L2: that depends on K1.
 
-    With exact dead times (:class:`DelayedTransfer`) it is found to 1e-6 relative, and shown to be
-    the largest: 1e-7 above it, gain^2 |d|^2 - |n|^2 has no zero on the axis (intervals with a bound
-    of the second derivative, no grid).
-
-    The norm is isolated exactly; with more than 6 states, or several channels, it is found in
-    floating point by level sets (Bruinsma and Steinbuch 1990), to about 1e-12.
+    The norm is isolated exactly; with more than 6 states, several channels or exact dead times
+    (:class:`DelayedTransfer`) it is found in floating point, as the highest peak between
+    frequencies that are dense about every pole and zero and in every turn of a dead time.
 
     A mode on the imaginary axis that does not show in T, as the position in a loop's speed, leaves
     the gain finite, and the reason names it; one right of the axis makes the gain infinite.

@@ -1,7 +1,7 @@
 """Stability of a closed loop, and how far it is from -1: gain, phase, modulus and delay margin.
 
-Nothing is read off a grid: |L| = 1 and Im L = 0 are signs along the axis, and the peak of
-|1/(1 + L)| is the gain of a system (:mod:`system`).
+|L| = 1 and Im L = 0 are signs along the axis, and the peak of |1/(1 + L)| is the gain of a system
+(:mod:`system`).
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
-from .border import is_sampled
-from .delayed import DelayedTransfer
 from .state_system import StateSystem
-from .systems import ExactSystem, MeasuredSystem, has_many_states
+from .systems import MeasuredSystem, has_many_states, system_of
 from .transfer import cleared, is_measured, require_siso, response
 from .verdict import NONE, UNKNOWN, Margin, Verdict
 
@@ -99,7 +99,7 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
 
     With L = n/d, sums of p(s) exp(-s h), the poles of L/(1 + L) are the zeros of n + d. Those
     right of the imaginary axis are counted by the argument of (n + d)(jw), which is the Nyquist
-    criterion: it is followed without a grid, and to infinity by the leading terms. A factor of
+    criterion: it is followed to infinity by the leading terms. A factor of
     -1/L(jw) puts a pole on the axis where L is real and negative; a further dead time of
     (phase margin)/w where |L(jw)| = 1. The least |1 + L(jw)| is 1/max |d/(n + d)|.
 
@@ -181,19 +181,16 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
         raise InputError(
             "open_poles is for a measured response; of any other L the poles are counted."
         )
+    given, said = cleared(L)
     if has_many_states(L):
         require_siso(L, "L")
         return _verdict(StateSystem.of(L)).of(L)
-    if is_sampled(L):
-        return _verdict(ExactSystem.of(L, "L")).of(L)
-    given, said = cleared(L)
-    of = DelayedTransfer.of(given, "L")
-    return _verdict(ExactSystem(of), said).of(of)
+    return _verdict(system_of(given, "L"), said).of(given)
 
 
 def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
     closed, turns, mine = L.closed(), _real_crossings(L), L.right
-    crossovers = [(w, L.at(L.border.place(w))[0]) for w in L.signs("size", 1).places]
+    crossovers = [(w, _value(L, w)) for w in L.signs("size", 1).places]
     cause = f"it has {closed.trouble}" if closed.trouble else L.hidden
     gains = _stable_gains(L, turns)
     phase = delay = below = above = UNKNOWN
@@ -242,8 +239,12 @@ def _disk(S: Any, skew: int) -> Margin:
 
 def _real_crossings(L: Any) -> list[tuple[float, float]]:
     """Where L is real and negative, and L there."""
-    places = [(w, L.at(L.border.place(w))[0].real) for w in L.signs("imag").places]
+    places = [(w, _value(L, w).real) for w in L.signs("imag").places]
     return [(w, x) for w, x in [*places, *L.ends()] if -math.inf < x < 0]
+
+
+def _value(L: Any, w: float) -> complex:
+    return complex(L.at(np.array([w]))[0][0])
 
 
 def _stable_gains(L: Any, turns: list[tuple[float, float]]) -> Intervals:

@@ -1,13 +1,7 @@
-"""State-space systems in floating point, at the cost of a few eigenvalue problems.
+"""State-space systems in floating point: exact arithmetic takes minutes at 30 states.
 
-Between neighbouring zeros of T(s) + T(-s), or of |T|^2 - c, on the imaginary axis nothing changes
-its sign: a point in each gap decides, with what rounding of the matrices may change there. The
-H-infinity norm: a frequency with a singular value equal to a level g is a zero of
-g^2 I - T(-s)^T T(s) on the axis (Boyd, Balakrishnan and Kabamba 1989). From the largest value that
-is known, the zeros of the next higher level and the points between them give a larger one, or none
-(Bruinsma and Steinbuch 1990). Times grow with the third power of the order; exact arithmetic takes
-minutes at 30 states. T(z) is evaluated on the circle, with the matrices as they are; its zeros are
-those of the same function of v (:mod:`border`).
+A is made triangular once. T(jw), or T(exp(jw dt)), is then found at many frequencies at once, with
+what rounding of the matrices may change of it.
 """
 
 from __future__ import annotations
@@ -21,58 +15,35 @@ from typing import Any
 
 import control as ct
 import numpy as np
-from scipy.linalg import eig, get_lapack_funcs, matrix_balance, schur, solve_sylvester
-from scipy.optimize import minimize_scalar
+from scipy.linalg import matrix_balance, schur, solve_sylvester
 
-from ..core.display import show_poles
 from ..core.errors import InputError
+from .axis import BEYOND, Signs, spread, with_extremes
 from .border import Border, border_of
-from .system import FEWER, Edge, Signs, System, last
+from .system import FEWER, Followed, last
 from .transfer import EPS, state_space_polynomials
 
 LARGEST = 1e140  # its square, and that of its inverse, are floats
-RISE = 1e-11  # of the largest value: the next level is higher by this
-LEVELS = 60
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds
-OFF = 1e-2  # of its size: further off the axis, rounding has not moved a zero from it
 UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
 MANY = 1e3  # rounding of the matrices moves a pole by up to this times EPS
-BESIDE = np.array([-2.0, -1.0, -0.5, -0.2, 0.2, 0.5, 1.0, 2.0])  # widths from a pole
-AT_HALF = 1e-13  # a pole this near to z = -1 is moved inside by this
-SINGLE = 1e-9  # relative distance of two candidates that count as one
-
-_trtrs: Any = get_lapack_funcs("trtrs", dtype=complex)  # without the checks of solve_triangular
+FAR = 1e6  # times the norm of A: no frequency is beyond it
 
 
-def solve_shifted(
-    S: np.ndarray, b: np.ndarray, s: complex, transposed: bool = False
-) -> np.ndarray | None:
-    """(s I - S)^-1 b of an upper triangle S, or of its transpose; None where that is singular."""
-    M = -S
-    np.fill_diagonal(M, M.diagonal() + s)
-    found, singular = _trtrs(M, b, trans=int(transposed))
-    return None if singular else found
-
-
-def zeros_of(A: np.ndarray, B: np.ndarray, C: np.ndarray, D: Any) -> np.ndarray:
-    """The finite zeros of a system with as many inputs as outputs."""
-    scale = math.sqrt(max(np.linalg.norm(B), 1e-300) / max(np.linalg.norm(C), 1e-300))
-    left = np.block([[A, B / scale], [C * scale, np.atleast_2d(D)]])
-    right = np.diag([*np.ones(len(A)), *np.zeros(len(C))])
-    with warnings.catch_warnings(), np.errstate(all="ignore"):
-        warnings.simplefilter("ignore")
-        pairs: Any = eig(left, right, right=False, homogeneous_eigvals=True)
-        alpha, beta = pairs
-        return (alpha / beta)[np.abs(beta) > 1e-14 * np.abs(alpha).max()]
+def solve_shifted(S: np.ndarray, b: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """(s I - S)^-1 b of an upper triangle S, for each of many s."""
+    x = np.zeros((len(s), *b.shape), dtype=complex)
+    for i in reversed(range(len(S))):
+        x[:, i] = (b[i] + S[i, i + 1 :] @ x[:, i + 1 :]) / (s - S[i, i])[:, None]
+    return x
 
 
 @dataclass(frozen=True)
-class StateSystem(System):
+class StateSystem(Followed):
     """T = C (sI - A)^-1 B + D, or of z, with any number of channels.
 
     ``less``: T(s - less), or T((1 - less) z), instead. ``unseen``: modes that are not stable and
-    were taken out, as they do not show in T; ``lost``: whether one is so beyond rounding. Places
-    on the border are v, jv = s.
+    were taken out, as they do not show in T; ``lost``: whether one is so beyond rounding.
     """
 
     A: np.ndarray
@@ -83,7 +54,7 @@ class StateSystem(System):
     less: float = 0.0
     unseen: tuple[complex, ...] = ()
     lost: bool = False
-    basis = " (decided in floating point, within its rounding)"
+    basis = " (decided in floating point, within rounding)"
 
     @classmethod
     def of(cls, T: Any) -> StateSystem:
@@ -132,25 +103,25 @@ class StateSystem(System):
         return self.border.beyond(self.poles)
 
     @property
-    def surely_stable(self) -> bool:
-        """Whether every pole is stable by more than rounding."""
-        return bool((self.beyond < -self.rounding).all())
+    def right(self) -> float:
+        return int((self.beyond > self.rounding).sum())
+
+    @property
+    def on(self) -> list[float]:
+        near = self.poles[(np.abs(self.beyond) <= self.rounding) & (self.poles.imag >= 0)]
+        return np.abs(np.imag(self.border.rates(near))).tolist()
 
     @cached_property
     def stable(self) -> bool | None:
         """Whether every pole is, exactly where rounding hides it; None where this takes long."""
-        if self.surely_stable:
+        if not (self.right or self.on):
             return True
-        if self.beyond.max() > self.rounding:
+        if self.right:
             return False
         if len(self.A) > EXACT:
             return None
         _, den = state_space_polynomials(ct.ss(self.A, self.B, self.C, self.D))
         return self.border.stable(den)
-
-    @property
-    def seen(self) -> str:
-        return self.border.show(self.poles)
 
     @property
     def hidden(self) -> str:
@@ -165,7 +136,7 @@ class StateSystem(System):
 
     def shown(self) -> StateSystem:
         """The same without modes that are not stable and do not show."""
-        if self.surely_stable:
+        if not (self.right or self.on):
             return self
 
         def is_stable(pole: Any) -> bool:
@@ -198,102 +169,26 @@ class StateSystem(System):
         S, Q = found
         return S, Q.conj().T @ self.B, self.C @ Q
 
-    def at(self, v: float) -> tuple[complex, float]:
-        """T of one channel at jv, and what rounding of the matrices may change of it."""
-        (S, B, C), D = self.triangular, float(self.D[0, 0])
-        s = self.border.point(v, self.less)
-        if math.isinf(abs(s)):
-            return complex(D), 0.0
-        b, c = B[:, 0], C[0]
-        right, left = solve_shifted(S, b, s), solve_shifted(S, c, s, transposed=True)
-        if right is None or left is None:
-            return complex(math.nan), math.inf
-        reach = float(np.linalg.norm(left) * np.linalg.norm(right))
-        size = float(np.linalg.norm(c) * np.linalg.norm(right)) + abs(D)
-        return complex(c @ right) + D, EPS * ((self.norm + abs(s)) * reach + size)
-
-    def _states(self, v: float) -> np.ndarray:
-        """C (sI - A)^-1 B at jv."""
-        s = self.border.point(v)
-        if math.isinf(abs(s)):
-            return np.zeros(self.D.shape)
+    def at(self, w: np.ndarray) -> tuple[np.ndarray, Any]:
+        """Of one channel; of several a matrix for each w, with no rounding."""
+        if not len(self.A):
+            return np.full(len(w), self.D[0, 0], complex), 0.0
+        s = self.border.points(np.asarray(w), self.less)
         S, B, C = self.triangular
-        right = solve_shifted(S, B, s)
-        if right is None:
-            raise np.linalg.LinAlgError("singular matrix")
-        return C @ right
+        with np.errstate(all="ignore"):
+            right = solve_shifted(S, B, s)
+            T = C @ right + self.D
+            if self.D.size > 1:
+                return T, 0.0
+            left = solve_shifted(S[::-1, ::-1].T, C[:, ::-1].T, s)
+            left, right = (np.linalg.norm(x[:, :, 0], axis=1) for x in (left, right))
+            size = np.linalg.norm(C) * right + abs(float(self.D[0, 0]))
+            return T[:, 0, 0], EPS * ((self.norm + np.abs(s)) * left * right + size)
 
-    def size_at(self, v: float) -> float:
-        return _norm(self.D + self._states(v)) if len(self.A) else _norm(self.D)
-
-    # --- where something may change ---
-
-    @cached_property
-    def continuous(self) -> StateSystem:
-        """The system, ``less`` apart, or the one in v with the same values."""
-        if self.border.dt is None:
-            return self
-        grow, eye = 1.0 / (1.0 - self.less), np.eye(len(self.A))
-        A, B, C = self.A * grow, self.B, self.C * grow
-        if np.abs(np.linalg.eigvals(A) + 1).min(initial=1.0) < AT_HALF:  # v is infinite there
-            A = A * (1 - AT_HALF)
-        inverse, root = np.linalg.inv(A + eye), math.sqrt(2)
-        D = self.D - C @ inverse @ B
-        return StateSystem(inverse @ (A - eye), root * inverse @ B, root * C @ inverse, D)
-
-    def mirrored_zeros(self, part: str) -> np.ndarray:
-        """The zeros of T(s) + T(-s) ("real"), or of T(s) - T(-s) ("imag")."""
-        of, sign = self.continuous, 1.0 if part == "real" else -1.0
-        A = of.A + of.less * np.eye(len(of.A))
-        zero = np.zeros_like(A)
-        return zeros_of(
-            np.block([[A, zero], [zero, -A.T]]),
-            np.vstack([of.B, of.C.T]),
-            np.hstack([of.C, -sign * of.B.T]),
-            (1.0 + sign) * of.D,
-        )
-
-    def level_zeros(self, square: float) -> np.ndarray:
-        """The zeros of T(s)^T T(-s) - square I."""
-        of = self.continuous
-        A, B, C, D = of.A, of.B, of.C, of.D
-        return zeros_of(
-            np.block([[A, np.zeros_like(A)], [-C.conj().T @ C, -A.conj().T]]),
-            np.vstack([B, -C.conj().T @ D]),
-            np.hstack([D.conj().T @ C, B.conj().T]),
-            D.conj().T @ D - square * np.eye(B.shape[1]),
-        )
-
-    def places(self, zeros: np.ndarray) -> np.ndarray:
-        """0, the places of zeros and poles, points between them and beyond."""
-        found = between(np.concatenate([zeros, self.border.marks(self.poles)]))
-        return found if self.border.dt is None else np.append(found, math.inf)
-
-    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
-        size = part == "size"
-        zeros = self.level_zeros(float(level)) if size else self.mirrored_zeros(part)
-
-        def function(w: float) -> tuple[float, float]:
-            t, slack = self.at(self.border.place(w))
-            if not size:
-                return getattr(t, part), slack
-            above, share = abs(t) ** 2 / float(level), slack / max(abs(t), slack) + doubt
-            return above - 1.0, 2.0 * above * share + EPS
-
-        w = [self.border.frequency(v) for v in self.places(zeros)]
-        found = Signs.of(function, w)
-        if part == "real" and self.limit[0] < 0 and found.first * (-1) ** len(found.edges) > 0:
-            sure = max((x for x in w if abs(function(x)[0]) > function(x)[1]), default=0.0)
-            return found._replace(edges=(*found.edges, Edge(sure, sure, math.inf)))
-        return found
-
-    # --- the checks ---
-
-    def dc(self) -> tuple[Any, float]:
-        value, slack = self.at(0.0)
-        if slack < abs(value):
-            return abs(value), slack / abs(value)
-        return math.inf if np.abs(self.border.marks(self.poles)).min() <= self.rounding else 0, 0.0
+    def sizes(self, w: np.ndarray) -> np.ndarray:
+        if self.D.size == 1:
+            return super().sizes(w)
+        return np.linalg.norm(self.at(w)[0], 2, axis=(1, 2))
 
     @property
     def size(self) -> str:
@@ -301,15 +196,42 @@ class StateSystem(System):
         return "|T|" if self.D.size == 1 else "the largest singular value of T"
 
     @cached_property
-    def _sweep(self) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Points at, between and within a few widths of the poles; C (sI - A)^-1 B there."""
-        # a level far from the top has its zeros off the axis by more than such a width
-        rates = self.border.rates(self.poles)
-        w, width = np.imag(rates), np.abs(np.real(rates))
-        sharp = (width > 0) & (width < 10 * w)
-        near = self.border.place((w[sharp, None] + width[sharp, None] * BESIDE).ravel())
-        places = np.unique([*between(self.continuous.poles), *near[near > 0]])
-        return places, [self._states(x) for x in places]
+    def zeros(self) -> np.ndarray:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ct.ss(self.A, self.B, self.C, self.D, remove_useless_states=False).zeros()
+
+    def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
+        seen = self.poles[np.abs(self.poles - (self.border.dt is not None)) > self.rounding]
+        poles = self.border.rates(seen)
+        marks = np.abs([] if part == "largest" else self.border.rates(self.zeros))
+        most = FAR * (self.norm / (self.border.dt or 1.0) + 1e-300)
+        poles, marks = poles[np.abs(poles) < most], marks[marks < most]
+        # beyond |A| + |B| |C|/gap the direct term decides
+        direct = abs(float(self.D[0, 0]))
+        gap = {"real": direct, "size": abs(direct - math.sqrt(level))}.get(part, 0.0)
+        far = self.norm + np.linalg.norm(self.B) * np.linalg.norm(self.C) / gap if gap else 0.0
+        end = max(BEYOND * np.max([*np.abs(poles), *marks, 0.0]), min(far, FAR * self.norm))
+        w = spread(poles, *marks, end=end or math.inf, top=self.border.frequency(math.inf))
+        return np.unique([0.0, *w]), True
+
+    def signs(self, part: str, level: Any = 0) -> Signs:
+        found = super().signs(part, level)
+        if part == "real" and self.limit[0] < 0 and found.first * (-1) ** len(found.changes) > 0:
+            w = self.grid(part, 0.0)[0]
+            value, slack = self.at(w)
+            sure = float(w[np.abs(value.real) > slack].max(initial=0.0))
+            return found._replace(changes=(*found.changes, sure))
+        return found
+
+    # --- the checks ---
+
+    def dc(self) -> Any:
+        value, slack = (np.ravel(x)[0] for x in self.at(np.zeros(1)))
+        if slack < abs(value):
+            return float(abs(value))
+        away = np.abs(self.poles - (self.border.dt is not None))
+        return math.inf if away.min(initial=math.inf) <= self.rounding else 0
 
     def closed(self, gain: float = 1.0) -> StateSystem:
         """1/(1 + gain T)."""
@@ -324,73 +246,13 @@ class StateSystem(System):
     def plus(self, c: float) -> StateSystem:
         """The same with another direct term; what is known of A serves both."""
         result = replace(self, D=self.D + c)
-        known = ("poles", "triangular", "_sweep")
-        vars(result).update({name: getattr(self, name) for name in known if len(self.A)})
+        vars(result).update({k: getattr(self, k) for k in ("poles", "triangular") if len(self.A)})
         return result
-
-    def largest(self) -> tuple[float, float]:
-        best, v = self._best(np.array([0.0, math.inf]))
-        if len(self.A):
-            places, states = self._sweep
-            k = int(np.argmax([_norm(self.D + x) for x in states]))
-            about = places[[k, max(k - 1, 0), min(k + 1, len(places) - 1)]]
-            best, v = max((best, v), self._top(*about))
-        for _ in range(LEVELS if len(self.A) and best > 0 else 0):
-            zeros: Any = self.level_zeros((best * (1 + RISE)) ** 2)
-            near = zeros[np.abs(zeros.real) <= OFF * np.abs(zeros)]
-            found, at = self._best(between(near))
-            if found <= best * (1 + RISE):
-                break
-            best, v = found, at
-        if 0 < v < math.inf:
-            best, v = self._top(v, v * (1 - 1e-4), v * (1 + 1e-4))
-        return best, self.border.frequency(v)
-
-    def _best(self, places: np.ndarray) -> tuple[float, float]:
-        values = [self.size_at(v) for v in places]
-        k = int(np.argmax(values))
-        return values[k], float(places[k])
-
-    def _top(self, v: float, low: float, high: float) -> tuple[float, float]:
-        """The largest value at v, or at the top of a peak between two places about it."""
-        sharp = {"xatol": 1e-12 * v}
-        found: Any = minimize_scalar(
-            lambda x: -self.size_at(x), bounds=(low, high), method="bounded", options=sharp
-        )
-        return max((self.size_at(v), float(v)), (-float(found.fun), float(found.x)))
-
-    # --- realness ---
-
-    @property
-    def right(self) -> float:
-        return int((self.beyond > self.rounding).sum())
-
-    @property
-    def outside(self) -> str:
-        over = self.poles[self.beyond > self.rounding]
-        return f"poles {self.border.outside} ({self.border.show(over)})" if len(over) else ""
-
-    @property
-    def on_border(self) -> str:
-        on = self.poles[np.abs(self.beyond) <= self.rounding]
-        at = f"within rounding on the border of stability ({self.border.show(on)})"
-        return at if len(on) else ""
 
     @property
     def fits(self) -> bool:
         """With poles on the border; without, Re T >= 0 is enough."""
-        return not self.on_border or (float(self.D[0, 0]) > -1 and not self.closed().right)
-
-    @property
-    def trouble(self) -> str:
-        upper = [p for p in self.poles[self.beyond >= -self.rounding] if p.imag >= 0]
-        where = self.border.outside
-        where += "" if self.right else " or, within rounding, on its border"
-        return f"poles {where} ({show_poles(upper)}), found in floating point" if upper else ""
-
-    @property
-    def least_stable(self) -> str:
-        return self.border.least_stable(self.poles[0])
+        return not self.on or (float(self.D[0, 0]) > -1 and not self.closed().right)
 
     @cached_property
     def limit(self) -> tuple[int, str]:
@@ -405,12 +267,17 @@ class StateSystem(System):
         said = f"{power}Re T(jw) tends to {end:.6g} as w grows"
         return int(end > least) - int(end < -least), said
 
+    @cached_property
+    def _real_grid(self) -> np.ndarray:
+        return self.grid("real", 0.0)[0]
+
     def _is_real(self, less: Fraction) -> bool:
         """Whether Re T(s - less) is nowhere below 0 beyond rounding."""
         moved = replace(self, less=float(less))
-        vars(moved).update(triangular=self.triangular, poles=self.poles)
-        values = map(moved.at, moved.places(moved.mirrored_zeros("real")))
-        return moved.limit[0] >= 0 and all(t.real >= -slack for t, slack in values)
+        vars(moved).update(triangular=self.triangular)
+        with np.errstate(all="ignore"):
+            _, value, slack = with_extremes(lambda w: moved.part(w, "real", 0.0), self._real_grid)
+        return moved.limit[0] >= 0 and not (value < -slack).any()
 
     def margin(self) -> float:
         slowest = -float(self.beyond.max()) * (1 - 1e-12)
@@ -422,26 +289,18 @@ class StateSystem(System):
     def open_at_infinity(self) -> bool:
         return abs(float(self.D[0, 0])) >= 1
 
+    def _ends(self) -> list[tuple[float, complex, float]]:
+        w = np.array([0.0] if self.border.dt is None else [0.0, self.border.frequency(math.inf)])
+        value, slack = self.at(w)
+        made = [*zip(w.tolist(), value, np.broadcast_to(slack, len(w)), strict=True)]
+        return made if self.border.dt else [*made, (math.inf, complex(self.D[0, 0]), 0.0)]
+
     def ends(self) -> list[tuple[float, float]]:
-        there = [(self.border.frequency(v), *self.at(v)) for v in (0.0, math.inf)]
-        return [(w, value.real) for w, value, slack in there if slack < abs(value)]
+        if self.D.size > 1:
+            return [(math.inf, float(np.linalg.norm(self.D, 2)))] * (self.border.dt is None)
+        return [(w, float(value.real)) for w, value, slack in self._ends() if slack < abs(value)]
 
     def known(self, factors: list[float]) -> float:
         """A beginning or an end of T that is 0 within rounding may be reached beyond it."""
-        ends = [slack for value, slack in map(self.at, (0.0, math.inf)) if abs(value) <= slack]
+        ends = [slack for _, value, slack in self._ends() if abs(value) <= slack]
         return min((1.0 / float(slack) for slack in ends if slack), default=math.inf)
-
-
-def between(marks: np.ndarray) -> np.ndarray:
-    """0, the frequencies of roots, and points between and beyond them."""
-    marks = np.concatenate([np.abs(marks), np.abs(np.imag(marks))])
-    marks = np.sort(marks[np.isfinite(marks) & (marks > 0)])
-    marks = marks[np.append(True, np.diff(marks) > SINGLE * marks[1:])] if len(marks) else marks
-    if not len(marks):
-        return np.array([0.0, 1.0])
-    ends = [0.0, 0.1 * marks[0], 10 * marks[-1]]
-    return np.sort(np.concatenate([ends, marks, np.sqrt(marks[1:] * marks[:-1])]))
-
-
-def _norm(M: np.ndarray) -> float:
-    return float(abs(M[0, 0])) if M.size == 1 else float(np.linalg.norm(M, 2))

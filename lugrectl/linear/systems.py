@@ -8,76 +8,64 @@ and the phase are straight lines over log w (over w from w = 0).
 
 from __future__ import annotations
 
-import cmath
 import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
-from typing import Any
+from functools import cached_property, reduce
+from typing import Any, NamedTuple
 
 import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .axis import WINDOWS, largest, limits, reach, settled, signs, signs_in_x, zeros
+from .axis import Signs, spread, turned
 from .border import Border, border_of
 from .delayed import DelayedTransfer, reduced
 from .exact import (
     Poly,
     Quasi,
-    axis_roots,
+    add,
+    at,
+    derivative,
     divide,
+    even_odd,
     gcd,
     hurwitz,
+    mul,
+    odd_roots,
     positive_real,
+    positive_roots,
     real_product,
+    scale,
     shift,
+    squarefree,
 )
 from .state_system import StateSystem
-from .system import BITS, FEWER, Signs, System, last, why_not
-from .transfer import (
-    along,
-    coefficients,
-    crossings,
-    is_measured,
-    require_siso,
-    response,
-    span,
-    to_float,
-)
+from .system import BITS, FEWER, Followed, System, last, why_not
+from .transfer import coefficients, is_measured, require_siso, response, span, to_float
 from .verdict import Margin
 
 NEAR_ZERO = 1e-12
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
-FAR = 1e100  # rad/s: no crossing is looked for beyond it, where powers of w overflow
+FEW = 16  # turns in which a sign that never settles, and the largest value, are looked for
+HALVES = 40  # of the least |L| that is looked for on the negative real axis
+CLOSE = 1e-3  # of |L| as w grows: a crossing that is larger by less is not looked for
+ROUNDING = 1e-14  # of the sum of its terms: what floating point does not resolve of a value
 LEAST = 1e-300
-BETWEEN, ZOOMS = 32, 8  # points between two frequencies, and times that they close up
-CLOSE = 1e-3  # of |L| as w grows, where that is above 1: no factor on L is stable beyond it
-SAME = 1e-9  # of |L|: a crossing that is lower by less is not looked for at higher frequencies
+BETWEEN = 8  # parts of a step between two measured frequencies
 
 
 @dataclass(frozen=True)
-class ExactSystem(System):
+class Transfer(System):
     """T(s), or T(z) as a function of v; ``given`` is T in its own variable."""
 
     given: DelayedTransfer
     border: Border = Border()
 
-    @classmethod
-    def of(cls, T: Any, name: str = "T") -> ExactSystem:
-        """Raises InputError, which calls T ``name``, for anything else than the checks take."""
-        if isinstance(T, DelayedTransfer):
-            return cls(T)
-        if isinstance(T, ct.TransferFunction | ct.StateSpace):
-            require_siso(T, name)
-        num, den = (Quasi.of([(0, p)]) for p in coefficients(T, name))
-        return cls(reduced(num, den), border_of(T))
-
-    # --- T in the variable whose imaginary axis the frequencies lie on ---
-
     @cached_property
     def T(self) -> DelayedTransfer:
+        """In the variable whose imaginary axis the frequencies lie on."""
         if self.border.dt is None:
             return self.given
         num, den = (
@@ -94,158 +82,24 @@ class ExactSystem(System):
     def excess(self) -> int:
         return self.given.den.degree - self.given.num.degree
 
-    @cached_property
-    def rational(self) -> bool:
-        return self.given.num.rational and self.given.den.rational
-
-    @cached_property
-    def ratio(self) -> tuple[Poly, Poly]:
-        return self.T.num.polynomial, self.T.den.polynomial
-
-    # --- poles ---
-
-    @cached_property
-    def poles(self) -> tuple[complex, ...]:
-        """Of a rational T (floats: for display, not for decisions)."""
-        return self.border.roots(self.given.den.polynomial) if self.rational else ()
-
-    @property
-    def stable(self) -> bool:
-        return not self.trouble
-
-    @cached_property
-    def _zeros(self) -> Any:
-        return zeros(self.T.den)
-
-    @property
-    def right(self) -> float:
-        return self._zeros.right
-
-    @cached_property
-    def trouble(self) -> str:
-        if self.border.dt and self.border.stable(self.given.den.polynomial):
-            return ""
-        right, origin, on_axis = self._zeros
-        if math.isinf(right):
-            return (
-                "infinitely many poles right of the imaginary axis, or as near to it as any: a "
-                "dead time acts on the highest power of s"
-            )
-        if right:
-            return f"{right:.0f} pole{'s' * (right != 1)} {self.border.outside}"
-        if not origin and on_axis is None and self.border.dt is None:
-            return ""
-        v = on_axis if on_axis is not None else 0.0 if origin else math.inf
-        return f"a pole {self.border.on}, at w = {self.border.frequency(v):.6g} rad/s"
-
-    @property
-    def seen(self) -> str:
-        return self.border.show(self.poles) if self.rational else self.trouble
-
     @property
     def hidden(self) -> str:
         return self.border.hidden(self.given.cancelled)
 
     @property
     def lost(self) -> bool:
-        return self.border.has_outside(self.given.cancelled)
-
-    # --- values and signs ---
-
-    def dc(self) -> tuple[Any, float]:
-        top, bottom = self.T.num.taylor(0), self.T.den.taylor(0)
-        return (abs(top / bottom) if bottom else math.inf) if top else 0, 0.0
-
-    def at(self, v: float) -> tuple[complex, float]:
-        return self.T(1j * v), 0.0
-
-    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
-        num, den = self.T.num, self.T.den
-        if part == "size":
-            found = signs(num.squared() + den.squared().scaled(-Fraction(level)))
-        elif part == "imag":
-            found = self._imaginary()
-        else:
-            found = self._with_ends(signs(num.real_product(den)))
-        return found.moved(self.border.frequency)
-
-    def _with_ends(self, found: Signs) -> Signs:
-        """The signs of Re T with its zeros at w = 0 and half the rate; a pole on the axis at which
-        Re T is finite is no zero of it."""
-        real = self.T.num.real_product(self.T.den)
-        if not real:
-            return found
-        at_0, ends = not (real.taylor(0) or self.T.den.order()), []
-        if self.rational:
-            P, square = (real_product(p, self.ratio[1]) for p in self.ratio)
-            common = gcd(P, square)
-            if len(common) > 1:
-                P, square = divide(P, common)[0], divide(square, common)[0]
-                found = found._replace(touches=signs_in_x(P).touches)
-            at_0 = P[0] == 0
-            ends = [math.inf] * (self.border.dt is not None and len(P) < len(square))
-        more = Signs.exact(1, (), [*[0.0] * at_0, *(e.at for e in found.touches), *ends])
-        return found._replace(touches=more.touches)
-
-    def _imaginary(self) -> Signs:
-        """The signs of Im T; with a dead time, which makes them change at ever higher frequencies,
-        up to beyond the largest |T| below 1 and every |T| above 1 where T is real and negative."""
-        T = self.T
-        product = T.num * T.den.mirror()
-        odd = product + product.mirror().scaled(-1)
-        turned = Quasi.of([(0, (0, 1))]) * odd  # s (N(s) D(-s) - N(-s) D(s)), even
-        if not turned or turned.rational or settled(turned) is not None:
-            return signs(turned)
-        least = max([1.0, *(abs(x) * (1 + CLOSE) for x in limits(T))])
-        end = max([1.0 / max(T.dead_times), *filter(math.isfinite, self._level(least))])
-        found = Signs(1)
-        for _ in range(1 if self.open_at_infinity else WINDOWS):
-            if end > FAR:
-                break
-            found = signs(turned, end)
-            below = [-x for v in found.places if -1 < (x := T(1j * v).real) < 0]
-            beyond = self._level(max(below) * (1 - SAME)) if below else [math.inf]
-            if max(beyond, default=0.0) <= end:
-                break
-            end = max([2.0 * end, *(1.01 * v for v in beyond if math.isfinite(v))])
-        return found
-
-    def _level(self, size: float) -> list[float]:
-        """Where |T(jv)| = size."""
-        square = self.T.num.squared() + self.T.den.squared().scaled(-(Fraction(size) ** 2))
-        try:
-            found = signs(square)
-        except (InputError, OverflowError):  # |T| has this size again and again, or too far out
-            return [math.inf]
-        return [*found.changes] if found.complete else [math.inf]
-
-    def largest(self) -> tuple[float, float]:
-        gain, v = largest(self.T)
-        return gain, self.border.frequency(v)
-
-    # --- realness ---
+        return bool(self.border.unstable(self.given.cancelled)[0])
 
     @property
     def zero(self) -> bool:
         return not self.given.num
 
-    @property
-    def outside(self) -> str:
-        if not self.rational:
-            found = self._zeros
-            return self.trouble if found.right or found.on_axis is not None else ""
-        bad = not self.stable and self.border.has_outside(self.given.den.polynomial)
-        return f"poles {self.border.outside} ({self.seen})" if bad else ""
+    def at(self, w: Any) -> tuple[Any, Any]:
+        return self.T(1j * self.border.place(w)), 0.0
 
-    @property
-    def on_border(self) -> str:
-        if self.stable:
-            return ""
-        where = axis_roots(self.ratio[1])[0] if self.rational else [0.0]
-        if self.border.dt and len(self.ratio[1]) <= self.degree:
-            where = [*where, math.inf]
-        shown = ", ".join(f"{self.border.frequency(v):.6g}" for v in where)
-        return f"{self.border.on} at w = {shown} rad/s"
+    def dc(self) -> Any:
+        top, bottom = self.T.num.taylor(0), self.T.den.taylor(0)
+        return (abs(top / bottom) if bottom else math.inf) if top else 0
 
     @property
     def strange(self) -> list[str]:
@@ -253,11 +107,6 @@ class ExactSystem(System):
         if self.zero or abs(self.excess) <= (self.border.dt is None):
             return []
         return [f"the relative degree is {self.excess}, which must be {allowed}"]
-
-    @property
-    def fits(self) -> bool:
-        total = self.T.num + self.T.den
-        return hurwitz(total.polynomial) if self.rational else zeros(total) == (0, 0, None)
 
     @cached_property
     def limit(self) -> tuple[int, str]:
@@ -267,70 +116,14 @@ class ExactSystem(System):
         real, full = num.real_product(den), 2 * min(num.degree, den.degree)
         name = "w^2 Re T(jw)" if self.excess > 0 else "Re T(jw)"
         there = real.degree >= full
-        if not self.rational:
+        if not real.rational:
             return int(there), f"{name} {'stays above 0' if there else 'tends to 0'} as w grows"
         value = Fraction(0)
         if there:
-            value = Fraction(real_product(*self.ratio)[full // 2]) / den.polynomial[-1] ** 2
+            value = Fraction(real.polynomial[full]) * (-1) ** (full // 2)
+            value /= den.polynomial[-1] ** 2
         said = f"{name} tends to {to_float(value):.6g} as w grows"
         return int(value > 0) - int(value < 0), said
-
-    @property
-    def least_stable(self) -> str:
-        if not self.rational:
-            return "all poles are left of the axis"
-        return self.border.least_stable(self.poles[0]) if self.poles else "no poles"
-
-    @property
-    def remark(self) -> str:
-        """On a coefficient of P that is only the rounding error of its terms."""
-        if not self.rational or self.border.dt:
-            return ""
-        sizes = (tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in self.ratio)
-        real, terms = real_product(*self.ratio), real_product(*sizes)
-        near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
-        if not near or min(near) > NEAR_ZERO:
-            return ""
-        return (
-            f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
-            "rounding of the inputs decides"
-        )
-
-    def _is_real(self, less: Fraction) -> bool:
-        """Whether T(s - less), or T((1 - less) z), is positive real."""
-        T = self.T
-        if self.rational and self.border.dt is None:
-            return positive_real(*(shift(p, less) for p in self.ratio))
-        if self.rational:
-            both = (self.given.num.polynomial, self.given.den.polynomial)
-            inner = (tuple(c * (1 - less) ** i for i, c in enumerate(p)) for p in both)
-            return positive_real(*(self.border.mapped(p, self.degree) for p in inner))
-        moved = replace(self, given=DelayedTransfer(T.num.shifted(less), T.den.shifted(less)))
-        if (reach(moved.T.den) or math.inf) > max(
-            TURNS / max(T.dead_times), 10.0 * (reach(T.den) or 0.0)
-        ):
-            return False  # short of a chain of poles: eps is too large, or so by about 1e-4
-        try:
-            known = settled(moved.T.num.real_product(moved.T.den)) is not None
-            return known and why_not(moved, moved.signs("real")) == ""
-        except InputError:
-            return False
-
-    def margin(self) -> float:
-        if not self.degree and self.rational:
-            return math.inf
-        if self.border.dt:
-            high = 1 - Fraction(1, 2**60)
-        elif self.rational:
-            # Poles and zeros must stay left of the axis; the nearest one is not farther than
-            # their mean.
-            high = min(Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in self.ratio if len(p) > 1)
-        else:
-            high = 1 / Fraction(max(self.given.dead_times))
-            while self._is_real(high):
-                high *= 2
-        found = last(self._is_real, high, BITS if self.rational else FEWER)
-        return self.border.rate(to_float(found))
 
     # --- the loop closed over T ---
 
@@ -348,30 +141,322 @@ class ExactSystem(System):
         static = [(0.0, float(self.T.num.taylor(0) / below))] if below else []
         return [*static, *((self.border.frequency(math.inf), x) for x in limits(self.T))]
 
-    def known(self, factors: list[float]) -> float:
-        """With dead times there is no end of them."""
-        return math.inf if self.rational else max(factors, default=math.inf)
-
-    def closed(self, gain: float = 1.0) -> ExactSystem:
+    def closed(self, gain: float = 1.0) -> Transfer:
         num, den = self.given.num.scaled(Fraction(gain)), self.given.den
         if not (total := num + den):
             raise InputError("L(s) is -1, so that the closed loop L/(1 + L) has no solution.")
-        return ExactSystem(DelayedTransfer(den, total, self.given.cancelled), self.border)
+        return replace(self, given=DelayedTransfer(den, total, self.given.cancelled))
 
-    def plus(self, c: float) -> ExactSystem:
+    def plus(self, c: float) -> Transfer:
         made = DelayedTransfer(self.given.num + self.given.den.scaled(Fraction(c)), self.given.den)
         return replace(self, given=made)
 
 
+class ExactSystem(Transfer):
+    """A rational T, decided on rational numbers."""
+
+    @cached_property
+    def ratio(self) -> tuple[Poly, Poly]:
+        return self.T.num.polynomial, self.T.den.polynomial
+
+    @cached_property
+    def poles(self) -> tuple[complex, ...]:
+        """Floats: for display, not for decisions."""
+        return self.border.roots(self.given.den.polynomial)
+
+    @cached_property
+    def _unstable(self) -> tuple[int, list[float]]:
+        return self.border.unstable(self.given.den.polynomial)
+
+    @property
+    def right(self) -> int:
+        return self._unstable[0]
+
+    @property
+    def on(self) -> list[float]:
+        return self._unstable[1]
+
+    def signs(self, part: str, level: Any = 0) -> Signs:
+        num, den = self.ratio
+        size, square = (real_product(p, p) for p in self.ratio)
+        if part == "imag":
+            (a, b), (c, d) = even_odd(num), even_odd(den)
+            found = signs_in_x(add(mul(b, c), scale(mul(a, d), -1)))
+        elif part == "size":
+            found = signs_in_x(add(size, scale(square, -Fraction(level))))
+        else:
+            found = self._real(real_product(num, den), square)
+        return found.moved(self.border.frequency)
+
+    def _real(self, P: Poly, square: Poly) -> Signs:
+        """The signs of P/square with its zeros at w = 0 and half the rate; a pole on the axis at
+        which Re T is finite is no zero of it."""
+        found = signs_in_x(P)
+        if not P:
+            return found
+        common = gcd(P, square)
+        P, square = divide(P, common)[0], divide(square, common)[0]
+        ends = [math.inf] * (self.border.dt is not None and len(P) < len(square))
+        touches = (*[0.0] * (P[0] == 0), *signs_in_x(P).touches, *ends)
+        return found._replace(touches=touches)
+
+    def largest(self) -> tuple[float, float]:
+        if self.T.num.degree > self.T.den.degree:
+            return math.inf, math.inf
+        N, D = (real_product(p, p) for p in self.ratio)
+        # N/D is largest at x = 0, as x grows, or where N'D - N D' changes its sign
+        slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
+        places = [Fraction(0), *map(Fraction, positive_roots(odd_roots(slope)))] if slope else [0]
+        size = {math.sqrt(to_float(Fraction(x))): Fraction(at(N, x)) / at(D, x) for x in places}
+        size.setdefault(math.inf, Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0))
+        v = max(size, key=lambda place: size[place])
+        return math.sqrt(to_float(size[v])), self.border.frequency(v)
+
+    @property
+    def fits(self) -> bool:
+        return hurwitz(add(*self.ratio))
+
+    @property
+    def remark(self) -> str:
+        """On a coefficient of P that is only the rounding error of its terms."""
+        if self.border.dt:
+            return ""
+        sizes = (tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in self.ratio)
+        real, terms = real_product(*self.ratio), real_product(*sizes)
+        near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
+        if not near or min(near) > NEAR_ZERO:
+            return ""
+        return (
+            f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
+            "rounding of the inputs decides"
+        )
+
+    def _is_real(self, less: Fraction) -> bool:
+        """Whether T(s - less), or T((1 - less) z), is positive real."""
+        if self.border.dt is None:
+            return positive_real(*(shift(p, less) for p in self.ratio))
+        both = (self.given.num.polynomial, self.given.den.polynomial)
+        inner = (tuple(c * (1 - less) ** i for i, c in enumerate(p)) for p in both)
+        return positive_real(*(self.border.mapped(p, self.degree) for p in inner))
+
+    def margin(self) -> float:
+        if not self.degree:
+            return math.inf
+        # Poles and zeros must stay left of the axis; the nearest is not farther than their mean.
+        far = [Fraction(p[-2]) / p[-1] / (len(p) - 1) for p in self.ratio if len(p) > 1]
+        high = 1 - Fraction(1, 2**60) if self.border.dt else min(far)
+        return self.border.rate(to_float(last(self._is_real, high, BITS)))
+
+    def known(self, factors: list[float]) -> float:
+        return math.inf
+
+
+class LateSystem(Transfer, Followed):
+    """T(s) with dead times."""
+
+    @cached_property
+    def _zeros(self) -> Zeros:
+        return zeros(self.T.den)
+
+    @property
+    def right(self) -> float:
+        return self._zeros.right
+
+    @property
+    def on(self) -> tuple[float, ...]:
+        return self._zeros.on
+
+    @property
+    def late(self) -> float:
+        return max(self.T.dead_times)
+
+    def at(self, w: Any) -> tuple[Any, Any]:
+        s, T = 1j * np.asarray(w), self.T
+        with np.errstate(all="ignore"):
+            below = np.abs(T.den.at(s))
+            value = T.num.at(s) / T.den.at(s)
+            slack = (T.num.bound(np.abs(s)) + np.abs(value) * T.den.bound(np.abs(s))) / below
+        return value, ROUNDING * slack
+
+    def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
+        T, end = self.T, None
+        if part == "real":
+            end = reach(T.num.real_product(T.den))
+        elif part == "imag":
+            whole = T.num * T.den.mirror()
+            end = reach(whole + whole.mirror().scaled(-1))
+        if level and end is None:
+            end = reach(T.num.squared() + T.den.squared().scaled(-Fraction(level)))
+        settled, near = end is not None, self._zeros.followed
+        if end is None:
+            end = (reach(T.den) or 0.0) + FEW * 2.0 * math.pi / min(T.dead_times)
+        w = spread(T.num.roots() + T.den.roots(), late=self.late, end=end)
+        return np.unique([0.0, *w, *near[near < end]]), settled
+
+    def signs(self, part: str, level: Any = 0) -> Signs:
+        """Of Im T those up to the largest |T| below 1 where T is real and negative."""
+        if part == "imag":
+            return self._imaginary()
+        found = super().signs(part, level)
+        if not found.complete and not found.changes:
+            raise InputError(
+                "as w grows, the sign of a condition on T(jw) stays undecided: its dead times act "
+                "on the highest power of s; add the lag that the drive has."
+            )
+        return found
+
+    def _imaginary(self) -> Signs:
+        found, floor = Signs(1), max(map(abs, limits(self.T)), default=0.0)
+        floor *= 1.0 + (CLOSE if floor < 1.0 else 0.1)  # beyond 1 no factor on L is stable
+        if self.T.num.degree > self.T.den.degree:
+            return found
+        for k in range(1, HALVES):
+            least = max(0.5**k, floor)
+            found = super().signs("imag", least**2)
+            sizes = [-float(self.at(w)[0].real) for w in found.places if w > 0]
+            if (
+                least == floor
+                or self.grid("imag", 0.0)[1]
+                or max((x for x in sizes if x < 1), default=0.0) >= least
+            ):
+                break
+        return found
+
+    def largest(self) -> tuple[float, float]:
+        if self.T.num.degree > self.T.den.degree:
+            return math.inf, math.inf
+        return super().largest()
+
+    @property
+    def outside(self) -> str:
+        """Beside the origin no pole on the axis can be told from one right of it."""
+        return super().outside or (f"a pole {self.on_border}" if any(self.on) else "")
+
+    @property
+    def fits(self) -> bool:
+        found = zeros(self.T.num + self.T.den)
+        return not (found.right or found.on)
+
+    def _is_real(self, less: Fraction) -> bool:
+        T = self.T
+        moved = replace(self, given=DelayedTransfer(T.num.shifted(less), T.den.shifted(less)))
+        if (reach(moved.T.den) or math.inf) > max(TURNS / self.late, 10.0 * (reach(T.den) or 0.0)):
+            return False  # short of a chain of poles: eps is too large, or so by about 1e-4
+        try:
+            known = reach(moved.T.num.real_product(moved.T.den)) is not None
+            return known and why_not(moved, moved.signs("real")) == ""
+        except InputError:
+            return False
+
+    def margin(self) -> float:
+        high = 1 / Fraction(self.late)
+        while self._is_real(high):
+            high *= 2
+        return to_float(last(self._is_real, high, FEWER))
+
+    def known(self, factors: list[float]) -> float:
+        """There is no end of them."""
+        return max(factors, default=math.inf)
+
+
+def transfer_system(given: DelayedTransfer, border: Border) -> Transfer:
+    rational = given.num.rational and given.den.rational
+    return (ExactSystem if rational else LateSystem)(given, border)
+
+
+def signs_in_x(a: Poly) -> Signs:
+    """The signs of a polynomial in x = w^2."""
+    if not a:
+        return Signs(0)
+    factors = squarefree(a)
+    odd, even = (positive_roots(reduce(mul, factors[k::2], (1,))) for k in (0, 1))
+    first = 1 if next(c for c in a if c) > 0 else -1
+    return Signs(first, tuple(map(math.sqrt, odd)), tuple(map(math.sqrt, even)))
+
+
+def reach(q: Quasi) -> float | None:
+    """A frequency in rad/s above which, and |s| above which right of the axis, the highest power of
+    s without dead time outweighs the rest; None where it never does."""
+    last, most = q.leading, q.degree
+    own = abs(last.pop(0, Fraction(0))) - sum(map(abs, last.values()))
+    if own <= 0:
+        return None
+    ratios = [  # Fujiwara's bound on the roots of a polynomial with coefficients of these sizes
+        (sum((abs(Fraction(p[i])) for _, p in q.terms if i < len(p)), Fraction(0)) / own, most - i)
+        for i in range(most)
+    ]
+    logs = [(math.log(c.numerator) - math.log(c.denominator)) / k for c, k in ratios if c]
+    return 2.0 * math.exp(max(logs)) if logs else 1.0
+
+
+def limits(T: DelayedTransfer) -> tuple[float, ...]:
+    """The real values that T(jw) takes again and again, or tends to, as w grows; not 0 or inf."""
+    if T.num.degree != T.den.degree:
+        return ()
+    top, bottom = T.num.leading, T.den.leading
+    late = sorted({*top, *bottom})
+    if len(late) > 2:
+        raise InputError(
+            "the gain as w grows is undecided: several dead times act on the highest power of s; "
+            "add the lag that the drive has."
+        )
+    if len(late) == 1:
+        return (float(top[late[0]] / bottom[late[0]]),)
+    # (a + b z)/(c + d z) is a circle about the real axis, which it crosses at z = 1 and z = -1.
+    a, b, c, d = (p.get(k, Fraction(0)) for p in (top, bottom) for k in late)
+    return tuple(float(n / m) if m else math.inf for n, m in ((a + b, c + d), (a - b, c - d)))
+
+
+class Zeros(NamedTuple):
+    """How many zeros are right of the imaginary axis, and the frequencies of those on it, with
+    which ``right`` is a lower bound; ``followed``: frequencies, dense where it turns fast."""
+
+    right: float
+    on: tuple[float, ...] = ()
+    followed: np.ndarray = np.zeros(0)
+
+
+def zeros(q: Quasi) -> Zeros:
+    """The argument of q(jw) is followed to ``reach``, beyond which it is that of the leading terms;
+    with a dead time on the highest power infinitely many are right of the axis or near it."""
+    if (end := reach(q)) is None:
+        if len(q.leading) > 2:
+            raise InputError(
+                "stability is undecided: several dead times act on the highest power of s; add "
+                "the lag that the drive has."
+            )
+        return Zeros(math.inf)
+
+    def value(w: np.ndarray) -> np.ndarray:
+        return q.at(1j * w)
+
+    m = q.order()
+    w = spread(q.roots(), late=float(q.terms[-1][0]), end=end)
+    start, own = w[:1], float(q.taylor(m)) * 1j**m
+    while abs(value(start)[0] / (own * start[0] ** m) - 1.0) > 0.1 and start[0] > LEAST:
+        start = 0.125 * start
+    if start[0] < w[0]:
+        w = np.concatenate([np.geomspace(start[0], w[0], 100)[:-1], w])
+    w, angle, on = turned(value, w)
+    at_0 = (0.0,) * (m > 0)
+    if on is not None:
+        return Zeros(0, (*at_0, on), w)
+    begin, finish = np.angle(
+        value(w[[0, -1]]) / np.array([own, float(q.leading[0]) * 1j**q.degree])
+    )
+    return Zeros(round((q.degree - m) / 2 + (finish - begin - angle) / math.pi), at_0, w)
+
+
 @dataclass(frozen=True)
-class MeasuredSystem(System):
+class MeasuredSystem(Followed):
     """T(jw) at frequencies w in rad/s; ``right``: its poles right of the axis, as declared."""
 
     w: np.ndarray
     values: np.ndarray
     right: float = 0
     meaning, base = "the L2 gain is at least {:.6g}", "T at the lowest frequency"
-    alike, no_margin = 0.02, math.nan
+    alike, no_margin, least_stable = 0.02, math.nan, ""
+    stable = True
 
     @property
     def basis(self) -> str:
@@ -385,36 +470,23 @@ class MeasuredSystem(System):
         """log |T| and the phase in rad."""
         return np.log(np.maximum(np.abs(self.values), LEAST)), np.unwrap(np.angle(self.values))
 
-    def value(self, k: int, x: float) -> complex:
-        """T a part x of the way from point k to the next."""
-        size, turned = (float(line[k] + x * (line[k + 1] - line[k])) for line in self.lines)
-        return cmath.rect(math.exp(size), turned)
+    def scale(self, w: Any) -> Any:
+        """Over what they are straight: log w, and w up to the first frequency above 0."""
+        first = float(self.w[self.w > 0][0])
+        return np.where(w < first, w / first - 1.0, np.log(np.maximum(w, first) / first))
 
-    def dc(self) -> tuple[Any, float]:
-        return float(abs(self.values[0])), 0.0
+    def at(self, w: Any) -> tuple[Any, Any]:
+        size, phase = (np.interp(self.scale(w), self.scale(self.w), y) for y in self.lines)
+        return np.exp(size + 1j * phase), 0.0
 
-    def at(self, v: float) -> tuple[complex, float]:
-        k = min(max(int(np.searchsorted(self.w, v, "right")) - 1, 0), len(self.w) - 2)
-        low, high = self.w[k : k + 2].tolist()
-        x = math.log(v / low) / math.log(high / low) if low else v / high
-        return self.value(k, x), 0.0
+    def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
+        return self.w, True
 
-    def signs(self, part: str, level: Any = 0, doubt: float = 0.0) -> Signs:
-        """Of Im T those of the changes at which T is real and negative."""
-        w, size = self.w, self.lines[0]
-        if part == "imag":
-            return Signs.exact(1, sorted(along(w, k, x) for k, x in self.half_turns()))
-        line = size - 0.5 * math.log(level) if part == "size" else np.real(self.values)
-        edges = [along(w, k, x) for k, x in crossings(line)]
-        touches = w[line == 0].tolist() if part == "real" else ()
-        return Signs.exact(-1 if line[0] < 0 else 1, edges, touches)._replace(end=float(w[-1]))
+    def signs(self, part: str, level: Any = 0) -> Signs:
+        return super().signs(part, level)._replace(end=float(self.w[-1]))
 
-    def half_turns(self) -> list[tuple[int, float]]:
-        """Where the phase goes through an odd multiple of 180 deg."""
-        turned = self.lines[1]
-        low, high = (math.floor((x / math.pi - 1) / 2) for x in (turned.min(), turned.max()))
-        halves = [(2 * m + 1) * math.pi for m in range(low, high + 2)]
-        return [place for half in halves for place in crossings(turned, half)]
+    def dc(self) -> Any:
+        return float(abs(self.values[0]))
 
     def largest(self) -> tuple[float, float]:
         k = int(np.argmax(np.abs(self.values)))
@@ -449,7 +521,7 @@ class MeasuredSystem(System):
 
 
 @dataclass(frozen=True)
-class MeasuredLoop(System):
+class MeasuredLoop(Followed):
     """c + 1/(1 + L) of a measured L, stable by Nyquist's criterion."""
 
     L: MeasuredSystem
@@ -466,18 +538,16 @@ class MeasuredLoop(System):
     def right(self) -> float:
         """Nan where |L| ends above 1."""
         L, n = self.L, self.L.integrators
-        first, (_, turned) = complex(L.values[0]), L.lines
+        first, end = 1.0 + L.values[[0, -1]]
         if abs(L.values[-1]) >= 1:
             return math.nan
         # From w = 0 the short way to the first point; at the last, 1 + L goes the short way to 1.
         along_0 = (-1j) ** n
-        sign = 1 if (first / along_0).real >= 0 else -1
-        late = along_0 * sign if n else complex(1 + sign * abs(first))
-        angle = cmath.phase((1 + first) / late) - cmath.phase(1 + first)
-        for k, x in L.half_turns():
-            if L.value(k, x).real < -1:
-                angle += math.copysign(2 * math.pi, turned[k + 1] - turned[k])
-        return round(L.right + n / 2 - angle / math.pi)
+        sign = 1 if ((first - 1.0) / along_0).real >= 0 else -1
+        before = along_0 * sign if n else 1 + sign * abs(first - 1.0)
+        _, angle, _ = turned(lambda w: 1.0 + L.at(w)[0], L.w)
+        angle += float(np.angle(first / before) - np.angle(end))
+        return round(L.right + n / 2 - angle / math.pi) if math.isfinite(angle) else math.nan
 
     @property
     def trouble(self) -> str:
@@ -489,38 +559,35 @@ class MeasuredLoop(System):
                 f"{abs(self.L.values[-1]):.4g} at the highest frequency and must be below 1; "
                 "measure up to higher ones"
             )
-        many = f"{self.right:.0f} pole{'s' * (self.right != 1)}"
-        return f"{many} right of the imaginary axis{self.basis}"
+        return self.outside + self.basis
 
     def plus(self, c: float) -> MeasuredLoop:
         return replace(self, c=self.c + c)
 
-    def largest(self) -> tuple[float, float]:
-        """Of points between all frequencies, and again about the largest."""
+    def at(self, w: np.ndarray) -> tuple[np.ndarray, Any]:
+        with np.errstate(divide="ignore"):
+            return self.c + 1.0 / (1.0 + self.L.at(w)[0]), 0.0
 
-        def at(k: Any, x: Any) -> Any:
-            size, turned = (line[k] + x * (line[k + 1] - line[k]) for line in self.L.lines)
-            with np.errstate(divide="ignore"):
-                return np.abs(self.c + 1 / (1 + np.exp(size + 1j * turned)))
+    def grid(self, part: str, level: float) -> tuple[np.ndarray, bool]:
+        return np.unique(np.linspace(self.L.w[:-1], self.L.w[1:], BETWEEN + 1)), True
 
-        x = np.linspace(0.0, 1.0, BETWEEN + 1)
-        every = at(np.arange(len(self.L.w) - 1)[:, None], x)
-        k, i = divmod(int(np.argmax(every)), BETWEEN + 1)
-        part, width = x[i], 1.0 / BETWEEN
-        for _ in range(ZOOMS):
-            x = np.clip(part + width * np.linspace(-1.0, 1.0, BETWEEN + 1), 0.0, 1.0)
-            part, width = x[np.argmax(at(k, x))], 2.0 * width / BETWEEN
-        return max((float(at(k, part)), along(self.L.w, k, part)), (abs(self.c + 1.0), math.inf))
+    def ends(self) -> list[tuple[float, float]]:
+        return [(math.inf, self.c + 1.0)]
 
 
-def system_of(T: Any) -> Any:
-    """T of one input and output; InputError for what the checks do not take."""
+def system_of(T: Any, name: str = "T") -> Any:
+    """T of one input and output; InputError, which calls it ``name``, for what the checks do not
+    take."""
     if is_measured(T):
-        return MeasuredSystem(*response(T))
-    if not has_many_states(T):
-        return ExactSystem.of(T)
-    require_siso(T, "T")
-    return StateSystem.of(T).shown()
+        return MeasuredSystem(*response(T, name))
+    if isinstance(T, DelayedTransfer):
+        return transfer_system(T, Border())
+    if isinstance(T, ct.TransferFunction | ct.StateSpace):
+        require_siso(T, name)
+    if has_many_states(T):
+        return StateSystem.of(T).shown()
+    num, den = (Quasi.of([(0, p)]) for p in coefficients(T, name))
+    return transfer_system(reduced(num, den), border_of(T))
 
 
 def has_many_states(T: Any) -> bool:

@@ -168,19 +168,6 @@ def response(T: Any, name: str = "T") -> tuple[np.ndarray, np.ndarray]:
     return w[order], values[order]
 
 
-def crossings(line: np.ndarray, level: float = 0.0) -> list[tuple[int, float]]:
-    """Where straight lines go through a level: the point before and the part of the way."""
-    above = line >= level
-    at = np.flatnonzero(above[1:] != above[:-1])
-    return [(int(k), float((level - line[k]) / (line[k + 1] - line[k]))) for k in at]
-
-
-def along(w: np.ndarray, k: int, part: float) -> float:
-    """The frequency a part of the way from point k to the next, over log w (over w from w = 0)."""
-    low, high = float(w[k]), float(w[k + 1])
-    return low * (high / low) ** part if low > 0 else low + part * (high - low)
-
-
 def span(w: np.ndarray) -> str:
     return f"the {len(w)} measured frequencies from {w[0]:.6g} to {w[-1]:.6g} rad/s"
 
@@ -191,25 +178,13 @@ def cleared(L: Any) -> tuple[Any, str]:
     """
     if not isinstance(L, ct.TransferFunction) or (L.ninputs, L.noutputs) != (1, 1) or L.dt:
         return L, ""
-    try:
-        num, den = (np.array(p[0][0], dtype=float) for p in (L.num, L.den))
-    except (TypeError, ValueError, OverflowError):
+    num, den = (np.trim_zeros(np.asarray(p[0][0], dtype=float), "f") for p in (L.num, L.den))
+    if not (np.isfinite(num).all() and np.isfinite(den).all() and len(num) <= len(den) > 1):
         return L, ""
-    if not (np.isfinite(num).all() and np.isfinite(den).all() and np.any(num) and np.any(den)):
+    small = np.abs(num) <= EPS * np.abs(den[len(den) - len(num) :])
+    lead = 0 if small.all() else int(np.argmin(small))
+    constant = EPS * abs(den[-2]) * np.abs(np.roots(den / den[0])).max()
+    rounded = den[-2] != 0.0 and 0.0 < abs(den[-1]) <= constant
+    if not (lead or rounded):
         return L, ""
-    num, den = np.trim_zeros(num, "f"), np.trim_zeros(den, "f")
-    top, bottom = num.copy(), den.copy()
-    for k in range(min(len(num), len(den)) if len(num) <= len(den) else 0):
-        rest = np.abs(num[k + 1 :]) > EPS * np.abs(den[len(den) - len(num) + k + 1 :])
-        if abs(num[k]) > EPS * abs(den[len(den) - len(num) + k]) or not rest.any():
-            break
-        top[k] = 0.0
-    if (
-        len(den) > 1
-        and den[-2]
-        and abs(den[-1]) <= EPS * abs(den[-2]) * np.abs(np.roots(den / den[0])).max()
-    ):
-        bottom[-1] = 0.0
-    if (top == num).all() and (bottom == den).all():
-        return L, ""
-    return ct.tf(top, bottom, L.dt), ROUNDED
+    return ct.tf(num[lead:], [*den[:-1], 0.0 if rounded else den[-1]], L.dt), ROUNDED

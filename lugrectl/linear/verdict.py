@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import fields
 from typing import Any, NamedTuple, Self
 
 from ..core.result import Result
 
-PER_SAMPLE = {"rad/s": "rad/sample", "1/s": "1/sample", "s": "samples"}
-SECONDS = re.compile(r"(?<=\d )(rad/s|1/s|s)\b|rad/s\b")
-NO_RATE = "; per sample, as T has no stated sample time: give its dt for rad/s and Hz"
+NO_RATE = "; T has no stated sample time, so that 1 s is taken: give its dt"
 
 
 class Verdict(Result):
@@ -32,16 +29,8 @@ class Verdict(Result):
         """
         object.__setattr__(self, "_source", source)
         if getattr(source, "dt", None) is True:
-            self._per_sample()
+            object.__setattr__(self, "reason", self.reason.rstrip(".") + NO_RATE)
         return self
-
-    def _per_sample(self) -> None:
-        units = {
-            k: PER_SAMPLE[u] for k, u in self._units.items() if u in PER_SAMPLE and k != "gain"
-        }
-        reason = SECONDS.sub(lambda unit: PER_SAMPLE[unit[0]], self.reason)
-        object.__setattr__(self, "_units", units)
-        object.__setattr__(self, "reason", reason.rstrip(".") + NO_RATE)
 
     def __str__(self) -> str:
         rows = [f"  {row.name}: {row.text()}" for row in self._rows()]
