@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, Literal, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
@@ -490,21 +490,9 @@ class Design(Result):
         return own | {"certificate": self.certificate.summary()}
 
 
-@overload
-def design_gains(
-    p: Any, method: str = ..., *, observer: Literal["proposed"] = ..., **choices: float
-) -> Design: ...
-
-
-@overload
-def design_gains(
-    p: Any, method: str = ..., *, observer: str, **choices: float
-) -> Design | ObserverDesign: ...
-
-
 def design_gains(
     p: Any, method: str = "constant", *, observer: str = "proposed", **choices: float
-) -> Design | ObserverDesign:
+) -> Any:
     """Gains of an observer by its design rule, with a certificate of what they guarantee.
 
     Parameters

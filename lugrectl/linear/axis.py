@@ -32,7 +32,7 @@ def spread(
     """Frequencies from far below to far above all roots (1/s) and marks, or to ``end``, never above
     ``top``; ``late``: the longest dead time in s."""
     roots = np.asarray(roots, dtype=complex)
-    places = np.array([*np.abs(roots), *marks, 1.0 / late if late else 0.0])
+    places = np.array([*np.abs(roots), *marks, 1.0 / late if late else 0.0, end])
     places = places[(places > 0.0) & (places <= min(top, 1e100))]
     places = places if len(places) else np.array([min(top / BEYOND, 1.0)])
     low = float(places.min()) / BEYOND
@@ -47,6 +47,11 @@ def spread(
     even = np.geomspace(low, high, math.ceil(PER_DECADE * math.log10(high / low)) + 2)
     w = np.concatenate([even, places, peaks.ravel(), np.arange(1.0, turns) * high / (turns or 1.0)])
     return np.unique(w[(w >= low) & (w <= high)])
+
+
+def from_0(w: np.ndarray) -> np.ndarray:
+    """0 and a few frequencies far below the others, too."""
+    return np.concatenate([[0.0], np.geomspace(1e-9 * w[0], w[0], 91)[:-1], w])
 
 
 def tops(

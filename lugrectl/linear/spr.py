@@ -181,8 +181,7 @@ def spr_check(T: Any) -> SprVerdict:
     -----
     The sign of P is decided by Sturm chains and n + d by Routh, both on rational numbers, never
     on a frequency grid. The given coefficients are taken as exact, so an equality such as
-    sigma1 Kd = sigma0 J holds only if it holds for the floats; the reason mentions a coefficient
-    of P that is within 1e-12 of zero, relative to its terms. Give the pair (num, den) as
+    sigma1 Kd = sigma0 J holds only if it holds for the floats. Give the pair (num, den) as
     fractions.Fraction to decide on decimal numbers. T = 0 counts as PR. The verdict is about
     T(s): where a mode that is not stable cancelled from it, the reason says so.
 

@@ -189,10 +189,15 @@ def stability_check(L: Any, open_poles: int = 0) -> StabilityVerdict:
 
 
 def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
-    closed, turns, mine = L.closed(), _real_crossings(L), L.right
-    crossovers = [(w, _value(L, w)) for w in L.signs("size", 1).places]
+    def value(w: float) -> complex:
+        return complex(L.at(np.array([w]))[0][0])
+
+    closed, mine = L.closed(), L.right
+    crossovers = {w: value(w) for w in L.signs("size", 1).places if w > 0.0}
+    turns = [*((w, value(w).real) for w in L.signs("imag").places), *L.ends()]
+    factors = [Margin(-1.0 / x, w) for w, x in turns if -math.inf < x < 0.0]
+    gains = _stable_gains(L, sorted({m.value for m in factors}))
     cause = f"it has {closed.trouble}" if closed.trouble else L.hidden
-    gains = _stable_gains(L, turns)
     phase = delay = below = above = UNKNOWN
     disks = [UNKNOWN] * 3
     if cause:
@@ -201,24 +206,23 @@ def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
         reason += f"with L times {shown} it is" if gains else "no factor on L makes it stable"
     else:
         phase, delay = _lags(L, crossovers)
-        factors = [Margin(-1.0 / x, w) for w, x in turns]
         below = max((m for m in factors if m.value < 1), default=Margin(0.0))
         above = min((m for m in factors if m.value >= 1), default=NONE)
-        disks = [_disk(closed, skew) for skew in (1, -1, 0)]  # of S, of T and of S - T
-        reason = _reason(delay, mine - closed.right, mine) + closed.basis
+        peaks = (closed.plus(0.5 * (skew - 1)).largest() for skew in (1, -1, 0))  # S, T and S - T
+        disks = [Margin(1.0 / most, w) if most else NONE for most, w in peaks]
+        reason = _reason(delay) + closed.basis
         reason += CLOSED * any(w == 0 and abs(x - 1) < L.alike for w, x in L.ends())
         if (end := L.beyond_band).value < above.value:
             reason += BEYOND.format(end.at, end.value)
             above = above if math.isfinite(above.value) else end
     in_dB = below.value and above.value > 1.0 / below.value
-    margins = {"gain": below if in_dB else above, "phase": phase, "modulus": disks[0]}
-    made: dict[str, Any] = {}
-    for kind, margin in {**margins, "delay": delay}.items():
-        made |= {f"{kind}_margin": margin.value, f"{kind}_margin_frequency": margin.at}
+    every = {"gain": below if in_dB else above, "phase": phase, "modulus": disks[0], "delay": delay}
+    margins = {f"{kind}_margin": one.value for kind, one in every.items()}
+    places = {f"{kind}_margin_frequency": one.at for kind, one in every.items()}
     known = math.isfinite(mine) and math.isfinite(closed.right)
     return StabilityVerdict(
         stable=not cause,
-        crossovers=tuple(w for w, _ in crossovers),
+        crossovers=tuple(crossovers),
         encirclements=mine - closed.right if known else math.nan,
         open_poles=mine,
         closed_poles=closed.right,
@@ -227,67 +231,41 @@ def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
         Ms=1.0 / disks[0].value if disks[0].value else math.inf,
         disk_margins=(disks[0].value, disks[1].value, disks[2].value),
         stable_gains=gains,
-        **made,
+        **margins,
+        **places,
     )
 
 
-def _disk(S: Any, skew: int) -> Margin:
-    """1/max |S + (skew - 1)/2|; of skew 1 the least |1 + L|."""
-    most, w = S.plus(0.5 * (skew - 1)).largest()
-    return Margin(1.0 / most, w) if most else NONE
-
-
-def _real_crossings(L: Any) -> list[tuple[float, float]]:
-    """Where L is real and negative, and L there."""
-    places = [(w, _value(L, w).real) for w in L.signs("imag").places]
-    return [(w, x) for w, x in [*places, *L.ends()] if -math.inf < x < 0]
-
-
-def _value(L: Any, w: float) -> complex:
-    return complex(L.at(np.array([w]))[0][0])
-
-
-def _stable_gains(L: Any, turns: list[tuple[float, float]]) -> Intervals:
+def _stable_gains(L: Any, factors: list[float]) -> Intervals:
     """The intervals of a factor on L, above 0, with which the closed loop is stable."""
+
+    def inside(low: float, high: float) -> float:
+        return math.sqrt(low * high) or 0.5 * high if math.isfinite(high) else 2.0 * low or 1.0
+
     # poles reach the axis only at factors that move L to -1: one point of each interval decides
-    factors = sorted({-1.0 / x for _, x in turns})
     most = L.known(factors)
-    borders = [0.0, *(x for x in factors if x < most), most]
-    return tuple(
-        (low, high) for low, high in pairwise(borders) if L.closed(_between(low, high)).right == 0
-    )
+    pairs = pairwise([0.0, *(x for x in factors if x < most), most])
+    return tuple(pair for pair in pairs if L.closed(inside(*pair)).right == 0)
 
 
-def _lags(L: Any, crossovers: list[tuple[float, complex]]) -> tuple[Margin, Margin]:
+def _lags(L: Any, crossovers: dict[float, complex]) -> tuple[Margin, Margin]:
     """Phase margin in deg and delay margin in s, the least of all crossovers."""
     # the lag above 0 and up to 2 pi that turns L(jw) to the negative real axis
-    angles = [(cmath.phase(-x) % (2 * math.pi) or 2 * math.pi, w) for w, x in crossovers]
-    phase = min((Margin(math.degrees(angle), w) for angle, w in angles), default=NONE)
-    delays = [Margin(angle / w, w) for angle, w in angles]
+    lags = {w: cmath.phase(-x) % (2 * math.pi) or 2 * math.pi for w, x in crossovers.items()}
+    phase = min((Margin(math.degrees(lag), w) for w, lag in lags.items()), default=NONE)
+    delays = [Margin(lag / w, w) for w, lag in lags.items()]
     if L.open_at_infinity:  # there one sample turns L(z), and any dead time L(s)
         delays.append(Margin(L.border.dt or 0.0, L.border.frequency(math.inf)))
     return phase, min(delays, default=NONE)
 
 
-def _reason(delay: Margin, turns: float, open_poles: float) -> str:
-    start = "the closed loop is stable"
-    if open_poles:
-        poles = f"{open_poles:.0f} pole{'s' * (open_poles != 1)}"
-        start += f": L encircles -1 {turns:.0f} times, once for each of its {poles} that are not"
-        start += " stable"
-    if math.isinf(delay.value):
-        return f"{start}; |L(jw)| is 1 nowhere, so it is so with any further dead time"
-    if math.isinf(delay.at):
-        return (
-            f"{start}, but |L| is not below 1 as w grows: any further dead time makes it unstable"
-        )
-    return (
-        f"{start}; a further dead time of {delay.value:.6g} s puts a pair of poles on the border "
-        f"of stability at the crossover {delay.at:.6g} rad/s"
+def _reason(delay: Margin) -> str:
+    more = (
+        f"; a further dead time of {delay.value:.6g} s puts a pair of poles on the border of "
+        f"stability at the crossover {delay.at:.6g} rad/s"
     )
-
-
-def _between(low: float, high: float) -> float:
-    if math.isinf(high):
-        return 2.0 * low or 1.0
-    return math.sqrt(low * high) or 0.5 * high
+    if math.isinf(delay.value):
+        more = "; |L(jw)| is 1 nowhere, so it is so with any further dead time"
+    elif math.isinf(delay.at):
+        more = ", but |L| is not below 1 as w grows: any further dead time makes it unstable"
+    return f"the closed loop is stable{more}"

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.linalg import matrix_balance, schur, solve_sylvester
 
 from ..core.errors import InputError
-from .axis import BEYOND, Signs, spread, with_extremes
+from .axis import BEYOND, Signs, from_0, spread, with_extremes
 from .border import Border, border_of
 from .system import FEWER, Followed, last
 from .transfer import EPS, state_space_polynomials
@@ -213,7 +213,7 @@ class StateSystem(Followed):
         far = self.norm + np.linalg.norm(self.B) * np.linalg.norm(self.C) / gap if gap else 0.0
         end = max(BEYOND * np.max([*np.abs(poles), *marks, 0.0]), min(far, FAR * self.norm))
         w = spread(poles, *marks, end=end or math.inf, top=self.border.frequency(math.inf))
-        return np.unique([0.0, *w]), True
+        return from_0(w), True
 
     def signs(self, part: str, level: Any = 0) -> Signs:
         found = super().signs(part, level)

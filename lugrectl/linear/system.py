@@ -55,7 +55,7 @@ class System:
     on: Sequence[float] = ()  # frequencies of poles on it
     hidden, lost = "", False  # a mode that is not stable and does not show; whether it is outside
     size, meaning, base = "|T|", "||y||_2 <= {:.6g} ||u||_2 from rest", "T(0)"
-    basis = remark = ""  # what a verdict rests on
+    basis = ""  # what a verdict rests on
     excess = 0  # the relative degree
     zero = False  # whether T is 0
     strange: Sequence[str] = ()  # why else T is not positive real
@@ -186,6 +186,6 @@ def realness(T: Any) -> Realness:
         start = f"{T.least_stable}, " if T.least_stable else ""
         kind, why = "SPR", f"{start}{name} > 0 at every w"
         why += f" and {T.limit[1]}" if T.limit[1] else ""
-    more = T.basis + T.remark + (f"; {T.hidden}" if T.hidden else "")
+    more = T.basis + (f"; {T.hidden}" if T.hidden else "")
     margin = T.margin() if kind == "SPR" else T.no_margin
     return Realness(kind, why + more, found.band_edge, margin, bool(found.touches))

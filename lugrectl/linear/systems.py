@@ -18,7 +18,7 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .axis import Signs, spread, turned
+from .axis import Signs, from_0, spread, turned
 from .border import Border, border_of
 from .delayed import DelayedTransfer, reduced
 from .exact import (
@@ -45,7 +45,6 @@ from .system import BITS, FEWER, Followed, System, last, why_not
 from .transfer import coefficients, is_measured, require_siso, response, span, to_float
 from .verdict import Margin
 
-NEAR_ZERO = 1e-12
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
 FEW = 16  # turns in which a sign that never settles, and the largest value, are looked for
@@ -216,21 +215,6 @@ class ExactSystem(Transfer):
     def fits(self) -> bool:
         return hurwitz(add(*self.ratio))
 
-    @property
-    def remark(self) -> str:
-        """On a coefficient of P that is only the rounding error of its terms."""
-        if self.border.dt:
-            return ""
-        sizes = (tuple(abs(c) * (-1) ** (i // 2) for i, c in enumerate(p)) for p in self.ratio)
-        real, terms = real_product(*self.ratio), real_product(*sizes)
-        near = [float(abs(Fraction(c)) / t) for c, t in zip(real, terms, strict=False) if c]
-        if not near or min(near) > NEAR_ZERO:
-            return ""
-        return (
-            f"; a coefficient of P differs from 0 by only {min(near):.1e} of its terms, so the "
-            "rounding of the inputs decides"
-        )
-
     def _is_real(self, less: Fraction) -> bool:
         """Whether T(s - less), or T((1 - less) z), is positive real."""
         if self.border.dt is None:
@@ -291,7 +275,7 @@ class LateSystem(Transfer, Followed):
         if end is None:
             end = (reach(T.den) or 0.0) + FEW * 2.0 * math.pi / min(T.dead_times)
         w = spread(T.num.roots() + T.den.roots(), late=self.late, end=end)
-        return np.unique([0.0, *w, *near[near < end]]), settled
+        return from_0(np.union1d(w, near[near < end])), settled
 
     def signs(self, part: str, level: Any = 0) -> Signs:
         """Of Im T those up to the largest |T| below 1 where T is real and negative."""
