@@ -15,8 +15,6 @@ from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import Gain, believed, friedland_park_observer, observer_block
 from ..blocks.plant import load_outputs, plant
 from ..blocks.sliding_control import (
-    MORGUL,
-    RUDERMAN,
     coulomb_compensation,
     coulomb_predictor,
     smith_velocity,
@@ -28,14 +26,12 @@ from .parts import (
     OUTPUTS,
     OWN,
     SLIDING,
-    both,
     connected,
     controller_block,
     derivatives,
     error_s,
     loop_observer,
     mapped,
-    models,
     tracked,
 )
 
@@ -228,7 +224,8 @@ def position_loop(
 def _closed(kind: str, own: dict[str, Any], a: SimpleNamespace) -> ct.InterconnectedSystem:
     """Wire the drive that is there, a controller with the gains ``own`` or another one by name, and
     an observer by the drive it believes in; ``a``: the arguments of the loop."""
-    p, known = models(a.p, a.observer_parameters, a.observer)
+    p = as_model(a.p, "p")
+    known = p if a.observer_parameters is None else as_model(a.observer_parameters, OF)
     make = controllers.pi if kind == "velocity" else controllers.pid
     other = None
     if a.controller is not None and a.controller != make.__name__:
@@ -239,8 +236,8 @@ def _closed(kind: str, own: dict[str, Any], a: SimpleNamespace) -> ct.Interconne
     sliding, torque = bool({*SLIDING} & {*read}), "u" if a.limit is None else "u_cmd"
     needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
     inputs, reference, names = _referenced(kind, p, needs, torque, a)
-    shared, gains = {"K1": a.K1, "K2": a.K2, "k": a.k}, both(a.observer, a.gains, a.more)
-    parts = [plant(p), loop_observer(a.observer, known, shared, gains, sliding)]
+    gains = {"K1": a.K1, "K2": a.K2, "k": a.k, **a.more}
+    parts = [plant(p), loop_observer(a.observer, known, gains, a.gains, sliding)]
     if sliding or "s" in seen:
         parts.append(error_s(kind, a.controller_gains, names))
     if other is None:
@@ -303,6 +300,7 @@ _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
     ("dr", "ddr"): ("motion", ["r", "dr"]),
 }
 
+OF = "observer_parameters"
 POSITION = {"motor": "theta", "load": "theta_load"}
 
 
@@ -410,9 +408,10 @@ def cascade_loop(
     >>> round(float(run.outputs[0, -1]), 2)
     0.1
     """
-    p, believed = models(p, observer_parameters, observer)
+    p = as_model(p, "p")
+    known = p if observer_parameters is None else as_model(observer_parameters, OF)
     measured = _measured(p, feedback)
-    estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
+    estimate = loop_observer(observer, known, {"K1": K1, "K2": K2, "k": k}, gains)
     held = tracked(limit, tracking, kp, ki, "cascade_loop")
     before: list[Stage] = [] if notch is None else [(notch_block, _notch_values(notch), [])]
     before += [] if limit is None else [(limiter, [limit], ["excess"])]
@@ -464,10 +463,7 @@ def _notch_values(given: Any) -> tuple[Any, ...]:
         return tuple({**own, **given}.values())
     values = (given,) if real(given) is not None else given
     if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 3:
-        raise InputError(
-            "notch must be a frequency in Hz, or (frequency, damping, depth), or these by name, "
-            f"not {shown(given)}."
-        )
+        raise InputError(f"notch must be (frequency in Hz, damping, depth), not {shown(given)}.")
     return tuple(values)
 
 
@@ -486,11 +482,7 @@ def _in_series(first: str, last: str, stages: Sequence[Stage]) -> tuple[str, lis
     ]
 
 
-SYSTEMS = {
-    "friedland_park": MORGUL,
-    "predicted": f"{RUDERMAN}: the law along a predicted speed",
-    "reference": f"{RUDERMAN}: the law along the reference",
-}
+SYSTEMS = ("friedland_park", "predicted", "reference")
 
 
 def late_loop(

@@ -11,7 +11,7 @@ import numpy as np
 from ..blocks import controllers
 from ..blocks.aliases import meant, name_of
 from ..blocks.block import Block, members
-from ..blocks.model import Model, as_model
+from ..blocks.model import Model
 from ..blocks.observers import believed, observer, observer_block
 from ..blocks.sliding_control import sliding_error
 from ..core.errors import InputError
@@ -30,8 +30,9 @@ DEFAULTS = {
 SEEN = ("theta", "w", "u", "e", "r", "s")
 READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
 SLIDING = ("s", "ar")
+USUAL = ("K1", "K2", "k")
 ARGUMENTS = (  # of a loop
-    *("observer", "kp", "ki", "kd", "tau", "K1", "K2", "k", "gains", "observer_parameters", "load"),
+    *("observer", "kp", "ki", "kd", "tau", *USUAL, "gains", "observer_parameters", "load"),
     *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
 )
 
@@ -52,12 +53,6 @@ def connected(
     )
 
 
-def models(p: Any, own: Any, observer: Any) -> tuple[Model, Model]:
-    """Return the plant's model, and what the observer believes."""
-    model = as_model(p, "p")
-    return model, model if own is None else as_model(own, "observer_parameters")
-
-
 def tracked(limit: Any, tracking: Any, kp: Any, ki: Any, loop: str) -> dict[str, Any]:
     """Return the time of the back-calculation, none without a limit."""
     if limit is None and tracking is not None:
@@ -70,50 +65,40 @@ def tracked(limit: Any, tracking: Any, kp: Any, ki: Any, loop: str) -> dict[str,
 def loop_observer(
     name: str | None,
     p: Model,
-    shared: Mapping[str, Any],
+    own: Mapping[str, Any],
     gains: Mapping[str, Any] | None,
     sliding: bool = False,
 ) -> ct.NonlinearIOSystem:
-    """The observer of a loop with its gains; ``sliding``: it is corrected by s in place of e."""
+    """The observer of a loop with its gains, those by argument (``own``) and others; ``sliding``:
+    it is corrected by s in place of e."""
     name = name_of("observer", name)
     made = observer_block("no_observer" if name is None else name)
     _fits(made, SEEN)
     if "Fhat" not in made.outputs:
         raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
-    known = {}
-    for gain, value in shared.items():
+    known = mapped(gains, "gains")
+    for gain, value in own.items():
         absent = gain not in made.parameters
-        if value is OWN or (absent and (value is None or real(value) == 0.0)):
+        usual = gain in USUAL and (value is None or real(value) == 0.0)
+        if value is OWN or (absent and usual):
             continue
         if absent:
-            who = "without an observer there is" if name is None else f"the observer {name!r} has"
-            raise InputError(f"{gain} = {shown(value)}: {who} no such gain; leave it out.")
-        if value is None:
-            own = f"{made.parameters[gain].value:g}"
-            raise InputError(f"{gain} = None is no gain: leave it out for the default, {own}.")
+            near = meant(gain, (*made.parameters, *ARGUMENTS))
+            raise InputError(
+                f"{gain} is no argument of the loop and no parameter of {made.name}; {near}"
+            )
+        if value is None or gain in known:
+            said = "is given twice: in gains and" if gain in known else "= None is no gain"
+            raise InputError(f"{gain} {said} as an argument; leave it out for its default.")
         known[gain] = value
     inputs = [("s" if signal == "e" and sliding else signal) for signal in made.inputs]
-    return believed(made, p, inputs=inputs, **(known | mapped(gains, "gains")))
+    return believed(made, p, inputs=inputs, **known)
 
 
 def mapped(gains: Any, what: str) -> dict[str, Any]:
     if not (gains is None or isinstance(gains, Mapping)):
         raise InputError(f"{what} must be a dict of numbers by name, not {shown(gains)}.")
     return dict(gains or {})
-
-
-def both(name: str | None, gains: Any, more: Mapping[str, Any]) -> dict[str, Any]:
-    """Gains of an observer given as a dict and as arguments."""
-    known, made = mapped(gains, "gains"), observer_block("no_observer" if name is None else name)
-    for key in more:
-        if key not in made.parameters:
-            raise InputError(
-                f"{key} is no argument of the loop and no parameter of {made.name}; "
-                f"{meant(key, (*made.parameters, *ARGUMENTS))}"
-            )
-    if twice := sorted({*known} & {*more}):
-        raise InputError(f"{twice[0]} is given twice: in gains and as an argument.")
-    return known | dict(more)
 
 
 def controller_block(name: Any) -> Block:
