@@ -30,7 +30,6 @@ NAMES = ("J", "sigma0", "sigma1", "Fc", "Fs", "vs")
 
 
 def drive(p: Any) -> SimpleNamespace:
-    """The checked parameters of a ``Parameters`` or a ``Model`` with LuGre friction."""
     return SimpleNamespace(**checked(p, NAMES, {"sigma1"}, "the observer's error system"))
 
 

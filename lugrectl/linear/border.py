@@ -55,7 +55,6 @@ class Border:
         return np.real(poles) if self.dt is None else np.abs(poles) - 1
 
     def ordered(self, poles: Any) -> np.ndarray:
-        """Return poles, the least stable first."""
         found = np.asarray(poles, dtype=complex)
         return found[np.lexsort((np.imag(found), -self.beyond(found)))]
 
@@ -70,7 +69,6 @@ class Border:
         return f"{name}{shown} 1/s" if self.dt is None else f"z = {shown}"
 
     def least_stable(self, poles: Sequence[complex]) -> str:
-        """Return where poles are, the least stable first."""
         if not len(poles):
             return f"no poles {self.outside}"
         if self.dt is None:
@@ -124,8 +122,6 @@ class Border:
 
 
 class Circle(Border):
-    """The unit circle in words."""
-
     variable, argument = "z", "exp(jw dt)"
     outside, on = "outside the unit circle", "on the unit circle"
 

@@ -225,7 +225,6 @@ def reduced(num: Quasi, den: Quasi, cancelled: Poly = (1,)) -> DelayedTransfer:
 
 
 def _written(q: Quasi) -> str:
-    """A quasi-polynomial in s."""
     parts = []
     for late, p in q.terms:
         powers = {i: "" if not i else "s" if i == 1 else f"s^{i}" for i, c in enumerate(p) if c}
@@ -374,7 +373,6 @@ def _determinant(M: list[list[Poly]]) -> Poly:
 
 
 def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[np.ndarray]:
-    """A, B, C and D by central differences."""
     if isinstance(system, ct.StateSpace):
         return [np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D)]
     for value, name, many in ((x0, "x0", system.nstates), (u0, "u0", system.ninputs)):

@@ -133,7 +133,6 @@ def check_designs(
 
 
 def _checked(loop: str, level: str | float, row: Any) -> tuple[float, ...]:
-    """The entries of one design."""
     J, sigma0, sigma1, *gains, K2 = map(float, row)
     p = SimpleNamespace(J=J, sigma0=sigma0, sigma1=sigma1)
     error, reference = (make(p, *gains) for make in LOOPS[loop])

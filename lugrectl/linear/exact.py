@@ -21,7 +21,6 @@ Poly = tuple[Fraction | int, ...]
 
 
 def poly(coefficients: Iterable[Fraction | int]) -> Poly:
-    """Ascending coefficients without the trailing zeros."""
     p = list(coefficients)
     while p and p[-1] == 0:
         p.pop()
@@ -45,7 +44,6 @@ def scale(a: Poly, c: Fraction | int) -> Poly:
 
 
 def divide(a: Poly, b: Poly) -> tuple[Poly, Poly]:
-    """Quotient and remainder of a / b."""
     rest, quotient = list(a), [Fraction(0)] * max(len(a) - len(b) + 1, 0)
     for k in range(len(quotient) - 1, -1, -1):
         q = quotient[k] = Fraction(rest[k + len(b) - 1]) / b[-1]
@@ -126,7 +124,6 @@ def squarefree(a: Poly) -> list[Poly]:
 
 
 def distinct_roots(a: Poly) -> Poly:
-    """A polynomial with every root of a, once each."""
     return divide(a, gcd(a, derivative(a)))[0]
 
 
@@ -179,14 +176,12 @@ def positive_roots(a: Poly) -> list[float]:
 
 
 def nonnegative(a: Poly) -> bool:
-    """Whether a(x) >= 0 on [0, inf)."""
     if all(c >= 0 for c in a):
         return True
     return a[-1] > 0 and a[0] >= 0 and not any(isolated(odd_roots(a)))
 
 
 def positive(a: Poly) -> bool:
-    """Whether a(x) > 0 on [0, inf)."""
     return bool(a) and a[0] > 0 and a[-1] > 0 and not any(isolated(distinct_roots(a)))
 
 
@@ -245,7 +240,6 @@ class Quasi:
 
     @classmethod
     def of(cls, terms: Iterable[Term]) -> Quasi:
-        """The sum of terms, those of one dead time together."""
         merged: dict[Fraction | int, Poly] = {}
         for late, p in terms:
             merged[late] = add(merged[late], p) if late in merged else poly(p)
@@ -294,7 +288,6 @@ class Quasi:
         return reduce(gcd, (p for _, p in self.terms), ())
 
     def roots(self) -> list[complex]:
-        """Those of each p, as floats."""
         monic = [[float(Fraction(c) / p[-1]) for c in reversed(p)] for _, p in self.terms]
         return [complex(root) for p in monic for root in np.roots(p)]
 
@@ -309,7 +302,6 @@ class Quasi:
 
     @property
     def degree(self) -> int:
-        """The highest power of s, -1 of zero."""
         return max((len(p) for _, p in self.terms), default=0) - 1
 
     @property

@@ -137,7 +137,6 @@ def passivity_check(p: Any) -> PassivityVerdict:
 
 
 def _values(p: Any) -> tuple[float, ...]:
-    """sigma1, Fc, Fs, Fv and vs, checked."""
     have = as_model(p, "p").values()
     if have.get("vd") is not None:
         raise InputError("passivity_check is for a constant sigma1, but the model gives vd.")

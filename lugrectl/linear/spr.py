@@ -52,7 +52,6 @@ class Repair(Shown):
 
 
 def find_repair(loop: Loop) -> Repair | None:
-    """The repair of a T that is not SPR, as ``lugrectl.linear.spr_repair`` describes it."""
     if min(loop.J, loop.sigma0, loop.sigma1) <= 0 or (loop.ki and loop.kp < 0):
         return None
     repair = Repair()

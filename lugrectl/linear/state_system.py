@@ -85,7 +85,6 @@ class StateSystem(Followed):
 
     @cached_property
     def poles(self) -> np.ndarray:
-        """The least stable first, without the shift."""
         return self.border.ordered(np.linalg.eigvals(self.A) if len(self.A) else [])
 
     @cached_property
@@ -125,7 +124,6 @@ class StateSystem(Followed):
 
     @property
     def hidden(self) -> str:
-        """A remark on the modes that do not show; empty without one."""
         if not self.unseen:
             return ""
         modes = self.border.show(self.unseen, "s = ")
@@ -192,7 +190,6 @@ class StateSystem(Followed):
 
     @property
     def size(self) -> str:
-        """What the gain is the largest value of."""
         return "|T|" if self.D.size == 1 else "the largest singular value of T"
 
     @cached_property
@@ -234,7 +231,6 @@ class StateSystem(Followed):
         return math.inf if away.min(initial=math.inf) <= self.rounding else 0
 
     def closed(self, gain: float = 1.0) -> StateSystem:
-        """1/(1 + gain T)."""
         if gain * float(self.D[0, 0]) == -1:
             raise InputError(
                 "L(s) is -1 as s grows, so that the closed loop L/(1 + L) is improper."
@@ -244,7 +240,6 @@ class StateSystem(Followed):
         return StateSystem(A, self.B * own, -gain * self.C * own, np.array([[own]]), self.border)
 
     def plus(self, c: float) -> StateSystem:
-        """The same with another direct term; what is known of A serves both."""
         result = replace(self, D=self.D + c)
         vars(result).update({k: getattr(self, k) for k in ("poles", "triangular") if len(self.A)})
         return result

@@ -55,43 +55,20 @@ LEAST = 1e-300
 BETWEEN = 8  # parts of a step between two measured frequencies
 
 
-@dataclass(frozen=True)
 class Transfer(System):
-    """T(s), or T(z) as a function of v; ``given`` is T in its own variable."""
+    """T(s), or T(z) as a function of v: ``given`` is T in its own variable, ``T`` in that whose
+    imaginary axis the frequencies lie on."""
 
-    given: DelayedTransfer
-    border: Border = Border()
-
-    @cached_property
-    def T(self) -> DelayedTransfer:
-        """In the variable whose imaginary axis the frequencies lie on."""
-        if self.border.dt is None:
-            return self.given
-        num, den = (
-            Quasi.of([(0, self.border.mapped(q.polynomial, self.degree))])
-            for q in (self.given.num, self.given.den)
-        )
-        return DelayedTransfer(num, den)
-
-    @property
-    def degree(self) -> int:
-        return max(self.given.num.degree, self.given.den.degree)
-
-    @property
-    def excess(self) -> int:
-        return self.given.den.degree - self.given.num.degree
-
-    @property
-    def hidden(self) -> str:
-        return self.border.hidden(self.given.cancelled)
-
-    @property
-    def lost(self) -> bool:
-        return bool(self.border.unstable(self.given.cancelled)[0])
-
-    @property
-    def zero(self) -> bool:
-        return not self.given.num
+    def __init__(self, given: DelayedTransfer, border: Border) -> None:
+        num, den = given.num, given.den
+        self.given = self.T = given
+        self.border, self.zero, self.excess = border, not num, den.degree - num.degree
+        self.degree = max(num.degree, den.degree)
+        self.hidden = border.hidden(given.cancelled)
+        self.lost = bool(border.unstable(given.cancelled)[0])
+        if border.dt is not None:
+            mapped = (border.mapped(q.polynomial, self.degree) for q in (num, den))
+            self.T = DelayedTransfer(*(Quasi.of([(0, p)]) for p in mapped))
 
     def at(self, w: Any) -> tuple[Any, Any]:
         return self.T(1j * self.border.place(w)), 0.0
@@ -101,7 +78,7 @@ class Transfer(System):
         return (abs(top / bottom) if bottom else math.inf) if top else 0
 
     @property
-    def strange(self) -> list[str]:
+    def strange(self) -> list[str]:  # type: ignore[override]
         allowed = "-1, 0 or 1" if self.border.dt is None else "0 in z: no delay, no sample ahead"
         if self.zero or abs(self.excess) <= (self.border.dt is None):
             return []
@@ -144,11 +121,11 @@ class Transfer(System):
         num, den = self.given.num.scaled(Fraction(gain)), self.given.den
         if not (total := num + den):
             raise InputError("L(s) is -1, so that the closed loop L/(1 + L) has no solution.")
-        return replace(self, given=DelayedTransfer(den, total, self.given.cancelled))
+        return type(self)(DelayedTransfer(den, total, self.given.cancelled), self.border)
 
     def plus(self, c: float) -> Transfer:
-        made = DelayedTransfer(self.given.num + self.given.den.scaled(Fraction(c)), self.given.den)
-        return replace(self, given=made)
+        num, den = self.given.num, self.given.den
+        return type(self)(DelayedTransfer(num + den.scaled(Fraction(c)), den), self.border)
 
 
 class ExactSystem(Transfer):
@@ -236,8 +213,6 @@ class ExactSystem(Transfer):
 
 
 class LateSystem(Transfer, Followed):
-    """T(s) with dead times."""
-
     @cached_property
     def _zeros(self) -> Zeros:
         return zeros(self.T.den)
@@ -249,10 +224,6 @@ class LateSystem(Transfer, Followed):
     @property
     def on(self) -> tuple[float, ...]:
         return self._zeros.on
-
-    @property
-    def late(self) -> float:
-        return max(self.T.dead_times)
 
     def at(self, w: Any) -> tuple[Any, Any]:
         s, T = 1j * np.asarray(w), self.T
@@ -274,7 +245,7 @@ class LateSystem(Transfer, Followed):
         settled, near = end is not None, self._zeros.followed
         if end is None:
             end = (reach(T.den) or 0.0) + FEW * 2.0 * math.pi / min(T.dead_times)
-        w = spread(T.num.roots() + T.den.roots(), late=self.late, end=end)
+        w = spread(T.num.roots() + T.den.roots(), late=max(self.T.dead_times), end=end)
         return from_0(np.union1d(w, near[near < end])), settled
 
     def signs(self, part: str, level: Any = 0) -> Signs:
@@ -323,8 +294,10 @@ class LateSystem(Transfer, Followed):
 
     def _is_real(self, less: Fraction) -> bool:
         T = self.T
-        moved = replace(self, given=DelayedTransfer(T.num.shifted(less), T.den.shifted(less)))
-        if (reach(moved.T.den) or math.inf) > max(TURNS / self.late, 10.0 * (reach(T.den) or 0.0)):
+        moved = LateSystem(DelayedTransfer(T.num.shifted(less), T.den.shifted(less)), self.border)
+        if (reach(moved.T.den) or math.inf) > max(
+            TURNS / max(self.T.dead_times), 10.0 * (reach(T.den) or 0.0)
+        ):
             return False  # short of a chain of poles: eps is too large, or so by about 1e-4
         try:
             known = reach(moved.T.num.real_product(moved.T.den)) is not None
@@ -333,13 +306,12 @@ class LateSystem(Transfer, Followed):
             return False
 
     def margin(self) -> float:
-        high = 1 / Fraction(self.late)
+        high = 1 / Fraction(max(self.T.dead_times))
         while self._is_real(high):
             high *= 2
         return to_float(last(self._is_real, high, FEWER))
 
     def known(self, factors: list[float]) -> float:
-        """There is no end of them."""
         return max(factors, default=math.inf)
 
 

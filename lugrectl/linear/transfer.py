@@ -47,7 +47,6 @@ def number(value: Any, what: str) -> Fraction:
 
 
 def not_negative(value: Any, name: str, kind: str = "dead time", unit: str = "s") -> Fraction:
-    """The exact value, 0 for None."""
     exact = number(0 if value is None else value, name)
     if exact < 0:
         raise InputError(f"{name} is {float(exact):g} {unit}, but a {kind} cannot be negative.")

@@ -457,7 +457,6 @@ def _measured(p: Model, feedback: str) -> str:
 
 
 def _notch_values(given: Any) -> tuple[Any, ...]:
-    """Frequency, damping and depth, as far as they are given."""
     own = {"frequency": None, "damping": 0.5, "depth": 0.1}
     if isinstance(given, Mapping) and "frequency" in given and {*given} <= {*own}:
         return tuple({**own, **given}.values())

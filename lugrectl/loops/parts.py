@@ -40,7 +40,6 @@ ARGUMENTS = (  # of a loop
 def connected(
     parts: Sequence[Any], inputs: Sequence[str], outputs: Sequence[str], name: str
 ) -> ct.InterconnectedSystem:
-    """Return the loop of these blocks."""
     import control as ct
 
     return ct.interconnect(
@@ -157,7 +156,6 @@ def placed(J: float, *poles: float) -> dict[str, float]:
 
 
 def all_at(kind: str, J: float, rate: float) -> dict[str, float]:
-    """Return the gains with every pole at -rate."""
     return placed(J, *[rate] * (2 if kind == "velocity" else 3))
 
 
