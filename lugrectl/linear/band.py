@@ -11,9 +11,9 @@ from typing import Any
 from ..core.errors import InputError
 from ..core.views import view
 from .state_system import StateSystem
+from .system import Verdict
 from .systems import system_of
 from .transfer import number
-from .verdict import Verdict
 
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}
 

@@ -8,10 +8,9 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .axis import spread
-from .border import border_of, is_sampled
 from .delayed import DelayedTransfer
-from .transfer import is_measured, response
+from .system import spread
+from .transfer import border_of, is_measured, is_sampled, response
 
 TURNS = 100.0  # rad of phase of the longest dead time that are drawn
 NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phase

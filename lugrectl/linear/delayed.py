@@ -20,11 +20,12 @@ import numpy as np
 from ..blocks.drive import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
-from .border import Border, is_sampled
 from .exact import Poly, Quasi, add, divide, gcd, mul, scale
 from .transfer import (
+    Border,
     coefficients,
     is_measured,
+    is_sampled,
     not_negative,
     number,
     require_continuous_siso,

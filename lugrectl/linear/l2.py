@@ -15,9 +15,9 @@ from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
 from .state_system import StateSystem
+from .system import Verdict
 from .systems import system_of
 from .transfer import is_measured, number, parameter, to_float
-from .verdict import Verdict
 
 LINEAR = (ct.TransferFunction, ct.StateSpace, DelayedTransfer, tuple, list)
 

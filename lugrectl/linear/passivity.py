@@ -13,7 +13,7 @@ from ..blocks.friction import level
 from ..blocks.model import as_model
 from ..core.errors import InputError
 from ..core.views import view
-from .verdict import Verdict
+from .system import Verdict
 
 NAMES = ("sigma1", "Fc", "Fs", "Fv", "vs")
 

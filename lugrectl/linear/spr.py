@@ -16,10 +16,9 @@ from ..core.views import view
 from .exact import classify
 from .loops import Loop, LoopT, rounded
 from .state_system import StateSystem
-from .system import last, realness
+from .system import Realness, Verdict, last, realness
 from .systems import EXACT, system_of
 from .transfer import lowest_terms, read_transfer, to_float
-from .verdict import Realness, Verdict
 
 DIGITS = Context(prec=4, rounding=ROUND_FLOOR)
 WORDS = {

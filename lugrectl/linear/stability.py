@@ -19,9 +19,9 @@ from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
 from .state_system import StateSystem
+from .system import NONE, UNKNOWN, Margin, Verdict
 from .systems import MeasuredSystem, has_many_states, system_of
 from .transfer import cleared, is_measured, require_siso, response
-from .verdict import NONE, UNKNOWN, Margin, Verdict
 
 Intervals = tuple[tuple[float, float], ...]
 AXIS = "This is the response of an axis, and no loop: give its product with the controller, C * fr."

@@ -18,10 +18,8 @@ import numpy as np
 from scipy.linalg import matrix_balance, schur, solve_sylvester
 
 from ..core.errors import InputError
-from .axis import BEYOND, Signs, from_0, spread, with_extremes
-from .border import Border, border_of
-from .system import FEWER, Followed, last
-from .transfer import EPS, state_space_polynomials
+from .system import BEYOND, FEWER, Followed, Signs, from_0, last, spread, with_extremes
+from .transfer import EPS, Border, border_of, state_space_polynomials
 
 LARGEST = 1e140  # its square, and that of its inverse, are floats
 EXACT = 16  # states up to which stability is decided in exact arithmetic: some seconds

@@ -18,8 +18,6 @@ import control as ct
 import numpy as np
 
 from ..core.errors import InputError
-from .axis import Signs, from_0, spread, turned
-from .border import Border, border_of
 from .delayed import DelayedTransfer, reduced
 from .exact import (
     Poly,
@@ -41,9 +39,29 @@ from .exact import (
     squarefree,
 )
 from .state_system import StateSystem
-from .system import BITS, FEWER, Followed, System, last, why_not
-from .transfer import coefficients, is_measured, require_siso, response, span, to_float
-from .verdict import Margin
+from .system import (
+    BITS,
+    FEWER,
+    Followed,
+    Margin,
+    Signs,
+    System,
+    from_0,
+    last,
+    spread,
+    turned,
+    why_not,
+)
+from .transfer import (
+    Border,
+    border_of,
+    coefficients,
+    is_measured,
+    require_siso,
+    response,
+    span,
+    to_float,
+)
 
 EXACT = 6  # states of a state-space model that is decided in exact arithmetic
 TURNS = 3e4  # rad of phase of a dead time up to which a shifted function is followed
