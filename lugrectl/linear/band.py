@@ -10,9 +10,8 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.views import view
-from .state_system import StateSystem
 from .system import Verdict
-from .systems import system_of
+from .systems import StateSystem, system_of
 from .transfer import number
 
 LEVELS = {"-3dB": Fraction(10 ** (-3 / 10)), "half-power": Fraction(1, 2)}

@@ -14,9 +14,8 @@ from ..blocks.model import values_of
 from ..core.errors import InputError
 from ..core.views import view
 from .delayed import DelayedTransfer
-from .state_system import StateSystem
 from .system import Verdict
-from .systems import system_of
+from .systems import StateSystem, system_of
 from .transfer import is_measured, number, parameter, to_float
 
 LINEAR = (ct.TransferFunction, ct.StateSpace, DelayedTransfer, tuple, list)

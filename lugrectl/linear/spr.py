@@ -15,9 +15,8 @@ from ..core.errors import InputError
 from ..core.views import view
 from .exact import classify
 from .loops import Loop, LoopT, rounded
-from .state_system import StateSystem
 from .system import Realness, Verdict, last, realness
-from .systems import EXACT, system_of
+from .systems import EXACT, StateSystem, system_of
 from .transfer import lowest_terms, read_transfer, to_float
 
 DIGITS = Context(prec=4, rounding=ROUND_FLOOR)

@@ -18,9 +18,8 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.validation import whole
 from ..core.views import view
-from .state_system import StateSystem
 from .system import NONE, UNKNOWN, Margin, Verdict
-from .systems import MeasuredSystem, has_many_states, system_of
+from .systems import MeasuredSystem, StateSystem, has_many_states, system_of
 from .transfer import cleared, is_measured, require_siso, response
 
 Intervals = tuple[tuple[float, float], ...]

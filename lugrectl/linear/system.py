@@ -255,8 +255,9 @@ def last(holds: Callable[[Fraction], bool], high: Fraction, bits: int = BITS) ->
 
     if holds(high):
         return high
-    k = bisect_left(range(512 * one), True, key=lambda k: not holds(value(k)))
-    return value(k - 1) if k else Fraction(0)
+    if not holds(value(0)):
+        return Fraction(0)
+    return value(bisect_left(range(512 * one), True, key=lambda k: not holds(value(k))) - 1)
 
 
 class System:
