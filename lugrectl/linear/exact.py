@@ -132,12 +132,11 @@ def odd_roots(a: Poly) -> Poly:
     return reduce(mul, squarefree(a)[0::2], (1,))
 
 
-def sign_at(a: tuple[int, ...], x: Fraction) -> int:
-    """In integer arithmetic only."""
-    value, power = 0, 1
-    for c in reversed(a):
-        value = value * x.numerator + c * power
-        power *= x.denominator
+def sign_at(a: tuple[int, ...], k: int, bits: int) -> int:
+    """At k/2^bits."""
+    value = 0
+    for i, c in enumerate(reversed(a)):
+        value = value * k + (c << bits * i)
     return (value > 0) - (value < 0)
 
 
@@ -167,11 +166,11 @@ def positive_roots(a: Poly) -> list[float]:
     """Roots in (0, inf) of a square-free a, ascending, to about the last digit."""
     found = []
     for q, low, width in isolated(a):
-        x, step = Fraction(0), Fraction(bool(q))
-        while width * step > (low + width * (x + step)) / 2**56:
-            step /= 2
-            x += step * (sign_at(q, x + step) * q[0] > 0)
-        found.append(float(low + width * (x + step)))
+        start, k, bits = int(low / width), 0, 0
+        while q and (start << bits) + k < 1 << 56:
+            bits += 1
+            k = 2 * k + (sign_at(q, 2 * k + 1, bits) * q[0] > 0)
+        found.append(float(low + width * Fraction(k + bool(q), 1 << bits)))
     return found
 
 

@@ -359,6 +359,12 @@ class Followed(System):
             found = Signs.of(lambda x: self.part(x, part, least), w)
         return found._replace(complete=complete)
 
+    def nowhere_below_0(self, w: np.ndarray) -> bool:
+        """Whether Re T is so beyond rounding."""
+        with np.errstate(all="ignore"):
+            _, value, slack = with_extremes(lambda x: self.part(x, "real", 0.0), w)
+        return not (value < -slack).any()
+
     def largest(self) -> tuple[float, float]:
         w, _ = self.grid("largest", 0.0)
         sizes = self.sizes(w)

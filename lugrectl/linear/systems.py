@@ -54,8 +54,6 @@ from .system import (
     last,
     spread,
     turned,
-    why_not,
-    with_extremes,
 )
 from .transfer import (
     EPS,
@@ -330,8 +328,8 @@ class LateSystem(Transfer, Followed):
         ):
             return False  # short of a chain of poles: eps is too large, or so by about 1e-4
         try:
-            known = reach(moved.T.num.real_product(moved.T.den)) is not None
-            return known and why_not(moved, moved.signs("real")) == ""
+            w, settled = moved.grid("real", 0.0)
+            return settled and moved.stable is True and moved.nowhere_below_0(w)
         except InputError:
             return False
 
@@ -673,9 +671,7 @@ class StateSystem(Followed):
         """Whether Re T(s - less) is nowhere below 0 beyond rounding."""
         moved = replace(self, less=float(less))
         vars(moved).update(triangular=self.triangular)
-        with np.errstate(all="ignore"):
-            _, value, slack = with_extremes(lambda w: moved.part(w, "real", 0.0), self._real_grid)
-        return moved.limit[0] >= 0 and not (value < -slack).any()
+        return moved.limit[0] >= 0 and moved.nowhere_below_0(self._real_grid)
 
     def margin(self) -> float:
         slowest = -float(self.beyond.max()) * (1 - 1e-12)
