@@ -174,6 +174,16 @@ def positive_roots(a: Poly) -> list[float]:
     return found
 
 
+def largest_ratio(N: Poly, D: Poly) -> tuple[Fraction, float]:
+    """The largest N(x)/D(x) on [0, inf), and x."""
+    # at x = 0, as x grows, or where N'D - N D' changes its sign
+    slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
+    places = [0.0, *(positive_roots(odd_roots(slope)) if slope else ())]
+    found = [(Fraction(at(N, Fraction(x))) / at(D, Fraction(x)), x) for x in places]
+    found.append((Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0), math.inf))
+    return max(found, key=lambda one: one[0])
+
+
 def nonnegative(a: Poly) -> bool:
     if all(c >= 0 for c in a):
         return True

@@ -197,42 +197,48 @@ def _verdict(L: Any, remark: str = "") -> StabilityVerdict:
     factors = [Margin(-1.0 / x, w) for w, x in turns if -math.inf < x < 0.0]
     gains = _stable_gains(L, sorted({m.value for m in factors}))
     cause = f"it has {closed.trouble}" if closed.trouble else L.hidden
-    phase = delay = below = above = UNKNOWN
-    disks = [UNKNOWN] * 3
+    gain = phase = delay = UNKNOWN
+    disks, span = [UNKNOWN] * 3, (math.nan, math.nan)
     if cause:
         shown = " or ".join(f"{low:.4g} to {high:.4g}" for low, high in gains)
         reason = f"the closed loop is not stable: {cause}; "
         reason += f"with L times {shown} it is" if gains else "no factor on L makes it stable"
     else:
         phase, delay = _lags(L, crossovers)
-        below = max((m for m in factors if m.value < 1), default=Margin(0.0))
-        above = min((m for m in factors if m.value >= 1), default=NONE)
         peaks = (closed.plus(0.5 * (skew - 1)).largest() for skew in (1, -1, 0))  # S, T and S - T
         disks = [Margin(1.0 / most, w) if most else NONE for most, w in peaks]
         reason = _reason(delay) + closed.basis
         reason += CLOSED * any(w == 0 and abs(x - 1) < L.alike for w, x in L.ends())
-        if (end := L.beyond_band).value < above.value:
-            reason += BEYOND.format(end.at, end.value)
-            above = above if math.isfinite(above.value) else end
-    in_dB = below.value and above.value > 1.0 / below.value
-    every = {"gain": below if in_dB else above, "phase": phase, "modulus": disks[0], "delay": delay}
+        gain, span, more = _gain(factors, L.beyond_band)
+        reason += more
+    every = {"gain": gain, "phase": phase, "modulus": disks[0], "delay": delay}
     margins = {f"{kind}_margin": one.value for kind, one in every.items()}
     places = {f"{kind}_margin_frequency": one.at for kind, one in every.items()}
-    known = math.isfinite(mine) and math.isfinite(closed.right)
     return StabilityVerdict(
         stable=not cause,
         crossovers=tuple(crossovers),
-        encirclements=mine - closed.right if known else math.nan,
+        encirclements=mine - closed.right if math.isfinite(mine - closed.right) else math.nan,
         open_poles=mine,
         closed_poles=closed.right,
         reason=reason + remark,
-        gain_range=(below.value, above.value),
+        gain_range=span,
         Ms=1.0 / disks[0].value if disks[0].value else math.inf,
         disk_margins=(disks[0].value, disks[1].value, disks[2].value),
         stable_gains=gains,
         **margins,
         **places,
     )
+
+
+def _gain(factors: list[Margin], end: Margin) -> tuple[Margin, tuple[float, float], str]:
+    """The gain margin, nearest to 1 in dB, both of its ends, and what is said of it."""
+    below = max((m for m in factors if m.value < 1), default=Margin(0.0))
+    above, more = min((m for m in factors if m.value >= 1), default=NONE), ""
+    if end.value < above.value:
+        more = BEYOND.format(end.at, end.value)
+        above = above if math.isfinite(above.value) else end
+    in_dB = below.value and above.value > 1.0 / below.value
+    return below if in_dB else above, (below.value, above.value), more
 
 
 def _stable_gains(L: Any, factors: list[float]) -> Intervals:

@@ -22,26 +22,9 @@ import numpy as np
 from scipy.linalg import matrix_balance, schur, solve_sylvester
 
 from ..core.errors import InputError
+from . import exact
 from .delayed import DelayedTransfer, reduced
-from .exact import (
-    Poly,
-    Quasi,
-    add,
-    at,
-    derivative,
-    divide,
-    even_odd,
-    gcd,
-    hurwitz,
-    mul,
-    odd_roots,
-    positive_real,
-    positive_roots,
-    real_product,
-    scale,
-    shift,
-    squarefree,
-)
+from .exact import Poly, Quasi
 from .system import (
     BEYOND,
     BITS,
@@ -61,6 +44,7 @@ from .transfer import (
     border_of,
     coefficients,
     is_measured,
+    is_sampled,
     require_siso,
     response,
     span,
@@ -75,6 +59,8 @@ HALVES = 40  # of the least |L| that is looked for on the negative real axis
 CLOSE = 1e-3  # of |L| as w grows: a crossing that is larger by less is not looked for
 ROUNDING = 1e-14  # of the sum of its terms: what floating point does not resolve of a value
 LEAST = 1e-300
+DRAWN = 100.0  # rad of phase of the longest dead time that are drawn
+NEAR = 0.999  # of half the sampling rate: T often has a zero there, and no phase
 LARGEST = 1e140  # its square, and that of its inverse, are floats
 DECIDED = 16  # states up to which stability is decided in exact arithmetic: some seconds
 UNSEEN = 1e-13  # of its inputs and outputs: a mode of less does not show, by rounding
@@ -182,14 +168,14 @@ class ExactSystem(Transfer):
 
     def signs(self, part: str, level: Any = 0) -> Signs:
         num, den = self.ratio
-        size, square = (real_product(p, p) for p in self.ratio)
+        size, square = (exact.real_product(p, p) for p in self.ratio)
         if part == "imag":
-            (a, b), (c, d) = even_odd(num), even_odd(den)
-            found = signs_in_x(add(mul(b, c), scale(mul(a, d), -1)))
+            (a, b), (c, d) = exact.even_odd(num), exact.even_odd(den)
+            found = signs_in_x(exact.add(exact.mul(b, c), exact.scale(exact.mul(a, d), -1)))
         elif part == "size":
-            found = signs_in_x(add(size, scale(square, -Fraction(level))))
+            found = signs_in_x(exact.add(size, exact.scale(square, -Fraction(level))))
         else:
-            found = self._real(real_product(num, den), square)
+            found = self._real(exact.real_product(num, den), square)
         return found.moved(self.border.frequency)
 
     def _real(self, P: Poly, square: Poly) -> Signs:
@@ -198,8 +184,8 @@ class ExactSystem(Transfer):
         found = signs_in_x(P)
         if not P:
             return found
-        common = gcd(P, square)
-        P, square = divide(P, common)[0], divide(square, common)[0]
+        common = exact.gcd(P, square)
+        P, square = exact.divide(P, common)[0], exact.divide(square, common)[0]
         ends = [math.inf] * (self.border.dt is not None and len(P) < len(square))
         touches = (*[0.0] * (P[0] == 0), *signs_in_x(P).touches, *ends)
         return found._replace(touches=touches)
@@ -207,26 +193,20 @@ class ExactSystem(Transfer):
     def largest(self) -> tuple[float, float]:
         if self.T.num.degree > self.T.den.degree:
             return math.inf, math.inf
-        N, D = (real_product(p, p) for p in self.ratio)
-        # N/D is largest at x = 0, as x grows, or where N'D - N D' changes its sign
-        slope = add(mul(derivative(N), D), scale(mul(N, derivative(D)), -1))
-        places = [Fraction(0), *map(Fraction, positive_roots(odd_roots(slope)))] if slope else [0]
-        size = {math.sqrt(to_float(Fraction(x))): Fraction(at(N, x)) / at(D, x) for x in places}
-        size.setdefault(math.inf, Fraction(N[-1]) / D[-1] if len(N) == len(D) else Fraction(0))
-        v = max(size, key=lambda place: size[place])
-        return math.sqrt(to_float(size[v])), self.border.frequency(v)
+        most, x = exact.largest_ratio(*(exact.real_product(p, p) for p in self.ratio))
+        return math.sqrt(to_float(most)), self.border.frequency(math.sqrt(x))
 
     @property
     def fits(self) -> bool:
-        return hurwitz(add(*self.ratio))
+        return exact.hurwitz(exact.add(*self.ratio))
 
     def _is_real(self, less: Fraction) -> bool:
         """Whether T(s - less), or T((1 - less) z), is positive real."""
         if self.border.dt is None:
-            return positive_real(*(shift(p, less) for p in self.ratio))
+            return exact.positive_real(*(exact.shift(p, less) for p in self.ratio))
         both = (self.given.num.polynomial, self.given.den.polynomial)
         inner = (tuple(c * (1 - less) ** i for i, c in enumerate(p)) for p in both)
-        return positive_real(*(self.border.mapped(p, self.degree) for p in inner))
+        return exact.positive_real(*(self.border.mapped(p, self.degree) for p in inner))
 
     def margin(self) -> float:
         if not self.degree:
@@ -352,8 +332,8 @@ def signs_in_x(a: Poly) -> Signs:
     """The signs of a polynomial in x = w^2."""
     if not a:
         return Signs(0)
-    factors = squarefree(a)
-    odd, even = (positive_roots(reduce(mul, factors[k::2], (1,))) for k in (0, 1))
+    factors = exact.squarefree(a)
+    odd, even = (exact.positive_roots(reduce(exact.mul, factors[k::2], (1,))) for k in (0, 1))
     first = 1 if next(c for c in a if c) > 0 else -1
     return Signs(first, tuple(map(math.sqrt, odd)), tuple(map(math.sqrt, even)))
 
@@ -845,3 +825,42 @@ def system_of(T: Any, name: str = "T") -> Any:
 
 def has_many_states(T: Any) -> bool:
     return isinstance(T, ct.StateSpace) and T.nstates > EXACT
+
+
+def curve(source: Any, *marks: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies in rad/s, ``marks`` among them, and T(jw), or T(exp(jw dt)) up to half the
+    sampling rate, of anything that the checks take."""
+    if source is None:
+        raise InputError("this verdict was not made by a check, so there is nothing to draw.")
+    if is_measured(source):
+        return response(source)
+    T: Any = source
+    if not isinstance(T, DelayedTransfer | ct.TransferFunction | ct.StateSpace):
+        T = ct.tf(*([float(c) for c in np.atleast_1d(part)] for part in source))
+    border, late = border_of(T), 0.0
+    end = top = NEAR * border.frequency(np.inf)
+    with np.errstate(all="ignore"):
+        if isinstance(T, DelayedTransfer):
+            around, late = T.num.roots() + T.den.roots(), max(T.dead_times, default=0.0)
+            end = max(DRAWN / late, *(3.0 * w for w in marks if w < np.inf)) if late else end
+        else:
+            around = border.rates(np.append(T.poles(), T.zeros()))
+        w = spread(around, *marks, late=late, top=top, end=end)
+        values = np.asarray(
+            T(np.exp(1j * w * border.dt) if border.dt else 1j * w, warn_infinite=False)
+        )
+    if values.ndim == 3:  # of several channels the largest singular value
+        values = np.linalg.norm(np.moveaxis(values, -1, 0), 2, axis=(1, 2))
+    return w, np.ravel(values)
+
+
+def curve_name(source: Any, of: str = "T") -> str:
+    """What is drawn: "T(jw)", or "T(exp(jw dt))" of a sampled system."""
+    return f"{of}(exp(jw dt))" if is_sampled(source) else f"{of}(jw)"
+
+
+def curve_size(source: Any) -> str:
+    """The name of its size, of several channels that of the largest singular value."""
+    if getattr(source, "ninputs", 1) * getattr(source, "noutputs", 1) == 1:
+        return f"|{curve_name(source)}|"
+    return f"largest singular value of {curve_name(source)}"

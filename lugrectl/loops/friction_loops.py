@@ -117,18 +117,13 @@ def controller_block(name: Any) -> Block:
     name = name_of("controller", name)
     made = known.get(name) if isinstance(name, str) else None
     if made is None:
-        able = [k for k, b in known.items() if not _misfit(b)]
+        able = [k for k, b in known.items() if "u" in b.outputs and {*b.inputs} & {"e", *SLIDING}]
         raise InputError(f"unknown controller {shown(name)}; {meant(name, able)}")
     _fits(made, READ)
-    if why := _misfit(made):
-        raise InputError(f"{made.name} is not the controller of a loop: {why}.")
+    if "u" not in made.outputs or not {*made.inputs} & {"e", *SLIDING}:
+        said = "the controller of a loop reads an error and has the output u"
+        raise InputError(f"{made.name} reads or puts out something else; {said}.")
     return made
-
-
-def _misfit(made: Block) -> str:
-    if "u" not in made.outputs:
-        return "it has no output u"
-    return "" if set(made.inputs) & {"e", *SLIDING} else "it reads no error"
 
 
 def _fits(made: Block, offered: Sequence[str]) -> None:
@@ -442,13 +437,11 @@ def _held(kind: str, own: dict[str, Any], other: Any, usual: str, a: SimpleNames
             raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
         return tracked(a.limit, a.tracking, own["kp"], own["ki"], f"{kind}_loop")
     mapped(a.controller_gains, "controller_gains")
-    if strange := [k for k, v in own.items() if v != DEFAULTS[kind][k]]:
+    strange = [k for k, v in own.items() if v != DEFAULTS[kind][k]]
+    if strange := [*strange, *["tracking"] * (a.tracking is not None)]:
         raise InputError(
-            f"{strange[0]} is a gain of {usual}; give those of {other.name} in controller_gains."
-        )
-    if a.tracking is not None:
-        raise InputError(
-            f"tracking holds back the integral of {usual}; leave it out with {other.name}."
+            f"{strange[0]} is a gain of {usual}: leave it out with {other.name}, whose gains stand "
+            "in controller_gains."
         )
     return {}
 
