@@ -26,7 +26,7 @@ from ..core.views import view
 from ..design import Certificate
 from ..estimates.covariance import Joint
 from ..estimates.findings import Table
-from ..loops.parts import OUTPUTS
+from ..loops.friction_loops import OUTPUTS
 from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise

@@ -25,7 +25,7 @@ from ..design import Certificate, certify, design_gains
 from ..design.gains import RULES
 from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.findings import Table
-from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, read_of
+from ..loops.friction_loops import MEASURED, OUTPUTS, Control, all_at, connected, read_of
 from ..record import Record
 from ..record.signal_noise import sensor_noise, smallest_step
 from ..simulation.encoder import Sensing, encoder

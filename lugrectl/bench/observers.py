@@ -31,7 +31,7 @@ from ..core.views import view
 from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
 from ..estimates.fitted import Fitted
-from ..loops.parts import OUTPUTS, crossing
+from ..loops.friction_loops import OUTPUTS, crossing
 from ..record.as_record import as_record, is_record
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate

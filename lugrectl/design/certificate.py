@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,30 +29,8 @@ from ..core.validation import array, number, positive
 NAMES = ("J", "sigma0", "sigma1", "Fc", "Fs", "vs")
 
 
-class Drive(NamedTuple):
-    """The parameters that the error system depends on, checked."""
-
-    J: float
-    sigma0: float
-    sigma1: float
-    Fc: float
-    Fs: float
-    vs: float
-
-    @property
-    def low(self) -> float:
-        """C1 = min(Fc, Fs), the smallest h(w), in N m (eq. proof1_eq)."""
-        return min(self.Fc, self.Fs)
-
-    @property
-    def high(self) -> float:
-        """C2 = max(Fc, Fs), the largest h(w), in N m (eq. proof1_eq)."""
-        return max(self.Fc, self.Fs)
-
-
-def drive(p: Any) -> Drive:
-    """The checked parameters of a ``Parameters`` or a ``Model`` with LuGre friction."""
-    return Drive(**checked(p, NAMES, {"sigma1"}, "the observer's error system"))
+def drive(p: Any) -> SimpleNamespace:
+    return SimpleNamespace(**checked(p, NAMES, {"sigma1"}, "the observer's error system"))
 
 
 def checked(p: Any, names: Iterable[str], free: Iterable[str], who: str) -> dict[str, float]:
@@ -246,24 +225,11 @@ def constant_certificate(
     B = 2.0 * C * m.sigma1 / m.J
     A = B * m.sigma1 / (2.0 * m.J) + beta / 2.0
     P = np.array([[A, B / 2.0], [B / 2.0, C]])
-    M0, M1 = error_matrices(m, K1, K2)
-    Q0, Q1 = (-(P @ M + M.T @ P) for M in (M0, M1))
+    Q0, Q1 = (-(P @ M + M.T @ P) for M in error_matrices(m, K1, K2))
     Q1[0, 1] = Q1[1, 0] = 0.0  # exactly, by the choice of B
-    made = Certificate(
-        holds=True,
-        lemma=lemma,
-        conditions=conditions,
-        pole_at_rest=slowest_pole(m, K1, K2),
-        A=A,
-        B=B,
-        C=C,
-        alpha=K2 / m.J,
-        alpha_unit="1/s",
-        beta=beta,
-        P=P,
-        Q0=Q0,
-        Q1=Q1,
-    )
+    constants = (A, B, C, K2 / m.J, "1/s", beta)
+    pole = slowest_pole(m, K1, K2)
+    made = Certificate(True, lemma, conditions, pole, None, *constants, P, Q0, Q1)
     rate = float(made.rate_at(0.0))
     return replace(made, rate=rate) if K1 < 0.0 < K2 and m.sigma1 > 0.0 and rate > 0.0 else made
 
@@ -317,44 +283,30 @@ def certify(p: Any, K1: float, K2: float) -> Certificate:
     """
     m = drive(p)
     K1, K2 = number(K1, "K1"), number(K2, "K2")
-    g = (K2 * m.sigma1 / m.J - m.sigma0) / m.J
-    reason = _obstacle(m, K1, K2, g)
+    g, pole = (K2 * m.sigma1 / m.J - m.sigma0) / m.J, slowest_pole(m, K1, K2)
+    reason = ""
+    if K1 > 0.0:
+        reason = f"K1 = {K1:g} > 0: at w = 0 the error has the unstable pole {pole:+.4g} 1/s"
+    elif K2 < 0.0:
+        reason = (
+            f"K2 = {K2:g} < 0: at a constant speed with |w|/h(w) above {abs(K1 / K2):.4g} "
+            "rad/(N m s) the error has an unstable pole"
+        )
+    elif K1 == 0.0 and g != 0.0:
+        reason = "K1 = 0: at w = 0 nothing corrects e_z, which drives e_w: no V of this form exists"
     if reason:
-        pole = slowest_pole(m, K1, K2)
         return Certificate(False, "certify", (reason, MATCHED), pole)
-    if K1 < 0.0 < K2 and m.sigma1 > 0.0:
-        first = "K1 < 0 < K2 and sigma1 > 0"
-    elif K1 == 0.0:
-        first = "no rate: with K1 = 0 nothing corrects e_z at w = 0"
-    elif K2 == 0.0:
-        first = "no rate: with K2 = 0 a pole tends to 0 as |w|/h(w) grows"
-    else:
-        first = "no rate: with sigma1 = 0 no V of this form decays in e_z at w = 0"
-    if K1 == 0.0:  # the weight is beta/(2 C) of the best V
-        weight = (m.sigma1 / m.J) ** 2 or 1.0
-    else:
+    first = "K1 < 0 < K2 and sigma1 > 0"
+    if not (K1 < 0.0 < K2 and m.sigma1 > 0.0):
+        first = "no rate: K1, K2 or sigma1 is 0, so that some motion leaves an error as it is"
+    weight = (m.sigma1 / m.J) ** 2 or 1.0  # beta/(2 C) of the best V
+    if K1:
         d1, d2 = -K1 * m.sigma1 / m.J, K2 / m.J
         loss = LOSS * min(d1, d2)
         least = (2.0 * math.sqrt(loss * (abs(d1 - d2) + loss)) / K1) ** 2
         weight = max(abs(g) / -K1, least)
     sentences = (first, MATCHED, ANY_MOTION)
     return constant_certificate(m, (K1, K2), 1.0, 2.0 * weight, "certify", sentences)
-
-
-def _obstacle(m: Drive, K1: float, K2: float, g: float) -> str:
-    """Why no V of this form exists; empty if one does."""
-    if K1 > 0.0:
-        pole = slowest_pole(m, K1, K2)
-        return f"K1 = {K1:g} > 0: at w = 0 the error has the unstable pole {pole:+.4g} 1/s"
-    if K2 < 0.0:
-        ratio = abs(K1 / K2)
-        return (
-            f"K2 = {K2:g} < 0: at a constant speed with |w|/h(w) above {ratio:.4g} rad/(N m s) "
-            "the error has an unstable pole"
-        )
-    if K1 == 0.0 and g != 0.0:
-        return "K1 = 0: at w = 0 nothing corrects e_z, which drives e_w: no V of this form exists"
-    return ""
 
 
 CELLS = 2000  # resolution of the search for a window
@@ -389,12 +341,12 @@ class Excitation(Result):
         V(t) <= exp(2 rate T) exp(-2 rate t) V(0), which also needs |w| <= ``fastest``.
         """
         m = drive(p)
-        steady = m.sigma0 * self.slowest / m.high
-        mean = m.sigma0 * self.beta / m.high / self.T
+        C1, C2 = sorted((m.Fc, m.Fs))
+        steady, mean = m.sigma0 * self.slowest / C2, m.sigma0 * self.beta / C2 / self.T
         if alpha is None:
             return max(steady, mean)
         limit = positive(alpha, "alpha") / m.J
-        top = m.sigma0 * self.fastest / m.low
+        top = m.sigma0 * self.fastest / C1
         return max(min(steady, limit), mean * min(1.0, limit / top) if top > 0.0 else 0.0)
 
     def summary(self) -> dict[str, Any]:

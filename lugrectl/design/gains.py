@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import Any, Literal, NamedTuple, overload
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
@@ -40,13 +40,9 @@ LEAST = 1e-9  # of the fastest rate: below it no decay is claimed
 
 
 def common_rate(corners: Sequence[np.ndarray]) -> tuple[float, np.ndarray] | None:
-    """The largest r found with A'P + P A + 2 r P <= 0 for all A of ``corners``, and P.
-
-    If the error system is affine in quantities that move inside a box, its corners decide, and V =
-    x'P x decays as V(t) <= V(0) exp(-2 r t) however these quantities move. Every r that is found is
-    a bound, the best one or not: r(P) = -max eig(L^-1 (A'P + P A) L'^-1)/2, P = L L', is searched
-    for by the method of Nelder and Mead. States are scaled so that the entries have about one size.
-    """
+    """The largest r found with A'P + P A + 2 r P <= 0 for all A of ``corners``, and P: V = x'P x
+    then decays as exp(-2 r t) however the errors move between them. Every r is a bound, the best
+    one or not."""
     size, n = max(float(np.abs(A).max()) for A in corners), len(corners[0])
     scaled = [A / size for A in corners]
     starts: list[np.ndarray] = [np.eye(n)]  # and functions of stable corners and their mean
@@ -87,8 +83,7 @@ def _improved(corners: Sequence[np.ndarray], P: np.ndarray) -> tuple[float, np.n
     x = np.linalg.cholesky(P)[lower]
     for _ in range(ROUNDS):
         x = minimize(missed, x, method="Nelder-Mead", options={"maxiter": 600}).x
-    made = matrix(x)
-    return -missed(x), made / np.trace(made)
+    return -missed(x), matrix(x) / np.trace(matrix(x))
 
 
 SPEED = 1.0  # rad/s, up to which a certificate that has a limit holds, unless given
@@ -108,14 +103,14 @@ Made = tuple[dict[str, Any], Certificate]
 
 
 def claim(
-    conditions: Sequence[str],
+    *conditions: str,
     pole: float = 0.0,
     rate: float | None = None,
     valid: str = "for every motion",
     holds: bool = True,
 ) -> Certificate:
     """What gains guarantee: ``valid`` says for which motions; pole at rest and rate in 1/s."""
-    return Certificate(holds, "", tuple(conditions), pole, rate, valid=valid)
+    return Certificate(holds, "", conditions, pole, rate, valid=valid)
 
 
 class Rule(NamedTuple):
@@ -128,15 +123,12 @@ class Rule(NamedTuple):
 
 RULES: dict[str, Rule] = {}  # by observer
 METHODS: dict[str, Rule] = {}  # of the proposed one
-LUGRE = "J sigma0 sigma1 Fc Fs Fv vs"
+BRISTLES = "J sigma0 sigma1 Fc Fs vs"
+LUGRE = f"{BRISTLES} Fv"
 
 
-def rule(observer: str, needs: str, **choices: float | None) -> Callable[[Any], Any]:
-    """Enter the function below as the rule of an observer."""
-    return _entering(RULES, f"{observer}_observer", needs, choices)
-
-
-def _entering(table: dict[str, Rule], name: str, needs: str, choices: Any) -> Callable[[Any], Any]:
+def rule(table: dict[str, Rule], name: str, needs: str, /, **choices: float | None) -> Any:
+    """Enter the function below as the rule of an observer, or a method of the proposed one."""
 
     def enter(build: Any) -> Any:
         table[name] = Rule(build, needs, choices)
@@ -159,9 +151,9 @@ def _noise(m: Any, rate: float, bound: str = "") -> str:
     return f"noise of w reaches Fhat with {bound}{m.J * rate:.3g} N m s/rad"
 
 
-@rule("natural", "sigma0 Fc Fs vs")
+@rule(RULES, "natural_observer", "sigma0 Fc Fs vs")
 def _natural(m: Any, c: Choices) -> Made:
-    return {}, claim([RELAXES, RIGHT])
+    return {}, claim(RELAXES, RIGHT)
 
 
 def _corrected(m: Any, c: Choices) -> float:
@@ -171,91 +163,90 @@ def _corrected(m: Any, c: Choices) -> float:
     return m.J * rate**2 / m.sigma0 if c["k"] is None else c["k"]
 
 
-@rule("existing", LUGRE, rate=None, k=None, kp=0.0)
+@rule(RULES, "existing_observer", LUGRE, rate=None, k=None, kp=0.0)
 def _existing(m: Any, c: Choices) -> Made:
     k = _corrected(m, c)
     most = 4.0 / m.sigma1 * (1.0 + c["kp"] / (k * m.sigma1)) if k else math.inf
-    said = [
+    return {"k": k}, claim(
         f"|w|/h(w) <= {most:.4g} rad/(N m s); this limits the proof, not the loop",
         FORWARD,
         "e tends to 0; " + RELAXES,
         RIGHT,
-    ]
-    return {"k": k}, claim(said, valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s")
+        valid=f"for |w| <= {most * min(m.Fc, m.Fs):.3g} rad/s",
+    )
 
 
-@rule("lyapunov", LUGRE, rate=None, k=None)
+@rule(RULES, "lyapunov_observer", LUGRE, rate=None, k=None)
 def _lyapunov(m: Any, c: Choices) -> Made:
-    return {"k": _corrected(m, c)}, claim([FORWARD, "s tends to 0; " + RELAXES, RIGHT])
+    return {"k": _corrected(m, c)}, claim(FORWARD, "s tends to 0; " + RELAXES, RIGHT)
 
 
-@rule("normal_force", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
+@rule(RULES, "normal_force_observer", LUGRE, k=1.0, gamma=None, kp=None, kd=None)
 def _normal_force(m: Any, c: Choices) -> Made:
     kd = 1.25 * m.sigma0 * m.J / m.sigma1 if c["kd"] is None else c["kd"]
     kp = kd**2 / (4.0 * m.J) if c["kp"] is None else c["kp"]
     verdict = spr_check(position_T(m, kp=kp, ki=0.0, kd=kd))
-    said = [
+    gamma = 670.0 / m.Fs if c["gamma"] is None else c["gamma"]
+    return {"k": c["k"], "gamma": gamma}, claim(
         f"a position loop with PD kp = {kp:.4g}, kd = {kd:.4g} on e and the feed-forward J ddr; "
         f"(sigma1 s + sigma0)/(J s^2 + kd s + kp) is {verdict.classification}",
         ONE_FACTOR,
         "e tends to 0 for every such factor; the proof gives no rate",
-    ]
-    gamma = 670.0 / m.Fs if c["gamma"] is None else c["gamma"]
-    return {"k": c["k"], "gamma": gamma}, claim(said, holds=bool(verdict))
+        holds=bool(verdict),
+    )
 
 
-@rule("temperature", LUGRE, k=0.0, gamma=5.0, M=SPEED)
+@rule(RULES, "temperature_observer", LUGRE, k=0.0, gamma=5.0, M=SPEED)
 def _temperature(m: Any, c: Choices) -> Made:
     k, gamma = c["k"], c["gamma"]
     a, low = _slides(m, c["M"]), min(m.Fc, m.Fs) / m.Fs
     root = np.roots([1.0, a + k, gamma * (a * low) ** 2]).real.max()
-    said = [
+    return {"k": k, "gamma": gamma}, claim(
         "Fc and Fs are wrong by one factor; J, sigma0, sigma1, Fv are right, and no load acts",
         "no rate by itself: at rest the factor keeps its value",
         f"sliding at {c['M']:g} rad/s, linearised: the errors decay with {-root:.4g} 1/s; zbar "
         f"is right within {m.sigma1 / m.sigma0:.3g} s",
-    ]
-    return {"k": k, "gamma": gamma}, claim(said, 0.0 - k)
+        pole=0.0 - k,
+    )
 
 
-@rule("friction_state", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
+@rule(RULES, "friction_state_observer", "J sigma0 Fc Fs Fv vs", bandwidth=None, M=SPEED, dt=None)
 def _friction_state(m: Any, c: Choices) -> Made:
-    p = c["bandwidth"] or _limited(1.5 * math.sqrt(m.sigma0 / m.J), c)
-    most = c["M"]
+    p, most = c["bandwidth"] or _limited(1.5 * math.sqrt(m.sigma0 / m.J), c), c["M"]
     found = common_rate([np.array([[-2.0 * p, -p], [p, -a]]) for a in (0.0, _slides(m, most))])
-    said = [
+    return {"bandwidth": p}, claim(
         "Fc, Fs, Fv, vs, sigma0, J are right, and no load torque acts; sigma1 dz/dt counts as an "
         "error for about sigma1/sigma0",
         _noise(m, 0.5 * p, "up to "),
-    ]
-    rate, valid = found[0] if found else None, f"for |w| <= {most:g} rad/s"
-    return {"bandwidth": p}, claim(said, -p, rate, valid, holds=rate is not None)
+        pole=-p,
+        rate=found[0] if found else None,
+        valid=f"for |w| <= {most:g} rad/s",
+        holds=bool(found),
+    )
 
 
-@rule("position_lugre", LUGRE, pole=None, M=SPEED, dt=None)
+@rule(RULES, "position_lugre_observer", LUGRE, pole=None, M=SPEED, dt=None)
 def _position_lugre(m: Any, c: Choices) -> Made:
     p = c["pole"] or _limited(3.0 * math.sqrt(m.sigma0 / m.J), c, 1.0)
     gains, corners = position_corners(m, p, c["M"])
     found, slowest = common_rate(corners), max(map(_slowest, corners))
     said = ["|z| <= max(Fc, Fs)/sigma0", RIGHT]
     if found:
-        return gains, claim(said, -p, found[0], f"for |w| <= {c['M']:g} rad/s")
+        valid = f"for |w| <= {c['M']:g} rad/s"
+        return gains, claim(*said, pole=-p, rate=found[0], valid=valid)
     said += [
         "no common quadratic function was found: the triple pole holds at rest only",
         f"sliding at a constant speed, the slowest pole can be {slowest:+.4g} 1/s"
         + ("" if slowest < 0.0 else ": choose a faster pole"),
     ]
-    return gains, claim(said, -p, valid="linearised at rest only", holds=slowest < 0.0)
+    return gains, claim(*said, pole=-p, valid="linearised at rest only", holds=slowest < 0.0)
 
 
 def position_corners(m: Any, p: float, most: float) -> tuple[dict[str, float], list[np.ndarray]]:
-    """l1, l2, l3 with a triple pole at -p at rest, and the error matrices at the corners.
-
-    At rest the errors have the polynomial s^3 + (b + l1) s^2 + (g + l1 b + l2) s + g (l1 - l3),
-    b = (sigma1 + Fv)/J, g = sigma0/J. The matrices are affine in a = sigma0 |w|/h(w) and in the
-    slope b of dz/dt over w, which stays within 1 +- max(Fc, Fs) max d(|w|/h)/dw. States are
-    scaled by p.
-    """
+    """l1, l2, l3 with a triple pole at -p at rest, and the error matrices, states scaled by p, at
+    the corners of a = sigma0 |w|/h(w) and of the slope of dz/dt over w."""
+    # at rest the errors have s^3 + (b + l1) s^2 + (g + l1 b + l2) s + g (l1 - l3); the slope stays
+    # within 1 +- max(Fc, Fs) max d(|w|/h)/dw
     b, g = (m.sigma1 + m.Fv) / m.J, m.sigma0 / m.J
     l1 = 3.0 * p - b
     l2, l3 = 3.0 * p**2 - g - l1 * b, l1 - p**3 / g
@@ -277,71 +268,68 @@ def _slowest(A: np.ndarray) -> float:
     return float(np.linalg.eigvals(A).real.max())
 
 
-@rule("position_coulomb", "J Fv", rate=None, L=None, dt=None)
+@rule(RULES, "position_coulomb_observer", "J Fv", rate=None, L=None, dt=None)
 def _position_coulomb(m: Any, c: Choices) -> Made:
     r = c["rate"] or _limited(200.0, c) / 4.0
     L, k = c["L"] or 8.0 * r, m.J * r
     slow = _slowest(np.array([[0.0, 1.0], [-k * L / m.J, -(L + m.Fv / m.J)]]))
-    said = [
+    return {"k": k, "L": L}, claim(
         COULOMB,
         "a - ahat never grows, through reversals and at rest; no rate by itself",
         f"sliding in one direction: the slowest pole is {slow:.4g} 1/s",
-    ]
-    return {"k": k, "L": L}, claim(said)
+    )
 
 
-@rule("disturbance", "J", tau=None, dt=None)
+@rule(RULES, "disturbance_observer", "J", tau=None, dt=None)
 def _disturbance(m: Any, c: Choices) -> Made:
-    tau = c["tau"] or 1.0 / _limited(100.0 if c["dt"] is None else math.inf, c)
-    said = [f"{CONSTANT} tau sup|dD/dt|", _noise(m, 1.0 / tau)]
-    return {"tau": tau}, claim(said, -1.0 / tau, 1.0 / tau)
+    r = 1.0 / c["tau"] if c["tau"] else _limited(100.0 if c["dt"] is None else math.inf, c)
+    said = (f"{CONSTANT} tau sup|dD/dt|", _noise(m, r))
+    return {"tau": c["tau"] or 1.0 / r}, claim(*said, pole=-r, rate=r)
 
 
-@rule("extended_state", "J", bandwidth=None, dt=None)
+@rule(RULES, "extended_state_observer", "J", bandwidth=None, dt=None)
 def _extended(m: Any, c: Choices) -> Made:
     p = c["bandwidth"] or _limited(100.0 if c["dt"] is None else math.inf, c)
-    said = [
+    return {"bandwidth": p}, claim(
         f"{CONSTANT} (2/p) sup|dD/dt|, p = bandwidth",
         f"the errors decay as (1 + p t) exp(-p t), which is faster than {SHARE:g} p in the end",
         _noise(m, 0.5 * p, "up to "),
-    ]
-    return {"bandwidth": p}, claim(said, -p, SHARE * p)
+        pole=-p,
+        rate=SHARE * p,
+    )
 
 
-@rule("general_coulomb", "J Fv", rate=None, w0=0.1, dt=None)
+@rule(RULES, "general_coulomb_observer", "J Fv", rate=None, w0=0.1, dt=None)
 def _general_coulomb(m: Any, c: Choices) -> Made:
     r, w0 = c["rate"] or _limited(50.0, c), c["w0"]
-    said = [
+    return {"k": m.J * r, "w0": w0}, claim(
         COULOMB,
         "a - ahat never grows; at rest it keeps its value",
         f"while |w| >= v it decays with at least {r:.4g} v/sqrt(v^2 + {w0:g}^2) 1/s",
-    ]
-    return {"k": m.J * r, "w0": w0}, claim(said)
+    )
 
 
-@rule("friedland_park", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
+@rule(RULES, "friedland_park_observer", "J Fv", rate=None, mu=1.5, speed=0.1, dt=None)
 def _friedland_park(m: Any, c: Choices) -> Made:
     r, mu, v = c["rate"] or _limited(50.0, c), c["mu"], c["speed"]
-    said = [
+    return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, claim(
         COULOMB,
         "a - ahat never grows",
         f"at |w| = {v:g} rad/s it decays with {r:.4g} 1/s, at other speeds with "
         f"{r:.4g} (|w|/{v:g})^{mu - 1:.3g}",
-    ]
-    return {"k": m.J * r / (mu * v ** (mu - 1.0)), "mu": mu}, claim(said)
+    )
 
 
-@rule("adaptive", LUGRE, gamma=10.0, K2=None, dt=None)
+@rule(RULES, "adaptive_observer", LUGRE, gamma=10.0, K2=None, dt=None)
 def _adaptive(m: Any, c: Choices) -> Made:
     gamma = c["gamma"]
     K2 = c["K2"] or m.J * max(_limited(40.0 * gamma, c), 4.0 * gamma)
-    said = [
+    return {"K2": K2, "gamma": gamma}, claim(
         ONE_FACTOR,
         f"w - what tends to 0, and the factor settles at about {gamma:g} 1/s while the drive "
         "slides; no rate by itself",
         "at rest the factor follows the torque that balances u",
-    ]
-    return {"K2": K2, "gamma": gamma}, claim(said)
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -498,21 +486,9 @@ class Design(Result):
         return own | {"certificate": self.certificate.summary()}
 
 
-@overload
-def design_gains(
-    p: Any, method: str = ..., *, observer: Literal["proposed"] = ..., **choices: float
-) -> Design: ...
-
-
-@overload
-def design_gains(
-    p: Any, method: str = ..., *, observer: str, **choices: float
-) -> Design | ObserverDesign: ...
-
-
 def design_gains(
     p: Any, method: str = "constant", *, observer: str = "proposed", **choices: float
-) -> Design | ObserverDesign:
+) -> Any:
     """Gains of an observer by its design rule, with a certificate of what they guarantee.
 
     Parameters
@@ -609,15 +585,8 @@ def design_gains(
     return ObserverDesign(short, gains, own, replace(certificate, lemma=short))
 
 
-def method(name: str, **choices: float | None) -> Callable[[Any], Any]:
-    """Enter the function below as a method of the proposed observer."""
-    return _entering(
-        METHODS, name, "J sigma0 sigma1 Fc Fs vs", {"C": 1.0, "alpha": None, **choices}
-    )
-
-
-@method("bounded", A=None, M=None)
-@method("time-varying", A=None)
+@rule(METHODS, "bounded", BRISTLES, C=1.0, alpha=None, A=None, M=None)
+@rule(METHODS, "time-varying", BRISTLES, C=1.0, alpha=None, A=None)
 def _scheduled(m: Any, c: Choices) -> Made:
     """K1(w) of eq. K1 with the K2 of lemma4, or of lemma5 up to the speed M:
     V = A e_z^2 + C e_w^2 has -dV/dt >= 2 A a e_z^2 + 2 C (alpha/J) e_w^2."""
@@ -647,23 +616,17 @@ def _scheduled(m: Any, c: Choices) -> Made:
             "e_z and e_w tend to 0, also at rest; the lemma gives no rate",
         )
     certificate = Certificate(
-        holds=True,
-        lemma="lemma4" if M is None else "lemma5",
-        conditions=(*said, MATCHED),
-        pole_at_rest=slowest_pole(m, K1.offset, at_rest),
-        A=A,
-        B=0.0,
-        C=C,
-        alpha=alpha,
-        alpha_unit="N m s/rad",
-        P=np.diag([A, C]),
-        Q0=np.diag([0.0, 2.0 * C * alpha / m.J]),
-        Q1=np.diag([2.0 * A, 0.0]),
+        True,
+        "lemma4" if M is None else "lemma5",
+        (*said, MATCHED),
+        slowest_pole(m, K1.offset, at_rest),
+        *(None, A, 0.0, C, alpha, "N m s/rad", None),
+        *map(np.diag, ([A, C], [0.0, 2.0 * C * alpha / m.J], [2.0 * A, 0.0])),
     )
     return {"K1": K1, "K2": K2}, certificate
 
 
-@method("constant", beta=None)
+@rule(METHODS, "constant", BRISTLES, C=1.0, alpha=None, beta=None)
 def _constant(m: Any, c: Choices) -> Made:
     C, alpha = c["C"], c["alpha"] or m.sigma0 / m.sigma1
     beta = c["beta"] or 2.0 * C * (m.sigma1 / m.J) ** 2

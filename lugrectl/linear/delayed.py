@@ -20,11 +20,12 @@ import numpy as np
 from ..blocks.drive import DeadTime, dead_times
 from ..core.errors import InputError
 from ..core.validation import array, shown
-from .border import Border, is_sampled
 from .exact import Poly, Quasi, add, divide, gcd, mul, scale
 from .transfer import (
+    Border,
     coefficients,
     is_measured,
+    is_sampled,
     not_negative,
     number,
     require_continuous_siso,
@@ -225,7 +226,6 @@ def reduced(num: Quasi, den: Quasi, cancelled: Poly = (1,)) -> DelayedTransfer:
 
 
 def _written(q: Quasi) -> str:
-    """A quasi-polynomial in s."""
     parts = []
     for late, p in q.terms:
         powers = {i: "" if not i else "s" if i == 1 else f"s^{i}" for i, c in enumerate(p) if c}
@@ -374,7 +374,6 @@ def _determinant(M: list[list[Poly]]) -> Poly:
 
 
 def _differences(system: Any, x0: Any, u0: Any, t: float, params: Any) -> list[np.ndarray]:
-    """A, B, C and D by central differences."""
     if isinstance(system, ct.StateSpace):
         return [np.asarray(M, dtype=float) for M in (system.A, system.B, system.C, system.D)]
     for value, name, many in ((x0, "x0", system.nstates), (u0, "u0", system.ninputs)):
@@ -414,25 +413,19 @@ def _without_pade(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """The system without the states of its dead times, whose inputs and outputs are the last."""
     A, B, C, D = linear
-    first = [one.place for one in late]
-    second = [k + 1 for k in first]
-    keep = [k for k in range(len(A)) if k not in {*first, *second}]
-    on = [k for k, one in enumerate(late) if one.seconds > 0]
-    places = [second[k] for k in on]
-    # q = Q x + P p2 + R u of the signals that enter, from the rows of p2
-    size = np.array([12.0 / late[k].seconds for k in on])[:, None]
-    Q, R = A[np.ix_(places, keep)] / size, B[places] / size
-    P = A[np.ix_(places, places)] / size + 0.5 * np.eye(len(places))
+    places = [one.place for one in late]
+    keep = [k for k in range(len(A)) if k not in {*places, *(k + 1 for k in places)}]
+    p2 = [one.place + 1 for one in late if one.seconds > 0]
+    A1, B1, C1 = A[np.ix_(keep, keep)], B[keep], C[:, keep]
+    if not p2:
+        return A1, B1, C1, D
+    # the signals q that enter, from the rows of p2; p1 is not in them
+    size = np.array([one.seconds / 12.0 for one in late if one.seconds > 0])[:, None]
+    Q, R, eye = size * A[p2], size * B[p2], np.eye(len(p2))
+    P = Q[:, p2] + 0.5 * eye
     P[np.abs(P) < NOISE] = 0.0
-    # p2 = q - v = P p2 + Q x + R u - v
-    solve = np.linalg.inv(np.eye(len(places)) - P)
-    x_to, u_to, v_to = solve @ Q, solve @ R, -solve
-    columns = np.vstack([A[np.ix_(keep, places)], C[:, places]])
-    states, own = len(keep), np.vstack([A[np.ix_(keep, keep)], C[:, keep]])
-    inputs = np.vstack([B[keep], D])
-    own, inputs, new = own + columns @ x_to, inputs + columns @ u_to, columns @ v_to
-    A1, C1 = own[:states], np.vstack([own[states:], x_to])
-    B1 = np.hstack([inputs[:states], new[:states]])
-    below = np.hstack([u_to, v_to + np.eye(len(places))])
-    D1 = np.vstack([np.hstack([inputs[states:], new[states:]]), below])
-    return A1, B1, C1, D1
+    B1, C1 = np.hstack([B1, A[np.ix_(keep, p2)]]), np.vstack([C1, Q[:, keep]])
+    G = ct.ss(A1, B1, C1, np.block([[D, C[:, p2]], [R, P]]), remove_useless_states=False)
+    # p2 = q - v of the signals v that leave
+    made = G.lft(ct.ss([], [], [], np.block([[eye, -eye], [eye, 0.0 * eye]])), len(p2), len(p2))
+    return made.A, made.B, made.C, made.D

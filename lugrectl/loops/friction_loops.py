@@ -4,45 +4,219 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ..blocks import controllers
+from ..blocks.aliases import meant, name_of
+from ..blocks.block import Block, members
 from ..blocks.drive import current_lag, dead_time, limiter, proportional
 from ..blocks.drive import notch as notch_block
 from ..blocks.factories import friction
 from ..blocks.model import Model, Parameters, as_model
-from ..blocks.observers import Gain, believed, friedland_park_observer, observer_block
+from ..blocks.observers import Gain, believed, friedland_park_observer, observer, observer_block
 from ..blocks.plant import load_outputs, plant
 from ..blocks.sliding_control import (
-    MORGUL,
-    RUDERMAN,
     coulomb_compensation,
     coulomb_predictor,
+    sliding_error,
     smith_velocity,
 )
 from ..core.errors import InputError
-from ..core.validation import flag, positive, real, shown
-from .parts import (
-    DEFAULTS,
-    OUTPUTS,
-    OWN,
-    SLIDING,
-    both,
-    connected,
-    controller_block,
-    derivatives,
-    error_s,
-    loop_observer,
-    mapped,
-    models,
-    tracked,
-)
+from ..core.validation import flag, one_name, positive, real, shown
 
 if TYPE_CHECKING:
     import control as ct
 
-    from ..blocks.model import Model, Parameters
+
+OWN = "own"  # a gain that is left out: the observer's own default
+OUTPUTS = ("theta", "w", "F", "Fhat", "u", "e")
+DEFAULTS = {
+    "velocity": {"kp": 1.6, "ki": 0.16},
+    "position": {"kp": 15.0, "ki": 1.55, "kd": 0.0, "tau": None},
+}
+SEEN = ("theta", "w", "u", "e", "r", "s")
+READ = ("theta", "w", "e", "r", "dr", "ddr", "s", "ar")
+SLIDING = ("s", "ar")
+USUAL = ("K1", "K2", "k")
+ARGUMENTS = (  # of a loop
+    *("observer", "kp", "ki", "kd", "tau", *USUAL, "gains", "observer_parameters", "load"),
+    *("prefilter", "feedforward", "limit", "tracking", "controller", "controller_gains", "name"),
+)
+
+
+def connected(
+    parts: Sequence[Any], inputs: Sequence[str], outputs: Sequence[str], name: str
+) -> ct.InterconnectedSystem:
+    import control as ct
+
+    return ct.interconnect(
+        list(parts),
+        inputs=list(inputs),
+        outputs=list(outputs),
+        params={},  # empty: else two loops in one system would share the values of the last one
+        check_unused=False,
+        name=one_name(name),
+    )
+
+
+def tracked(limit: Any, tracking: Any, kp: Any, ki: Any, loop: str) -> dict[str, Any]:
+    """Return the time of the back-calculation, none without a limit."""
+    if limit is None and tracking is not None:
+        raise InputError(f"{loop}: tracking belongs to a limit: give limit in N m too.")
+    if limit is None:
+        return {}
+    return {"tracking": controllers.tracking_time(kp, ki, tracking, loop)}
+
+
+def loop_observer(
+    name: str | None,
+    p: Model,
+    own: Mapping[str, Any],
+    gains: Mapping[str, Any] | None,
+    sliding: bool = False,
+) -> ct.NonlinearIOSystem:
+    """The observer of a loop with its gains, those by argument (``own``) and others; ``sliding``:
+    it is corrected by s in place of e."""
+    name = name_of("observer", name)
+    made = observer_block("no_observer" if name is None else name)
+    _fits(made, SEEN)
+    if "Fhat" not in made.outputs:
+        raise InputError(f"{made.name} has no output Fhat; an observer in a loop needs one.")
+    known = mapped(gains, "gains")
+    for gain, value in own.items():
+        absent = gain not in made.parameters
+        usual = gain in USUAL and (value is None or real(value) == 0.0)
+        if value is OWN or (absent and usual):
+            continue
+        if absent:
+            near = meant(gain, (*made.parameters, *ARGUMENTS))
+            raise InputError(
+                f"{gain} is no argument of the loop and no parameter of {made.name}; {near}"
+            )
+        if value is None or gain in known:
+            said = "is given twice: in gains and" if gain in known else "= None is no gain"
+            raise InputError(f"{gain} {said} as an argument; leave it out for its default.")
+        known[gain] = value
+    inputs = [("s" if signal == "e" and sliding else signal) for signal in made.inputs]
+    return believed(made, p, inputs=inputs, **known)
+
+
+def mapped(gains: Any, what: str) -> dict[str, Any]:
+    if not (gains is None or isinstance(gains, Mapping)):
+        raise InputError(f"{what} must be a dict of numbers by name, not {shown(gains)}.")
+    return dict(gains or {})
+
+
+def controller_block(name: Any) -> Block:
+    """The registered controller of a name, one that puts out u from what a loop offers."""
+    known = members("controller")
+    name = name_of("controller", name)
+    made = known.get(name) if isinstance(name, str) else None
+    if made is None:
+        able = [k for k, b in known.items() if "u" in b.outputs and {*b.inputs} & {"e", *SLIDING}]
+        raise InputError(f"unknown controller {shown(name)}; {meant(name, able)}")
+    _fits(made, READ)
+    if "u" not in made.outputs or not {*made.inputs} & {"e", *SLIDING}:
+        said = "the controller of a loop reads an error and has the output u"
+        raise InputError(f"{made.name} reads or puts out something else; {said}.")
+    return made
+
+
+def _fits(made: Block, offered: Sequence[str]) -> None:
+    strange = [s for s in made.inputs if s not in offered]
+    if strange:
+        raise InputError(
+            f"{made.name} needs {', '.join(strange)}; a ready-made loop offers "
+            f"{', '.join(offered)}: wire it with control.interconnect."
+        )
+
+
+def error_s(
+    kind: str, gains: Mapping[str, Any] | None, names: Mapping[str, str]
+) -> ct.NonlinearIOSystem:
+    lam = mapped(gains, "controller_gains").get("lam", 20.0)
+    measured = ["theta", "w"] if kind == "position" else ["w"]
+    wanted = [*measured, *("r", "dr", "ddr")[: 1 + len(measured)]]
+    return sliding_error(lam, kind, inputs=[names.get(k, k) for k in wanted])
+
+
+def derivatives(kind: str, signals: Sequence[str]) -> list[str]:
+    """The derivatives of the reference from which these signals of a loop are computed."""
+    needs = {"s": {"dr"}, "ar": {"dr", "ddr"}} if kind == "position" else {"ar": {"dr"}}
+    wanted = set().union(*(needs.get(k, {k}) for k in signals))
+    known = ("dr", "ddr") if kind == "position" else ("dr",)
+    if kind == "velocity" and "ddr" in wanted:
+        raise InputError(f"a velocity loop has no ddr, only {controllers.DERIVATIVE[kind]}.")
+    return [k for k in known if k in wanted]
+
+
+def placed(J: float, *poles: float) -> dict[str, float]:
+    """Return the gains with the zeros of J s^2 + kp s + ki, or of the third degree, at -poles."""
+    names = ("kp", "ki") if len(poles) == 2 else ("kd", "kp", "ki")
+    gains = dict(zip(names, J * np.poly(-np.array(poles))[1:], strict=True))
+    return {k: float(gains[k]) for k in ("kp", "ki", "kd") if k in gains}
+
+
+def all_at(kind: str, J: float, rate: float) -> dict[str, float]:
+    return placed(J, *[rate] * (2 if kind == "velocity" else 3))
+
+
+def crossing(kind: str, J: float, bandwidth: float) -> dict[str, float]:
+    """Return the gains of a PI that crosses over at the bandwidth in rad/s, its integral 20 times
+    as slow, or of a critically damped PD with kd/J there."""
+    if kind == "velocity":
+        split = np.sqrt(1.0 - 4.0 / 20.0)  # of two poles with the sum b and the product b^2/20
+        return placed(J, 0.5 * (1.0 + split) * bandwidth, 0.5 * (1.0 - split) * bandwidth)
+    return placed(J, 0.5 * bandwidth, 0.5 * bandwidth, 0.0)
+
+
+MEASURED = {"w": "w_m", "theta": "theta_m", "u": "u_fb"}
+REFERENCE = ("r", "dr", "ddr")
+
+
+@dataclass(frozen=True)
+class Control:
+    """A PI of the speed or a PID of the position by its gains ``feedback``, and an observer by its
+    name and its ``gains``. ``ahead``: J times the acceleration of the reference is added."""
+
+    kind: str
+    feedback: Mapping[str, float]
+    observer: str | None = None
+    gains: Mapping[str, Any] = field(default_factory=dict)
+    ahead: bool = True
+
+    def blocks(self, p: Model) -> list[Any]:
+        """Return the blocks from w_m, theta_m, r and its derivatives to u, by the model p."""
+        made = observer_block("no_observer" if self.observer is None else self.observer)
+        measured = MEASURED[controllers.MEASURED[self.kind]]
+        seen = [MEASURED.get(s, s) for s in made.inputs]
+        own: Any = {"outputs": ["u_fb"]}  # u without what else puts out u
+        if self.kind == "velocity":
+            feedback = [controllers.pi(**self.feedback, **own)]
+        else:  # D on the velocity error: on w alone it would act against the reference motion
+            feedback = [
+                controllers.error(name="error_w", inputs=["dr", "w_m"], outputs=["e_w"]),
+                controllers.pid(**self.feedback, inputs=["e", "e_w"], **own),
+            ]
+        return [
+            controllers.error(self.kind, inputs=["r", measured]),
+            *feedback,
+            *[controllers.feedforward(p, self.kind, **own)] * self.ahead,
+            observer(made.name, p, inputs=seen, **self.gains),
+            controllers.compensation(1.0, **own),
+            controllers.compensation(name="drive", inputs=["u_fb"]),
+            *([error_s(self.kind, None, MEASURED)] if "s" in made.inputs else []),
+        ]
+
+
+def read_of(parts: list[Any]) -> list[str]:
+    """Return the reference and those of its derivatives that the blocks read."""
+    read = {signal for block in parts for signal in block.input_labels}
+    return [signal for signal in REFERENCE if signal in read]
 
 
 def velocity_loop(
@@ -228,7 +402,8 @@ def position_loop(
 def _closed(kind: str, own: dict[str, Any], a: SimpleNamespace) -> ct.InterconnectedSystem:
     """Wire the drive that is there, a controller with the gains ``own`` or another one by name, and
     an observer by the drive it believes in; ``a``: the arguments of the loop."""
-    p, known = models(a.p, a.observer_parameters, a.observer)
+    p = as_model(a.p, "p")
+    known = p if a.observer_parameters is None else as_model(a.observer_parameters, OF)
     make = controllers.pi if kind == "velocity" else controllers.pid
     other = None
     if a.controller is not None and a.controller != make.__name__:
@@ -239,8 +414,8 @@ def _closed(kind: str, own: dict[str, Any], a: SimpleNamespace) -> ct.Interconne
     sliding, torque = bool({*SLIDING} & {*read}), "u" if a.limit is None else "u_cmd"
     needs = derivatives(kind, [*read, *(s for s in seen if s == "s")])
     inputs, reference, names = _referenced(kind, p, needs, torque, a)
-    shared, gains = {"K1": a.K1, "K2": a.K2, "k": a.k}, both(a.observer, a.gains, a.more)
-    parts = [plant(p), loop_observer(a.observer, known, shared, gains, sliding)]
+    gains = {"K1": a.K1, "K2": a.K2, "k": a.k, **a.more}
+    parts = [plant(p), loop_observer(a.observer, known, gains, a.gains, sliding)]
     if sliding or "s" in seen:
         parts.append(error_s(kind, a.controller_gains, names))
     if other is None:
@@ -262,13 +437,11 @@ def _held(kind: str, own: dict[str, Any], other: Any, usual: str, a: SimpleNames
             raise InputError(f"controller_gains belong to another controller; {usual} has its own.")
         return tracked(a.limit, a.tracking, own["kp"], own["ki"], f"{kind}_loop")
     mapped(a.controller_gains, "controller_gains")
-    if strange := [k for k, v in own.items() if v != DEFAULTS[kind][k]]:
+    strange = [k for k, v in own.items() if v != DEFAULTS[kind][k]]
+    if strange := [*strange, *["tracking"] * (a.tracking is not None)]:
         raise InputError(
-            f"{strange[0]} is a gain of {usual}; give those of {other.name} in controller_gains."
-        )
-    if a.tracking is not None:
-        raise InputError(
-            f"tracking holds back the integral of {usual}; leave it out with {other.name}."
+            f"{strange[0]} is a gain of {usual}: leave it out with {other.name}, whose gains stand "
+            "in controller_gains."
         )
     return {}
 
@@ -303,6 +476,7 @@ _FILTERS = {  # derivatives wanted: kind of the prefilter, inputs of the loop
     ("dr", "ddr"): ("motion", ["r", "dr"]),
 }
 
+OF = "observer_parameters"
 POSITION = {"motor": "theta", "load": "theta_load"}
 
 
@@ -410,9 +584,10 @@ def cascade_loop(
     >>> round(float(run.outputs[0, -1]), 2)
     0.1
     """
-    p, believed = models(p, observer_parameters, observer)
+    p = as_model(p, "p")
+    known = p if observer_parameters is None else as_model(observer_parameters, OF)
     measured = _measured(p, feedback)
-    estimate = loop_observer(observer, believed, {"K1": K1, "K2": K2, "k": k}, gains)
+    estimate = loop_observer(observer, known, {"K1": K1, "K2": K2, "k": k}, gains)
     held = tracked(limit, tracking, kp, ki, "cascade_loop")
     before: list[Stage] = [] if notch is None else [(notch_block, _notch_values(notch), [])]
     before += [] if limit is None else [(limiter, [limit], ["excess"])]
@@ -458,16 +633,12 @@ def _measured(p: Model, feedback: str) -> str:
 
 
 def _notch_values(given: Any) -> tuple[Any, ...]:
-    """Frequency, damping and depth, as far as they are given."""
     own = {"frequency": None, "damping": 0.5, "depth": 0.1}
     if isinstance(given, Mapping) and "frequency" in given and {*given} <= {*own}:
         return tuple({**own, **given}.values())
     values = (given,) if real(given) is not None else given
     if not isinstance(values, (list, tuple)) or not 1 <= len(values) <= 3:
-        raise InputError(
-            "notch must be a frequency in Hz, or (frequency, damping, depth), or these by name, "
-            f"not {shown(given)}."
-        )
+        raise InputError(f"notch must be (frequency in Hz, damping, depth), not {shown(given)}.")
     return tuple(values)
 
 
@@ -486,11 +657,7 @@ def _in_series(first: str, last: str, stages: Sequence[Stage]) -> tuple[str, lis
     ]
 
 
-SYSTEMS = {
-    "friedland_park": MORGUL,
-    "predicted": f"{RUDERMAN}: the law along a predicted speed",
-    "reference": f"{RUDERMAN}: the law along the reference",
-}
+SYSTEMS = ("friedland_park", "predicted", "reference")
 
 
 def late_loop(

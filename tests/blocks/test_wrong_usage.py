@@ -125,7 +125,7 @@ LOOPS = [
     ({"controller": "pi_limited"}, "unknown controller 'pi_limited'"),
     ({"controller": "prefilter"}, "prefilter needs r_cmd"),
     ({"controller": "feedforward"}, "feedforward needs a"),
-    ({"controller": "sliding_error"}, "it has no output u"),
+    ({"controller": "sliding_error"}, "has the output u"),
     ({"controller": "slotine_li", "kp": 3.0}, "kp is a gain of pi"),
     ({"controller": "slotine_li", "feedforward": True}, "contains J times the acceleration"),
     ({"controller": "slotine_li", "controller_gains": {"Kd": 1.0}}, "no parameter 'Kd'"),
