@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import control as ct
 import numpy as np
@@ -25,7 +25,7 @@ from ..design import Certificate, certify, design_gains
 from ..design.gains import RULES
 from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.findings import Table
-from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, read_of
+from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, mapped, read_of
 from ..record import Record
 from ..record.signal_noise import sensor_noise, smallest_step
 from ..simulation.encoder import Sensing, encoder
@@ -116,10 +116,6 @@ def _given(given: Any, kind: str) -> Course:
     return Course(t, *moves, summary)
 
 
-def speed_of(record: Record) -> float:
-    return _range(record)[0]
-
-
 def top_speed(record: Record) -> float:
     """Return what the speed exceeds in a twentieth of the time, less a margin; 0 without motion."""
     w, theta = record.w, record.theta
@@ -156,18 +152,18 @@ def sensing_of(record: Record) -> Sensing:
     return Sensing(1.0 / record.rate, noise, resolution, speed_noise)
 
 
-_REASONS = (
-    ("input", "it acts between the command and the motor"),
-    ("sensor", "it acts on the sensor signals only"),
-    ("J", "it changes the inertia"),
-)
+_REASONS = {
+    "input": "it acts between the command and the motor",
+    "sensor": "it acts on the sensor signals only",
+    "J": "it changes the inertia",
+}
 
 
 def _why_not(block: Block) -> str | None:
     """Why an effect's torque cannot be fed forward; None if it can."""
     if "load_inertia" in block.own:
         return "the second mass is not measured"
-    return next((why for act, why in _REASONS if act in block.acts), None)
+    return next((_REASONS[act] for act in _REASONS if act in block.acts), None)
 
 
 def sorted_out(
@@ -178,8 +174,8 @@ def sorted_out(
     if table is not None:
         on_u = table.signals[0] == "u"
         reasons[table.name] = "it depends on the torque itself" if on_u else None
-    fed = tuple(k for k, why in reasons.items() if why is None)
-    return fed, tuple((k, why) for k, why in reasons.items() if why is not None)
+    left = tuple((k, why) for k, why in reasons.items() if why is not None)
+    return tuple(k for k, why in reasons.items() if why is None), left
 
 
 def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
@@ -317,7 +313,8 @@ class SampledLoop:
         seed: int = 0,
         **params: float,
     ) -> dict[str, np.ndarray]:
-        """Return a drive's signals by name; ``torque``: noise of u in N m. Raises Diverged."""
+        """Return a drive's signals by name, infinite where the loop diverges; ``torque``: noise
+        of u in N m."""
         model, sensing = model or self.task.model, sensing or self.sensing
         body, names = self._body(model)
         t = sensing.dt * np.arange(len(rows["r"]))
@@ -326,28 +323,22 @@ class SampledLoop:
         read = {k for block in (body, *self.blocks) for k in block.input_labels}
         known = {f"{part}.{k}": v for part in ("plant", "sensor") for k, v in model.known().items()}
         x0 = [self.start.get(state, 0.0) for state in body.state_labels]
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # a loop that does not work is a result here
-            done = simulate_sampled(
-                body,
-                self.blocks,
-                t,
-                {k: x for k, x in given.items() if k in read},
-                x0,
-                drive_x0=self.placed,
-                params={k: v for k, v in known.items() if k in names} | params,
-                rtol=COARSE,
-            )
+        own: dict[str, Any] = {"drive_x0": self.placed, "rtol": COARSE}
+        own["params"] = {k: v for k, v in known.items() if k in names} | params
+        given = {k: x for k, x in given.items() if k in read}
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")  # a loop that does not work is a result here
+                done = simulate_sampled(body, self.blocks, t, given, x0, **own)
+        except Diverged:
+            return dict.fromkeys((*OUTPUTS, "u_fb"), np.full(len(t), np.inf))
         return dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
 
     def error(
         self, rows: Mapping[str, np.ndarray], model: Model, counted: Any = slice(None), **own: Any
     ) -> float:
         """Return the RMS tracking error of the motion itself; infinite where the loop diverges."""
-        try:
-            y = self.run(rows, model, **own)[controllers.MEASURED[self.task.kind]]
-        except Diverged:
-            return math.inf
+        y = self.run(rows, model, **own)[controllers.MEASURED[self.task.kind]]
         return rms((y - rows["r"])[counted])
 
     def _body(self, model: Model) -> tuple[Any, set[str]]:
@@ -426,19 +417,32 @@ class Terms:
         inputs = [*read_of(parts), "n_theta", "n_w", "d"]
         return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
 
+
+@dataclass(frozen=True)
+class Stand:
+    """Where observers are tried in a sampled drive: the loop with its gains, the sensor, and the
+    largest speed of the reference."""
+
+    terms: Terms
+    kind: str
+    gains: Mapping[str, float]
+    sensing: Sensing
+    speed: float
+
     def run(
         self,
-        control: Sequence[Any],
-        kind: str,
-        sensing: Sensing,
-        fastest: float,
+        name: str,
+        believed: Mapping[str, float],
         rows: Mapping[str, np.ndarray],
+        sensing: Sensing | None = None,
     ) -> dict[str, np.ndarray]:
-        """Return the signals of a sampled drive by name. Raises Diverged."""
-        task = Task(self.model, kind, {})
-        loop = SampledLoop(task, sensing, control, FASTEST * fastest, bodies=self.bodies)
+        """Return the signals by name, and the error e of the motion itself."""
+        control = self.terms.control(name, self.kind, self.gains, believed)
+        own = Task(self.terms.model, self.kind, {}), sensing or self.sensing, control
+        loop = SampledLoop(*own, FASTEST * self.speed, bodies=self.terms.bodies)
         with interpreted():  # each loop runs a few times only
-            return loop.run(rows)
+            out = loop.run(rows)
+        return out | {"e": out[controllers.MEASURED[self.kind]] - rows["r"]}
 
 
 def corrected(name: str) -> bool:
@@ -520,24 +524,14 @@ def designed(
     return dict(design.gains), design.certificate
 
 
-class Chosen(NamedTuple):
-    """Gains of an observer, the same as plain values, and the certificate."""
-
-    gains: dict[str, Any]
-    plain: dict[str, Any]
-    certificate: Certificate | None
-
-
 def observer_gains(
     believed: Model, name: str | None, K1: Gain | None, K2: Gain | None, gains: Any
-) -> Chosen:
-    """Return the gains of an observer; K1 and K2 that are left out by design."""
-    if not (gains is None or isinstance(gains, Mapping)):
-        raise InputError(f"gains must be a dict of numbers by name, not {shown(gains)}.")
-    own = dict(gains or {})
+) -> tuple[dict[str, Any], Certificate | None]:
+    """Return the gains of an observer, K1 and K2 that are left out by design."""
+    own = mapped(gains, "gains")
     if name is None or observer_block(name).name != "proposed_observer":
         own |= {k: K for k, K in (("K1", K1), ("K2", K2)) if K is not None}
-        return Chosen(own, _plain(own), None)
+        return own, None
     if (K1 is None) != (K2 is None):
         raise InputError("give both K1 and K2, or neither.")
     numbers = not (callable(K1) or callable(K2))
@@ -556,9 +550,8 @@ def observer_gains(
         own |= {"K1": -1.0, "K2": critical}
     else:
         own |= design_gains(believed).gains
-    plain = _plain(own)
-    return Chosen(own, plain, certify(believed, own["K1"], own["K2"]) if numbers else None)
+    return own, certify(believed, own["K1"], own["K2"]) if numbers else None
 
 
-def _plain(gains: Mapping[str, Any]) -> dict[str, Any]:
+def in_numbers(gains: Mapping[str, Any]) -> dict[str, Any]:
     return {k: "a function of w" if callable(v) else number(v, k) for k, v in gains.items()}

@@ -422,7 +422,7 @@ def page(r: Reproduction) -> Page:
         "figure of a few seconds. Which observer tracks best depends on its gains and on the "
         "scenario: every table below names both."
     )
-    return Page(title, meaning, [*_parts(r)], kind="refused", tab="the paper recomputed")
+    return Page(title, meaning, [*_parts(r)], kind="refused")
 
 
 def _parts(r: Reproduction) -> Iterator[Section | Figure]:

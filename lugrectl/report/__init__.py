@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.validation import shown
 from ..core.writing import nearest, write_together
 from .page import Figure, Page, Section, beside
-from .wording import BUDGET, ERRORS, headline, sections, toml_of
+from .wording import headline, sections, toml_of
 
 __all__ = ["check_folder", "fragment", "html", "plain_text", "text", "write"]
 
@@ -53,22 +53,13 @@ def _page(d: Any, more: list[str]) -> Page:
 
 
 def _parts(d: Any) -> Iterator[Section | Figure | str]:
+    """The first section, the plots, the others, and the log."""
     from . import diagnosis_plots
 
-    plots = {figure.name: figure for figure in diagnosis_plots.figures(d)}
-    budget, balance, said = plots.pop("budget", None), getattr(d, "plain", None), sections(d)
-    log = diagnosis_plots.log_figures(balance) if balance is not None else []
-    log = [beside(log)] if log else []
-    if not said or said[0].title != BUDGET:
-        yield from log
-    for part in said:
-        yield part
-        if part.title == BUDGET:
-            yield from filter(None, (budget, *log))
-        if part.title == ERRORS:
-            yield from plots.values()
-            plots = {}
-    yield from plots.values()
+    said, balance = sections(d), getattr(d, "plain", None)
+    yield from (*said[:1], *diagnosis_plots.figures(d), *said[1:])
+    if log := diagnosis_plots.log_figures(balance) if balance is not None else []:
+        yield beside(log)
 
 
 def _model_file(d: Any, folder: Path | None) -> list[str]:

@@ -99,7 +99,7 @@ def page(fleet: Any, links: Mapping[str, str] | None = None) -> Page:
     parts = [f'<div class="prose">{table}</div>', f'<p class="small">{_NOTE}</p>']
     left = "".join(f"<li>{escape(file)}</li>" for file in fleet.unfinished)
     parts += [f"<h2>Not diagnosed</h2>\n<ul>{left}</ul>"] if left else []
-    return Page(*headline(fleet), parts, style="fleet")
+    return Page(*headline(fleet), parts)
 
 
 def table_csv(fleet: Any, links: Mapping[str, str] | None = None) -> str:

@@ -25,7 +25,6 @@ _STYLE = """
 .lugrectl .adequate { border-color: #2f7d4f; }
 .lugrectl .ambiguous, .lugrectl .unexplained { border-color: #c47f17; }
 .lugrectl .refused { border-color: #b03a2e; }
-.lugrectl .equation { font-family: ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace; }
 .lugrectl .table { overflow-x: auto; }
 .lugrectl table { border-collapse: collapse; font-size: .92rem; margin: .5rem 0;
   font-variant-numeric: tabular-nums; }
@@ -42,7 +41,6 @@ _STYLE = """
 .lugrectl pre { font-size: .85rem; line-height: 1.4; background: #f4f6f8; padding: .8rem 1rem;
   overflow-x: auto; }
 .lugrectl .prose td { white-space: normal; vertical-align: top; }
-.lugrectl.fleet { max-width: 76rem; }
 """
 _ALONE = """
 :root { color-scheme: light; }
@@ -67,7 +65,6 @@ class Section:
     lines: tuple[str, ...] = ()
     grid: Grid | None = None
     footnote: str = ""
-    formula: bool = False
     prose: tuple[int, ...] = ()  # columns of sentences, which a text reads in this order
 
     def text(self) -> str:
@@ -80,9 +77,8 @@ class Section:
         return "\n".join([self.title, *parts])
 
     def html(self) -> str:
-        style = ' class="equation"' if self.formula else ""
         parts = [f"<h2>{escape(self.title)}</h2>"]
-        parts += [f"<p{style}>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
+        parts += [f"<p>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
         parts += [grid_html(self.grid)] if self.grid else []
         parts += [f'<p class="small">{escape(self.footnote)}</p>'] if self.footnote else []
         made = "\n".join(parts)
@@ -117,8 +113,6 @@ class Page:
     meaning: str
     parts: Sequence[Section | Figure | str]  # a text is HTML, which only pages have
     kind: str = ""  # colours the title
-    tab: str = ""  # the name of a browser's tab
-    style: str = ""  # a class of the page
 
     def text(self) -> str:
         sections = [part.text() for part in self.parts if isinstance(part, Section)]
@@ -131,7 +125,7 @@ class Page:
         return (
             '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
             '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-            f"<title>lugrectl: {escape(self.tab or self.title)}</title>\n"
+            f"<title>lugrectl: {escape(self.title)}</title>\n"
             f"<style>{_STYLE}{_ALONE}</style>\n</head>\n<body>\n{self._body()}\n</body>\n</html>\n"
         )
 
@@ -140,5 +134,4 @@ class Page:
         first = f"<h1>{escape(self.title)}</h1>\n<p>{escape(self.meaning)}</p>"
         rest = (part if isinstance(part, str) else part.html() for part in self.parts)
         parts = [f'<div class="{kind}">\n{first}\n</div>', *rest]
-        style = f"lugrectl {self.style}".strip()
-        return f'<div class="{style}">\n' + "\n".join(parts) + "\n</div>"
+        return '<div class="lugrectl">\n' + "\n".join(parts) + "\n</div>"

@@ -151,7 +151,7 @@ def _effect(d: Any, finding: Any) -> Section:
     grid = Grid(("parameter", "value", "95 % interval", "unit"), "lrrl", tuple(rows))
     title = _TITLES.get(_get(d, "verdict"), "Best explanation")
     lines = (law,) if law else ()
-    return Section(f"{title}: {finding.name}", lines, grid, footnote, formula=True)
+    return Section(f"{title}: {finding.name}", lines, grid, footnote)
 
 
 def _table(d: Any) -> Section | None:
