@@ -20,7 +20,7 @@ from ..core.display import Row, Shown, noticed
 from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, reporter, shows_progress
-from ..core.result import Result, library, plain
+from ..core.result import Result, library, picked, plain
 from ..core.validation import shown, whole
 from ..core.views import view
 from ..design import Certificate
@@ -31,21 +31,21 @@ from ..record import Record
 from ..record.as_record import as_record
 from ..record.signal_noise import sensor_noise
 from ..simulation.response import simulate
-from .assure import between
 from .loop import (
     Course,
     SampledLoop,
     Task,
     controller,
     course,
+    in_numbers,
     kind_of,
     observer_gains,
+    quantiles,
     sensing_of,
     sorted_out,
     unit_of,
 )
 
-ENDS = 10.0, 90.0  # percentiles of the spread
 LOOPS = {
     "none": "without compensation",
     "before": "with the compensation of the declared model",
@@ -84,11 +84,8 @@ class Spread(Shown):
 
     def of(self, key: str) -> tuple[float, float, float]:
         """Median and 10 and 90 % of a loop's error."""
-        values = np.sort(self.errors[key])
-        places = (len(values) - 1) * np.array([50.0, *ENDS]) / 100.0
-        with np.errstate(invalid="ignore"):
-            found = [between(values, place) for place in places]
-        return found[0], found[1], found[2]
+        middle, low, high = quantiles(self.errors[key], (0.5, 0.1, 0.9))
+        return middle, low, high
 
     @property
     def best(self) -> str:
@@ -102,16 +99,8 @@ class Spread(Shown):
                   "diverged": int(np.count_nonzero(~np.isfinite(values)))}
             for key, values in self.errors.items()
         }  # fmt: skip
-        return {
-            "rate": self.rate,
-            "resolution": self.resolution,
-            "noise": dict(self.noise),
-            "drawn": list(self.drawn),
-            "draws": len(next(iter(self.errors.values()))),
-            "seed": self.seed,
-            **loops,
-            "recommended": self.best,
-        }
+        draws = {"draws": len(self.errors["none"]), "recommended": self.best}
+        return picked(self, "rate resolution noise drawn seed") | draws | loops
 
     def rows(self, unit: str) -> list[Row]:
         words = "{:.3g} ({:.3g} to {:.3g}) {}"
@@ -194,28 +183,18 @@ class Compensation(Result):
 
     def summary(self) -> dict[str, Any]:
         """Plain Python, as under "compensation" in the JSON document."""
-        made = {"loop": self.kind, "observer": self.observer, "signal": MEASURED[self.kind]}
-        made |= {k: getattr(self, k) for k in ("unit", *LOOPS, "controller")}
-        made |= {
-            "observer_gains": self.gains,
-            "certificate": self.certificate.summary() if self.certificate else None,
-            "compensated": self.compensated,
-            "not_compensated": [{"name": n, "reason": why} for n, why in self.left],
-            "reference": self.reference,
-            "messages": self.messages,
-            "drive": self.drive.summary() if self.drive else None,
-        }
-        return plain(made)
+        made = {"loop": self.kind, "signal": MEASURED[self.kind]}
+        made |= picked(self, "observer unit none before after controller certificate compensated")
+        left = [{"name": name, "reason": why} for name, why in self.left]
+        made |= {"not_compensated": left, "observer_gains": plain(self.gains)}
+        return made | picked(self, "reference messages drive")
 
     def to_frame(self) -> Any:
         """A DataFrame of the simulated loops: a row for each loop and time t, columns r, y, u."""
         pandas = library("pandas")
-        columns = {
-            key: pandas.DataFrame({"r": run.r, "y": run.y, "u": run.u}, index=run.t)
-            for key, run in self.runs.items()
-        }
+        made = {k: pandas.DataFrame(vars(run)).set_index("t") for k, run in self.runs.items()}
         none = pandas.DataFrame(columns=["r", "y", "u"])
-        return pandas.concat(columns, names=["loop", "t"]) if columns else none
+        return pandas.concat(made, names=["loop", "t"]) if made else none
 
     def _title(self) -> str:
         watcher = f"{self.observer} observer" if self.observer else "no observer"
@@ -352,15 +331,19 @@ def compensate(
     way = course(reference, record, loop, bandwidth, timed)
     believed = {"before": before, "after": model}
     designs = {k: observer_gains(one, observer, K1, K2, gains) for k, one in believed.items()}
+    plainly = {k: in_numbers(own) for k, (own, _) in designs.items()}
     controls = {"none": task.control(None)}
-    controls |= {k: task.control(one, observer, designs[k].gains) for k, one in believed.items()}
+    controls |= {k: task.control(one, observer, designs[k][0]) for k, one in believed.items()}
     three, report = Three(task, way, controls, _start(observer, way)), reporter(progress)
     loops = {key: task.closed(blocks, key) for key, blocks in controls.items()}
-    runs, errors, messages = three.simulated(loops, report)
-    messages += _useless(errors)
+    runs, messages = three.simulated(loops, report)
+    errors = {k: rms(runs[k].y - runs[k].r) if k in runs else math.inf for k in LOOPS}
+    messages += _seen(runs, errors)
     drive = None
     if record is not None:
-        drive = three.spread(record, covariance, draws, seed, report)
+        models = [model] if covariance is None else drawn(model, covariance, draws, seed)
+        differ = tuple(k for k in (covariance.names if covariance else ()) if k in model.values())
+        drive = replace(three.spread(record, models, seed, report), drawn=differ)
         messages += drive.advice(unit)
     fed, left = sorted_out(model, table)
     return Compensation(
@@ -369,8 +352,8 @@ def compensate(
         **errors,
         unit=unit,
         controller=own,
-        gains={key: design.plain for key, design in designs.items()},
-        certificate=designs["after"].certificate,
+        gains=plainly,
+        certificate=designs["after"][1],
         compensated=fed,
         left=left,
         reference=way.summary,
@@ -402,10 +385,8 @@ def _completed(declared: Any, model: Model) -> Model:
     return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
 
 
-def drawn(model: Model, joint: Joint | None, number: int, seed: int) -> list[Model]:
+def drawn(model: Model, joint: Joint, number: int, seed: int) -> list[Model]:
     """Return models with parameters from the joint distribution, each inside its bounds."""
-    if joint is None or not joint.names:
-        return [model] * (1 if joint is None else number)
     known, limits = model.known(), model.declarations()
     columns = {
         k: np.clip(np.where(np.isfinite(v), v, known[k]), limits[k].low, limits[k].high)
@@ -436,14 +417,13 @@ class Three:
 
     def simulated(
         self, loops: Mapping[str, Any], report: Progress
-    ) -> tuple[dict[str, Run], dict[str, float], list[str]]:
-        """Return each loop's run and error, and a message for each loop that does not work."""
-        runs, errors, messages = {}, dict[str, float](), []
+    ) -> tuple[dict[str, Run], list[str]]:
+        """Return the run of each loop that does not diverge, and messages."""
+        runs, messages = dict[str, Run](), list[str]()
         rows, signal = self.way.rows(self.task.kind), MEASURED[self.task.kind]
         for i, (key, system) in enumerate(loops.items()):
             report(i / len(loops), f"simulating the loop {LOOPS[key]}")
             x0 = [self.start.get(state, 0.0) for state in system.state_labels]
-            errors[key] = math.inf
             with warnings.catch_warnings(record=True) as said:
                 warnings.simplefilter("always")
                 try:
@@ -455,17 +435,14 @@ class Three:
                     continue
             signals: dict[str, Any] = dict(zip(OUTPUTS, done.outputs, strict=True))
             runs[key] = Run(self.way.t, rows["r"], signals[signal], signals["u"])
-            errors[key] = rms(runs[key].y - rows["r"])
             messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
-            messages += _trouble(runs[key], LOOPS[key])
-        return runs, errors, messages
+        return runs, messages
 
     def spread(
-        self, record: Record, joint: Joint | None, draws: int, seed: int, report: Progress
+        self, record: Record, models: Sequence[Model], seed: int, report: Progress
     ) -> Spread:
         """Return the tracking error of each loop on drives like the recorded one."""
-        way, sensing, model = self.way, sensing_of(record), self.task.model
-        models, names = drawn(model, joint, draws, seed), () if joint is None else joint.names
+        way, sensing = self.way, sensing_of(record)
         torque = sensor_noise(record.u, record.resolution.get("u", 0.0))
         n = max(2, min(math.floor(min(way.t[-1], LONGEST) / sensing.dt), MOST))
         t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
@@ -479,28 +456,21 @@ class Three:
                 errors[key][i] = loop.error(rows, one, torque=torque, seed=seed + i)
         speed = math.nan if sensing.speed_noise is None else sensing.speed_noise
         noise = {"theta": sensing.noise, "w": speed, "u": torque}
-        differ = tuple(k for k in names if k in model.values())
-        return Spread(1.0 / sensing.dt, noise, sensing.resolution, differ, seed, errors)
+        return Spread(1.0 / sensing.dt, noise, sensing.resolution, (), seed, errors)
 
 
-def _useless(errors: Mapping[str, float]) -> list[str]:
-    made = []
+def _seen(runs: Mapping[str, Run], errors: Mapping[str, float]) -> Iterable[str]:
+    """Say which loops do not follow their reference, and which compensation is of no use."""
+    for key, run in runs.items():
+        e, size = run.y - run.r, rms(run.r - run.r.mean())
+        first, *_, last = (rms(part) for part in np.array_split(e, 4))
+        if last > max(2.0 * first, 0.5 * size):
+            yield f"The loop {LOOPS[key]} is unstable: its error grows."
+        elif rms(e) > size:
+            yield f"The loop {LOOPS[key]} does not follow its reference."
     if errors["after"] > WORSE * errors["before"]:
-        made.append(f"The error is larger {LOOPS['after']} than {LOOPS['before']}.")
+        yield f"The error is larger {LOOPS['after']} than {LOOPS['before']}."
     for key in ("before", "after"):
         if errors["none"] < WORSE * errors[key] < math.inf:
-            made.append(
-                f"{LOOPS[key].capitalize()} the drive tracks no better than without compensation."
-            )
-    return made
-
-
-def _trouble(run: Run, which: str) -> list[str]:
-    """A message if a loop's error grows, or is as large as the reference's variation."""
-    e, size = run.y - run.r, rms(run.r - run.r.mean())
-    first, *_, last = (rms(part) for part in np.array_split(e, 4))
-    if last > 2.0 * first and last > 0.5 * size:
-        return [f"The loop {which} is unstable: its error grows."]
-    if rms(e) > size:
-        return [f"The loop {which} does not follow its reference."]
-    return []
+            said = LOOPS[key].capitalize()
+            yield f"{said} the drive tracks no better than without compensation."

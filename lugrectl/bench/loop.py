@@ -38,6 +38,7 @@ SLOWEST = 10.0  # s, longest period of the default reference
 PERIODS, SETTLED = 1.25, 0.25  # of a sine: simulated, and left out of the error
 FEWEST, MOST = 20, 50_000  # samples of them
 USUAL = 0.8  # of a record's speed
+ENDLESS = 1e300  # stands for an infinite error
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +266,12 @@ class Task:
 
     def _acting(self) -> list[Any]:
         return [] if self.table is None else [self.table.block()]
+
+
+def quantiles(values: Any, shares: Any, method: Any = "linear") -> list[float]:
+    """Return quantiles of errors; one beside an infinite value is infinite."""
+    found = np.quantile(np.minimum(values, ENDLESS), shares, method=method)
+    return [float(x) if x < 1e-30 * ENDLESS else math.inf for x in found]
 
 
 def kind_of(loop: Any) -> str:
