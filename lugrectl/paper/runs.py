@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -30,7 +31,6 @@ from .studies import Case, Compensation, Measure, Study
 
 SMALL = 1e-6  # a smaller RMS value counts as 0
 FILES = ("reproduce.html", "reproduce.json")
-PARTS = 200  # of the time that a figure shows: the largest value in each is drawn
 WIDTHS = (
     "Friction compensated; plant 1/(J s), or 1/(J s^2) with D on the measured speed. Of a loop "
     "that is not stable the frequency is where |T| crosses, not a bandwidth. Last column: T(s) in "
@@ -47,7 +47,7 @@ class Errors:
 
     case: Case
     measure: Measure
-    rms: Mapping[str, float]
+    rms: dict[str, float]
 
     def summary(self) -> dict[str, Any]:
         return {"case": self.case.label, **plain(asdict(self.measure)), "rms": plain(self.rms)}
@@ -55,12 +55,10 @@ class Errors:
 
 @dataclass(frozen=True, repr=False)
 class Outcome(Shown):
-    """The result of a study: rows of RMS values, and the signals of its figure by compensation."""
+    """The result of a study: rows of RMS values."""
 
     study: Study
     rows: tuple[Errors, ...]
-    t: np.ndarray
-    signals: Signals
 
     def summary(self) -> dict[str, Any]:
         return self.study.summary() | {"rows": plain(self.rows)}
@@ -346,22 +344,19 @@ def rms(t: np.ndarray, y: np.ndarray, window: tuple[float, float]) -> float:
 
 def run(p: lg.Parameters, study: Study, tick: Callable[[str], None]) -> Outcome:
     """All cases of a study under all its compensations."""
-    rows, shown, signals = list[Errors](), np.zeros(0), Signals()
-    for i, case in enumerate(study.cases):
-        errors: list[dict[str, float]] = [{} for _ in case.measures]
+    rows = list[Errors]()
+    for case in study.cases:
+        own = [Errors(case, measure, {}) for measure in case.measures]
         for c in study.compensations:
-            try:
+            with contextlib.suppress(Diverged):
                 t, y = respond(p, study.loop, study.controller, c, case)
-            except Diverged:
-                t, y = np.zeros(1), {m.signal: np.array([np.inf]) for m in case.measures}
-            for own, m in zip(errors, case.measures, strict=True):
-                own[c.name] = rms(t, y[m.signal], m.window) if len(t) > 1 else np.inf
-            if study.drawn and i == study.drawn[0] and len(t) > 1:
-                inside = within(t, study.drawn[2])
-                shown, signals[c.name] = t[inside], y[study.drawn[1]][inside]
+                for row in own:
+                    row.rms[c.name] = rms(t, y[row.measure.signal], row.measure.window)
+            for row in own:
+                row.rms.setdefault(c.name, np.inf)
             tick(f"{study.title}: {c.name}")
-        rows += [Errors(case, m, own) for m, own in zip(case.measures, errors, strict=True)]
-    return Outcome(study, tuple(rows), shown, signals)
+        rows += own
+    return Outcome(study, tuple(rows))
 
 
 # --- the figures of the paper --------------------------------------------------------------
@@ -448,12 +443,10 @@ def _parts(r: Reproduction) -> Iterator[Section | Figure]:
         head = ("loop", f"RMS error {one.window[0]:g} to {one.window[1]:g} s [m{one.unit}]")
         grid = Grid(head, "lr", tuple((name, milli(x)) for name, x in one.errors.items()))
         yield Section(f"The paper's {one.key} figure", (one.scenario,), grid)
-        lines = {k: (one.t[::5], y[::5]) for k, y in (*one.responses.items(), ("r", one.reference))}
-        draw = partial(curves, lines, xlabel="t [s]", ylabel=f"[{one.unit}]")
-        yield Figure(f"paper-{one.key}", "Without friction and with the observer: one line.", draw)
+        caption = "The lines without friction and with the observer coincide."
+        yield Figure(f"paper-{one.key}", caption, partial(responses, one))
     for o in r.outcomes:
         yield _table(o)
-        yield Figure(o.study.key, *_picture(o))
     slips = tuple(tuple(slip.values()) for slip in r.summary()["slips"])
     grid, title = Grid(("label", "status", "why"), "lll", slips), "Where the paper's text does not "
     yield Section(f"{title}hold as printed", (), grid, prose=(0, 1, 2))
@@ -477,23 +470,7 @@ def _table(o: Outcome) -> Section:
     return Section(o.study.title, lines, grid, f"{columns}.")
 
 
-def _picture(o: Outcome) -> tuple[str, Callable[..., Any]]:
-    """Caption and plot: the table over the error of the parameters, or one case over time."""
-    log: Any = {"yscale": "log"}
-    if o.study.drawn is None:
-        x, log["xlabel"] = [row.case.percent for row in o.rows], "error of the parameters [%]"
-        lines = {c.name: (x, [1e3 * row.rms[c.name] for row in o.rows])
-                 for c in o.study.compensations}  # fmt: skip
-        return "RMS errors of the table, in thousandths.", partial(curves, lines, **log)
-    place, signal, _ = o.study.drawn
-    lines = {k: peaks(o.t, 1e3 * y, PARTS) for k, y in o.signals.items()}
-    caption = f"Case '{o.study.cases[place].label}': the largest |{signal}| of each short time."
-    log |= {"xlabel": "t [s]", "ylim": (1e-3, None)}
-    return caption, partial(curves, lines, **log, ylabel=f"|{signal}|, thousandths")
-
-
-def curves(lines: Mapping[str, Any], ax: Any, **axes: Any) -> Any:
-    for name, (x, y) in lines.items():
-        ax.plot(x, y, lw=1.3, label=name)
-    ax.set(**axes)
-    return headed(ax, "", columns=4)
+def responses(one: PaperFigure, ax: Any) -> Any:
+    for name, y in {"reference": one.reference, **one.responses}.items():
+        ax.plot(one.t[::5], y[::5], lw=1.3, label=name)
+    return headed(ax, "", columns=2, xlabel="t [s]", ylabel=f"[{one.unit}]")

@@ -1,6 +1,6 @@
 """The studies: the source paper's two loops, in its own scenarios and in further ones.
 
-A study is cases and compensations: a table of RMS values, and a figure.
+A study is cases and compensations: a table of RMS values.
 """
 
 from __future__ import annotations
@@ -77,13 +77,12 @@ class Case:
     feedforward: bool = False
     duration: float = 5.0
     dt: float = 1e-3
-    percent: float = 0.0  # error of these parameters
 
     def off(self, percent: float, *names: str) -> Case:
         """Return the case with some of the observer's parameters wrong."""
         said = [f"{percent:+g} %" if percent else "exact", *[self.label] * bool(self.label)]
         scale = {name: 1 + percent / 100 for name in names}
-        return replace(self, label=", ".join(said), scale=scale, percent=percent)
+        return replace(self, label=", ".join(said), scale=scale)
 
 
 def each_off(case: Case, percent: Iterable[float], *names: str) -> tuple[Case, ...]:
@@ -112,14 +111,12 @@ ALL = OBSERVERS + STRONG
 
 @dataclass(frozen=True)
 class Study:
-    """Cases and compensations: a table, and a figure of the table, or of one case over time:
-    ``drawn`` has its number, the signal, and the time shown in s."""
+    """Cases and compensations: a table of RMS values."""
 
     key: str
     title: str
     scenario: str
     cases: tuple[Case, ...]
-    drawn: tuple[int, str, tuple[float, float]] | None = None
     notes: tuple[str, ...] = ()
     loop: str = "velocity"
     controller: Mapping[str, float] = field(default_factory=lambda: VELOCITY)
@@ -186,7 +183,6 @@ def position(
             replace(LONG, label="no PF", reference=Reference(offset=1.0)).off(0, *LEVELS),
             *each_off(LONG, (-20, 20), *LEVELS),
         ),
-        (0, "e", (0.0, 100.0)),
         notes,
         loop="position",
         controller=controller,
@@ -256,7 +252,6 @@ VELOCITY_STUDIES = (
             for ahead in (False, True)
             for smooth in (False, True)
         ),
-        (6, "e", (1.0, 3.0)),
     ),
     Study(
         "initial",
@@ -271,7 +266,6 @@ VELOCITY_STUDIES = (
             replace(EARLY, label="z -1.1", start={"plant_z": -1.1e-3}),
             replace(EARLY, label="what 0.1", start={"proposed_observer_what": 0.1}),
         ),
-        (1, "e", (0.0, 0.5)),
     ),
     Study(
         "standstill",
@@ -280,7 +274,6 @@ VELOCITY_STUDIES = (
         "0.26 N m), zhat(0) = 0. Free: the integral is empty. Held: it balances the friction "
         "torque.",
         (RESTS, replace(RESTS, label="held", start={"plant_z": 1e-3, "pi_q": 0.26 / 0.16})),
-        (0, "F - Fhat", (0.0, 2.0)),
         (
             "In the case held the drive is at rest (w = 0, e = 0), and only the proposed observer "
             "still corrects its estimate. This has a drawback: the compensation is added to the "
@@ -293,7 +286,6 @@ VELOCITY_STUDIES = (
         "Velocity loop, over-compensation at rest",
         f"{VELOCITY_TEXT}, reference 0, w(0) = 0.01 rad/s, 60 s. {OFF.format('Fc and Fs', '')}",
         each_off(MINUTE, (0, 10, 20, 40), *LEVELS),
-        (2, "w", (0.0, 60.0)),
         (
             "With too much friction compensated, rest is not stable with the natural observer: "
             "the drive breaks away by itself, at +20 % more than 10 s after the initial speed.",
