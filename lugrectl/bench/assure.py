@@ -44,7 +44,6 @@ from .loop import (
     enough_samples,
     fastest,
     given_gains,
-    kind_of,
     quantiles,
     samples,
     sensing_of,
@@ -589,7 +588,7 @@ def assure(
     """
     beliefs, seen = believed(p)
     confidence, model = share(confidence, "confidence"), beliefs[0].model
-    kind_of(loop)
+    unit_of(loop, model)
     sensing = _sensing(seen, rate, dead_time, counts, model.motion)
     pole = min(QUICK, fastest(sensing) / 3.0)
     pole = pole if bandwidth is None else positive(bandwidth, "bandwidth", "1/s")

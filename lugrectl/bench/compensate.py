@@ -38,7 +38,6 @@ from .loop import (
     controller,
     course,
     in_numbers,
-    kind_of,
     observer_gains,
     quantiles,
     sensing_of,
@@ -365,7 +364,8 @@ def compensate(
 
 
 def _checked(model: Model, loop: Any, kd: Any, table: Any, covariance: Any) -> float:
-    if kind_of(loop) == "velocity" and kd is not None:
+    unit_of(loop, model)
+    if loop == "velocity" and kd is not None:
         raise InputError("a velocity loop has no kd; its gains are kp and ki.")
     for name, given, kind in (("table", table, Table), ("covariance", covariance, Joint)):
         if not (given is None or isinstance(given, kind)):

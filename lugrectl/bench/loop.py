@@ -91,7 +91,13 @@ def course(
     """Return the reference; ``timed``: as long as the record, for effects that depend on time."""
     if given is not None:
         return _given(given, kind)
-    speed, travel, centre, duration = _range(record)
+    speed, travel, centre, duration = 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
+    if record is not None and (top := top_speed(record)):
+        theta = np.cumsum(record.w) * record.dt if record.theta is None else record.theta
+        low, high = float(np.nanmin(theta)), float(np.nanmax(theta))
+        if high > low:
+            speed, travel, centre = top, 0.4 * (high - low), 0.5 * (low + high)
+            duration = record.samples * record.dt
     pulse = min(max(speed / travel, 2.0 * np.pi / SLOWEST), bandwidth / 5.0)
     travel = min(travel, speed / pulse)
     length = min(max(6.0 * np.pi / pulse, duration if timed else 0.0), LONGEST)
@@ -124,18 +130,6 @@ def top_speed(record: Record) -> float:
         n = max(1, round(0.02 / record.dt))
         w = (theta[n:] - theta[:-n]) / (n * record.dt)
     return 0.0 if w is None or not len(w) else USUAL * float(np.nanquantile(np.abs(w), 0.95))
-
-
-def _range(record: Record | None) -> tuple[float, float, float, float]:
-    """Return speed, half travel and centre, well inside the record's range, and its duration."""
-    if record is not None:
-        theta, speed = record.theta, top_speed(record)
-        if theta is None:
-            theta = np.cumsum(np.zeros(1) if record.w is None else record.w) * record.dt
-        low, high = float(np.nanmin(theta)), float(np.nanmax(theta))
-        if speed > 0.0 and high > low:
-            return speed, 0.4 * (high - low), 0.5 * (low + high), record.samples * record.dt
-    return 1.0, 1.0 / (0.5 * np.pi), 0.0, 0.0
 
 
 def sensing_of(record: Record) -> Sensing:
@@ -274,14 +268,11 @@ def quantiles(values: Any, shares: Any, method: Any = "linear") -> list[float]:
     return [float(x) if x < 1e-30 * ENDLESS else math.inf for x in found]
 
 
-def kind_of(loop: Any) -> str:
+def unit_of(loop: Any, model: Model) -> str:
+    """Return the unit of the errors of a loop; InputError for one that is not known."""
     if not isinstance(loop, str) or loop not in TURNS:
         raise InputError(f"unknown loop {shown(loop)}; known: {', '.join(TURNS)}.")
-    return loop
-
-
-def unit_of(kind: str, model: Model) -> str:
-    return unit_for(TURNS[kind], model.motion)
+    return unit_for(TURNS[loop], model.motion)
 
 
 class SampledLoop:
@@ -541,17 +532,13 @@ def observer_gains(
         return own, None
     if (K1 is None) != (K2 is None):
         raise InputError("give both K1 and K2, or neither.")
-    numbers = not (callable(K1) or callable(K2))
-    if numbers and "sigma1" not in believed.friction.values:
-        raise InputError(
-            f"the {name} observer copies LuGre friction, but {believed.name} has "
-            f"'{believed.friction.block.name}' friction; choose observer='disturbance' or None."
-        )
-    known = believed.known()
-    critical = 2.0 * math.sqrt(known.get("J", 0.0) * known.get("sigma0", 0.0))
+    if why := unknown("proposed", believed):
+        raise InputError(f"the {name} observer: {why} Choose observer='disturbance' or None.")
+    known, numbers = believed.known(), not (callable(K1) or callable(K2))
+    critical = 2.0 * math.sqrt(known["J"] * known["sigma0"])
     if K1 is not None:
         own |= {"K1": K1, "K2": K2}
-    elif known.get("sigma1", math.inf) < LIGHT * critical:
+    elif known["sigma1"] < LIGHT * critical:
         # with sigma1 = 0 the errors at rest have the polynomial s^2 + (K2/J) s - K1 sigma0/J:
         # this puts both poles at -sqrt(sigma0/J)
         own |= {"K1": -1.0, "K2": critical}

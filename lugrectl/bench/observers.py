@@ -32,7 +32,7 @@ from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
 from ..estimates.fitted import Fitted
 from ..loops.parts import OUTPUTS, crossing
-from ..record.as_record import as_record, is_record
+from ..record.as_record import as_record
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
 from .loop import (
@@ -329,12 +329,8 @@ def compare_observers(
 def _load(given: float | None, model: Model) -> float:
     level = model.known().get("Fc")
     if given is None and level is None:
-        law = model.friction.block.name
-        raise InputError(
-            f"load is missing: half of Fc is its default, which {law} friction does not have; give "
-            "it in N m."
-        )
-    return 0.5 * float(level or 0.0) if given is None else number(given, "load")
+        raise InputError("load is missing: half of Fc is its default, which this friction lacks.")
+    return number(0.5 * (level or 0.0) if given is None else given, "load")
 
 
 def chosen_observers(wanted: Any) -> list[str]:
@@ -1001,13 +997,9 @@ def guaranteed(made: Certificate | None) -> str:
 
 def unseen(inputs: Sequence[str], measured: Sequence[str]) -> str | None:
     known = {*measured, "u", "e", "r", *(["s"] if "w" in measured else [])}
-    missing = next((k for k in inputs if k not in known), None)
-    if missing is None:
-        return None
-    return (
-        f"it reads {'w' if missing == 's' else missing}, and this drive measures only "
-        f"{' and '.join(measured)}; give measured='theta w' where it has or computes both."
-    )
+    missing = ["w" if k == "s" else k for k in inputs if k not in known]
+    only = f", and this drive measures only {' and '.join(measured)}"
+    return f"it reads {missing[0]}{only}: see measured." if missing else None
 
 
 def drive_of(
@@ -1016,20 +1008,14 @@ def drive_of(
     """Return a drive's sensor and task: what is said goes before a dict of numbers or estimates
     from a record, and these before what suits the parameters ``known``."""
     seen: dict[str, Any] = {"source": "the arguments"}
-    lists = ("measured", "uncertainty")  # the values of a drive that are no numbers
-    if isinstance(record, Mapping) and not any(
-        np.ndim(v) > 0 and not isinstance(v, str) for k, v in record.items() if k not in lists
+    if isinstance(record, Mapping) and all(
+        np.ndim(v) == 0 for k, v in record.items() if k != "measured"
     ):
         if strange := [k for k in record if k not in CHECKS]:
             hint = meant(strange[0], CHECKS)
             raise InputError(f"record: a drive has no value {shown(strange[0])}; {hint}")
         said = {**record, **said}
     elif record is not None:
-        if not is_record(record):
-            raise InputError(
-                "record must be a record (a path, DataFrame, dict of arrays or Record) or a dict "
-                f"of numbers such as {{'rate': 1000}}, not {shown(record)}."
-            )
         log = as_record(record, motion)
         sensing, speed = sensing_of(log), top_speed(log)
         seen = {k: getattr(sensing, k) for k in ("noise", "resolution", "speed_noise")}
@@ -1078,15 +1064,11 @@ def _measured(given: Any, _: str) -> tuple[str, ...]:
 
 def _uncertain(given: Any, _: str) -> dict[str, float]:
     """Return by how much each parameter may be wrong, as a share."""
-    if not isinstance(given, Mapping):
-        if real(given) == 0.0:
-            return dict.fromkeys(LUGRE, 0.0)
-        return dict.fromkeys(LUGRE, share(given, "uncertainty"))
-    for key in given:
+    sizes = dict(given) if isinstance(given, Mapping) else dict.fromkeys(LUGRE, given)
+    for key, size in sizes.items():
         if key not in LUGRE:
             raise InputError(f"uncertainty: there is no {shown(key)}; {meant(key, LUGRE)}")
-    sizes = {k: 0.0 if real(v) == 0.0 else share(v, f"uncertainty of {k}")
-             for k, v in given.items()}  # fmt: skip
+        sizes[key] = 0.0 if real(size) == 0.0 else share(size, "uncertainty")
     return dict.fromkeys(LUGRE, 0.0) | sizes
 
 

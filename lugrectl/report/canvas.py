@@ -101,7 +101,7 @@ def style() -> Any:
 
 
 def headed(ax: Axes, title: str, marks: Sequence[Any] = (), columns: int = 3, **axes: Any) -> Axes:
-    """Set what ``axes`` names, and the title with the legend of all labels or of ``marks`` below."""
+    """Set ``axes``, and the title above the legend of all labels, or of ``marks``."""
     ax.set(**axes)
     known = marks or ax.get_legend_handles_labels()[0]
     ax.set_title(textwrap.fill(title, _TITLE), pad=8 + 14 * -(-len(known) // columns))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from html import escape
 from typing import Any
+from urllib.parse import quote
 
 from ..core.display import Grid, grid_html, grid_text
 from .canvas import SIZE, inline_svg
@@ -113,6 +114,7 @@ class Page:
     meaning: str
     parts: Sequence[Section | Figure | str]  # a text is HTML, which only pages have
     kind: str = ""  # colours the title
+    links: Mapping[str, str] = field(default_factory=dict)  # of cells of tables, by their text
 
     def text(self) -> str:
         sections = [part.text() for part in self.parts if isinstance(part, Section)]
@@ -133,5 +135,8 @@ class Page:
         kind = f"verdict {escape(self.kind)}".strip()
         first = f"<h1>{escape(self.title)}</h1>\n<p>{escape(self.meaning)}</p>"
         rest = (part if isinstance(part, str) else part.html() for part in self.parts)
-        parts = [f'<div class="{kind}">\n{first}\n</div>', *rest]
-        return '<div class="lugrectl">\n' + "\n".join(parts) + "\n</div>"
+        made = "\n".join([f'<div class="{kind}">\n{first}\n</div>', *rest])
+        for cell, target in self.links.items():
+            linked = f'><a href="{quote(target)}">{escape(cell)}</a></td>'
+            made = made.replace(f">{escape(cell)}</td>", linked, 1)
+        return f'<div class="lugrectl">\n{made}\n</div>'
