@@ -24,6 +24,7 @@ from ..core.display import Row, Shown, noticed
 from ..core.display import number as figure
 from ..core.errors import InputError, Refused
 from ..core.jobs import JobError, run_jobs
+from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import Fields, Result, plain
 from ..core.validation import number, positive, share, whole
@@ -768,7 +769,8 @@ def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.
     for choice in choices:
         loop = loop_of(setting, choice)
         own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
-        columns.append([loop.error(rows, m, counted, seed=seed, **own) for m, seed in members])
+        runs = (loop.run(rows, m, seed=seed, **own) for m, seed in members)
+        columns.append([rms(run["e"][counted]) for run in runs])
     return np.array(columns).T
 
 

@@ -453,7 +453,7 @@ class Three:
             for i, one in enumerate(models):  # the same noise for each loop
                 part = (j + i / len(models)) / len(errors)
                 report(part, "simulating drives like the recorded one")
-                errors[key][i] = loop.error(rows, one, torque=torque, seed=seed + i)
+                errors[key][i] = rms(loop.run(rows, one, torque=torque, seed=seed + i)["e"])
         speed = math.nan if sensing.speed_noise is None else sensing.speed_noise
         noise = {"theta": sensing.noise, "w": speed, "u": torque}
         return Spread(1.0 / sensing.dt, noise, sensing.resolution, (), seed, errors)

@@ -19,11 +19,9 @@ from ..blocks.model import Model, values_of
 from ..blocks.observers import Gain, observer_block
 from ..blocks.plant import assemble, plant, sensor
 from ..core.errors import Diverged, InputError
-from ..core.numeric import rms
 from ..core.validation import array, number, positive, shown
 from ..design import Certificate, certify, design_gains
 from ..design.gains import RULES
-from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.findings import Table
 from ..loops.parts import MEASURED, OUTPUTS, Control, all_at, connected, mapped, read_of
 from ..record import Record
@@ -311,8 +309,8 @@ class SampledLoop:
         seed: int = 0,
         **params: float,
     ) -> dict[str, np.ndarray]:
-        """Return a drive's signals by name, infinite where the loop diverges; ``torque``: noise
-        of u in N m."""
+        """Return a drive's signals by name, infinite where the loop diverges, and the error e of
+        the motion itself; ``torque``: noise of u in N m."""
         model, sensing = model or self.task.model, sensing or self.sensing
         body, names = self._body(model)
         t = sensing.dt * np.arange(len(rows["r"]))
@@ -330,14 +328,8 @@ class SampledLoop:
                 done = simulate_sampled(body, self.blocks, t, given, x0, **own)
         except Diverged:
             return dict.fromkeys((*OUTPUTS, "u_fb"), np.full(len(t), np.inf))
-        return dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
-
-    def error(
-        self, rows: Mapping[str, np.ndarray], model: Model, counted: Any = slice(None), **own: Any
-    ) -> float:
-        """Return the RMS tracking error of the motion itself; infinite where the loop diverges."""
-        y = self.run(rows, model, **own)[controllers.MEASURED[self.task.kind]]
-        return rms((y - rows["r"])[counted])
+        out = dict(zip(done.output_labels or (), np.asarray(done.outputs), strict=True))
+        return out | {"e": out[controllers.MEASURED[self.task.kind]] - rows["r"]}
 
     def _body(self, model: Model) -> tuple[Any, set[str]]:
         key = (self.late, model.friction.block.name, *(p.key for p in model.effects))
@@ -396,12 +388,16 @@ class Terms:
         on_s = "s" in observer_block(name).inputs and kind == "position"
         return gains | {"k": self.k / LAM if on_s else self.k}
 
-    def control(
-        self, name: str, kind: str, gains: Mapping[str, float], believed: Mapping[str, float]
-    ) -> list[Any]:
-        known = {k: v for k, v in believed.items() if k in observer_block(name).parameters}
-        own, ahead = self.own(name, kind) | known, self.ahead or kind == "position"
+    def control(self, name: str, kind: str, gains: Mapping[str, float]) -> list[Any]:
+        own, ahead = self.own(name, kind), self.ahead or kind == "position"
         return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
+
+    def sampled(
+        self, name: str, kind: str, gains: Mapping[str, float], sensing: Sensing, speed: float
+    ) -> SampledLoop:
+        """Return the loop of an observer; ``speed``: the largest of the reference."""
+        task, control = Task(self.model, kind, {}), self.control(name, kind, gains)
+        return SampledLoop(task, sensing, control, FASTEST * speed, bodies=self.bodies)
 
     def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
         parts = [
@@ -410,37 +406,10 @@ class Terms:
             sensor(self.model, outputs=["w_s", "theta_s"]),
             ct.summing_junction(["theta_s", "n_theta"], "theta_m", name="encoder"),
             ct.summing_junction(["w_s", "n_w"], "w_m", name="speed"),
-            *self.control(name, kind, gains, {}),
+            *self.control(name, kind, gains),
         ]
         inputs = [*read_of(parts), "n_theta", "n_w", "d"]
         return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
-
-
-@dataclass(frozen=True)
-class Stand:
-    """Where observers are tried in a sampled drive: the loop with its gains, the sensor, and the
-    largest speed of the reference."""
-
-    terms: Terms
-    kind: str
-    gains: Mapping[str, float]
-    sensing: Sensing
-    speed: float
-
-    def run(
-        self,
-        name: str,
-        believed: Mapping[str, float],
-        rows: Mapping[str, np.ndarray],
-        sensing: Sensing | None = None,
-    ) -> dict[str, np.ndarray]:
-        """Return the signals by name, and the error e of the motion itself."""
-        control = self.terms.control(name, self.kind, self.gains, believed)
-        own = Task(self.terms.model, self.kind, {}), sensing or self.sensing, control
-        loop = SampledLoop(*own, FASTEST * self.speed, bodies=self.terms.bodies)
-        with interpreted():  # each loop runs a few times only
-            out = loop.run(rows)
-        return out | {"e": out[controllers.MEASURED[self.kind]] - rows["r"]}
 
 
 def corrected(name: str) -> bool:

@@ -30,6 +30,7 @@ from ..core.validation import flag, names, number, positive, real, share, shown
 from ..core.views import view
 from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
+from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.fitted import Fitted
 from ..loops.parts import OUTPUTS, crossing
 from ..record.as_record import as_record
@@ -38,7 +39,7 @@ from ..simulation.response import simulate
 from .loop import (
     LUGRE,
     SETTLED,
-    Stand,
+    SampledLoop,
     Terms,
     correction,
     designed,
@@ -376,9 +377,11 @@ class Bench:
         short = self.name if self.name == "no_observer" else self.name.removesuffix("_observer")
         return Compared(name=short, feedback=gains, **found, **self.more)
 
-    def believed(self, factor: float) -> dict[str, float]:
+    def believed(self, level: str = "wrong") -> dict[str, float]:
+        """Return the parameters of the observer that are wrong."""
         known, needs = self.terms.model.known(), observer_block(self.name).parameters
-        return {k: factor * known[k] for k in ("Fc", "Fs") if k in known and k in needs}
+        levels = [k for k in ("Fc", "Fs") if k in known and k in needs]
+        return {f"{self.name}.{k}": self.levels[level] * known[k] for k in levels}
 
     def run(
         self,
@@ -392,8 +395,7 @@ class Bench:
         kind = "velocity" if scenario == "velocity" else "position"
         if kind not in self.loops:
             self.loops[kind] = self.terms.closed(self.name, kind, GAINS[scenario])
-        level = float(self.levels["over" if scenario == "cycle" else "wrong"])
-        values = {f"{self.name}.{k}": v for k, v in self.believed(level).items()}
+        values = self.believed("over" if scenario == "cycle" else "wrong")
         block, gains = "pi" if kind == "velocity" else "pid", GAINS[scenario]
         values |= {f"{block}.{g}": v for g, v in self.terms.feedback(self.name, gains).items()}
         system = self.loops[kind]
@@ -508,8 +510,9 @@ class Bench:
     def _at_samples(self, sensing: Sensing) -> tuple[np.ndarray, np.ndarray]:
         """Return times and the speed error of a sampled drive."""
         t = _times(1.5, sensing.dt)
-        stand = Stand(self.terms, "velocity", GAINS["velocity"], sensing, SIZE)
-        return t, stand.run(self.name, self.believed(self.levels["wrong"]), _reference(t))["e"]
+        loop = self.terms.sampled(self.name, "velocity", GAINS["velocity"], sensing, SIZE)
+        with interpreted():  # each loop runs a few times only
+            return t, loop.run(_reference(t), **self.believed())["e"]
 
 
 def _times(length: float, dt: float = STEP) -> np.ndarray:
@@ -805,10 +808,7 @@ def recommend_observer(
     wanted = [name for name in chosen_observers(observers) if name != "no_observer"]
     if not wanted:
         raise InputError("observers holds no observer: give at least one of lugrectl.observers().")
-    sensing = (spec[k] for k in ("noise", "resolution", "speed_noise", "delay"))
-    controller = crossing(kind, known["J"], spec["bandwidth"])
-    dt = 1.0 / spec["rate"]
-    trial = Trial(Stand(terms, kind, controller, Sensing(dt, *sensing), spec["speed"]), spec)
+    trial = Trial(terms, spec, kind, crossing(kind, known["J"], spec["bandwidth"]))
     return trial.answer(wanted, flag(certified, "certified"), reporter(progress))
 
 
@@ -816,12 +816,18 @@ class Trial:
     """The loop in which the observers of a drive are tried: a sine of the speed, from rest.
     ``spec``: the drive's sensor and task, SI."""
 
-    def __init__(self, stand: Stand, spec: Mapping[str, Any]) -> None:
-        rate, f, self.spec, self.stand = spec["rate"], spec["frequency"], spec, stand
+    def __init__(
+        self, terms: Terms, spec: Mapping[str, Any], kind: str, gains: Mapping[str, float]
+    ) -> None:
+        rate, f = spec["rate"], spec["frequency"]
+        self.terms, self.spec, self.kind, self.gains = terms, spec, kind, gains
         what = f"a sine of {f:g} Hz at {rate:g} samples per second"
         self.t = np.arange(enough_samples(f, rate, what)) / rate
-        self.rows = sine(self.t, spec["speed"], f).rows(stand.kind)
-        self.model, self.unit = stand.terms.model, unit_of(stand.kind, stand.terms.model)
+        self.rows = sine(self.t, spec["speed"], f).rows(kind)
+        sensing = (spec[k] for k in ("noise", "resolution", "speed_noise", "delay"))
+        self.sensing = Sensing(1.0 / rate, *sensing)
+        self.model, self.unit = terms.model, unit_of(kind, terms.model)
+        self.loops: dict[tuple[str, Sensing], SampledLoop] = {}
         self.refused: dict[str, str] = {}
         self.none = np.inf
 
@@ -848,11 +854,11 @@ class Trial:
             ranked=tuple(replace(row, reasons=self.reasons(row, rows[0])) for row in rows),
             refused=self.refused,
             none=self.none,
-            signal=MEASURED[self.stand.kind],
+            signal=MEASURED[self.kind],
             unit=self.unit,
             motion=self.model.motion,
             drive=plain(self.spec),
-            controller=dict(self.stand.gains),
+            controller=dict(self.gains),
             messages=tuple(self.messages(rows)),
         )
 
@@ -872,8 +878,7 @@ class Trial:
         if why:
             self.refused[short] = why
             return None
-        designs = {**self.stand.terms.designed, name: own}
-        self.stand = replace(self.stand, terms=replace(self.stand.terms, designed=designs))
+        self.terms = replace(self.terms, designed={**self.terms.designed, name: own})
         exact = self.error(name, {})
         row = Candidate(
             name=short,
@@ -882,7 +887,7 @@ class Trial:
             errors={EXACT: exact},
             load=np.inf,
             noise=np.inf,
-            gains=self.stand.terms.own(name, self.stand.kind),
+            gains=self.terms.own(name, self.kind),
             certificate=certificate,
             reads=block.inputs,
             knows=tuple(k for k in LUGRE if k in block.parameters),
@@ -894,15 +899,14 @@ class Trial:
         return self.tried(replace(row, **more), LEVEL, reporter(False))
 
     def designed(self, name: str) -> tuple[dict[str, Any], Certificate | None]:
-        stand, spec = self.stand, self.spec
-        own = stand.terms.designed.get(name)
+        terms, spec = self.terms, self.spec
+        own = terms.designed.get(name)
         if own is not None or (name not in RULES and name != "proposed_observer"):
             return dict(own or {}), None
         slow = SAMPLED / (FASTER * spec["bandwidth"]) if name in ALONE else 0.0
-        more = {"k": stand.terms.k, "kp": stand.gains["kp"]} if name in ON_ERROR else {}
-        dt = max(stand.sensing.dt, slow)
-        gains, made = designed(self.model, name, dt, spec["speed"], **more)
-        if name == "normal_force_observer" and stand.kind == "velocity":
+        more = {"k": terms.k, "kp": self.gains["kp"]} if name in ON_ERROR else {}
+        gains, made = designed(self.model, name, max(self.sensing.dt, slow), spec["speed"], **more)
+        if name == "normal_force_observer" and self.kind == "velocity":
             made = replace(made, holds=False, valid="its proof is about a position loop")
         return gains, made
 
@@ -921,7 +925,12 @@ class Trial:
     ) -> tuple[float, np.ndarray]:
         """Return the RMS error, infinite if it grows without bound, and u, once it has settled."""
         rows = self.rows | {"d": np.where(self.t >= 0.5 * self.t[-1], load, 0.0)}
-        out = self.stand.run(name, believed, rows, sensing)
+        key = name, sensing or self.sensing
+        if key not in self.loops:
+            more = self.kind, self.gains, key[1], self.spec["speed"]
+            self.loops[key] = self.terms.sampled(name, *more)
+        with interpreted():  # each loop runs a few times only
+            out = self.loops[key].run(rows, **{f"{name}.{k}": v for k, v in believed.items()})
         later = self.t >= SETTLED / self.spec["frequency"]
         with np.errstate(all="ignore"):
             error, most = rms(out["e"][later]), GROWN * float(np.abs(self.rows["r"]).max())
@@ -933,7 +942,7 @@ class Trial:
     def noise(self, name: str) -> float:
         """Return the RMS torque that the sensor causes, its rounding included."""
         (one, loud), (two, quiet) = (
-            self.run(name, {}, sensing=s) for s in (None, self.stand.sensing.quiet())
+            self.run(name, {}, sensing=s) for s in (None, self.sensing.quiet())
         )
         return rms(loud - quiet) if np.isfinite(one + two) else np.inf
 
