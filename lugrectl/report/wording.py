@@ -164,8 +164,7 @@ def _table(d: Any) -> Section | None:
         f"{number(table.rms * factor, 3)} {unit} RMS along the record.",
         f"It explains {100.0 * table.share:.0f} % of the residual torque's power on windows that "
         f"it was not fitted to (95 % interval {between([100.0 * x for x in table.share95])} %).",
-        "The table is not part of the model file. table.block() turns it into a block for a "
-        "control loop.",
+        "The table is not part of the model file; table.block() makes a block of it.",
     )
     return Section("Residual torque as a table", lines)
 
@@ -403,12 +402,10 @@ def laws(d: Any) -> Section | None:
 def limits(d: Any) -> Section | None:
     """How small an effect this record would have shown; only where nothing is missing."""
     found = _get(d, "comparison")
-    if found is None or not found.detectable:
-        return None
-    shown = [limit for limit in found.detectable if limit.share > found.least]
+    shown = [limit for limit in getattr(found, "detectable", ()) if limit.share > found.least]
     rows = [(x.name, percent(x.share) if x.share < 1.0 else "not in this record") for x in shown]
-    grid = Grid(("effect", "seen from"), "lr", tuple(rows)) if rows else None
-    return Section("What this record would show", tuple(filter(None, [limits_in_words(d)])), grid)
+    grid = Grid(("effect", "seen from"), "lr", tuple(rows))
+    return Section("What this record would show", (), grid) if rows else None
 
 
 def limits_in_words(d: Any) -> str:
@@ -418,12 +415,10 @@ def limits_in_words(d: Any) -> str:
     most, said = shares[len(shares) // 2] if shares else 1.0, []
     if most < 1.0:
         said.append(f"Most effects would have shown from {percent(most)} of friction on.")
-    if finest and motion_of(d) == "linear":
-        short = number(2e3 * math.pi / min(finest), 2)
-        said.append(f"Waves over x that are shorter than {short} mm may stay hidden.")
-    elif finest:
-        many = f"{min(finest):.0f} periods per turn"
-        said.append(f"Waves over theta with more than {many} may stay hidden.")
+    if finest:
+        per, rad = ("turn", 1.0) if motion_of(d) == "rotary" else ("m", 2.0 * math.pi)
+        many = f"{min(finest) / rad:.0f} periods per {per}"
+        said.append(f"Waves with more than {many} may stay hidden.")
     return " ".join(said)
 
 

@@ -34,7 +34,8 @@ def closed():
 
 def words(ax):
     legend = ax.get_legend()
-    return " ".join([ax.get_title("left"), *(t.get_text() for t in legend.get_texts() if legend)])
+    texts = legend.get_texts() if legend else ()
+    return " ".join([ax.get_title("left"), *(t.get_text() for t in texts)])
 
 
 @pytest.mark.parametrize("T", SYSTEMS.values(), ids=SYSTEMS)
