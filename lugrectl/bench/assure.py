@@ -34,7 +34,7 @@ from ..estimates.members import Belief, Members, refuse_unknown
 from ..hunting import limit_cycles
 from ..record import Record
 from ..simulation.encoder import Sensing
-from .loop import (
+from .compensate import (
     FASTEST,
     PERIODS,
     SETTLED,

@@ -12,14 +12,16 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
+import control as ct
 import numpy as np
 
 from ..blocks.aliases import listed, meant
 from ..blocks.block import members, unit_for
 from ..blocks.controllers import MEASURED
+from ..blocks.drive import dead_time
 from ..blocks.model import Model, Parameters, as_model
 from ..blocks.observers import observer_block
-from ..blocks.plant import plant
+from ..blocks.plant import plant, sensor
 from ..core.display import Grid, Row, Shown, grid_html, grid_text
 from ..core.display import number as figure
 from ..core.errors import Diverged, InputError
@@ -32,16 +34,16 @@ from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
 from ..engine.runtime.adaptive_run import interpreted
 from ..estimates.fitted import Fitted
-from ..loops.parts import OUTPUTS, crossing
+from ..loops.parts import OUTPUTS, Control, connected, crossing, read_of
 from ..record.as_record import as_record
 from ..simulation.encoder import Sensing, rounded
 from ..simulation.response import simulate
-from .loop import (
+from .compensate import (
+    FASTEST,
     LUGRE,
     SETTLED,
     SampledLoop,
-    Terms,
-    correction,
+    Task,
     designed,
     enough_samples,
     fastest,
@@ -51,7 +53,6 @@ from .loop import (
     top_speed,
     unit_of,
     unknown,
-    wrong,
 )
 
 SCENARIOS = {  # heading, and the factor to its unit
@@ -352,6 +353,96 @@ def _chosen_scenarios(wanted: Any) -> set[str]:
     if not given:
         raise InputError(f"scenarios is an empty list: give some of {', '.join(SCENARIOS)}.")
     return set(given)
+
+
+LAM = 20.0  # 1/s, of the sliding error in a position loop
+
+
+@dataclass(frozen=True)
+class Terms:
+    """What is equal for all observers, and how their own feedback is made up for.
+
+    An observer that is corrected by k e is a controller k (sigma1 s + sigma0)/(s + a) as well,
+    a = sigma0 |w|/h(w). The others get the same as kp + sigma1 k and ki + sigma0 k. ``designed``
+    holds the gains of observers by name; k goes before a k in it. ``ahead``: the velocity loop
+    has the feed-forward J dr; the position loop always has J ddr. ``bodies``: drives already built.
+    """
+
+    model: Model
+    k: float
+    equal: bool
+    designed: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    ahead: bool = False
+    bodies: dict[Any, Any] = field(default_factory=dict)
+
+    def feedback(self, name: str, gains: Mapping[str, float]) -> dict[str, float]:
+        known = self.model.known()
+        if not self.equal or corrected(name) or "sigma0" not in known:
+            return dict(gains)
+        extra = {"kp": self.k * known.get("sigma1", 0.0), "ki": self.k * known["sigma0"]}
+        return {g: v + extra.get(g, 0.0) for g, v in gains.items()}
+
+    def own(self, name: str, kind: str) -> dict[str, Any]:
+        """Return the gains of an observer; s contains 20 e of position, as its k allows for."""
+        gains = dict(self.designed.get(name, {}))
+        if not corrected(name):
+            return gains
+        on_s = "s" in observer_block(name).inputs and kind == "position"
+        return gains | {"k": self.k / LAM if on_s else self.k}
+
+    def control(self, name: str, kind: str, gains: Mapping[str, float]) -> list[Any]:
+        own, ahead = self.own(name, kind), self.ahead or kind == "position"
+        return Control(kind, self.feedback(name, gains), name, own, ahead).blocks(self.model)
+
+    def sampled(
+        self, name: str, kind: str, gains: Mapping[str, float], sensing: Sensing, speed: float
+    ) -> SampledLoop:
+        """Return the loop of an observer; ``speed``: the largest of the reference."""
+        task, control = Task(self.model, kind, {}), self.control(name, kind, gains)
+        return SampledLoop(task, sensing, control, FASTEST * speed, bodies=self.bodies)
+
+    def closed(self, name: str, kind: str, gains: Mapping[str, float]) -> Any:
+        parts = [
+            plant(self.model, inputs=["u_late", "d"]),
+            dead_time(0.0, inputs=["u"], outputs=["u_late"]),
+            sensor(self.model, outputs=["w_s", "theta_s"]),
+            ct.summing_junction(["theta_s", "n_theta"], "theta_m", name="encoder"),
+            ct.summing_junction(["w_s", "n_w"], "w_m", name="speed"),
+            *self.control(name, kind, gains),
+        ]
+        inputs = [*read_of(parts), "n_theta", "n_w", "d"]
+        return connected(parts, inputs, OUTPUTS, f"{observer_block(name).name}_{kind}_loop")
+
+
+def corrected(name: str) -> bool:
+    made = observer_block(name)
+    return bool({"e", "s"} & {*made.inputs}) and "k" in made.parameters
+
+
+def wrong(
+    name: str, known: Mapping[str, float], groups: Sequence[Sequence[str]], off: Mapping[Any, float]
+) -> dict[str, dict[str, float]]:
+    """Return what an observer may believe: each group of its parameters wrong, each way."""
+    needs, cases = observer_block(name).parameters, {}
+    for group in groups:
+        keys = [k for k in group if k in needs and known.get(k)]
+        for way in (-1.0, 1.0) if any(off.get(k) for k in keys) else ():
+            factors = {k: 1.0 + way * off.get(k, 0.0) for k in keys}
+            largest = max(factors.values(), key=lambda factor: abs(factor - 1.0))
+            cases[f"{', '.join(keys)} x{largest:g}"] = {k: f * known[k] for k, f in factors.items()}
+    return cases
+
+
+K = 0.35  # of an observer that the tracking error corrects, where no bristles say how much
+
+
+def correction(known: Mapping[str, Any], bandwidth: float) -> float:
+    """Return k that adds as much integral as the PI of this crossover has."""
+    if not known.get("sigma0"):
+        return K
+    k = known["J"] * bandwidth**2 / 20.0 / known["sigma0"]
+    damping = known.get("sigma1") or 0.0
+    return float(min(k, 0.5 * known["J"] * bandwidth / damping) if damping else k)
 
 
 class Bench:

@@ -10,8 +10,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import lugrectl as lg
-from lugrectl.bench.compensate import Spread, drawn
-from lugrectl.bench.loop import effects_torque
+from lugrectl.bench.compensate import Spread, drawn, effects_torque
 from lugrectl.blocks.model import model_from_dict
 from lugrectl.cli import main
 from lugrectl.core.errors import InputError
