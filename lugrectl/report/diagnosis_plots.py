@@ -51,9 +51,8 @@ def log_figures(balance: Balance) -> list[Figure]:
         caption = "Friction over speed, with 95 % bars, and the plain fit."
         panels.append((caption, partial(curve, balance)))
     if balance.residual is not None:
-        panels.append(("What the plain torque balance leaves.", partial(fit, balance)))
-        caption = "The same over {}, with its mean; without samples at rest."
-        over = dict.fromkeys(("w", *motion))
+        caption = "What the plain balance leaves over {}, with its mean; without samples at rest."
+        over = dict.fromkeys(("t", "w", *motion))
         panels += [(caption.format(role), partial(rest, balance, role=role)) for role in over]
     return [Figure(f"log-{i}", caption, draw, HALF) for i, (caption, draw) in enumerate(panels)]
 
@@ -101,24 +100,11 @@ def curve(balance: Balance, ax: Axes) -> Axes:
 
 
 @drawn
-def fit(balance: Balance, ax: Axes) -> Axes:
-    """What the plain balance leaves of the torque, in windows over time."""
-    windows = balance.residual
-    assert windows is not None
-    pairs = zip(balance.stretches, starts(balance), strict=True)
-    shifts = {one.run: shift for one, shift in pairs}
-    t = windows.t + np.array([shifts.get(int(run), 0.0) for run in windows.run])
-    factor, unit = readable([np.abs(windows.value).max()], unit_for("N m", balance.motion))
-    _between_runs(balance, ax)
-    ax.plot(t, factor * windows.value, ".", ms=2.0, color=AFTER, rasterized=True)
-    title = f"Plain fit: leaves {number(100.0 * (balance.left or 0.0), 2)} % of the RMS torque"
-    return headed(ax, title, xlabel="t [s]", ylabel=f"residual torque [{unit}]")
-
-
-@drawn
 def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
-    """The same over speed or angle, and its mean; samples at rest would cover all others."""
-    parts = [at_samples(balance, one) for one in balance.stretches]
+    """What the plain balance leaves of the torque over time, speed or angle, and its mean; samples
+    at rest would cover all others."""
+    pairs = zip(balance.stretches, starts(balance), strict=True)
+    parts = [at_samples(balance, one) | {"t": one.t + shift} for one, shift in pairs]
     w, x, y = (np.concatenate([part[k] for part in parts]) for k in ("w", role, "left"))
     good = np.isfinite(y)
     moving = good & (np.abs(w) > _REST * top_speed(w[good]))
@@ -135,7 +121,10 @@ def rest(balance: Balance, ax: Axes, role: str = "theta") -> Axes:
     low, high = np.quantile(factor * y, [0.005, 0.995])
     ax.set_ylim(1.3 * low - 0.3 * high, 1.3 * high - 0.3 * low)
     over = f"{role}{' modulo one turn' * turns} [{si_unit(role, balance.motion)}]"
-    title = f"Plain fit: what it leaves over {role}, and its mean"
+    if role == "t":
+        _between_runs(balance, ax)
+    left = number(100.0 * (balance.left or 0.0), 2)
+    title = f"Plain fit: leaves {left} % of the RMS torque, over {role}"
     return headed(ax, title, xlabel=over, ylabel=f"residual torque [{unit}]")
 
 
@@ -168,15 +157,12 @@ _CURVES = {"refitted": BEFORE, "augmented": AFTER}
 _RUN: dict[str, Any] = {"fmt": "o", "ms": 4.0, "lw": 1.0}
 _TERMS = {"friction": "#5b6675", "effect": AFTER, "rest": QUIET}
 CAPTIONS = {
-    "motion": "Measured and simulated motion over the two held-out seconds where the refitted "
-    "model has its largest error. The models are simulated from the recorded torque alone; where "
-    "they jump, they are restarted from the measured motion.",
-    "budget": "Where the torque goes, RMS as a share of friction: blue what is missing from the "
-    "model.",
+    "motion": "The two held-out seconds of the refitted model's largest error. Where the models "
+    "jump, they are restarted from the measured motion.",
+    "budget": "Where the torque goes; blue: what is missing from the model.",
     "map": "Mean torque of each run over its mean speed, with 95 % bars, and the fitted curves.",
     "torque": "Residual torque: single samples (dots) and their mean (lines).",
-    "table": "The residual torque as a table, with its 95 % band. It describes the residual "
-    "without a physical explanation.",
+    "table": "The residual torque as a table, with its 95 % band, without a physical explanation.",
     "tracking": "Tracking error of the simulated loop: motion minus reference.",
 }
 _LAGS = {

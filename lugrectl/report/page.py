@@ -33,9 +33,8 @@ _STYLE = """
   text-align: left; white-space: nowrap; background: none; }
 .lugrectl th { font-weight: 600; color: #4a5563; }
 .lugrectl .r { text-align: right; }
-.lugrectl .small { font-size: .88rem; color: #4a5563; }
 .lugrectl figure { margin: 1rem 0; break-inside: avoid; }
-.lugrectl figcaption { font-size: .88rem; color: #4a5563; margin-top: .2rem; }
+.lugrectl .small, .lugrectl figcaption { font-size: .88rem; color: #4a5563; }
 .lugrectl svg { display: block; width: 100%; height: auto; max-width: 44rem; }
 .lugrectl .log { display: grid; grid-template-columns: repeat(auto-fit, minmax(19rem, 1fr));
   column-gap: 1rem; }
