@@ -142,10 +142,8 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
         what = str(p)
         try:
             p = json.loads(Path(p).read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{p}: cannot be read ({error.strerror or error}).") from None
-        except ValueError as error:
-            raise InputError(f"{p}: not a JSON document ({error}).") from None
+        except (OSError, ValueError) as error:
+            raise InputError(f"{p}: cannot be read as JSON ({error}).") from None
     if isinstance(p, Fitted):
         beliefs = () if p.model is None else p.beliefs()
         seen = seen_in(p.record, p.torque_noise) if beliefs else {}
@@ -297,30 +295,26 @@ def hunting_chance(
     (True, 20)
     """
     beliefs, _ = believed(p)
-    drawn, report = Members(beliefs, whole(members, "members", least=1), seed), reporter(progress)
-    work, rows = partial(_largest, loop), dict[int, tuple[float, float, float]]()
-    for i, one in run_jobs(work, list(drawn), executor=executor, jobs=jobs):
-        if isinstance(one, JobError):
-            raise (InputError if one.exit_code == 2 else Refused)(one.sentence)
-        rows[i] = one
-        report(len(rows) / len(drawn), f"{len(rows)} of {len(drawn)} drives")
-    found = [rows[i] for i in range(len(drawn))]
-    hunting = [one for one in found if one[0] == HUNTS]
+    drawn = list(Members(beliefs, whole(members, "members", least=1), seed))
+    run, report = Jobs(executor, jobs, 1), reporter(progress)
+    found = run(partial(_largest, loop), report, drawn)
+    fates, amplitudes, periods = found.T
     return HuntingChance(
-        Chance.of([fate for fate, _, _ in found]),
-        tuple(a for _, a, _ in hunting),
-        tuple(T for _, _, T in hunting),
+        Chance.of(fates),
+        tuple(amplitudes[fates == HUNTS].tolist()),
+        tuple(periods[fates == HUNTS].tolist()),
         "rad" if beliefs[0].model.motion == "rotary" else "m",
         {k: v for k, v in loop.items() if v is not None},
     )
 
 
-def _largest(loop: Mapping[str, Any], model: Model) -> tuple[float, float, float]:
-    """The fate of a drive, with amplitude and period of its largest cycle."""
-    found = limit_cycles(model, **loop)
-    last = found.cycles[-1] if found.cycles else None
-    amplitude, period = (np.nan, np.nan) if last is None else (last.amplitude, last.period)
-    return FATES[found.outcome], amplitude, period
+def _largest(loop: Mapping[str, Any], models: Sequence[Model]) -> np.ndarray:
+    """The fate of each drive, with amplitude and period of its largest cycle."""
+    rows = []
+    for found in (limit_cycles(model, **loop) for model in models):
+        ends = [(one.amplitude, one.period) for one in found.cycles[-1:]] or [(np.nan, np.nan)]
+        rows.append((FATES[found.outcome], *ends[0]))
+    return np.array(rows)
 
 
 NEAR = (-0.1, -0.05, 0.05, 0.1)  # from the best of them, tried after it
@@ -608,7 +602,7 @@ def assure(
         raise Refused(UNSTABLE)
     drawn = Members(beliefs, 2 * count, seed)
     pairs = list(zip(drawn, range(seed, seed + 2 * count), strict=True))
-    run, report = partial(in_chunks, executor, whole(jobs, "jobs", 1)), reporter(progress)
+    run, report = Jobs(executor, whole(jobs, "jobs", 1)), reporter(progress)
     study = Study(run, (pairs[:count], pairs[count:]), setting, confidence, hunts, still)
     return study.answer(*study.chosen(named, report), report, beliefs)
 
@@ -745,7 +739,7 @@ class Setting:
         known, length = self.task.model.known(), self.waits()[0]
         free = Model.of(friction="viscous", J=known["J"], Fv=known.get("Fv", 0.0))
         quiet = replace(self, task=replace(self.task, model=free), sensing=self.sensing.quiet())
-        y = loop_of(quiet, NOTHING).run(self.stepped(length))[MEASURED[self.task.kind]]
+        y = loop_of(quiet, None, ()).run(self.stepped(length))[MEASURED[self.task.kind]]
         if not np.isfinite(y[-1]):
             return True
         first, before, now = (float(np.ptp(part)) for part in np.array_split(y[-length:], 3))
@@ -753,21 +747,17 @@ class Setting:
 
 
 @lru_cache(maxsize=8)
-def _built(setting: Setting, observer: str | None, gains: tuple[Any, ...]) -> SampledLoop:
+def loop_of(setting: Setting, observer: str | None, gains: tuple[Any, ...]) -> SampledLoop:
     task = setting.task
     control = task.control(None if observer is None else task.model, observer, dict(gains))
     return SampledLoop(task, setting.sensing, control, FASTEST * setting.speed)
-
-
-def loop_of(setting: Setting, choice: Choice) -> SampledLoop:
-    return _built(setting, choice.observer, choice.gains)
 
 
 def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.ndarray:
     """Return the RMS errors (members, choices) of members with several compensations."""
     rows, counted, columns = setting.rows(PERIODS), slice(setting.samples(SETTLED), None), []
     for choice in choices:
-        loop = loop_of(setting, choice)
+        loop = loop_of(setting, choice.observer, choice.gains)
         own: dict[str, Any] = {"torque": setting.torque, "compensation.scale": choice.scale}
         runs = (loop.run(rows, m, seed=seed, **own) for m, seed in members)
         columns.append([rms(run["e"][counted]) for run in runs])
@@ -776,7 +766,7 @@ def tracking(setting: Setting, choices: Sequence[Choice], members: Pairs) -> np.
 
 def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> np.ndarray:
     """Return fate and swing of each, without noise: the worse after a stop and after a step."""
-    loop, lengths = loop_of(setting, choice), setting.waits()
+    loop, lengths = loop_of(setting, choice.observer, choice.gains), setting.waits()
     sensing, scale = setting.sensing.still(), {"compensation.scale": choice.scale}
 
     def rest(model: Model, start: Any) -> tuple[float, float]:
@@ -795,18 +785,24 @@ def waiting(setting: Setting, choice: Choice, still: float, members: Pairs) -> n
     return np.array([max(rest(model, start) for start in starts) for model, _ in members])
 
 
-def in_chunks(
-    executor: Executor | None, jobs: int, work: Any, report: Progress, pairs: Pairs
-) -> np.ndarray:
-    """Return what comes of all members, in order, done in chunks."""
-    chunks = [pairs[i : i + CHUNK] for i in range(0, len(pairs), CHUNK)]
-    found: dict[int, np.ndarray] = {}
-    for i, rows in run_jobs(work, chunks, executor=executor, jobs=jobs):
-        if isinstance(rows, JobError):
-            raise Refused(f"members {i * CHUNK} and on: {rows.sentence}")
-        found[i] = rows
-        report(len(found) / len(chunks), "simulating drives")
-    return np.vstack([found[i] for i in range(len(chunks))])
+@dataclass(frozen=True)
+class Jobs:
+    """Where members are simulated, and so many in one job."""
+
+    executor: Executor | None
+    number: int
+    chunk: int = CHUNK
+
+    def __call__(self, work: Any, report: Progress, members: Sequence[Any]) -> np.ndarray:
+        """Return what comes of all members, in order."""
+        chunks = [members[i : i + self.chunk] for i in range(0, len(members), self.chunk)]
+        found: dict[int, np.ndarray] = {}
+        for i, rows in run_jobs(work, chunks, executor=self.executor, jobs=self.number):
+            if isinstance(rows, JobError):
+                raise (InputError if rows.exit_code == 2 else Refused)(rows.sentence)
+            found[i] = rows
+            report(len(found) / len(chunks), "simulating drives")
+        return np.vstack([found[i] for i in range(len(chunks))])
 
 
 @dataclass(eq=False)
@@ -814,7 +810,7 @@ class Study:
     """Compensations that are tried on the first half of the members, and the best that holds at
     rest on both, with its errors on the last half."""
 
-    run: Any
+    run: Jobs
     halves: tuple[Pairs, Pairs]
     setting: Setting
     confidence: float

@@ -35,11 +35,6 @@ COMPENSATED = (
     "Simulated with the augmented model as the drive. The compensation uses {} and the declared "
     "model (before) or the augmented model (after)."
 )
-DRIVES = (
-    "On drives like the recorded one (SI units): control sampled at {} Hz, encoder steps of {}, "
-    "noise of {}; {}."
-)
-DRAWN = "parameters drawn from their joint covariance, while the compensation believes the estimate"
 UNNAMED = ("left", "noise")
 _SMALL = {"rad", "m", "rad/s", "m/s", "N m", "N"}  # units that take a prefix
 
@@ -171,28 +166,15 @@ def _table(d: Any) -> Section | None:
 
 def _compensation(d: Any) -> Section | None:
     """Tracking error in simulation without compensation, before and after."""
-    c, keys = _get(d, "compensation"), ("none", "before", "after")
+    c = _get(d, "compensation")
     if c is None:
         return None
-    factor, unit = readable([getattr(c, k) for k in keys], c.unit)
-    rows = [(f"{c.kind} loop", unit, *(number(getattr(c, k) * factor, 3) for k in keys))]
+    rows = [(row.name, row.text()) for row in c._rows() if row.name not in ("message", "more")]
     lines = [COMPENSATED.format(f"the {c.observer} observer" if c.observer else "no observer")]
-    if c.drive:
-        cells = [[number(x * factor, 3) for x in c.drive.of(k)] for k in keys]
-        many = len(c.drive.errors["none"])
-        rows.append((f"on {many} drives, median", unit, *(x[0] for x in cells)))
-        rows.append(("10 to 90 %", "", *(f"{low}..{high}" for _, low, high in cells)))
-        noise = ", ".join(f"{number(x, 2)} in {k}" for k, x in c.drive.noise.items() if x > 0)
-        rate, counts = number(c.drive.rate, 4), number(c.drive.resolution, 3)
-        drawn = DRAWN if c.drive.drawn else "parameters as estimated"
-        lines.append(DRIVES.format(rate, counts, noise or "none", drawn))
-    grid = Grid(("RMS tracking error", "unit", *keys), "llrrr", tuple(rows))
-    lines += [f"Fed forward as a torque: {', '.join(c.compensated)}."] if c.compensated else []
     lines += [f"Not compensated: {name}; {why}." for name, why in c.left]
     lines += [_sentence(m) for m in c.messages]
-    rate = c.certificate.rate if c.certificate is not None else None
-    decay = f"Observer errors decay at a rate of at least {number(rate, 3)} 1/s." if rate else ""
-    return Section("Compensation in simulation", tuple(lines), grid, decay)
+    grid = Grid((f"{c.kind} loop", ""), "ll", tuple(rows))
+    return Section("Compensation in simulation", tuple(lines), grid)
 
 
 def _sentence(text: str) -> str:
