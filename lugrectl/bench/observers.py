@@ -186,13 +186,7 @@ class ObserverComparison(ComparedRows[Compared]):
         return grid_html(self._grid()) + left
 
     def _left_out(self) -> list[str]:
-        return [f"{names} left out: {why}" for why, names in by_reason(self.refused)]
-
-
-def by_reason(refused: Mapping[str, str]) -> list[tuple[str, str]]:
-    """Each reason once, with the observers that it is about."""
-    reasons = dict.fromkeys(refused.values())
-    return [(why, ", ".join(k for k, own in refused.items() if own == why)) for why in reasons]
+        return [f"{name} left out: {why}" for name, why in self.refused.items()]
 
 
 @shows_progress
@@ -760,8 +754,8 @@ class Recommendation(Result):
     def _rows(self) -> Iterable[Row]:
         for i, row in enumerate(self.ranked):
             yield Row(f"{i + 1}. {row.name}", " ".join(row.reasons))
-        for why, who in by_reason(self.refused):
-            yield Row("not admissible", f"{who}: {why}")
+        for name, why in self.refused.items():
+            yield Row("not admissible", f"{name}: {why}")
         drive = f"{self.drive['rate']:g} Hz, {', '.join(self.drive['measured'])} measured"
         yield Row("drive", drive, "", f"(from {self.drive['source']})")
         yield Row("without", f"{figure(self.none, 3)} {self.unit}", "", "RMS error")

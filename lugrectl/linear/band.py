@@ -60,7 +60,7 @@ class BandwidthVerdict(Verdict):
         object.__setattr__(self, "reason", HERTZ.sub("", self.reason))
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw |T(jw)| with the bandwidth, and the phase; returns the Axes.
+        """Draw |T(jw)| with the bandwidth; returns a list of its Axes.
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """

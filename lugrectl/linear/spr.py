@@ -154,7 +154,7 @@ class SprVerdict(Verdict):
         return self.classification == "SPR"
 
     def plot(self, ax: Any = None) -> Any:
-        """Draw Re T(jw) with band edge and margin, and the Nyquist curve; returns the Axes.
+        """Draw Re T(jw) with band edge and margin; returns a list of its Axes.
 
         ``ax``: an Axes for the first, or two; else a new figure.
         """

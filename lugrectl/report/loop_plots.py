@@ -190,8 +190,8 @@ TURNED = -450.0  # deg: a dead time turns on and on, far below every margin
 def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     edge = verdict.band_edge
     w, T = _curve(verdict, edge)
-    of, good = name_of(verdict._source), np.isfinite(T)
-    w, re, im = w[good], np.real(T[good]), np.imag(T[good])
+    good = np.isfinite(T)
+    w, re = w[good], np.real(T[good])
 
     def real(own: Axes) -> None:
         scale = max(1e-3 * np.max(np.abs(re), initial=0.0), 1e-300)  # signed, without a kink
@@ -199,14 +199,10 @@ def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         _marked(own, w, re, edge, f"band edge {edge:.4g} rad/s")
         shown = verdict and math.isfinite(verdict.margin)
         margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
-        headed(own, f"{verdict.classification}{margin}", xlabel=OVER, ylabel=f"Re {of}")
+        name = f"Re {name_of(verdict._source)}"
+        headed(own, f"{verdict.classification}{margin}", xlabel=OVER, ylabel=name)
 
-    def nyquist(own: Axes) -> None:
-        own.plot(re, im, color=LINE)
-        own.axvline(0.0, **_DASHED, label="Re T = 0")
-        headed(own, "Nyquist, w > 0", xlabel=f"Re {of}", ylabel=f"Im {of}")
-
-    return _panels([real, nyquist], ax)
+    return _panels([real], ax)
 
 
 def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
@@ -231,11 +227,7 @@ def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
         title = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
         headed(own, title, xlabel=OVER, ylabel=f"{size_of(verdict._source)} [dB]")
 
-    def phase(own: Axes) -> None:
-        _marked(own, w, np.degrees(np.unwrap(np.angle(T))), width)
-        headed(own, "", xlabel=OVER, ylabel="phase [deg]")
-
-    return _panels([magnitude, phase], ax)
+    return _panels([magnitude], ax)
 
 
 def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
