@@ -62,7 +62,7 @@ class BandwidthVerdict(Verdict):
     def plot(self, ax: Any = None) -> Any:
         """Draw |T(jw)| with the bandwidth; returns a list of its Axes.
 
-        ``ax``: an Axes for the first, or two; else a new figure.
+        ``ax``: an Axes; else a new figure.
         """
         return view("loop_plots.band")(self, ax)
 

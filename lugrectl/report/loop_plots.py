@@ -190,44 +190,54 @@ TURNED = -450.0  # deg: a dead time turns on and on, far below every margin
 def realness(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     edge = verdict.band_edge
     w, T = _curve(verdict, edge)
-    good = np.isfinite(T)
-    w, re = w[good], np.real(T[good])
-
-    def real(own: Axes) -> None:
-        scale = max(1e-3 * np.max(np.abs(re), initial=0.0), 1e-300)  # signed, without a kink
-        own.set_yscale("asinh", linear_width=scale)
-        _marked(own, w, re, edge, f"band edge {edge:.4g} rad/s")
-        shown = verdict and math.isfinite(verdict.margin)
-        margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
-        name = f"Re {name_of(verdict._source)}"
-        headed(own, f"{verdict.classification}{margin}", xlabel=OVER, ylabel=name)
-
-    return _panels([real], ax)
+    w, re = w[np.isfinite(T)], np.real(T[np.isfinite(T)])
+    shown = verdict and math.isfinite(verdict.margin)
+    margin = f", margin {verdict.margin:.4g} 1/s" if shown else ""
+    said = f"{verdict.classification}{margin}", f"band edge {edge:.4g} rad/s"
+    axes = _marked(ax, w, re, edge, said, ylabel=f"Re {name_of(verdict._source)}")
+    least = max(1e-3 * np.max(np.abs(re), initial=0.0), 1e-300)  # signed, without a kink
+    axes[0].set_yscale("asinh", linear_width=least)
+    return axes
 
 
 def gain(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     at = verdict.frequency
     w, T = _curve(verdict, at)
-
-    def size(own: Axes) -> None:
-        _marked(own, w, _decibel(T), at)
-        place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
-        title = f"L2 gain, largest: {verdict.gain:.4g} ({_decibel(verdict.gain):.4g} dB) {place}"
-        headed(own, title, xlabel=OVER, ylabel=f"{size_of(verdict._source)} [dB]")
-
-    return _panels([size], ax)
+    place = "as w grows" if math.isinf(at) else f"at {at:.4g} rad/s"
+    title = f"L2 gain, largest: {verdict.gain:.4g} ({_decibel(verdict.gain):.4g} dB) {place}"
+    return _marked(ax, w, _decibel(T), at, (title,), ylabel=f"{size_of(verdict._source)} [dB]")
 
 
 def band(verdict: Any, ax: Any = None) -> Sequence[Axes]:
     width = verdict.bandwidth
     w, T = _curve(verdict, width)
+    title = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
+    return _marked(ax, w, _decibel(T), width, (title,), ylabel=f"{size_of(verdict._source)} [dB]")
 
-    def magnitude(own: Axes) -> None:
-        _marked(own, w, _decibel(T), width)
-        title = f"bandwidth {width:.4g} rad/s ({verdict.hertz:.4g} Hz)"
-        headed(own, title, xlabel=OVER, ylabel=f"{size_of(verdict._source)} [dB]")
 
-    return _panels([magnitude], ax)
+def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
+    """The least power that the friction takes, over w^2, and the speed at which it is 0."""
+    speed = verdict.speed
+    w = np.geomspace(1e-3, 1e2, 800) * (speed if math.isfinite(speed) else verdict._source[-1])
+    title = f"The friction is {'passive' if verdict else 'not passive'}"
+    said = title, f"may give energy back above {speed:.4g} rad/s"
+    power = {"xlabel": "|w| [rad/s]", "ylabel": "least (w F - dV/dt)/w^2 [N m s/rad]"}
+    return _marked(ax, w, least_power(w, *verdict._source), speed, said, **power)
+
+
+def _marked(
+    ax: Any, w: np.ndarray, y: np.ndarray, at: float, said: Sequence[str], **axes: str
+) -> Sequence[Axes]:
+    """Draw y over w; ``said``: the title, and what is at the frequency that is marked."""
+
+    def panel(own: Axes) -> None:
+        _line(own, w, y)
+        if w[0] <= at <= w[-1]:
+            own.axvline(at, **_DASHED, label="".join(said[1:]) or None)
+            own.plot([at], [np.interp(at, w, y)], "o", color=MARK)
+        headed(own, said[0], **{"xlabel": OVER, **axes})
+
+    return _panels([panel], ax)
 
 
 def loop(verdict: Any, ax: Any = None) -> Sequence[Axes]:
@@ -287,21 +297,6 @@ def _about_minus_1(own: Axes, L: np.ndarray, verdict: Any, crossing: float) -> N
     own.set_aspect("equal", adjustable="datalim")
 
 
-def passivity(verdict: Any, ax: Any = None) -> Sequence[Axes]:
-    """The least power that the friction takes, over w^2, and the speed at which it is 0."""
-    speed = verdict.speed
-    w = np.geomspace(1e-3, 1e2, 800) * (speed if math.isfinite(speed) else verdict._source[-1])
-
-    def least(own: Axes) -> None:
-        label = f"may give energy back above {speed:.4g} rad/s"
-        _marked(own, w, least_power(w, *verdict._source), speed, label)
-        power = "least (w F - dV/dt)/w^2 [N m s/rad]"
-        title = f"The friction is {'passive' if verdict else 'not passive'}"
-        headed(own, title, xlabel="|w| [rad/s]", ylabel=power)
-
-    return _panels([least], ax)
-
-
 def _curve(verdict: Any, at: float) -> tuple[np.ndarray, np.ndarray]:
     return curve(verdict._source, *([at] if math.isfinite(at) else []))
 
@@ -310,14 +305,6 @@ def _line(own: Axes, w: np.ndarray, y: np.ndarray, level: float | None = None) -
     own.semilogx(w, y, color=LINE)
     if level is not None:
         own.axhline(level, color="0.4", lw=0.8)
-
-
-def _marked(own: Axes, w: np.ndarray, y: np.ndarray, at: float, label: str | None = None) -> None:
-    """Draw y over w, with what is marked at a frequency."""
-    _line(own, w, y)
-    if w[0] <= at <= w[-1]:
-        own.axvline(at, **_DASHED, label=label)
-        own.plot([at], [np.interp(at, w, y)], "o", color=MARK)
 
 
 def _place(verdict: Any, of: str) -> float:
