@@ -169,16 +169,13 @@ def _why_not(block: Block) -> str | None:
     return next((_REASONS[act] for act in _REASONS if act in block.acts), None)
 
 
-def sorted_out(
-    model: Model, table: Table | None
-) -> tuple[tuple[str, ...], tuple[tuple[str, str], ...]]:
-    """Return what of a model's effects and a table is compensated, and what is not and why."""
-    reasons = {part.key: _why_not(part.block) for part in model.effects}
+def reasons(model: Model, table: Table | None) -> dict[str, str | None]:
+    """Return for a model's effects and a table why they cannot be fed forward; None if they can."""
+    made = {part.key: _why_not(part.block) for part in model.effects}
     if table is not None:
         on_u = table.signals[0] == "u"
-        reasons[table.name] = "it depends on the torque itself" if on_u else None
-    left = tuple((k, why) for k, why in reasons.items() if why is not None)
-    return tuple(k for k, why in reasons.items() if why is None), left
+        made[table.name] = "it depends on the torque itself" if on_u else None
+    return made
 
 
 def effects_torque(model: Model, *, name: str = "effects") -> ct.NonlinearIOSystem | None:
@@ -741,11 +738,9 @@ def compensate(
     messages += _seen(runs, errors)
     drive = None
     if record is not None:
-        models = [model] if covariance is None else drawn(model, covariance, draws, seed)
-        differ = tuple(k for k in (covariance.names if covariance else ()) if k in model.values())
-        drive = replace(three.spread(record, models, seed, report), drawn=differ)
+        drive = three.spread(record, drawn(model, covariance, draws, seed), seed, report)
         messages += drive.advice(unit)
-    fed, left = sorted_out(model, table)
+    why = reasons(model, table)
     return Compensation(
         kind=loop,
         observer=observer,
@@ -754,8 +749,8 @@ def compensate(
         controller=own,
         gains=plainly,
         certificate=designs["after"][1],
-        compensated=fed,
-        left=left,
+        compensated=tuple(k for k, reason in why.items() if reason is None),
+        left=tuple((k, reason) for k, reason in why.items() if reason is not None),
         reference=way.summary,
         messages=tuple(messages),
         loop=loops,
@@ -786,15 +781,22 @@ def _completed(declared: Any, model: Model) -> Model:
     return own.with_values({k: known.get(k) for k, v in own.values().items() if v is None})
 
 
-def drawn(model: Model, joint: Joint, number: int, seed: int) -> list[Model]:
-    """Return models with parameters from the joint distribution, each inside its bounds."""
+Drawn = tuple[list[Model], tuple[str, ...]]
+
+
+def drawn(model: Model, joint: Joint | None, number: int, seed: int) -> Drawn:
+    """Return models with parameters from the joint distribution, each inside its bounds, and the
+    names of these."""
+    if joint is None:
+        return [model], ()
     known, limits = model.known(), model.declarations()
     columns = {
         k: np.clip(np.where(np.isfinite(v), v, known[k]), limits[k].low, limits[k].high)
         for k, v in joint.sample(number, seed).items()
         if k in known and not limits[k].whole
     }
-    return [model.with_values({k: float(v[i]) for k, v in columns.items()}) for i in range(number)]
+    rows = ({k: float(v[i]) for k, v in columns.items()} for i in range(number))
+    return [model.with_values(row) for row in rows], tuple(columns)
 
 
 def _start(observer: str | None, way: Course) -> dict[str, float]:
@@ -839,11 +841,9 @@ class Three:
             messages += [f"The loop {LOOPS[key]}: {warning.message}" for warning in said]
         return runs, messages
 
-    def spread(
-        self, record: Record, models: Sequence[Model], seed: int, report: Progress
-    ) -> Spread:
+    def spread(self, record: Record, drives: Drawn, seed: int, report: Progress) -> Spread:
         """Return the tracking error of each loop on drives like the recorded one."""
-        way, sensing = self.way, sensing_of(record)
+        way, sensing, (models, names) = self.way, sensing_of(record), drives
         torque = sensor_noise(record.u, record.resolution.get("u", 0.0))
         n = max(2, min(math.floor(min(way.t[-1], BRIEF) / sensing.dt), MANY))
         t, fastest = sensing.dt * np.arange(n + 1), float(np.max(np.abs(way.w)))
@@ -857,7 +857,7 @@ class Three:
                 errors[key][i] = rms(loop.run(rows, one, torque=torque, seed=seed + i)["e"])
         speed = math.nan if sensing.speed_noise is None else sensing.speed_noise
         noise = {"theta": sensing.noise, "w": speed, "u": torque}
-        return Spread(1.0 / sensing.dt, noise, sensing.resolution, (), seed, errors)
+        return Spread(1.0 / sensing.dt, noise, sensing.resolution, names, seed, errors)
 
 
 def _seen(runs: Mapping[str, Run], errors: Mapping[str, float]) -> Iterable[str]:

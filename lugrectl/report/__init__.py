@@ -42,12 +42,11 @@ def html(d: Any, folder: Path | None = None) -> str:
     if known is not None:
         said = [f"lugrectl {known.version}, {known.date}", known.command]
         said += [f"{file.name}: SHA-256 {file.sha256}" for file in known.files]
-        lines = "\n".join(f'<p class="small">{escape(line)}</p>' for line in said)
-        more.append(f"<h2>Provenance</h2>\n{lines}")
+        more.append(Section("Provenance", tuple(said)))
     return _page(d, more).html()
 
 
-def _page(d: Any, more: list[str]) -> Page:
+def _page(d: Any, more: list[Section | str]) -> Page:
     title, meaning = headline(d)
     return Page(title, meaning, [*_parts(d), *more], kind=title.split(":")[0])
 
@@ -62,7 +61,7 @@ def _parts(d: Any) -> Iterator[Section | Figure | str]:
         yield beside(log)
 
 
-def _model_file(d: Any, folder: Path | None) -> list[str]:
+def _model_file(d: Any, folder: Path | None) -> list[Section | str]:
     if getattr(d, "model", None) is None:
         return []
     return [f"<h2>Model file</h2>\n<pre>{escape(toml_of(d, folder))}</pre>"]

@@ -243,10 +243,11 @@ def test_a_loop_that_diverges_on_some_drives_is_counted_and_has_an_infinite_end(
 
 
 def test_drawn_parameters_stay_inside_their_bounds():
-    drives = drawn(HEAVY, joint(3.0), 50, 0)
+    drives, names = drawn(HEAVY, joint(3.0), 50, 0)
+    assert names == NAMES
     assert all(one.J > 0 and one.values()["gravity.amplitude"] >= 0 for one in drives)
     assert len({one.J for one in drives}) == 50
-    assert drives[0].values() == drawn(HEAVY, joint(3.0), 50, 0)[0].values()
+    assert drives[0].values() == drawn(HEAVY, joint(3.0), 50, 0)[0][0].values()
 
 
 def test_the_report_and_its_schema_carry_the_spread(driven):
