@@ -728,7 +728,6 @@ def compensate(
     way = course(reference, record, loop, bandwidth, timed)
     believed = {"before": before, "after": model}
     designs = {k: observer_gains(one, observer, K1, K2, gains) for k, one in believed.items()}
-    plainly = {k: in_numbers(own) for k, (own, _) in designs.items()}
     controls = {"none": task.control(None)}
     controls |= {k: task.control(one, observer, designs[k][0]) for k, one in believed.items()}
     three, report = Three(task, way, controls, _start(observer, way)), reporter(progress)
@@ -747,7 +746,7 @@ def compensate(
         **errors,
         unit=unit,
         controller=own,
-        gains=plainly,
+        gains={k: in_numbers(used) for k, (used, _) in designs.items()},
         certificate=designs["after"][1],
         compensated=tuple(k for k, reason in why.items() if reason is None),
         left=tuple((k, reason) for k, reason in why.items() if reason is not None),
