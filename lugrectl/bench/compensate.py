@@ -500,8 +500,7 @@ class Spread(Shown):
 
     def rows(self, unit: str) -> list[Row]:
         words = "{:.3g} ({:.3g} to {:.3g}) {}"
-        rows = [Row(f"on a drive, {k}", words.format(*self.of(k), unit)) for k in self.errors]
-        return [*rows, Row("drives", f"{len(self.errors['none'])} at {self.rate:g} Hz")]
+        return [Row(f"on a drive, {k}", words.format(*self.of(k), unit)) for k in self.errors]
 
     def advice(self, unit: str) -> list[str]:
         """One sentence where a compensation makes tracking worse than none."""

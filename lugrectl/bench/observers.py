@@ -28,7 +28,7 @@ from ..core.errors import Diverged, InputError
 from ..core.numeric import rms
 from ..core.progress import Progress, Wanted, part_of, reporter, shows_progress
 from ..core.result import ComparedRows, Fields, Result, library, plain
-from ..core.validation import flag, names, number, positive, real, share, shown
+from ..core.validation import flag, holds_samples, names, number, positive, real, share, shown
 from ..core.views import view
 from ..design import Certificate
 from ..design.gains import RULES, SAMPLED
@@ -1102,9 +1102,7 @@ def drive_of(
     """Return a drive's sensor and task: what is said goes before a dict of numbers or estimates
     from a record, and these before what suits the parameters ``known``."""
     seen: dict[str, Any] = {"source": "the arguments"}
-    if isinstance(record, Mapping) and all(
-        np.ndim(v) == 0 for k, v in record.items() if k != "measured"
-    ):
+    if isinstance(record, Mapping) and not holds_samples(record):
         if strange := [k for k in record if k not in CHECKS]:
             hint = meant(strange[0], CHECKS)
             raise InputError(f"record: a drive has no value {shown(strange[0])}; {hint}")

@@ -253,7 +253,7 @@ def test_drawn_parameters_stay_inside_their_bounds():
 def test_the_report_and_its_schema_carry_the_spread(driven):
     d = replace(diagnosed(), compensation=driven)
     said = text(d)
-    assert "on a drive, after" in said and "at 1000 Hz" in said
+    assert "on a drive, after" in said
     assert max(map(len, said.splitlines())) <= 80
     whole = document(d)
     VALID.validate(whole)
