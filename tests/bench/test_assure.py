@@ -9,17 +9,7 @@ import pytest
 from scipy import stats
 
 import lugrectl as lg
-from lugrectl.bench.assure import (
-    HUNTS,
-    RESTS,
-    UNDECIDED,
-    Chance,
-    at_rest,
-    band,
-    bound,
-    enough,
-    few,
-)
+from lugrectl.bench.assure import Chance, band, bound, enough, few
 
 from . import drives
 
@@ -219,27 +209,6 @@ def test_so_many_may_hunt_that_a_larger_share_would_rarely_show_so_few():
         assert few(n, 0.05) == k
         assert stats.binomtest(k + 1, n).proportion_ci(0.95, "exact").high > 0.05
     assert enough(0.05, 0) == 72
-
-
-t = np.linspace(0.0, 30.0, 3001)
-SWING = 3.0 * np.sin(2.0 * np.pi * t)
-
-
-@pytest.mark.parametrize(
-    ("theta", "u", "fate"),
-    [
-        (0.1 * SWING, np.ones_like(t), RESTS),
-        (SWING, SWING, HUNTS),
-        (0.1 * SWING, SWING, RESTS),
-        (0.0 * t, t, UNDECIDED),
-        (0.1 * SWING, 0.1 * t + np.sign(SWING), UNDECIDED),
-        (np.exp(-t), np.exp(-t), RESTS),
-        (SWING * np.exp(-0.1 * t), SWING, UNDECIDED),
-        (np.where(t > 28.0, 3.0, 0.0), t, UNDECIDED),
-    ],
-)
-def test_what_the_end_of_a_run_says(theta, u, fate):
-    assert at_rest(theta, u, 30.0, 1.0, False)[0] == fate
 
 
 # ---- probabilities from a number of members --------------------------------------------
