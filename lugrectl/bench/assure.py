@@ -161,11 +161,8 @@ def believed(p: Any) -> tuple[tuple[Belief, ...], Mapping[str, Any]]:
 
 
 def seen_in(record: Record | None, torque: float | None) -> dict[str, Any]:
-    """A drive as it was recorded, as under "drive" in the JSON document, SI.
-
-    A noise of theta below that of its rounding is none: a log does not tell the two apart, and
-    noise that is not there would hide what rounding does to a loop.
-    """
+    """A drive as it was recorded, as under "drive" in the JSON document, SI. A noise of theta below
+    that of its rounding is none: it would hide what rounding does to a loop."""
     if record is None:
         return {}
     made = sensing_of(record)
@@ -652,11 +649,7 @@ def at_rest(
     theta: np.ndarray, u: np.ndarray, range_u: float, still: float, last: bool
 ) -> tuple[float, float]:
     """Return the fate of a run by its last thirds, for a swing above ``still``, and the swing;
-    ``last``: no longer run comes.
-
-    A constant torque rests. In a stick with an error the integrator moves the torque one way until
-    the drive breaks away: then nothing is decided, also where it has not moved for long.
-    """
+    ``last``: no longer run comes. Undecided: the torque of a drive that sticks still moves."""
     third = len(theta) // 3
     thirds = slice(-2 * third, -third), slice(-third, None)
     (was, size), (moved, moves) = ([float(np.ptp(x[k])) for k in thirds] for x in (theta, u))

@@ -281,11 +281,8 @@ def unit_of(loop: Any, model: Model) -> str:
 
 
 class SampledLoop:
-    """A loop in a sampled drive: its controller is built once, for many drives.
-
-    ``fastest`` is the largest speed of the reference, ``start`` has the states that are not 0 at
-    first, ``bodies`` the drives that were built before.
-    """
+    """A loop in a sampled drive: its controller is built once, for many drives. ``start`` has the
+    states that are not 0 at first, ``bodies`` the drives that were built before."""
 
     def __init__(
         self,

@@ -354,13 +354,9 @@ LAM = 20.0  # 1/s, of the sliding error in a position loop
 
 @dataclass(frozen=True)
 class Terms:
-    """What is equal for all observers, and how their own feedback is made up for.
-
-    An observer that is corrected by k e is a controller k (sigma1 s + sigma0)/(s + a) as well,
-    a = sigma0 |w|/h(w). The others get the same as kp + sigma1 k and ki + sigma0 k. ``designed``
-    holds the gains of observers by name; k goes before a k in it. ``ahead``: the velocity loop
-    has the feed-forward J dr; the position loop always has J ddr. ``bodies``: drives already built.
-    """
+    """What is equal for all observers: those that are not corrected by k e get what it is as a
+    controller, kp + sigma1 k and ki + sigma0 k. ``designed`` holds the gains of observers by name.
+    ``ahead``: the velocity loop has the feed-forward J dr, as the position loop has J ddr."""
 
     model: Model
     k: float
