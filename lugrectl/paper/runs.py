@@ -422,9 +422,8 @@ def page(r: Reproduction) -> Page:
 
 def _parts(r: Reproduction) -> Iterator[Section | Figure]:
     """Paper against toolkit, bandwidths, figures, studies, the errors in the text."""
-    rows = tuple((c.paper, c.found, c.status) for c in r.claims)
-    grid = Grid(("paper", "recomputed", ""), "lll", rows)
-    yield Section("Paper and recomputation", (), grid, prose=(0, 2, 1))
+    said = (f"- {c.paper} ({c.status}): {c.found}." for c in r.claims)
+    yield Section("Paper and recomputation", tuple(said))
     for loop, said in (("velocity", ""), ("position", WIDTHS)):
         rows = tuple(
             (
@@ -447,9 +446,8 @@ def _parts(r: Reproduction) -> Iterator[Section | Figure]:
         yield Figure(f"paper-{one.key}", caption, partial(responses, one))
     for o in r.outcomes:
         yield _table(o)
-    slips = tuple(tuple(slip.values()) for slip in r.summary()["slips"])
-    grid, title = Grid(("label", "status", "why"), "lll", slips), "Where the paper's text does not "
-    yield Section(f"{title}hold as printed", (), grid, prose=(0, 1, 2))
+    slips = (f"- {one.label} ({one.status}): {one.note}." for one in PAPER if one.status != HOLDS)
+    yield Section("Where the paper's text does not hold as printed", tuple(slips))
 
 
 def _table(o: Outcome) -> Section:

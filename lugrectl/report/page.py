@@ -40,7 +40,6 @@ _STYLE = """
   column-gap: 1rem; }
 .lugrectl pre { font-size: .85rem; line-height: 1.4; background: #f4f6f8; padding: .8rem 1rem;
   overflow-x: auto; }
-.lugrectl .prose td { white-space: normal; vertical-align: top; }
 """
 _ALONE = """
 :root { color-scheme: light; }
@@ -65,14 +64,10 @@ class Section:
     lines: tuple[str, ...] = ()
     grid: Grid | None = None
     footnote: str = ""
-    prose: tuple[int, ...] = ()  # columns of sentences, which a text reads in this order
 
     def text(self) -> str:
-        rows = self.grid.rows if self.grid and self.prose else ()
-        cells = ([row[i].rstrip(".") for i in self.prose] for row in rows)
-        lines = (*self.lines, *("- {} ({}): {}.".format(*row) for row in cells))
-        parts = [wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in lines]
-        parts += grid_text(self.grid) if self.grid and not self.prose else []
+        parts = [wrapped(line, "  ", "    " if line[:2] == "- " else "  ") for line in self.lines]
+        parts += grid_text(self.grid) if self.grid else []
         parts += [wrapped(self.footnote, "  ")] if self.footnote else []
         return "\n".join([self.title, *parts])
 
@@ -81,8 +76,7 @@ class Section:
         parts += [f"<p>{escape(line.removeprefix('- '))}</p>" for line in self.lines]
         parts += [grid_html(self.grid)] if self.grid else []
         parts += [f'<p class="small">{escape(self.footnote)}</p>'] if self.footnote else []
-        made = "\n".join(parts)
-        return f'<div class="prose">{made}</div>' if self.prose else made
+        return "\n".join(parts)
 
 
 @dataclass(frozen=True)
